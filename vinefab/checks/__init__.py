@@ -1,0 +1,1 @@
+"""Design rules: outline, design and profile in, findings out."""

@@ -1,0 +1,1 @@
+"""Foundations that know nothing of robots: errors, units, registries, seeds, hashes, files."""

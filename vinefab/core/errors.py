@@ -1,0 +1,125 @@
+"""The errors that vinefab raises on purpose.
+
+Each is also a matching built-in, carries its facts as fields and prints as one line. They are
+caught in one place, the command line, which turns them into that line and exit code 2. A stuck
+growth is a result and a broken design rule is a finding; neither is an error.
+"""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from pathlib import Path
+
+
+class VinefabError(Exception):
+    """Root of every error that vinefab raises on purpose."""
+
+
+class BadInputError(VinefabError, ValueError):
+    """A value that a user gave cannot be used.
+
+    Parameters
+    ----------
+    key
+        Which value, as the user knows it (``level[2].branches``, ``--pose``, a column).
+    value
+        What was given; None when the key is missing altogether.
+    allowed
+        What would have been accepted.
+    source
+        The file that holds the value, or None when it came from the command line or a caller.
+    """
+
+    def __init__(
+        self, key: str, value: object, allowed: str, source: str | Path | None = None
+    ) -> None:
+        self.key = key
+        self.value = value
+        self.allowed = allowed
+        self.source = None if source is None else str(source)
+        super().__init__(key, value, allowed, source)
+
+    def __str__(self) -> str:
+        where = f"{self.source}: " if self.source else ""
+        given = "is missing" if self.value is None else f"is {_brief(self.value)}"
+        return f"{where}{self.key} {given}; allowed: {self.allowed}"
+
+    def at(self, source: str | Path) -> "BadInputError":
+        """Return the same error with the file that it came from."""
+        return type(self)(self.key, self.value, self.allowed, source)
+
+
+class UnreadableFileError(VinefabError, OSError):
+    """A file is missing, not readable, or not of the kind it should be."""
+
+    def __init__(self, source: str | Path, problem: str) -> None:
+        self.source = str(source)
+        self.problem = problem
+        super().__init__(source, problem)
+
+    def __str__(self) -> str:
+        return f"{self.source}: {self.problem}"
+
+
+class UnknownNameError(VinefabError, KeyError):
+    """A name is not among the known ones; the nearest spelling is offered."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        self.kind = kind
+        self.name = name
+        self.known = tuple(sorted(known))
+        super().__init__(kind, name, self.known)
+
+    def __str__(self) -> str:
+        return f"no {self.kind} is called {self.name!r}{nearest(self.name, self.known)}" + (
+            f"; there are: {', '.join(self.known)}" if self.known else "; there are none"
+        )
+
+
+class ForeignFileError(VinefabError, FileExistsError):
+    """The place to write to is taken by something that vinefab did not write."""
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = str(path)
+        super().__init__(path)
+
+    def __str__(self) -> str:
+        return f"{self.path}: exists and was not written by vinefab; --force overwrites it"
+
+
+class CannotWriteError(VinefabError, OSError):
+    """The system refused to write; nothing that was there before has changed."""
+
+    def __init__(self, path: str | Path, problem: str) -> None:
+        self.path = str(path)
+        self.problem = problem
+        super().__init__(path, problem)
+
+    def __str__(self) -> str:
+        return f"{self.path}: cannot be written: {self.problem}"
+
+
+class ReadBackError(VinefabError, ValueError):
+    """A file just written does not say, read again, what it was meant to say."""
+
+    def __init__(self, path: str | Path, problem: str) -> None:
+        self.path = str(path)
+        self.problem = problem
+        super().__init__(path, problem)
+
+    def __str__(self) -> str:
+        return f"{self.path}: read back wrong: {self.problem}"
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return ``; did you mean 'x'?`` for the nearest known spelling, or an empty string.
+
+    >>> nearest("lenght", ["length", "branches"])
+    "; did you mean 'length'?"
+    """
+    matches = get_close_matches(name, list(known), n=1, cutoff=0.6)
+    return f"; did you mean {matches[0]!r}?" if matches else ""
+
+
+def _brief(value: object) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"{text[:57]}..."

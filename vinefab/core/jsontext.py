@@ -1,0 +1,39 @@
+"""JSON as vinefab writes it: deterministic, without NaN, with numpy values allowed."""
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+
+from vinefab import __version__
+
+GENERATOR = f"written by vinefab {__version__}"
+"""The mark by which vinefab knows its own files again (see `vinefab.core.atomic`)."""
+
+
+def json_text(schema: str, content: Mapping[str, object]) -> str:
+    """Return a document with its schema and generator first, keys in the order given.
+
+    Parameters
+    ----------
+    schema
+        Name and version of the form (``vinefab/score-1``).
+    content
+        The rest; numpy scalars and arrays are allowed.
+
+    Raises
+    ------
+    ValueError
+        If a number is NaN or infinite, which JSON cannot say.
+    """
+    document = {"schema": schema, "generator": GENERATOR, **content}
+    return json.dumps(document, indent=1, allow_nan=False, default=plain) + "\n"
+
+
+def plain(value: object) -> object:
+    """Return a numpy scalar or array as plain Python values."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} has no JSON form")

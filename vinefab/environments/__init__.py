@@ -1,0 +1,1 @@
+"""Generators of maps and the geometry that turns imported data into maps."""

@@ -1,0 +1,1 @@
+"""From a design to exact outlines, offsets and placement on the bed."""

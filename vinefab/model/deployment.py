@@ -1,0 +1,84 @@
+"""What became of a robot: every branch's final shape and why it stopped."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vinefab.core.errors import BadInputError
+from vinefab.model.checked import Floats, Ints
+from vinefab.model.map import Pose
+from vinefab.model.tree import BranchTree
+
+
+class Stop(IntEnum):
+    """Why a branch ended where it did."""
+
+    FULL_LENGTH = 0
+    HEAD_ON = 1
+    CORNER = 2
+    NOT_DEPLOYED = 3
+
+    @property
+    def label(self) -> str:
+        """The name used in files: ``full_length``, ``head_on``, ``corner``, ``not_deployed``."""
+        return self.name.lower()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Deployment:
+    """The final state of one growth, as arrays over the branches of its tree.
+
+    Parameters
+    ----------
+    tree
+        The planned branches, n of them.
+    pose
+        Where the trunk was launched.
+    points_mm
+        Chain points of all branches one after the other, shape (p, 2): base, contacts, tip. A
+        branch that never emerged has none.
+    first_point
+        Index of each branch's first chain point, with the total at the end, shape (n + 1,).
+    stop
+        Codes of `Stop`, shape (n,).
+    grown_mm
+        Grown length of each branch, the length of its chain, shape (n,).
+    contact_turn_rad
+        Sum of absolute turns at contacts and at the base hinge, shape (n,).
+    """
+
+    tree: BranchTree
+    pose: Pose
+    points_mm: Floats
+    first_point: Ints
+    stop: Ints
+    grown_mm: Floats
+    contact_turn_rad: Floats
+
+    def __post_init__(self) -> None:
+        count = len(self.tree)
+        if self.first_point.shape != (count + 1,) or self.first_point[-1] != len(self.points_mm):
+            raise BadInputError("first_point", self.first_point.shape, f"({count + 1},), rising")
+        for array in (self.points_mm, self.first_point, self.stop, self.grown_mm):
+            array.setflags(write=False)
+        self.contact_turn_rad.setflags(write=False)
+
+    def chain_mm(self, branch: int) -> Floats:
+        """Return base, contacts and tip of one branch, shape (k, 2); (0, 2) if not deployed."""
+        return self.points_mm[self.first_point[branch] : self.first_point[branch + 1]]
+
+    def contacts_mm(self, branch: int) -> Floats:
+        """Return the obstacle vertices that one branch is wrapped around, shape (k, 2)."""
+        return self.chain_mm(branch)[1:-1]
+
+    @property
+    def deployed(self) -> NDArray[np.bool_]:
+        """Whether each branch emerged at all, shape (n,)."""
+        return np.not_equal(self.stop, Stop.NOT_DEPLOYED)
+
+    @property
+    def tips_mm(self) -> Floats:
+        """Tips of the branches that deployed, in the tree's order, shape (m, 2)."""
+        return self.points_mm[self.first_point[1:][self.deployed] - 1]

@@ -1,0 +1,244 @@
+"""The design of a branching vine robot: a tree of levels and how it is built."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+from vinefab.core.errors import BadInputError
+from vinefab.model.checked import LARGEST_MM, number, positive, whole
+
+MOST_LEVELS = 10
+MOST_BRANCHES = 100_000
+
+DEFAULT_TRUNK_WIDTH_MM = 40.0
+DEFAULT_WIDTH_RATIO = 0.6
+DEFAULT_FILLET_RATIO = 0.25
+DEFAULT_LEAST_FILLET_MM = 2.0
+DEFAULT_TAIL_MM = 200.0
+DEFAULT_PRESSURE_KPA = 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Level:
+    """One level of branches; every branch of the level before sprouts the same fan.
+
+    Parameters
+    ----------
+    branches
+        Children per parent (SPL of the paper's Table 1).
+    length_mm
+        Length of the first child (BL), clockwise-most in the fan.
+    fan_rad
+        Angle of the whole fan (theta), 0 to 2 pi.
+    growth
+        Length of the last child over that of the first (LGF / 100). The paper does not define
+        LGF; this reading is vinefab's.
+    """
+
+    branches: int
+    length_mm: float
+    fan_rad: float
+    growth: float = 1.0
+
+    def __post_init__(self) -> None:
+        whole("branches", self.branches, 1, 1000)
+        positive("length", self.length_mm)
+        number("angle_deg", math.degrees(self.fan_rad), 0.0, 360.0, "deg")
+        number("growth_percent", 100.0 * self.growth, 0.1, 10_000.0, "%")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pouch:
+    """The wider pocket at every leaf tip that jams in a gap (flat sizes, before inflation).
+
+    Parameters
+    ----------
+    shape
+        ``round`` or ``rectangle``.
+    radius_mm
+        Flat radius of a round pouch.
+    length_mm, width_mm
+        Flat size of a rectangular pouch, along and across the branch.
+    """
+
+    shape: Literal["round", "rectangle"]
+    radius_mm: float | None = None
+    length_mm: float | None = None
+    width_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.shape not in ("round", "rectangle"):
+            raise BadInputError("pouch.shape", self.shape, "'round' or 'rectangle'")
+        needed = ("radius_mm",) if self.shape == "round" else ("length_mm", "width_mm")
+        for name in ("radius_mm", "length_mm", "width_mm"):
+            value = getattr(self, name)
+            if name in needed and value is None:
+                raise BadInputError(f"pouch.{name}", None, f"a length for a {self.shape} pouch")
+            if name not in needed and value is not None:
+                raise BadInputError(
+                    f"pouch.{name}", value, f"only {', '.join(needed)} for a {self.shape} pouch"
+                )
+            if value is not None:
+                positive(f"pouch.{name}", value)
+
+    @property
+    def flat_width_mm(self) -> float:
+        """Flat width across the branch."""
+        if self.shape == "round":
+            return 2.0 * (self.radius_mm or 0.0)
+        return self.width_mm or 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Build:
+    """How a tree of lines becomes a flat tube; one entry per level, trunk first.
+
+    Parameters
+    ----------
+    widths_mm
+        Lay-flat lumen width of each level.
+    fillet_mm
+        Fillet radius at the joints where each level after the trunk sprouts; one entry fewer
+        than ``widths_mm``.
+    tail_mm
+        Straight length below the trunk's base that is inverted over the base and clamped.
+    pressure_kpa
+        Working gauge pressure.
+    pouch
+        Pouch at every leaf tip, or None for rounded tips.
+    """
+
+    widths_mm: tuple[float, ...]
+    fillet_mm: tuple[float, ...]
+    tail_mm: float = DEFAULT_TAIL_MM
+    pressure_kpa: float = DEFAULT_PRESSURE_KPA
+    pouch: Pouch | None = None
+
+    def __post_init__(self) -> None:
+        for width in self.widths_mm:
+            positive("build.widths_mm", width)
+        for radius in self.fillet_mm:
+            number("build.fillet_mm", radius, 0.0, LARGEST_MM, "mm")
+        if len(self.fillet_mm) != len(self.widths_mm) - 1:
+            raise BadInputError(
+                "build.fillet_mm", list(self.fillet_mm), f"{len(self.widths_mm) - 1} radii"
+            )
+        number("build.tail_mm", self.tail_mm, 0.0, LARGEST_MM, "mm")
+        number("build.pressure_kpa", self.pressure_kpa, 0.0, 10_000.0, "kPa")
+
+    @classmethod
+    def standard(
+        cls,
+        levels: int,
+        trunk_width_mm: float = DEFAULT_TRUNK_WIDTH_MM,
+        width_ratio: float = DEFAULT_WIDTH_RATIO,
+    ) -> "Build":
+        """Return vinefab's default build: each level 0.6 times as wide as the one before.
+
+        The ratio keeps parent over child above the 1.5 that rule VF-W02 asks for; fillets are a
+        quarter of the child's width, at least 2 mm (rule VF-C04).
+
+        Parameters
+        ----------
+        levels
+            Number of levels, the trunk included.
+        trunk_width_mm
+            Lay-flat width of the trunk.
+        width_ratio
+            Width of a level over that of the level before.
+        """
+        widths = tuple(trunk_width_mm * width_ratio**level for level in range(levels))
+        return cls(widths_mm=widths, fillet_mm=default_fillets_mm(widths))
+
+
+def default_fillets_mm(
+    widths_mm: tuple[float, ...], ratio: float = DEFAULT_FILLET_RATIO
+) -> tuple[float, ...]:
+    """Return the default fillet radius for every level after the trunk."""
+    return tuple(max(DEFAULT_LEAST_FILLET_MM, ratio * width) for width in widths_mm[1:])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Waiver:
+    """A finding that the designer accepts.
+
+    Parameters
+    ----------
+    fingerprint
+        The finding's stable name, as the check prints it.
+    reason
+        Why it is accepted.
+    """
+
+    fingerprint: str
+    reason: str
+
+    def __post_init__(self) -> None:
+        if not self.fingerprint.strip():
+            raise BadInputError("waive.fingerprint", self.fingerprint, "a finding's fingerprint")
+        if not self.reason.strip():
+            raise BadInputError("waive.reason", self.reason, "a reason, in words")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """A branching vine robot, lengths in millimetres.
+
+    Parameters
+    ----------
+    name
+        Letters, digits, ``_``, ``-`` and ``.``; it becomes part of file names.
+    trunk_length_mm
+        Length of the trunk, level 1.
+    levels
+        Levels 2, 3, ...; empty for a plain vine.
+    build
+        Widths, fillets, tail, pressure and pouch; one width per level, the trunk included.
+    waivers
+        Findings that the designer accepts.
+    origin
+        How the design was made: run id, seed, scores; free-form plain values.
+    """
+
+    name: str
+    trunk_length_mm: float
+    levels: tuple[Level, ...] = ()
+    build: Build
+    waivers: tuple[Waiver, ...] = ()
+    origin: Mapping[str, object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.name or not all(c.isalnum() or c in "_-." for c in self.name):
+            raise BadInputError("name", self.name, "letters, digits, '_', '-' and '.'")
+        if self.name.startswith(".") or len(self.name) > 100:
+            raise BadInputError("name", self.name, "at most 100 characters, not starting with '.'")
+        positive("trunk.length", self.trunk_length_mm)
+        if self.depth > MOST_LEVELS:
+            raise BadInputError("level", f"{len(self.levels)} levels", f"at most {MOST_LEVELS - 1}")
+        if self.branch_count > MOST_BRANCHES:
+            raise BadInputError(
+                "level", f"{self.branch_count} branches", f"at most {MOST_BRANCHES} in all"
+            )
+        if len(self.build.widths_mm) != self.depth:
+            raise BadInputError(
+                "build.widths_mm",
+                list(self.build.widths_mm),
+                f"{self.depth} widths, one per level with the trunk first",
+            )
+        object.__setattr__(self, "origin", MappingProxyType(dict(self.origin)))
+
+    @property
+    def depth(self) -> int:
+        """Number of levels, the trunk included."""
+        return 1 + len(self.levels)
+
+    @property
+    def branch_count(self) -> int:
+        """Number of branches in the whole tree, the trunk included."""
+        total = count = 1
+        for level in self.levels:
+            count *= level.branches
+            total += count
+        return total

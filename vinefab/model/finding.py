@@ -1,0 +1,130 @@
+"""What a design rule found, and the record of a whole check."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Severity(StrEnum):
+    """How much a finding matters: an error blocks the export unless waived."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    INFO = "info"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One broken rule at one place.
+
+    Parameters
+    ----------
+    rule
+        Id of the rule (``VF-C01``).
+    severity
+        How much it matters.
+    message
+        One sentence that says what is wrong and what would mend it.
+    measured, limit
+        The value found and the value allowed, in ``unit``; None where the rule has no number.
+    unit
+        Unit of both (``mm``, ``deg``, ``kPa``, empty for ratios).
+    branches
+        Ids of the branches concerned.
+    x_mm, y_mm
+        The place, in the coordinates of the flat layout; None where the finding has none.
+    marker_wkt
+        Geometry that marks the place, as well-known text, or empty.
+    fingerprint
+        Stable name: rule and branches, not the measured value.
+    waived
+        Whether the design waives it.
+    reason
+        The waiver's reason, or empty.
+    """
+
+    rule: str
+    severity: Severity
+    message: str
+    measured: float | None = None
+    limit: float | None = None
+    unit: str = ""
+    branches: tuple[str, ...] = ()
+    x_mm: float | None = None
+    y_mm: float | None = None
+    marker_wkt: str = ""
+    fingerprint: str = ""
+    waived: bool = False
+    reason: str = ""
+
+    @property
+    def blocks(self) -> bool:
+        """Whether the finding stands in the way of an export."""
+        return self.severity is Severity.ERROR and not self.waived
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RuleRun:
+    """A rule that was applied.
+
+    Parameters
+    ----------
+    rule
+        Its id.
+    checked
+        How many things it looked at (branches, joints, files).
+    findings
+        How many findings it made.
+    """
+
+    rule: str
+    checked: int
+    findings: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RuleSkipped:
+    """A rule that could not be applied, and why.
+
+    Parameters
+    ----------
+    rule
+        Its id.
+    reason
+        What was missing.
+    """
+
+    rule: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckReport:
+    """Every rule that was run or skipped, and all findings.
+
+    Parameters
+    ----------
+    design, recipe
+        Names of what was checked.
+    run, skipped
+        Together, every rule that exists.
+    findings
+        In the order of the rules.
+    stale_waivers
+        Fingerprints that the design waives and nothing was found for.
+    """
+
+    design: str
+    recipe: str
+    run: tuple[RuleRun, ...]
+    skipped: tuple[RuleSkipped, ...]
+    findings: tuple[Finding, ...]
+    stale_waivers: tuple[str, ...] = ()
+
+    @property
+    def blocking(self) -> tuple[Finding, ...]:
+        """The findings that stand in the way of an export."""
+        return tuple(finding for finding in self.findings if finding.blocks)
+
+    def count(self, severity: Severity) -> int:
+        """Return how many findings of one severity are not waived."""
+        return sum(f.severity is severity and not f.waived for f in self.findings)

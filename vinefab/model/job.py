@@ -1,0 +1,97 @@
+"""What the laser is to do: contours with an operation each, on one sheet."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType
+
+from vinefab.model.checked import positive
+from vinefab.model.outline import Contour
+
+
+class Operation(StrEnum):
+    """What a path is for; the members stand in process order."""
+
+    MARK = "mark"
+    WELD = "weld"
+    WELDCUT = "weldcut"
+    CUT = "cut"
+    REG = "reg"
+    DOC = "doc"
+
+    @property
+    def layer(self) -> str:
+        """Name of the layer in laser files."""
+        return _LAYERS[self]
+
+    @property
+    def is_machined(self) -> bool:
+        """Whether the laser runs it; ``reg`` and ``doc`` are for people."""
+        return self not in (Operation.REG, Operation.DOC)
+
+
+_LAYERS = {
+    Operation.MARK: "VF_10_MARK",
+    Operation.WELD: "VF_20_WELD",
+    Operation.WELDCUT: "VF_30_WELDCUT",
+    Operation.CUT: "VF_40_CUT",
+    Operation.REG: "VF_90_REG",
+    Operation.DOC: "VF_91_DOC",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LaserPath:
+    """One contour with what it is for.
+
+    Parameters
+    ----------
+    operation
+        What the laser does along it.
+    contour
+        Where the beam's centre goes: seam and kerf offsets are already applied.
+    label
+        What it is, for the technician (``outline of six_branch_anchor``).
+    """
+
+    operation: Operation
+    contour: Contour
+    label: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Job:
+    """All paths of one sheet, in the order in which they are run.
+
+    Coordinates have +x right and +y up from the sheet's lower left corner.
+
+    Parameters
+    ----------
+    name
+        Name of the design or coupon.
+    sheet_width_mm, sheet_height_mm
+        Size of the sheet.
+    paths
+        In process order: mark, weld, weldcut, cut; then what is not machined.
+    facts
+        Settings to be recorded beside the paths: offsets applied, recipe, rotation; plain values.
+    """
+
+    name: str
+    sheet_width_mm: float
+    sheet_height_mm: float
+    paths: tuple[LaserPath, ...]
+    facts: Mapping[str, object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        positive("sheet_width_mm", self.sheet_width_mm)
+        positive("sheet_height_mm", self.sheet_height_mm)
+        object.__setattr__(self, "facts", MappingProxyType(dict(self.facts)))
+
+    def along(self, operation: Operation) -> tuple[LaserPath, ...]:
+        """Return the paths of one operation, in order."""
+        return tuple(path for path in self.paths if path.operation is operation)
+
+    def length_mm(self, operation: Operation) -> float:
+        """Return the total length of one operation's paths."""
+        return sum(path.contour.length_mm for path in self.along(operation))

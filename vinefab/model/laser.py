@@ -1,0 +1,208 @@
+"""Machines, materials and recipes, every number with its standing."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from vinefab.core.errors import BadInputError
+from vinefab.model.checked import number
+
+
+class Standing(StrEnum):
+    """How far a number may be trusted."""
+
+    MEASURED = "measured"
+    PAPER = "paper"
+    PUBLISHED = "published"
+    COMPUTED = "computed"
+    ASSUMED = "assumed"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantity:
+    """A number with where it comes from; its unit is in the name that holds it.
+
+    Parameters
+    ----------
+    value
+        The number.
+    standing
+        How far it may be trusted.
+    source
+        Who says so, in words.
+    """
+
+    value: float
+    standing: Standing
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        number("value", self.value, -1e12, 1e12)
+
+    def __float__(self) -> float:
+        return self.value
+
+
+class RecipeStatus(StrEnum):
+    """How far a recipe has been tried on the user's machine."""
+
+    UNVERIFIED = "unverified"
+    COUPON_OK = "coupon_ok"
+    BURST_TESTED = "burst_tested"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Machine:
+    """A laser cutter.
+
+    Parameters
+    ----------
+    name, title
+        File name and full name.
+    bed_width_mm, bed_height_mm, margin_mm
+        Bed, and the rim of it that is not used.
+    power_w
+        Rated power.
+    spot_mm, rayleigh_mm
+        Beam diameter at focus and Rayleigh length.
+    speed_max_mm_s, acceleration_mm_s2
+        Limits of motion.
+    colours
+        Name of the colour preset that its software wants.
+    hairline_mm
+        Stroke width that its software takes for a vector path.
+    """
+
+    name: str
+    title: str
+    bed_width_mm: Quantity
+    bed_height_mm: Quantity
+    margin_mm: Quantity
+    power_w: Quantity
+    spot_mm: Quantity
+    rayleigh_mm: Quantity
+    speed_max_mm_s: Quantity
+    acceleration_mm_s2: Quantity
+    colours: str = "default"
+    hairline_mm: float = 0.01
+
+    @property
+    def usable_mm(self) -> tuple[float, float]:
+        """Width and height of the bed inside its margins."""
+        margin = 2.0 * self.margin_mm.value
+        return self.bed_width_mm.value - margin, self.bed_height_mm.value - margin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Material:
+    """A film, and what is known of its seam.
+
+    Parameters
+    ----------
+    name, title
+        File name and full name.
+    ply_mm, plies
+        Thickness of one ply, number of plies that are welded.
+    roll_width_mm
+        Width of the roll it is cut from.
+    density_kg_m3, modulus_mpa, strength_mpa
+        Of the film.
+    friction
+        Coefficient against the environment.
+    burst_kpa, burst_width_mm
+        Pressure at which a welded balloon of that lay-flat width burst.
+    weldable
+        Whether a laser can weld it.
+    """
+
+    name: str
+    title: str
+    ply_mm: Quantity
+    plies: int
+    roll_width_mm: Quantity
+    density_kg_m3: Quantity
+    modulus_mpa: Quantity
+    strength_mpa: Quantity
+    friction: Quantity
+    burst_kpa: Quantity
+    burst_width_mm: Quantity
+    weldable: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperationSettings:
+    """How the laser runs one operation.
+
+    Parameters
+    ----------
+    power_percent, min_power_percent
+        Of the machine's rated power; the lower one in corners.
+    speed_mm_s, passes, focus_offset_mm, frequency_hz, air_assist
+        The rest of the machine's settings.
+    spot_mm, kerf_mm, seam_width_mm, overcut_mm
+        What they do to the film: spot, width removed, width fused inward of the kerf, overlap
+        where a closed path meets its start.
+    """
+
+    power_percent: Quantity
+    min_power_percent: Quantity
+    speed_mm_s: Quantity
+    passes: int
+    focus_offset_mm: Quantity
+    frequency_hz: Quantity
+    air_assist: bool
+    spot_mm: Quantity
+    kerf_mm: Quantity
+    seam_width_mm: Quantity
+    overcut_mm: Quantity
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe:
+    """Settings for one material on one machine.
+
+    Parameters
+    ----------
+    name, title
+        File name (``machine__material``) and full name.
+    status
+        How far it has been tried.
+    source
+        Where it comes from.
+    operations
+        Settings by operation (``weldcut``, ``weld``, ``cut``, ``mark``).
+    """
+
+    name: str
+    title: str
+    status: RecipeStatus
+    source: str
+    operations: Mapping[str, OperationSettings]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaserProfile:
+    """A recipe with its machine and its material.
+
+    Parameters
+    ----------
+    machine, material, recipe
+        The three.
+    """
+
+    machine: Machine
+    material: Material
+    recipe: Recipe
+
+    def settings(self, operation: str) -> OperationSettings:
+        """Return how one operation is run.
+
+        Raises
+        ------
+        BadInputError
+            If the recipe does not have it.
+        """
+        if operation not in self.recipe.operations:
+            known = ", ".join(self.recipe.operations)
+            raise BadInputError(f"recipe {self.recipe.name}", operation, f"one of {known}")
+        return self.recipe.operations[operation]

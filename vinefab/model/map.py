@@ -1,0 +1,125 @@
+"""A map: bounds, obstacles in them, and where robots may start."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import BadInputError
+from vinefab.model.checked import LARGEST_MM, number
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """Where a robot's base stands and which way its trunk is launched.
+
+    Parameters
+    ----------
+    x_mm, y_mm
+        Position in map coordinates.
+    heading_rad
+        Direction of growth, counter-clockwise from +x.
+    """
+
+    x_mm: float
+    y_mm: float
+    heading_rad: float
+
+    def __post_init__(self) -> None:
+        number("pose.x_mm", self.x_mm, -LARGEST_MM, LARGEST_MM, "mm")
+        number("pose.y_mm", self.y_mm, -LARGEST_MM, LARGEST_MM, "mm")
+        number("pose.heading", self.heading_rad, -1e6, 1e6, "rad")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """A pose that a map offers, and how far poses drawn around it may differ.
+
+    Parameters
+    ----------
+    pose
+        The middle of the range.
+    spread_x_mm, spread_y_mm
+        Half-widths of the range of positions.
+    spread_heading_rad
+        Half-width of the range of headings.
+    """
+
+    pose: Pose
+    spread_x_mm: float = 0.0
+    spread_y_mm: float = 0.0
+    spread_heading_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        number("start.spread_x_mm", self.spread_x_mm, 0.0, LARGEST_MM, "mm")
+        number("start.spread_y_mm", self.spread_y_mm, 0.0, LARGEST_MM, "mm")
+        number("start.spread_heading", self.spread_heading_rad, 0.0, 7.0, "rad")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Map:
+    """One instance of an environment, coordinates in millimetres.
+
+    Parameters
+    ----------
+    name
+        What reports call it.
+    bounds
+        Outer limit of the free space; a valid polygon (holes in it count as obstacles).
+    obstacles
+        Valid polygons, holes allowed; their interiors are solid. They may touch each other and
+        reach over the bounds.
+    starts
+        Poses that the map offers, in free space.
+    environment
+        Which generator or importer made it.
+    seed
+        The generator's seed, None for imported maps.
+    facts
+        How it was made: parameters or import settings; plain values.
+    """
+
+    name: str
+    bounds: Polygon
+    obstacles: tuple[Polygon, ...] = ()
+    starts: tuple[Start, ...] = ()
+    environment: str = "unknown"
+    seed: int | None = None
+    facts: Mapping[str, object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check_polygon("bounds", self.bounds)
+        for index, obstacle in enumerate(self.obstacles):
+            _check_polygon(f"obstacle {index}", obstacle)
+        object.__setattr__(self, "facts", MappingProxyType(dict(self.facts)))
+
+    @property
+    def free_space(self) -> BaseGeometry:
+        """Bounds minus obstacles: a Polygon or MultiPolygon, computed anew at each call."""
+        return shapely.difference(self.bounds, shapely.union_all(self.obstacles))
+
+    @property
+    def size_mm(self) -> tuple[float, float]:
+        """Width and height of the bounds' box."""
+        x_min, y_min, x_max, y_max = self.bounds.bounds
+        return x_max - x_min, y_max - y_min
+
+    @property
+    def wall_count(self) -> int:
+        """Number of straight edges of bounds and obstacles together."""
+        polygons = (self.bounds, *self.obstacles)
+        rings = sum(1 + len(polygon.interiors) for polygon in polygons)
+        return int(shapely.get_num_coordinates(list(polygons)).sum()) - rings
+
+
+def _check_polygon(key: str, polygon: Polygon) -> None:
+    if polygon.is_empty or polygon.geom_type != "Polygon":
+        raise BadInputError(key, polygon.geom_type, "one polygon with an area")
+    box = polygon.bounds
+    if not all(abs(value) <= LARGEST_MM for value in box):
+        raise BadInputError(key, box, f"finite coordinates up to {LARGEST_MM:g} mm")
+    if not polygon.is_valid:
+        raise BadInputError(key, shapely.is_valid_reason(polygon), "a polygon that is valid")

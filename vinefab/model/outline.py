@@ -1,0 +1,261 @@
+"""Exact contours of straight lines and circular arcs."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError
+from vinefab.model.checked import Floats, frozen_floats
+
+FLATTEN_MM = 0.01
+"""Default distance between an arc and the chords that stand for it."""
+
+
+class Part(StrEnum):
+    """What a segment of a contour belongs to."""
+
+    SIDE = "side"
+    TIP = "tip"
+    POUCH = "pouch"
+    FILLET = "fillet"
+    JOINT = "joint"
+    TAIL = "tail"
+    MOUTH = "mouth"
+    OTHER = "other"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Segment:
+    """One line or arc of a contour.
+
+    Parameters
+    ----------
+    start_mm, end_mm
+        Its ends.
+    bulge
+        Tangent of a quarter of the arc's angle; positive when the arc turns counter-clockwise
+        from start to end, 0 for a line (the convention of DXF).
+    part
+        What it belongs to.
+    branch
+        Id of the branch that it belongs to, or an empty string.
+    """
+
+    start_mm: tuple[float, float]
+    end_mm: tuple[float, float]
+    bulge: float = 0.0
+    part: Part = Part.OTHER
+    branch: str = ""
+
+    @property
+    def chord_mm(self) -> float:
+        """Distance between the ends."""
+        return math.dist(self.start_mm, self.end_mm)
+
+    @property
+    def turn_rad(self) -> float:
+        """Angle of the arc, positive counter-clockwise; 0 for a line."""
+        return 4.0 * math.atan(self.bulge)
+
+    @property
+    def radius_mm(self) -> float:
+        """Radius of the arc; infinite for a line."""
+        if self.bulge == 0.0:
+            return math.inf
+        return self.chord_mm * (1.0 + self.bulge**2) / (4.0 * abs(self.bulge))
+
+    @property
+    def center_mm(self) -> tuple[float, float]:
+        """Centre of the arc.
+
+        Raises
+        ------
+        BadInputError
+            If the segment is a line.
+        """
+        if self.bulge == 0.0:
+            raise BadInputError("segment", "a line", "an arc, which has a centre")
+        (x0, y0), (x1, y1) = self.start_mm, self.end_mm
+        along = (1.0 - self.bulge**2) / (4.0 * self.bulge)
+        return (x0 + x1) / 2 - along * (y1 - y0), (y0 + y1) / 2 + along * (x1 - x0)
+
+    @property
+    def length_mm(self) -> float:
+        """Length along the segment."""
+        if self.bulge == 0.0:
+            return self.chord_mm
+        return self.radius_mm * abs(self.turn_rad)
+
+    def direction_rad(self, *, at_end: bool = False) -> float:
+        """Return the direction of travel at the start or the end, -pi to pi."""
+        (x0, y0), (x1, y1) = self.start_mm, self.end_mm
+        half = self.turn_rad / 2
+        angle = math.atan2(y1 - y0, x1 - x0) + (half if at_end else -half)
+        return math.remainder(angle, math.tau)
+
+    def flattened_mm(self, tolerance_mm: float = FLATTEN_MM) -> Floats:
+        """Return points on the segment, both ends included, shape (k, 2), k at least 2.
+
+        Parameters
+        ----------
+        tolerance_mm
+            Largest distance between the arc and its chords.
+        """
+        if self.bulge == 0.0:
+            return np.array([self.start_mm, self.end_mm])
+        radius, turn = self.radius_mm, self.turn_rad
+        step = 2.0 * math.acos(max(0.0, 1.0 - tolerance_mm / radius))
+        count = max(1, math.ceil(abs(turn) / step))
+        x, y = self.center_mm
+        first = math.atan2(self.start_mm[1] - y, self.start_mm[0] - x)
+        angles = first + turn * np.arange(count + 1) / count
+        points = np.column_stack([x + radius * np.cos(angles), y + radius * np.sin(angles)])
+        points[0], points[-1] = self.start_mm, self.end_mm
+        return points
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Contour:
+    """A run of lines and arcs, each starting where the one before ends.
+
+    Parameters
+    ----------
+    points_mm
+        Vertices, shape (n, 2).
+    bulges
+        One per segment: n for a closed contour (the last goes back to the first vertex), n - 1
+        for an open one.
+    parts
+        What each segment belongs to.
+    branches
+        Id of the branch that each segment belongs to.
+    closed
+        Whether the last vertex joins the first.
+    """
+
+    points_mm: Floats
+    bulges: Floats
+    parts: tuple[Part, ...]
+    branches: tuple[str, ...]
+    closed: bool
+
+    def __post_init__(self) -> None:
+        points = frozen_floats("points_mm", self.points_mm, 2)
+        bulges = frozen_floats("bulges", self.bulges)
+        count = len(points) if self.closed else len(points) - 1
+        if len(points) < 2 or not len(bulges) == len(self.parts) == len(self.branches) == count:
+            raise BadInputError("contour", (len(points), len(bulges)), f"{count} segments")
+        object.__setattr__(self, "points_mm", points)
+        object.__setattr__(self, "bulges", bulges)
+
+    @classmethod
+    def from_segments(cls, segments: list[Segment], *, closed: bool) -> "Contour":
+        """Return the contour that runs through segments in order (each from the last's end)."""
+        points = [segment.start_mm for segment in segments]
+        if not closed:
+            points.append(segments[-1].end_mm)
+        return cls(
+            points_mm=np.array(points),
+            bulges=np.array([segment.bulge for segment in segments]),
+            parts=tuple(segment.part for segment in segments),
+            branches=tuple(segment.branch for segment in segments),
+            closed=closed,
+        )
+
+    @classmethod
+    def polyline(cls, points_mm: Floats, *, closed: bool, branch: str = "") -> "Contour":
+        """Return a contour of straight lines through points, shape (n, 2)."""
+        count = len(points_mm) if closed else len(points_mm) - 1
+        return cls(
+            points_mm=points_mm,
+            bulges=np.zeros(count),
+            parts=(Part.OTHER,) * count,
+            branches=(branch,) * count,
+            closed=closed,
+        )
+
+    def __len__(self) -> int:
+        return len(self.bulges)
+
+    @property
+    def segments(self) -> Iterator[Segment]:
+        """The lines and arcs in order."""
+        points = [(float(x), float(y)) for x, y in self.points_mm]
+        ends = points[1:] + points[:1]
+        for start, end, bulge, part, branch in zip(
+            points, ends, self.bulges.tolist(), self.parts, self.branches, strict=False
+        ):
+            yield Segment(start_mm=start, end_mm=end, bulge=bulge, part=part, branch=branch)
+
+    @property
+    def length_mm(self) -> float:
+        """Length of the path, exact for arcs."""
+        return math.fsum(segment.length_mm for segment in self.segments)
+
+    @property
+    def signed_area_mm2(self) -> float:
+        """Area within, exact for arcs, positive when it runs counter-clockwise.
+
+        An open contour is closed with a straight line for this.
+        """
+        x, y = self.points_mm.T
+        straight = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2
+        arcs = [segment for segment in self.segments if segment.bulge]
+        caps = [0.5 * s.radius_mm**2 * (s.turn_rad - math.sin(s.turn_rad)) for s in arcs]
+        return straight + math.fsum(caps)
+
+    @property
+    def arc_count(self) -> int:
+        """Number of arcs."""
+        return int(np.count_nonzero(self.bulges))
+
+    def flattened_mm(self, tolerance_mm: float = FLATTEN_MM) -> Floats:
+        """Return the contour as a polyline, shape (k, 2); a closed one does not repeat its start.
+
+        Parameters
+        ----------
+        tolerance_mm
+            Largest distance between an arc and its chords.
+        """
+        runs = [segment.flattened_mm(tolerance_mm)[:-1] for segment in self.segments]
+        if not self.closed:
+            runs.append(self.points_mm[-1:])
+        return np.concatenate(runs)
+
+    @property
+    def box_mm(self) -> tuple[float, float, float, float]:
+        """Least x, least y, greatest x, greatest y; exact for arcs."""
+        points = [self.points_mm]
+        points.extend(_extremes_mm(segment) for segment in self.segments if segment.bulge)
+        stacked = np.concatenate(points)
+        (x0, y0), (x1, y1) = stacked.min(axis=0), stacked.max(axis=0)
+        return float(x0), float(y0), float(x1), float(y1)
+
+    def moved(self, angle_rad: float, dx_mm: float, dy_mm: float) -> "Contour":
+        """Return the contour turned about the origin and then shifted."""
+        cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+        turned = self.points_mm @ np.array([[cos, sin], [-sin, cos]])
+        return Contour(
+            points_mm=turned + np.array([dx_mm, dy_mm]),
+            bulges=self.bulges,
+            parts=self.parts,
+            branches=self.branches,
+            closed=self.closed,
+        )
+
+
+def _extremes_mm(arc: Segment) -> Floats:
+    """Return the points where an arc is farthest along an axis, shape (k, 2), k at most 4."""
+    x, y = arc.center_mm
+    turn = arc.turn_rad
+    first = math.atan2(arc.start_mm[1] - y, arc.start_mm[0] - x)
+    found = []
+    for quarter in range(4):
+        angle = quarter * math.pi / 2
+        travelled = (angle - first) % math.tau if turn > 0 else (first - angle) % math.tau
+        if travelled < abs(turn):
+            found.append((x + arc.radius_mm * math.cos(angle), y + arc.radius_mm * math.sin(angle)))
+    return np.array(found).reshape(-1, 2)

@@ -1,0 +1,108 @@
+"""The planned tree of a design: every branch with its parent, angle and length."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vinefab.model.checked import Floats, Ints, frozen_floats, frozen_ints
+from vinefab.model.design import Design, Level
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BranchTree:
+    """All branches of a design, level by level, parents before children.
+
+    The children of a branch follow each other from the clockwise-most to the counter-clockwise
+    one. Index 0 is the trunk.
+
+    Parameters
+    ----------
+    parent
+        Index of each branch's parent, shape (n,); -1 for the trunk.
+    level
+        Level of each branch, shape (n,); 1 for the trunk.
+    offset_rad
+        Angle from the parent's heading to the branch's, counter-clockwise positive, shape (n,);
+        0 for the trunk.
+    length_mm
+        Planned length, shape (n,).
+    """
+
+    parent: Ints
+    level: Ints
+    offset_rad: Floats
+    length_mm: Floats
+
+    def __len__(self) -> int:
+        return len(self.parent)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """The branches' names as paths: ``0``, ``0.0``, ``0.2``, ``0.2.1``."""
+        names: list[str] = []
+        used = [0] * len(self)
+        for parent in self.parent.tolist():
+            if parent < 0:
+                names.append("0")
+            else:
+                names.append(f"{names[parent]}.{used[parent]}")
+                used[parent] += 1
+        return tuple(names)
+
+    @property
+    def is_leaf(self) -> NDArray[np.bool_]:
+        """Whether each branch has no children, shape (n,)."""
+        leaf = np.ones(len(self), dtype=np.bool_)
+        leaf[self.parent[1:]] = False
+        return leaf
+
+    @property
+    def total_length_mm(self) -> float:
+        """Sum of all planned lengths: the film that the tree takes, as a length."""
+        return float(self.length_mm.sum())
+
+
+def fan_offsets_rad(level: Level) -> Floats:
+    """Return the angles of one fan relative to the parent's heading, shape (branches,).
+
+    Evenly spaced from ``-fan/2`` (clockwise) to ``+fan/2``; a single child goes straight on.
+    """
+    if level.branches == 1:
+        return np.zeros(1)
+    return np.linspace(-level.fan_rad / 2, level.fan_rad / 2, level.branches)
+
+
+def child_lengths_mm(level: Level) -> Floats:
+    """Return the lengths of one fan's children, shape (branches,): linear from first to last."""
+    return level.length_mm * np.linspace(1.0, level.growth, level.branches)
+
+
+def branch_tree(design: Design) -> BranchTree:
+    """Return every branch of a design, parents before children.
+
+    Examples
+    --------
+    >>> from vinefab.model.design import Build
+    >>> fork = Level(branches=2, length_mm=50.0, fan_rad=1.0)
+    >>> design = Design(
+    ...     name="y", trunk_length_mm=100.0, levels=(fork,), build=Build.standard(2)
+    ... )
+    >>> branch_tree(design).ids
+    ('0', '0.0', '0.1')
+    """
+    parents, levels = [np.array([-1])], [np.array([1])]
+    offsets, lengths = [np.zeros(1)], [np.array([design.trunk_length_mm])]
+    first, count = 0, 1
+    for number, level in enumerate(design.levels, start=2):
+        parents.append(np.repeat(np.arange(first, first + count), level.branches))
+        offsets.append(np.tile(fan_offsets_rad(level), count))
+        lengths.append(np.tile(child_lengths_mm(level), count))
+        first, count = first + count, count * level.branches
+        levels.append(np.full(count, number))
+    return BranchTree(
+        parent=frozen_ints(np.concatenate(parents)),
+        level=frozen_ints(np.concatenate(levels)),
+        offset_rad=frozen_floats("offset_rad", np.concatenate(offsets)),
+        length_mm=frozen_floats("length_mm", np.concatenate(lengths)),
+    )

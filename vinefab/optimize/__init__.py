@@ -1,0 +1,1 @@
+"""Search over designs: the space, the optimizers, the loop and its record."""

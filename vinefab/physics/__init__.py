@@ -1,0 +1,1 @@
+"""Pressure, film and friction: small pure functions, each with its source."""

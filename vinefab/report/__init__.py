@@ -1,0 +1,1 @@
+"""Numbers into figures into one self-contained page."""

@@ -1,0 +1,1 @@
+"""Printable test rigs of maps."""

@@ -1,0 +1,1 @@
+"""What a deployment is worth: tasks, and their composition over maps and poses."""

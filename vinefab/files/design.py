@@ -110,15 +110,14 @@ def read_design(name_or_path: str | Path) -> Design:
 def design_text(design: Design) -> str:
     """Return a design as the text of a design file; reading it gives the same design."""
     head = {"schema": SCHEMA, "name": design.name, "scale_mm_per_unit": 1.0}
-    tables: list[tuple[str, dict[str, Any]]] = [("[trunk]", {"length": design.trunk_length_mm})]
-    tables += [("[[level]]", _level_table(level)) for level in design.levels]
-    tables.append(("[build]", _build_table(design.build)))
-    tables += [
-        ("[[waive]]", {"fingerprint": waiver.fingerprint, "reason": waiver.reason})
-        for waiver in design.waivers
-    ]
     blocks = [f"# {GENERATOR}\n{tomli_w.dumps(head)}"]
-    blocks += [f"{title}\n{tomli_w.dumps(table)}" for title, table in tables]
+    blocks.append(tomli_w.dumps({"trunk": {"length": design.trunk_length_mm}}))
+    blocks += [f"[[level]]\n{tomli_w.dumps(_level_table(level))}" for level in design.levels]
+    blocks.append(tomli_w.dumps({"build": _build_table(design.build)}))
+    blocks += [
+        f"[[waive]]\n{tomli_w.dumps({'fingerprint': w.fingerprint, 'reason': w.reason})}"
+        for w in design.waivers
+    ]
     if design.origin:
         blocks.append(tomli_w.dumps({"origin": dict(design.origin)}))
     return "\n".join(blocks)

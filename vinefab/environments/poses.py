@@ -1,0 +1,70 @@
+"""Drawing poses from the starts that a map offers."""
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.rng import child
+from vinefab.model.checked import number, whole
+from vinefab.model.map import Map, Pose, Start
+
+_STREAM = 1201
+_TRIES = 1000
+
+
+def draw_poses(world: Map, count: int, seed: int, *, clearance_mm: float = 0.0) -> tuple[Pose, ...]:
+    """Draw poses, uniformly within the ranges of the map's starts, in free space.
+
+    Pose ``i`` belongs to start ``i`` modulo the number of starts and depends only on the seed and
+    ``i``, so a longer draw begins with the shorter one. A start without spread gives itself.
+
+    Parameters
+    ----------
+    world
+        The map; walls themselves count as free space.
+    count
+        How many poses, at least 0.
+    seed
+        At least 0.
+    clearance_mm
+        Least distance to walls, such as a body's inflated radius.
+
+    Raises
+    ------
+    BadInputError
+        If the map offers no start, or no free pose was found within a start's range.
+    """
+    whole("poses", count, 0, 10_000_000)
+    whole("seed", seed, 0, 2**63 - 1)
+    number("clearance_mm", clearance_mm, 0.0, 1e6, "mm")
+    if not world.starts:
+        raise BadInputError(f"map {world.name!r}: starts", "empty", "at least one start")
+    free = world.free_space
+    if clearance_mm > 0.0:
+        free = shapely.buffer(free, -clearance_mm)
+    shapely.prepare(free)
+    return tuple(_draw(world, index, child(seed, _STREAM, index), free) for index in range(count))
+
+
+def _draw(world: Map, index: int, rng: np.random.Generator, free: BaseGeometry) -> Pose:
+    place = index % len(world.starts)
+    start = world.starts[place]
+    for _ in range(_TRIES):
+        pose = _pose_within(start, rng)
+        if shapely.intersects_xy(free, pose.x_mm, pose.y_mm):
+            return pose
+    raise BadInputError(
+        f"map {world.name!r}: starts[{place}]",
+        f"({start.pose.x_mm:g}, {start.pose.y_mm:g}) mm",
+        f"a start with free space in its range (none found in {_TRIES} draws)",
+    )
+
+
+def _pose_within(start: Start, rng: np.random.Generator) -> Pose:
+    x, y, turn = rng.uniform(-1.0, 1.0, 3)
+    return Pose(
+        x_mm=start.pose.x_mm + float(x) * start.spread_x_mm,
+        y_mm=start.pose.y_mm + float(y) * start.spread_y_mm,
+        heading_rad=start.pose.heading_rad + float(turn) * start.spread_heading_rad,
+    )

@@ -1,0 +1,43 @@
+"""The environments that maps can be generated from.
+
+To add one: a file with a frozen options class and ``make(seed, options)``, a line here, a test.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from vinefab.core.registry import Registry
+from vinefab.environments.grid import GridOptions, grid_map
+from vinefab.model.map import Map
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Environment:
+    """A generator of maps that look related.
+
+    Parameters
+    ----------
+    description
+        One line for lists and help texts.
+    options
+        The options class: callable without arguments, every field documented.
+    make
+        ``make(seed, options)`` returns a Map; the same arguments give the same map.
+    """
+
+    description: str
+    options: type[Any]
+    make: Callable[[int, Any], Map]
+
+
+ENVIRONMENTS: Registry[Environment] = Registry(
+    "environment",
+    {
+        "grid": Environment(
+            description="many convex polygons, one per cell of a grid",
+            options=GridOptions,
+            make=grid_map,
+        ),
+    },
+)

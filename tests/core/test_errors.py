@@ -1,0 +1,31 @@
+from vinefab.core.errors import BadInputError, UnknownNameError, VinefabError
+
+
+def test_bad_input_says_file_key_value_and_what_is_allowed():
+    error = BadInputError("level[1].branches", -3, "a whole number from 1 to 1000").at("tree.toml")
+    assert str(error) == (
+        "tree.toml: level[1].branches is -3; allowed: a whole number from 1 to 1000"
+    )
+    assert (error.source, error.key, error.value) == ("tree.toml", "level[1].branches", -3)
+
+
+def test_bad_input_keeps_to_one_short_line():
+    text = str(BadInputError("key", "line\nbreak " + "x" * 500, "less"))
+    assert "\n" not in text
+    assert len(text) < 100
+
+
+def test_missing_value_is_called_missing():
+    assert str(BadInputError("trunk", None, "a table")) == "trunk is missing; allowed: a table"
+
+
+def test_unknown_name_offers_the_nearest_spelling():
+    error = UnknownNameError("design", "plain_vin", ["plain_vine", "tree"])
+    assert "did you mean 'plain_vine'?" in str(error)
+    assert "plain_vine, tree" in str(error)
+
+
+def test_errors_are_ours_and_a_matching_builtin():
+    assert issubclass(BadInputError, VinefabError)
+    assert issubclass(BadInputError, ValueError)
+    assert issubclass(UnknownNameError, KeyError)

@@ -1,0 +1,117 @@
+"""The program ``vinefab``: finds the command, and turns errors into one line and an exit code."""
+
+import importlib
+import sys
+from collections.abc import Sequence
+from typing import Annotated, cast
+
+import typer
+
+from vinefab import __version__
+from vinefab.core.errors import VinefabError
+
+COMMANDS = {
+    "demo": "Run the main job at small size: maps, optimization, package, rig, report.",
+    "map": "Generate or import a map.",
+    "grow": "Deploy a design on a map.",
+    "score": "Score a design on a task over maps and poses.",
+    "optimize": "Search for the best design of a run file.",
+    "check": "Check a design against the rules of making and deploying it.",
+    "fabricate": "Write the fabrication package: laser files, checks, report.",
+    "rig": "Write printable obstacles for a test rig.",
+    "report": "Write predictions for a design as one HTML page.",
+}
+"""Every command, in the order of ``--help``; each lives in the module of its name."""
+
+EXIT_FINDINGS = 1
+EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130
+
+# typer carries its own click, whose usage errors have this public ancestor.
+UsageProblem: type[Exception] = typer.BadParameter.__mro__[1]
+
+
+def build_app(wanted: str | None) -> typer.Typer:
+    """Return the program with one command loaded and the others as lines of ``--help``.
+
+    Loading all of them would import the simulator, the exporters and the plots just to print a
+    list of names.
+
+    Parameters
+    ----------
+    wanted
+        The command to load, or None.
+    """
+    app = typer.Typer(
+        name="vinefab",
+        help="Design, simulate, optimize and make branching vine robots.",
+        add_completion=False,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+    )
+    app.callback()(_program_options)
+    for name, line in COMMANDS.items():
+        if name == wanted:
+            importlib.import_module(f"vinefab.cli.{name}").add_to(app)
+        else:
+            app.command(name, help=line)(_not_loaded)
+    return app
+
+
+def _print_version(asked: bool) -> None:  # noqa: FBT001  typer calls it with the value
+    if asked:
+        typer.echo(f"vinefab {__version__}")
+        raise typer.Exit
+
+
+def _program_options(
+    *,
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", is_eager=True, callback=_print_version, help="Print the version and stop."
+        ),
+    ] = False,
+) -> None:
+    """Design, simulate, optimize and make branching vine robots."""
+    del version
+
+
+def _not_loaded() -> None:
+    """Stand in for a command that was not asked for."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run one command line and return its exit code.
+
+    Parameters
+    ----------
+    arguments
+        What follows the program's name.
+
+    Returns
+    -------
+    int
+        0 good, 1 findings, 2 bad input, 130 interrupted.
+    """
+    named = [argument for argument in arguments if not argument.startswith("-")]
+    app = build_app(named[0] if named and named[0] in COMMANDS else None)
+    try:
+        result = app(list(arguments) or ["--help"], prog_name="vinefab", standalone_mode=False)
+    except UsageProblem as error:
+        return _complain(cast("typer.BadParameter", error).format_message(), EXIT_BAD_INPUT)
+    except VinefabError as error:
+        return _complain(str(error), EXIT_BAD_INPUT)
+    except (KeyboardInterrupt, typer.Abort):
+        return _complain("interrupted; what was being written was left as it was", EXIT_INTERRUPTED)
+    return result if isinstance(result, int) else 0
+
+
+def run() -> None:
+    """Run the program: the entry point of the installed command."""
+    sys.exit(main(sys.argv[1:]))
+
+
+def _complain(message: str, code: int) -> int:
+    typer.echo(f"error: {' '.join(message.split())}", err=True)
+    return code

@@ -1,0 +1,106 @@
+"""Options that several commands share, and where their words go."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from vinefab.core.atomic import write_text
+from vinefab.core.errors import BadInputError
+from vinefab.core.units import rad
+from vinefab.model.map import Pose
+
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite files that vinefab did not write.")]
+JsonOut = Annotated[
+    str | None, typer.Option("--json", help="Machine-readable result: a file, or - for the output.")
+]
+DesignIn = Annotated[str, typer.Argument(help="A design file, or the name of a shipped design.")]
+RecipeIn = Annotated[str, typer.Option("--recipe", help="A recipe file, or a shipped one's name.")]
+MapsIn = Annotated[list[Path], typer.Option("--maps", "--map", help="A map file; may be repeated.")]
+PoseIn = Annotated[
+    str | None,
+    typer.Option("--pose", help="Start as X,Y,DEG in mm and degrees; default: the map's start."),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Voice:
+    """Where a command's words, results and progress go.
+
+    Parameters
+    ----------
+    quiet
+        Say nothing but errors.
+    json_out
+        Where the machine-readable result goes; with ``-`` the words go to standard error.
+    force
+        Overwrite files that vinefab did not write.
+    """
+
+    quiet: bool = False
+    json_out: str | None = None
+    force: bool = False
+
+    @property
+    def console(self) -> Console:
+        """The console for words and progress."""
+        return Console(stderr=self.json_out == "-", quiet=self.quiet, highlight=False)
+
+    def say(self, text: object = "") -> None:
+        """Print words (or a rich table) for the user."""
+        self.console.print(text, markup=False, soft_wrap=True)
+
+    def give_json(self, text: str) -> None:
+        """Write the machine-readable result if one was asked for."""
+        if self.json_out == "-":
+            sys.stdout.write(text)
+        elif self.json_out is not None:
+            write_text(Path(self.json_out), text, force=self.force)
+            self.say(f"wrote {self.json_out}")
+
+    @contextmanager
+    def progress(self, title: str) -> Iterator[Callable[[float, str], None]]:
+        """Show a bar with the time left on a terminal while a block runs.
+
+        Yields
+        ------
+        Callable
+            To be called with the share done, 0 to 1, and a few words.
+        """
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.fields[words]}"),
+            TimeRemainingColumn(),
+        )
+        console = self.console
+        show = console.is_terminal and not self.quiet
+        with Progress(*columns, console=console, transient=True, disable=not show) as bar:
+            task = bar.add_task(title, total=1.0, words="")
+            yield lambda share, words: bar.update(task, completed=share, words=words)
+
+
+def pose_from(text: str | None) -> Pose | None:
+    """Return a pose from ``X,Y,DEG``, or None.
+
+    Raises
+    ------
+    BadInputError
+        If the text is not three finite numbers.
+    """
+    if text is None:
+        return None
+    try:
+        x_mm, y_mm, heading_deg = (float(part) for part in text.split(","))
+        return Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=rad(heading_deg))
+    except ValueError as error:
+        raise BadInputError(
+            "--pose", text, "X,Y,DEG: three finite numbers, mm and degrees"
+        ) from error

@@ -1,0 +1,83 @@
+"""Blank figures and their way into bytes; the only module that knows matplotlib's file side."""
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vinefab.core.jsontext import GENERATOR
+
+INK = "#1d2a30"
+SOFT = "#5c6b73"
+ROCK = "#c9d1d6"
+ROCK_EDGE = "#8b989f"
+LEVEL_COLOURS = ("#0b6e8a", "#d9822b", "#7a5195", "#2e8b57", "#c8553d", "#4c6fbf", "#8a8d3a")
+"""Colour of each level, trunk first; they repeat after the last."""
+
+_STYLE: dict[Any, Any] = {
+    "svg.hashsalt": "vinefab",
+    "svg.fonttype": "path",
+    "font.size": 9.0,
+    "axes.edgecolor": SOFT,
+    "axes.labelcolor": INK,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "legend.frameon": False,
+}
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Draw and save in the house's style, without touching anybody's global settings."""
+    with mpl.rc_context(_STYLE):
+        yield
+
+
+def blank(width_in: float = 6.0, height_in: float = 6.0) -> tuple[Figure, Axes]:
+    """Return an empty figure with one set of axes."""
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    return figure, figure.add_subplot()
+
+
+def plan_axes(
+    box_mm: tuple[float, float, float, float], longest_in: float = 6.5
+) -> tuple[Figure, Axes]:
+    """Return a figure for a plan: equal scales, millimetres, no wasted paper.
+
+    Parameters
+    ----------
+    box_mm
+        Least x, least y, greatest x, greatest y of what will be drawn.
+    longest_in
+        Length of the longer side of the plan on paper.
+    """
+    width, height = max(box_mm[2] - box_mm[0], 1e-9), max(box_mm[3] - box_mm[1], 1e-9)
+    scale = longest_in / max(width, height)
+    figure, axes = blank(max(width * scale, 2.2) + 0.7, max(height * scale, 1.6) + 0.9)
+    margin = 0.02 * max(width, height)
+    axes.set_aspect("equal")
+    axes.set_xlim(box_mm[0] - margin, box_mm[2] + margin)
+    axes.set_ylim(box_mm[1] - margin, box_mm[3] + margin)
+    axes.set_xlabel("x (mm)")
+    axes.set_ylabel("y (mm)")
+    return figure, axes
+
+
+def svg_bytes(figure: Figure) -> bytes:
+    """Return a figure as SVG; the same figure gives the same bytes."""
+    stream = io.BytesIO()
+    with house_style():
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": GENERATOR})
+    return stream.getvalue()
+
+
+def png_bytes(figure: Figure, dpi: int = 150) -> bytes:
+    """Return a figure as PNG."""
+    stream = io.BytesIO()
+    with house_style():
+        figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": GENERATOR})
+    return stream.getvalue()

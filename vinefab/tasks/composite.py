@@ -1,0 +1,48 @@
+"""One number for a design out of its scores on several maps and poses."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vinefab.model.checked import Floats
+
+MEAN_SHARE = 0.25
+"""Share of the mean in ``min_deviation`` [paper]; its form is vinefab's."""
+
+STANDARD_DEVIATION = 0.5
+"""The deviation that earns nothing: the largest that scores between 0 and 1 can have."""
+
+COMPOSITES = ("mean", "best", "min_deviation")
+
+
+def composite(
+    scores: Sequence[float] | Floats, reference_deviation: float = STANDARD_DEVIATION
+) -> dict[str, float]:
+    """Return every way of weighing scores into one number.
+
+    Parameters
+    ----------
+    scores
+        At least one.
+    reference_deviation
+        Standard deviation at which ``min_deviation`` is left with a quarter of the mean.
+
+    Returns
+    -------
+    dict
+        ``mean``; ``best``, the largest; ``min_deviation``, a quarter of the mean plus three
+        quarters of ``1 - std / reference_deviation`` (not below 0).
+
+    Examples
+    --------
+    >>> composite([0.2, 0.6])["mean"]
+    0.4
+    """
+    values = np.asarray(scores, dtype=np.float64)
+    mean = float(values.mean())
+    steadiness = max(0.0, 1.0 - float(values.std()) / reference_deviation)
+    return {
+        "mean": mean,
+        "best": float(values.max()),
+        "min_deviation": MEAN_SHARE * mean + (1.0 - MEAN_SHARE) * steadiness,
+    }

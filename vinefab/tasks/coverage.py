@@ -1,0 +1,112 @@
+"""Sensor coverage: as much seen area as possible from as simple a robot as possible."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import shapely
+
+from vinefab.core.errors import BadInputError
+from vinefab.model.checked import Floats, number, positive, whole
+from vinefab.model.deployment import Deployment
+from vinefab.tasks.discs import disc_union, free_disc_areas_mm2
+from vinefab.tasks.ground import Ground
+from vinefab.tasks.task import Outcome
+
+ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coverage:
+    """Every deployed branch leaves a disc of sight at its tip; what is seen counts, film costs.
+
+    ``score = w_area A/A_free - w_count N/N_max (1 - eta) - w_length L/L_max (1 - eta)
+    - w_film L/L_max`` with A the area of the union of the discs, N their number, L the planned
+    length of all branches together and eta = A over the sum of the discs' areas, the share of the
+    sensed area that is not sensed twice. N/N_max and L/L_max count as 1 beyond 1. The four terms
+    are the paper's (section 2.3); weights, N_max and L_max are vinefab's, for the paper's are not
+    published.
+
+    Parameters
+    ----------
+    radius_mm
+        Radius of the disc that one sensor sees.
+    most_branches
+        N_max.
+    most_diagonals
+        L_max over the diagonal of the map's bounds.
+    weight_area, weight_count, weight_length, weight_film
+        The weights of the four terms, at least 0.
+    clip
+        ``free``: only free space is seen and every area above is taken within it. ``none``:
+        whole discs, as the paper's words have it.
+    """
+
+    name: ClassVar[str] = "coverage"
+
+    radius_mm: float = 50.0
+    most_branches: int = 40
+    most_diagonals: float = 6.0
+    weight_area: float = 1.0
+    weight_count: float = 0.2
+    weight_length: float = 0.2
+    weight_film: float = 0.1
+    clip: Literal["free", "none"] = "free"
+
+    def __post_init__(self) -> None:
+        positive("task.radius_mm", self.radius_mm)
+        whole("task.most_branches", self.most_branches, 1, 100_000)
+        positive("task.most_diagonals", self.most_diagonals, 1e4, "diagonals")
+        for term in ("area", "count", "length", "film"):
+            number(f"task.weight_{term}", getattr(self, f"weight_{term}"), 0.0, 1e3)
+        if self.clip not in ("free", "none"):
+            raise BadInputError("task.clip", self.clip, "'free' or 'none'")
+
+    @property
+    def lowest(self) -> float:
+        """The score of a robot that sees nothing and costs everything."""
+        return -(self.weight_count + self.weight_length + self.weight_film)
+
+    def evaluate(self, deployment: Deployment, ground: Ground) -> Outcome:
+        """Return the score and its terms: ``area``, ``count``, ``length``, ``film``, ``eta``.
+
+        The first four are the numbers from 0 to 1 that the weights multiply, ``count`` and
+        ``length`` with their (1 - eta). The area's error is that of `discs.disc_union`.
+        """
+        tips_mm = deployment.tips_mm
+        seen_mm2, summed_mm2 = self._areas_mm2(tips_mm, ground)
+        overlap = 0.0
+        if summed_mm2 > 0.0:
+            overlap = min(1.0, max(0.0, 1.0 - seen_mm2 / summed_mm2))
+        # A union of polygons beside a sum of true discs: what is left at this size is rounding.
+        overlap = overlap if overlap > ROUNDING else 0.0
+        film = min(
+            1.0,
+            deployment.tree.total_length_mm / (self.most_diagonals * ground.diagonal_mm),
+        )
+        area = min(1.0, seen_mm2 / ground.area_mm2)
+        count = min(1.0, len(tips_mm) / self.most_branches) * overlap
+        score = (
+            self.weight_area * area
+            - self.weight_count * count
+            - self.weight_length * film * overlap
+            - self.weight_film * film
+        )
+        terms = {
+            "area": area,
+            "count": count,
+            "length": film * overlap,
+            "film": film,
+            "eta": 1.0 - overlap,
+        }
+        return score, terms
+
+    def _areas_mm2(self, tips_mm: Floats, ground: Ground) -> tuple[float, float]:
+        """Return the area of the union of the discs and the sum of their areas."""
+        if len(tips_mm) == 0:
+            return 0.0, 0.0
+        union = disc_union(tips_mm, self.radius_mm)
+        if self.clip == "none":
+            return union.area, len(tips_mm) * math.pi * self.radius_mm**2
+        each_mm2 = free_disc_areas_mm2(tips_mm, self.radius_mm, ground.edges_mm)
+        return shapely.intersection(union, ground.free).area, float(each_mm2.sum())

@@ -1,0 +1,65 @@
+"""What tasks need of a map, computed once per map."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import BadInputError
+from vinefab.model.checked import Floats, frozen_floats
+from vinefab.model.map import Map
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ground:
+    """The free space of a map, ready for many evaluations.
+
+    Parameters
+    ----------
+    free
+        Free space: Polygon or MultiPolygon, prepared.
+    area_mm2
+        Its area.
+    diagonal_mm
+        Diagonal of the bounds' box, the length that lengths are compared with.
+    edges_mm
+        Edges of the free space with solid on their right, shape (e, 2, 2): edge, end, x and y.
+    """
+
+    free: BaseGeometry
+    area_mm2: float
+    diagonal_mm: float
+    edges_mm: Floats
+
+    @classmethod
+    def of(cls, world: Map) -> "Ground":
+        """Return the ground of a map.
+
+        Raises
+        ------
+        BadInputError
+            If the map has no free space.
+        """
+        free = world.free_space
+        if not free.area > 0.0:
+            raise BadInputError(f"map {world.name}", "no free space", "some free space")
+        shapely.prepare(free)
+        return cls(
+            free=free,
+            area_mm2=free.area,
+            diagonal_mm=math.hypot(*world.size_mm),
+            edges_mm=_edges_mm(free),
+        )
+
+
+def _edges_mm(free: BaseGeometry) -> Floats:
+    """Return the directed edges of polygons, holes clockwise, shape (e, 2, 2)."""
+    parts = [part for part in shapely.get_parts(free) if part.geom_type == "Polygon"]
+    rings = shapely.get_rings(shapely.orient_polygons(parts))
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    real = (ring[:-1] == ring[1:]) & (points[:-1] != points[1:]).any(axis=1)
+    edges = np.stack([points[:-1], points[1:]], axis=1)[real]
+    flat = frozen_floats("edges_mm", edges.reshape(-1, 4), 4)
+    return flat.reshape(-1, 2, 2)

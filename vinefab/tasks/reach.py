@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 import shapely
 
-from vinefab.model.checked import Floats, positive
+from vinefab.model.checked import positive
 from vinefab.model.deployment import Deployment
 from vinefab.tasks.ground import Ground
 from vinefab.tasks.task import Outcome
@@ -32,14 +32,13 @@ class Reach:
 
     def evaluate(self, deployment: Deployment, ground: Ground) -> Outcome:
         """Return the share, 0 to 1, and as terms the reached area and the grown length."""
-        chains = _chains(deployment)
-        owner = np.repeat(np.arange(len(chains)), [len(chain) for chain in chains])
-        body = shapely.multilinestrings(shapely.linestrings(np.concatenate(chains), indices=owner))
+        body = shapely.MultiLineString(_chains(deployment))
         reached = shapely.intersection(shapely.buffer(body, self.buffer_mm), ground.free)
         share = min(1.0, reached.area / ground.area_mm2)
         return share, {"reached_mm2": reached.area, "grown_mm": float(deployment.grown_mm.sum())}
 
 
-def _chains(deployment: Deployment) -> list[Floats]:
-    """Return the centreline of every deployed branch, each of shape (k, 2)."""
-    return [deployment.chain_mm(int(branch)) for branch in np.flatnonzero(deployment.deployed)]
+def _chains(deployment: Deployment) -> list[list[list[float]]]:
+    """Return the points of every deployed branch's centreline."""
+    deployed = np.flatnonzero(deployment.deployed)
+    return [deployment.chain_mm(int(branch)).tolist() for branch in deployed]

@@ -69,7 +69,7 @@ def test_no_start_and_no_free_pose_are_said() -> None:
     with pytest.raises(BadInputError, match="starts is 'empty'"):
         draw_poses(world_with(), 1, 0)
     buried = world_with(start_at(50, 50), obstacles=(shapely.box(30, 30, 70, 70),))
-    with pytest.raises(BadInputError, match=r"starts\[0\].*50, 50.*free space"):
+    with pytest.raises(BadInputError, match=r"starts\[1\].*50, 50.*free space"):
         draw_poses(buried, 1, 0)
     with pytest.raises(BadInputError, match="poses"):
         draw_poses(buried, -1, 0)

@@ -55,7 +55,7 @@ def _draw(world: Map, index: int, rng: np.random.Generator, free: BaseGeometry) 
         if shapely.intersects_xy(free, pose.x_mm, pose.y_mm):
             return pose
     raise BadInputError(
-        f"map {world.name!r}: starts[{place}]",
+        f"map {world.name!r}: starts[{place + 1}]",
         f"({start.pose.x_mm:g}, {start.pose.y_mm:g}) mm",
         f"a start with free space in its range (none found in {_TRIES} draws)",
     )

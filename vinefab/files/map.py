@@ -1,0 +1,214 @@
+"""Maps as GeoJSON files, millimetres, in and out."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import shapely
+from shapely import Point, Polygon
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.jsontext import GENERATOR, plain
+from vinefab.core.units import deg, rad
+from vinefab.files.geojson import (
+    DECIMALS,
+    feature_key,
+    point_in,
+    polygon_text,
+    polygons_in,
+    read_features,
+)
+from vinefab.model.map import Map, Pose, Start
+
+SCHEMA = "vinefab/map-1"
+ROLES = ("bounds", "obstacle", "start")
+_SLACK_MM = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class _Content:
+    bounds: Polygon
+    obstacles: tuple[Polygon, ...]
+    starts: tuple[Start, ...]
+
+
+def read_map(path: Path) -> Map:
+    """Return the map in a GeoJSON file.
+
+    A file of vinefab gives every feature a role. In a file without any roles the largest polygon
+    must contain all others and is the bounds; the others are obstacles.
+
+    Raises
+    ------
+    UnreadableFileError
+        If the file cannot be read or is not JSON.
+    BadInputError
+        For the first thing that is wrong: which feature, what it is, what is allowed. Features
+        are counted from 1.
+    """
+    document, features = read_features(path)
+    try:
+        about = _about(document)
+        content = _content(features)
+        _check_starts(content)
+        return Map(
+            name=about.get("name") or path.stem,
+            bounds=content.bounds,
+            obstacles=content.obstacles,
+            starts=content.starts,
+            environment=about.get("environment") or "geojson",
+            seed=about.get("seed"),
+            facts=about.get("facts") or {},
+        )
+    except BadInputError as error:
+        raise error.at(path) from error
+
+
+def map_text(world: Map) -> str:
+    """Return a map as GeoJSON text, one feature a line, coordinates to 1e-6 mm."""
+    about = {
+        "schema": SCHEMA,
+        "generator": GENERATOR,
+        "name": world.name,
+        "environment": world.environment,
+        "seed": world.seed,
+        "facts": dict(world.facts),
+    }
+    lines = [_polygon_line("bounds", world.bounds)]
+    lines += [_polygon_line("obstacle", polygon) for polygon in world.obstacles]
+    lines += [_start_line(start) for start in world.starts]
+    head = json.dumps(about, allow_nan=False, default=plain)
+    body = ",\n".join(lines)
+    return f'{{"type": "FeatureCollection",\n"vinefab": {head},\n"features": [\n{body}\n]}}\n'
+
+
+def _polygon_line(role: str, polygon: Polygon) -> str:
+    return (
+        f'{{"type": "Feature", "properties": {{"role": "{role}"}}, '
+        f'"geometry": {polygon_text(polygon)}}}'
+    )
+
+
+def _start_line(start: Start) -> str:
+    position = [round(start.pose.x_mm, DECIMALS), round(start.pose.y_mm, DECIMALS)]
+    properties = {
+        "role": "start",
+        "heading_deg": deg(start.pose.heading_rad),
+        "spread_x_mm": start.spread_x_mm,
+        "spread_y_mm": start.spread_y_mm,
+        "spread_heading_deg": deg(start.spread_heading_rad),
+    }
+    point = {"type": "Point", "coordinates": position}
+    feature = {"type": "Feature", "properties": properties, "geometry": point}
+    return json.dumps(feature, allow_nan=False)
+
+
+def _about(document: dict[str, Any]) -> dict[str, Any]:
+    """Return the foreign member, checked; empty for a file that other programs wrote."""
+    if "vinefab" not in document:
+        return {}
+    about = document["vinefab"]
+    if not isinstance(about, dict):
+        raise BadInputError("vinefab", about, f'an object with "schema": "{SCHEMA}"')
+    if about.get("schema") != SCHEMA:
+        raise BadInputError("vinefab.schema", about.get("schema"), SCHEMA)
+    kinds = {"name": str, "environment": str, "seed": int, "facts": dict}
+    for key, kind in kinds.items():
+        value = about.get(key)
+        if value is not None and type(value) is not kind:
+            raise BadInputError(f"vinefab.{key}", value, kind.__name__)
+    return about
+
+
+def _content(features: list[dict[str, Any]]) -> _Content:
+    roles = [_role(feature) for feature in features]
+    if any(role is not None for role in roles):
+        return _with_roles(features, roles)
+    named = [
+        (feature_key(index), polygon)
+        for index, feature in enumerate(features)
+        for polygon in polygons_in(feature_key(index), feature)
+    ]
+    return _without_roles(named)
+
+
+def _role(feature: dict[str, Any]) -> object:
+    properties = feature.get("properties")
+    return properties.get("role") if isinstance(properties, dict) else None
+
+
+def _with_roles(features: list[dict[str, Any]], roles: list[object]) -> _Content:
+    bounds: list[Polygon] = []
+    obstacles: list[Polygon] = []
+    starts: list[Start] = []
+    for index, (feature, role) in enumerate(zip(features, roles, strict=True)):
+        key = feature_key(index)
+        if role == "bounds":
+            bounds += polygons_in(key, feature)
+        elif role == "obstacle":
+            obstacles += polygons_in(key, feature)
+        elif role == "start":
+            starts.append(_start(key, feature))
+        else:
+            raise BadInputError(f"{key}.properties.role", role, ", ".join(ROLES))
+    if len(bounds) != 1:
+        raise BadInputError("bounds", f"{len(bounds)} polygons", "exactly one")
+    return _Content(bounds[0], tuple(obstacles), tuple(starts))
+
+
+def _without_roles(named: list[tuple[str, Polygon]]) -> _Content:
+    if not named:
+        raise BadInputError("features", "no polygons", "at least one polygon, the bounds")
+    key, largest = max(named, key=lambda item: Polygon(item[1].exterior).area)
+    others = [(name, polygon) for name, polygon in named if polygon is not largest]
+    reach = shapely.buffer(Polygon(largest.exterior), _SLACK_MM)
+    for name, polygon in others:
+        if not reach.covers(polygon):
+            spot = polygon.difference(reach).representative_point()
+            raise BadInputError(
+                f"{name}: position ({spot.x:.6g}, {spot.y:.6g})",
+                f"outside the largest polygon, {key}",
+                "inside it, as it is taken for the bounds; or a role for every feature",
+            )
+    return _Content(largest, tuple(polygon for _, polygon in others), ())
+
+
+def _start(key: str, feature: dict[str, Any]) -> Start:
+    properties = feature["properties"]
+    values = {
+        name: _number(f"{key}.properties.{name}", properties.get(name, default))
+        for name, default in (
+            ("heading_deg", None),
+            ("spread_x_mm", 0.0),
+            ("spread_y_mm", 0.0),
+            ("spread_heading_deg", 0.0),
+        )
+    }
+    x_mm, y_mm = point_in(key, feature)
+    try:
+        return Start(
+            pose=Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=rad(values["heading_deg"])),
+            spread_x_mm=values["spread_x_mm"],
+            spread_y_mm=values["spread_y_mm"],
+            spread_heading_rad=rad(values["spread_heading_deg"]),
+        )
+    except BadInputError as error:
+        raise BadInputError(f"{key}: {error.key}", error.value, error.allowed) from error
+
+
+def _number(key: str, value: object) -> float:
+    if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) < 1e300:
+        raise BadInputError(key, value, "a number")
+    return float(value)
+
+
+def _check_starts(content: _Content) -> None:
+    for start in content.starts:
+        spot = Point(start.pose.x_mm, start.pose.y_mm)
+        where = f"({spot.x:g}, {spot.y:g})"
+        if not content.bounds.covers(spot):
+            raise BadInputError(f"start at {where}", "outside the bounds", "a start in free space")
+        inside = shapely.contains(list(content.obstacles), spot)
+        if inside.any():
+            raise BadInputError(f"start at {where}", "inside an obstacle", "a start in free space")

@@ -1,0 +1,136 @@
+"""The front door: a map and a printer in, the parts of a rig out."""
+
+import math
+
+import numpy as np
+import shapely
+
+from vinefab.core.errors import BadInputError
+from vinefab.model.checked import Floats
+from vinefab.model.map import Map
+from vinefab.model.printer import Printer
+from vinefab.rig.clean import pieces_of
+from vinefab.rig.options import RigOptions
+from vinefab.rig.part import Rig, RigPart
+from vinefab.rig.plan import RigPlan, plan_of
+from vinefab.rig.solid import stacked
+from vinefab.rig.split import Cuts, cuts_of
+from vinefab.rig.tiles import Joints, Tile, joints_of, tiles_of
+
+_QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def build_rig(world: Map, printer: Printer, options: RigOptions | None = None) -> Rig:
+    """Make the printable test rig of a map.
+
+    A base plate carries the obstacles, and a wall around the bounds with an opening where a start
+    is near it (see `vinefab.rig.entry`). What is larger than the bed is divided by straight cuts
+    into tiles that dovetails in the plate hold together. Every part is one solid that prints
+    without supports.
+
+    Parameters
+    ----------
+    world
+        The map; its obstacles may touch each other and reach over the bounds.
+    printer
+        Bed, height, least wall and clearance.
+    options
+        Sizes; the defaults when None.
+
+    Returns
+    -------
+    Rig
+        ``counts`` hold ``slivers`` and ``slits`` (left out or filled), ``bridges`` (corners that
+        touched in a point, joined), ``joints``, ``bare_seams`` (without room for a joint).
+
+    Raises
+    ------
+    BadInputError
+        If the rig is taller than the printer, or needs more parts than allowed.
+    """
+    options = options or RigOptions()
+    _check_height(printer, options)
+    plan = plan_of(world, printer, options)
+    cuts = cuts_of(plan.plate.bounds, plan.solids, printer, options)
+    joints = joints_of(plan, cuts, printer.clearance_mm)
+    least_mm = options.sliver_mm, 0.5 * printer.least_wall_mm
+    tiles = list(tiles_of(plan, cuts, joints, least_mm))
+    return Rig(
+        name=world.name,
+        parts=tuple(
+            _part(number, len(tiles), tile, (plan, cuts, options))
+            for number, tile in enumerate(tiles, 1)
+        ),
+        printer=printer,
+        options=options,
+        thin_places=plan.thin_places,
+        counts={
+            "slivers": plan.slivers,
+            "slits": plan.slits,
+            "bridges": plan.bridges,
+            "joints": len(joints.joints),
+            "bare_seams": joints.bare_seams,
+        },
+        joint_gap_mm3=options.plate_mm * sum(joint.gap_mm2 for joint in joints.joints),
+        notes=_notes(plan, joints, printer, options),
+    )
+
+
+def _part(number: int, count: int, tile: Tile, job: tuple[RigPlan, Cuts, RigOptions]) -> RigPart:
+    plan, cuts, options = job
+    low = np.array([*tile.plate.bounds[:2], 0.0])
+    plate, solids = (
+        shapely.transform(pieces, lambda points: points - low[:2])
+        for pieces in (pieces_of(tile.plate), tile.solids)
+    )
+    vertices, faces = stacked(plate, solids, options.plate_mm, options.height_mm)
+    turn, shift = np.eye(3), np.zeros(3)
+    if cuts.turned:
+        turn, shift[0] = _QUARTER_TURN, tile.plate.bounds[3] - tile.plate.bounds[1]
+        vertices = vertices @ turn.T + shift
+        # The sum is rounded once more, to what the file can hold.
+        vertices = vertices.astype(np.float32).astype(np.float64)
+    row, column = tile.cell
+    return RigPart(
+        name=f"part_{number:0{max(2, len(str(count)))}d}_r{row + 1}c{column + 1}",
+        row=row + 1,
+        column=column + 1,
+        vertices_mm=vertices,
+        faces=faces,
+        to_map=_to_map(turn, low - turn.T @ shift, plan, options),
+        volume_mm3=float(
+            tile.plate.area * options.plate_mm + shapely.area(tile.solids).sum() * options.height_mm
+        ),
+    )
+
+
+def _to_map(turn: Floats, low_mm: Floats, plan: RigPlan, options: RigOptions) -> Floats:
+    """Return the transform printed -> plan (turn back, move) -> map (unscale, move)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = turn.T / plan.scale
+    matrix[:3, 3] = (low_mm - (0.0, 0.0, options.plate_mm)) / plan.scale
+    matrix[:2, 3] += plan.origin_mm
+    return matrix
+
+
+def _check_height(printer: Printer, options: RigOptions) -> None:
+    height_mm = options.plate_mm + options.height_mm
+    if height_mm > printer.height_mm:
+        most_mm = math.floor(10.0 * (printer.height_mm - options.plate_mm)) / 10.0
+        raise BadInputError("rig.height_mm", options.height_mm, f"at most {most_mm:g} mm")
+
+
+def _notes(plan: RigPlan, joints: Joints, printer: Printer, options: RigOptions) -> tuple[str, ...]:
+    count, least = len(plan.thin_places), printer.least_wall_mm
+    said = {
+        f"{count} places are thinner than the {least:g} mm that {printer.name} prints and were "
+        "left as they are": count,
+        f"the border is thinner than the {least:g} mm that {printer.name} prints": (
+            options.border_mm < least
+        ),
+        f"{plan.slivers} pieces thinner than {options.sliver_mm:g} mm were left out": plan.slivers,
+        f"{plan.slits} gaps narrower than {options.sliver_mm:g} mm were filled": plan.slits,
+        f"{plan.bridges} corners that touched in one point were joined": plan.bridges,
+        f"{joints.bare_seams} seams have no room for a joint: glue them": joints.bare_seams,
+    }
+    return plan.notes + tuple(text for text, holds in said.items() if holds)

@@ -1,0 +1,113 @@
+"""Making a plan printable: no slivers, no corners that touch in a point, thin walls named."""
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.rig.options import GRID_MM
+
+Pieces = NDArray[np.object_]
+"""Polygons that do not overlap, shape (n,)."""
+
+_ROUNDS = 5
+_MITRE_LIMIT = 5.0
+
+
+def pieces_of(*shapes: BaseGeometry | Pieces) -> Pieces:
+    """Return all polygons of geometries; points and lines left over by an overlay are dropped."""
+    parts = np.concatenate([shapely.get_parts(shape) for shape in shapes])
+    parts = shapely.get_parts(parts[shapely.get_dimensions(parts) == 2])
+    return np.asarray(parts[~shapely.is_empty(parts)], dtype=object)
+
+
+def snapped_union(*shapes: BaseGeometry | Pieces) -> Pieces:
+    """Return the union's polygons on the grid `GRID_MM`; where two edges meet is a corner."""
+    return pieces_of(shapely.union_all(pieces_of(*shapes), grid_size=GRID_MM))
+
+
+def vanishes(pieces: Pieces, width_mm: float) -> NDArray[np.bool_]:
+    """Tell which polygons are nowhere thicker than a width."""
+    if width_mm <= 0.0:
+        return np.zeros(len(pieces), dtype=bool)
+    eroded = shapely.buffer(pieces, -0.5 * width_mm, join_style="mitre", quad_segs=1)
+    return np.asarray(shapely.is_empty(eroded), dtype=bool)
+
+
+def without_slivers(pieces: Pieces, width_mm: float) -> tuple[Pieces, int]:
+    """Drop the polygons that are nowhere thicker than a width; also return how many."""
+    gone = vanishes(pieces, width_mm)
+    return pieces[~gone], int(gone.sum())
+
+
+def without_slits(pieces: Pieces, width_mm: float) -> tuple[Pieces, int]:
+    """Fill the holes that are nowhere wider than a width; also return how many."""
+    filled = 0
+    result = pieces.copy()
+    for index in np.flatnonzero(shapely.get_num_interior_rings(pieces) > 0):
+        rings = np.asarray(pieces[index].interiors, dtype=object)
+        narrow = vanishes(np.asarray(shapely.polygons(rings), dtype=object), width_mm)
+        if narrow.any():
+            result[index] = Polygon(pieces[index].exterior, list(rings[~narrow]))
+            filled += int(narrow.sum())
+    return result, filled
+
+
+def touching_points(pieces: Pieces) -> NDArray[np.float64]:
+    """Return the corners, shape (n, 2), at which rings meet themselves or each other."""
+    rings = shapely.get_rings(pieces)
+    coordinates, ring = shapely.get_coordinates(rings, return_index=True)
+    first = np.ones(len(ring), dtype=bool)  # a ring's last corner repeats its first: leave it out
+    first[1:] = ring[1:] != ring[:-1]
+    unique, count = np.unique(coordinates[~first], axis=0, return_counts=True)
+    return np.asarray(unique[count > 1], dtype=np.float64)
+
+
+def bridged(pieces: Pieces, within: BaseGeometry, radius_mm: float) -> tuple[Pieces, int]:
+    """Join what touches in a single point by a small octagon there.
+
+    Two solids that share only an upright edge are no printable body, and a file of triangles
+    cannot say on which side each belongs: four triangles meet at one edge.
+
+    Parameters
+    ----------
+    pieces
+        Polygons of a union made by `snapped_union`, so that they meet only in corners.
+    within
+        The octagons stay inside it.
+    radius_mm
+        Their radius.
+
+    Returns
+    -------
+    Pieces, int
+        The polygons and the number of points mended.
+    """
+    mended = 0
+    for _ in range(_ROUNDS):
+        points = touching_points(pieces)
+        if not len(points):
+            break
+        patches = shapely.MultiPoint(points).buffer(radius_mm, quad_segs=2).intersection(within)
+        pieces = snapped_union(pieces, patches)
+        mended += len(points)
+    return pieces, mended
+
+
+def thin_parts(pieces: Pieces, width_mm: float) -> Pieces:
+    """Return the parts of polygons that are thinner than a width.
+
+    They are what an opening (shrink, then grow back) loses. Sharp corners lose their tips too:
+    what is smaller than twice the width squared is not counted, which is a tip below 12 degrees.
+    """
+    half_mm = 0.5 * width_mm
+    # Growing back a hair more keeps rounding errors along the edges out of the difference.
+    opened = shapely.buffer(
+        shapely.buffer(pieces, -half_mm, join_style="mitre", mitre_limit=_MITRE_LIMIT),
+        1.001 * half_mm,
+        join_style="mitre",
+        mitre_limit=_MITRE_LIMIT,
+    )
+    lost = pieces_of(shapely.difference(pieces, opened))
+    return lost[shapely.area(lost) > 2.0 * width_mm**2]

@@ -1,0 +1,125 @@
+"""The nouns of a rig: a part as it is printed, and all parts together."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError
+from vinefab.model.checked import Floats, Ints, frozen_floats, frozen_ints, positive
+from vinefab.model.printer import Printer
+from vinefab.rig.options import RigOptions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RigPart:
+    """One solid, lying as it is printed: lower corner at the origin, plate down.
+
+    Parameters
+    ----------
+    name
+        File name without suffix.
+    row, column
+        Place in the grid of tiles, from 1, row 1 lowest and column 1 leftmost on the map.
+    vertices_mm
+        Corners, shape (n, 3), each value one that single precision (STL) holds exactly.
+    faces
+        Triangles as rows of corner indices, shape (m, 3), counter-clockwise seen from outside.
+    to_map
+        Homogeneous transform, shape (4, 4): printed millimetres to map coordinates. It undoes the
+        rig's scale, z = 0 is the floor that the robot lies on.
+    volume_mm3
+        Designed volume, from the plan's areas and not from the triangles.
+
+    Raises
+    ------
+    BadInputError
+        If an array has the wrong shape, or a face names a corner that does not exist.
+    """
+
+    name: str
+    row: int
+    column: int
+    vertices_mm: Floats
+    faces: Ints
+    to_map: Floats
+    volume_mm3: float
+
+    def __post_init__(self) -> None:
+        vertices = frozen_floats("part.vertices_mm", self.vertices_mm, 3)
+        faces = frozen_ints(self.faces)
+        if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
+            raise BadInputError("part.faces", faces.shape, "shape (m, 3), m at least 1")
+        if faces.min() < 0 or faces.max() >= len(vertices):
+            raise BadInputError("part.faces", faces.max(), f"0 to {len(vertices) - 1}")
+        to_map = frozen_floats("part.to_map", self.to_map, 4)
+        if to_map.shape != (4, 4):
+            raise BadInputError("part.to_map", to_map.shape, "shape (4, 4)")
+        positive("part.volume_mm3", self.volume_mm3, 1e15, "mm3")
+        object.__setattr__(self, "vertices_mm", vertices)
+        object.__setattr__(self, "faces", faces)
+        object.__setattr__(self, "to_map", to_map)
+
+    @property
+    def size_mm(self) -> tuple[float, float, float]:
+        """Width, depth and height of the box around the part as printed."""
+        span = np.ptp(self.vertices_mm, axis=0)
+        return float(span[0]), float(span[1]), float(span[2])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThinPlace:
+    """A place where a wall is thinner than the printer can print it.
+
+    Parameters
+    ----------
+    x_mm, y_mm
+        A point in it, in map coordinates.
+    area_mm2
+        Area of the thin part, as printed.
+    """
+
+    x_mm: float
+    y_mm: float
+    area_mm2: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rig:
+    """All parts of a map's rig.
+
+    Parameters
+    ----------
+    name
+        Name of the map.
+    parts
+        Row by row from the map's lower left.
+    printer, options
+        What they were made for.
+    thin_places
+        Where walls are thinner than the printer's least wall; they were left as they are.
+    counts
+        What was left out, mended or joined, by name; see `vinefab.rig.build`.
+    joint_gap_mm3
+        Volume of the plate that is missing in the gaps around the joints.
+    notes
+        Sentences that the person who prints the rig should read.
+    """
+
+    name: str
+    parts: tuple[RigPart, ...]
+    printer: Printer
+    options: RigOptions
+    thin_places: tuple[ThinPlace, ...] = ()
+    counts: Mapping[str, int] = field(default_factory=dict)
+    joint_gap_mm3: float = 0.0
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "counts", MappingProxyType(dict(self.counts)))
+
+    @property
+    def volume_mm3(self) -> float:
+        """Designed volume of all parts."""
+        return sum(part.volume_mm3 for part in self.parts)

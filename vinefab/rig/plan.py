@@ -1,0 +1,161 @@
+"""A map as the plan of its rig: plate, obstacles and border in millimetres of the rig."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.model.map import Map, Pose, Start
+from vinefab.model.printer import Printer
+from vinefab.rig.clean import (
+    Pieces,
+    bridged,
+    pieces_of,
+    snapped_union,
+    thin_parts,
+    without_slits,
+    without_slivers,
+)
+from vinefab.rig.entry import entry_of
+from vinefab.rig.options import GRID_MM, RigOptions
+from vinefab.rig.part import ThinPlace
+
+_BORDER_MITRE_LIMIT = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RigPlan:
+    """What stands where, before it is split into parts.
+
+    Parameters
+    ----------
+    plate
+        Outline of the base plate; polygons without holes but those of entries.
+    solids
+        Obstacles and border, polygons shape (n,) that meet nowhere, within the plate.
+    origin_mm
+        The map's point at the plan's (0, 0), the lower left corner of the bounds' box.
+    scale
+        Plan millimetres per map millimetre.
+    thin_places
+        Where solids are thinner than the printer's least wall.
+    slivers, slits, bridges
+        Pieces dropped, holes filled, touching corners joined.
+    notes
+        For the person who prints it.
+    """
+
+    plate: BaseGeometry
+    solids: Pieces
+    origin_mm: tuple[float, float]
+    scale: float
+    thin_places: tuple[ThinPlace, ...] = ()
+    slivers: int = 0
+    slits: int = 0
+    bridges: int = 0
+    notes: tuple[str, ...] = ()
+
+
+def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
+    """Return the plan of a map's rig.
+
+    The border stands outside the bounds. Obstacles are clipped to the bounds, then joined with
+    each other and with the border wherever they overlap or touch; holes in the bounds are solid.
+
+    Parameters
+    ----------
+    world
+        The map.
+    printer
+        Its least wall is what thin walls are measured against.
+    options
+        Sizes.
+    """
+    origin_mm = world.bounds.bounds[0], world.bounds.bounds[1]
+    bounds = _scaled_polygons([world.bounds], world, options.scale)[0]
+    obstacles, slivers = without_slivers(_obstacles(world, bounds, options), options.sliver_mm)
+    border, plate, notes = _opened(world, bounds, obstacles, options)
+    plate = shapely.set_precision(plate, GRID_MM)
+    solids, more_slivers = without_slivers(snapped_union(obstacles, border), options.sliver_mm)
+    solids, slits = without_slits(solids, options.sliver_mm)
+    solids, bridges = bridged(solids, plate, 0.5 * printer.least_wall_mm)
+    thin = thin_parts(solids, printer.least_wall_mm)
+    return RigPlan(
+        plate=plate,
+        solids=solids,
+        origin_mm=origin_mm,
+        scale=options.scale,
+        thin_places=_thin_places(thin, origin_mm, options.scale),
+        slivers=slivers + more_slivers,
+        slits=slits,
+        bridges=bridges,
+        notes=notes,
+    )
+
+
+def _obstacles(world: Map, bounds: Polygon, options: RigOptions) -> Pieces:
+    """Return the obstacles within the bounds, and the holes of the bounds, joined."""
+    scaled = _scaled_polygons(world.obstacles, world, options.scale)
+    holes = pieces_of(*(Polygon(ring) for ring in bounds.interiors), Polygon())
+    return pieces_of(shapely.intersection(snapped_union(scaled, holes), Polygon(bounds.exterior)))
+
+
+def _scaled_polygons(polygons: Sequence[Polygon], world: Map, scale: float) -> Pieces:
+    low_mm = np.array(world.bounds.bounds[:2])
+    array = np.empty(len(polygons), dtype=object)
+    array[:] = polygons
+    return shapely.transform(array, lambda points: (points - low_mm) * scale)
+
+
+def _opened(
+    world: Map, bounds: Polygon, obstacles: Pieces, options: RigOptions
+) -> tuple[BaseGeometry, BaseGeometry, tuple[str, ...]]:
+    """Return border and plate with the entries of all starts taken out, and notes."""
+    inside = Polygon(bounds.exterior)
+    grown = inside.buffer(options.border_mm, join_style="mitre", mitre_limit=_BORDER_MITRE_LIMIT)
+    plate = shapely.union_all([Polygon(piece.exterior) for piece in pieces_of(grown)])
+    border = plate.difference(inside)
+    solids = shapely.union_all(obstacles)
+    entries = [
+        entry_of(_scaled(start, world, options.scale), inside, border, solids, options)
+        for start in world.starts
+    ]
+    closed = shapely.union_all([entry.from_border for entry in entries])
+    holes = shapely.union_all([entry.from_plate for entry in entries])
+    notes = tuple(
+        f"start {index}: {entry.note}" for index, entry in enumerate(entries, 1) if entry.note
+    )
+    if not world.starts:
+        notes = ("the map has no start: the border is closed all around",)
+    return border.difference(closed), plate.difference(holes), notes
+
+
+def _scaled(start: Start, world: Map, scale: float) -> Start:
+    pose, (x_mm, y_mm) = start.pose, world.bounds.bounds[:2]
+    return replace(
+        start,
+        pose=Pose(
+            x_mm=scale * (pose.x_mm - x_mm),
+            y_mm=scale * (pose.y_mm - y_mm),
+            heading_rad=pose.heading_rad,
+        ),
+        spread_x_mm=scale * start.spread_x_mm,
+        spread_y_mm=scale * start.spread_y_mm,
+    )
+
+
+def _thin_places(
+    thin: Pieces, origin_mm: tuple[float, float], scale: float
+) -> tuple[ThinPlace, ...]:
+    return tuple(
+        ThinPlace(
+            x_mm=origin_mm[0] + point.x / scale,
+            y_mm=origin_mm[1] + point.y / scale,
+            area_mm2=float(piece.area),
+        )
+        for piece in thin
+        for point in (piece.representative_point(),)
+    )

@@ -1,1 +1,1 @@
-"""Search over designs: the space, the optimizers, the loop and its record."""
+"""The search for a design: space, optimizers, the loop and the record of a run."""

@@ -1,0 +1,26 @@
+"""The optimizers that come with vinefab."""
+
+from collections.abc import Callable, Mapping
+
+from vinefab.core.registry import Registry
+from vinefab.optimize.optimizer import Recipe
+from vinefab.optimize.pso import SwarmRecipe
+from vinefab.optimize.random import RandomRecipe
+from vinefab.tasks.parameters import with_parameters
+
+OPTIMIZERS: Registry[Callable[..., Recipe]] = Registry(
+    "optimizer", {"pso": SwarmRecipe, "random": RandomRecipe}
+)
+
+
+def make_recipe(name: str, parameters: Mapping[str, object] | None = None) -> Recipe:
+    """Return an optimizer's parameters, ready to start.
+
+    Raises
+    ------
+    UnknownNameError
+        If no optimizer has that name.
+    BadInputError
+        If a parameter is unknown or cannot be used.
+    """
+    return with_parameters(OPTIMIZERS[name], "optimizer", parameters or {})

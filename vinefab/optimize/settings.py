@@ -1,0 +1,169 @@
+"""Everything that decides what a run does."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from pathlib import Path
+
+from vinefab.core.errors import BadInputError
+from vinefab.growth.options import GrowthOptions
+from vinefab.model.checked import number, positive, whole
+from vinefab.optimize.bounds import BuildSettings, SpaceSettings
+from vinefab.tasks.composite import COMPOSITES
+
+MOST_SECONDS = 1e8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapSettings:
+    """The maps to train on: generated ones, or files.
+
+    Parameters
+    ----------
+    environment
+        Which generator.
+    count
+        How many maps.
+    seed
+        Seed of the first; each next map has the next seed.
+    options
+        The generator's options.
+    files
+        Map files instead; the values above are not used then.
+    """
+
+    environment: str = "grid"
+    count: int = 4
+    seed: int = 1
+    options: Mapping[str, object] = field(default_factory=dict)
+    files: tuple[Path, ...] = ()
+
+    def __post_init__(self) -> None:
+        whole("maps.count", self.count, 1, 100_000)
+        whole("maps.seed", self.seed, 0, 2**62)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartSettings:
+    """A part from a registry and what its parameters are, where they differ from the defaults.
+
+    Parameters
+    ----------
+    name
+        Name in the registry.
+    parameters
+        Names and values.
+    """
+
+    name: str
+    parameters: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchSettings:
+    """How long and with what seed the optimizer searches.
+
+    Parameters
+    ----------
+    population
+        Designs per generation.
+    generations
+        Most generations.
+    seed
+        Seed of everything random in the run but the maps.
+    stall_generations
+        Stop when the best fitness has not improved for so many; 0: never.
+    wall_time_s
+        Stop after the first generation that ends later than this, all sessions together; 0:
+        never. A run that stops by time may stop elsewhere when repeated.
+    """
+
+    population: int = 20
+    generations: int = 15
+    seed: int = 1
+    stall_generations: int = 0
+    wall_time_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        whole("optimizer.population", self.population, 2, 100_000)
+        whole("optimizer.generations", self.generations, 1, 1_000_000)
+        whole("optimizer.seed", self.seed, 0, 2**62)
+        whole("optimizer.stall_generations", self.stall_generations, 0, 1_000_000)
+        number("optimizer.wall_time_s", self.wall_time_s, 0.0, MOST_SECONDS, "s")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvaluationSettings:
+    """How a design's fitness comes about.
+
+    Parameters
+    ----------
+    poses_per_map
+        Poses that every design of a generation grows from on each map.
+    composite
+        How the scores are weighed into one: ``mean``, ``best`` or ``min_deviation``.
+    redraw
+        Draw new poses for every generation; otherwise all generations meet the same.
+    fabricable
+        Rank designs that cannot be made (a penalty above 0) below all that can.
+    recipe
+        Whose limits decide what can be made: a recipe's name or file; empty for the default.
+    penalty_weight
+        Fitness that one unit of penalty costs.
+    finalists
+        Best designs of the run that are evaluated again before one of them wins.
+    final_poses_per_map
+        Fresh poses for that on each map.
+    """
+
+    poses_per_map: int = 1
+    composite: str = "mean"
+    redraw: bool = True
+    fabricable: bool = True
+    recipe: str = ""
+    penalty_weight: float = 1.0
+    finalists: int = 8
+    final_poses_per_map: int = 5
+
+    def __post_init__(self) -> None:
+        whole("evaluation.poses_per_map", self.poses_per_map, 1, 10_000)
+        whole("evaluation.finalists", self.finalists, 1, 10_000)
+        whole("evaluation.final_poses_per_map", self.final_poses_per_map, 1, 10_000)
+        positive("evaluation.penalty_weight", self.penalty_weight, 1e6, "")
+        if self.composite not in COMPOSITES:
+            raise BadInputError(
+                "evaluation.composite", self.composite, f"one of {', '.join(COMPOSITES)}"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSettings:
+    """A whole run.
+
+    Parameters
+    ----------
+    name
+        What the run and its best design are called; allowed as a design's name.
+    maps, task, space, build, growth, optimizer, search, evaluation
+        Its parts.
+    """
+
+    name: str = "run"
+    maps: MapSettings = MapSettings()
+    task: PartSettings = PartSettings(name="coverage")
+    space: SpaceSettings = field(default_factory=SpaceSettings)
+    build: BuildSettings = field(default_factory=BuildSettings)
+    growth: GrowthOptions = field(default_factory=GrowthOptions)
+    optimizer: PartSettings = PartSettings(name="pso")
+    search: SearchSettings = SearchSettings()
+    evaluation: EvaluationSettings = EvaluationSettings()
+
+
+def plain_settings(settings: object) -> object:
+    """Return settings as values that JSON can hold, the same for the same settings."""
+    if is_dataclass(settings):
+        return {f.name: plain_settings(getattr(settings, f.name)) for f in fields(settings)}
+    if isinstance(settings, Mapping):
+        return {str(key): plain_settings(settings[key]) for key in sorted(settings)}
+    if isinstance(settings, list | tuple):
+        return [plain_settings(entry) for entry in settings]
+    return settings if isinstance(settings, bool | int | float | str) else str(settings)

@@ -1,0 +1,137 @@
+"""What one point of the search is worth."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.rng import child
+from vinefab.growth.options import GrowthOptions
+from vinefab.model.checked import Floats
+from vinefab.model.design import Design
+from vinefab.model.map import Map
+from vinefab.model.score import Score
+from vinefab.optimize.objective import INVALID_FITNESS, objective
+from vinefab.optimize.settings import EvaluationSettings, RunSettings
+from vinefab.optimize.space import Space
+from vinefab.tasks.evaluate import Poses, Site, poses_on, score_design
+from vinefab.tasks.registry import make_task
+from vinefab.tasks.task import Task
+
+Penalty = Callable[[Design], float]
+"""How far a design is from one that can be made: 0 when it can, else above 0."""
+
+TRAINING, FINAL = 1411, 1412
+"""Streams of the seeds that poses are drawn from."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """One point of the search, evaluated.
+
+    Parameters
+    ----------
+    design
+        The design at the point; None when there is none.
+    score
+        Its score; None without a design.
+    penalty
+        Its penalty.
+    fitness
+        What it is worth to the optimizer.
+    problem
+        Why there is no design, or an empty string.
+    """
+
+    design: Design | None = None
+    score: Score | None = None
+    penalty: float = 0.0
+    fitness: float = INVALID_FITNESS
+    problem: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trial:
+    """Everything that an evaluation needs, the same for all points of a run.
+
+    Parameters
+    ----------
+    sites
+        The maps.
+    space
+        What points stand for.
+    task
+        What final states are worth.
+    growth
+        How robots grow.
+    evaluation
+        How scores become a fitness.
+    penalty
+        None in a run that does not ask for designs that can be made.
+    """
+
+    sites: tuple[Site, ...]
+    space: Space
+    task: Task
+    growth: GrowthOptions
+    evaluation: EvaluationSettings
+    penalty: Penalty | None
+
+    @classmethod
+    def of(cls, settings: RunSettings, maps: Sequence[Map], penalty: Penalty | None) -> "Trial":
+        """Return the trial of a run.
+
+        Raises
+        ------
+        BadInputError
+            If there is no map or nothing to search, or the run asks for designs that can be made
+            and nobody says which.
+        """
+        if not maps:
+            raise BadInputError("maps", "none", "at least one map")
+        if settings.evaluation.fabricable and penalty is None:
+            raise BadInputError(
+                "evaluation.fabricable", "true, without a penalty", "false, or a penalty function"
+            )
+        space = Space(settings.space, settings.build)
+        if len(space) == 0:
+            raise BadInputError("space", "every variable fixed", "at least one with a range")
+        return cls(
+            sites=tuple(Site.of(world) for world in maps),
+            space=space,
+            task=make_task(settings.task.name, settings.task.parameters),
+            growth=settings.growth,
+            evaluation=settings.evaluation,
+            penalty=penalty if settings.evaluation.fabricable else None,
+        )
+
+    def poses(self, seed: int, stream: int, generation: int, count: int) -> Poses:
+        """Draw the poses of one generation: the same for all its points."""
+        seeds = [
+            int(child(seed, stream, generation, index).integers(2**62))
+            for index in range(len(self.sites))
+        ]
+        return poses_on(self.sites, count, seeds)
+
+    def evaluate(self, x: Floats, poses: Poses) -> Candidate:
+        """Return what a point is worth; a point that is no design is a result, not an error.
+
+        Parameters
+        ----------
+        x
+            The point, shape (d,).
+        poses
+            For each map, the poses to grow from.
+        """
+        try:
+            design = self.space.design(x)
+            penalty = 0.0 if self.penalty is None else self.penalty(design)
+        except BadInputError as error:
+            return Candidate(problem=str(error))
+        score = score_design(design, self.sites, poses, self.task, self.growth)
+        fitness = objective(
+            score.composite[self.evaluation.composite],
+            penalty,
+            lowest=min(0.0, self.task.lowest),
+            weight=self.evaluation.penalty_weight,
+        )
+        return Candidate(design=design, score=score, penalty=penalty, fitness=fitness)

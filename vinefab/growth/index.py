@@ -1,0 +1,116 @@
+"""A uniform grid over walls and vertices, so that a ray or a sweep looks only at what is near."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vinefab.growth.arrays import Ints32, WallArrays
+from vinefab.growth.walls import Walls
+from vinefab.model.checked import Floats, Ints
+
+MARGIN = 1e-6
+"""Walls are entered in cells that they miss by up to this share of a cell.
+
+It is far above rounding and above the tolerance of touching, so that a ray along a cell's edge or
+through its corner finds everything that it touches in the cells that it is said to cross.
+"""
+
+
+class _Grid(NamedTuple):
+    """Lower left corner, cell side (mm), columns and rows."""
+
+    x_mm: float
+    y_mm: float
+    cell_mm: float
+    columns: int
+    rows: int
+
+
+def indexed(walls: Walls) -> WallArrays:
+    """Return the walls with their grid index, all arrays read-only."""
+    grid = _grid_over(walls.wall)
+    wall_first, wall_item = _listed(grid, *_cells_of_walls(grid, walls.wall))
+    vertex_first, vertex_item = _listed(grid, *_cells_of_vertices(grid, walls.vertex))
+    arrays = WallArrays(
+        wall=np.ascontiguousarray(walls.wall),
+        link=np.ascontiguousarray(walls.link),
+        vertex=np.ascontiguousarray(walls.vertex),
+        vertex_point=walls.vertex_point,
+        box=np.array([grid.x_mm, grid.y_mm, grid.cell_mm]),
+        shape=np.array([grid.columns, grid.rows], dtype=np.int64),
+        wall_first=wall_first,
+        wall_item=wall_item,
+        vertex_first=vertex_first,
+        vertex_item=vertex_item,
+    )
+    for array in arrays:
+        array.setflags(write=False)
+    return arrays
+
+
+def _grid_over(wall: Floats) -> _Grid:
+    """Return a grid with about one cell per wall."""
+    if len(wall) == 0:
+        return _Grid(0.0, 0.0, 1.0, 1, 1)
+    low, high = wall[:, :2].min(axis=0), wall[:, :2].max(axis=0)
+    width, height = (high - low).tolist()
+    cell = max(np.sqrt(width * height / len(wall)), max(width, height) / (4.0 * len(wall)))
+    columns, rows = int(width / cell) + 1, int(height / cell) + 1
+    return _Grid(float(low[0]), float(low[1]), float(cell), columns, rows)
+
+
+def _column(grid: _Grid, x_mm: Floats) -> Ints:
+    column = np.floor((x_mm - grid.x_mm) / grid.cell_mm)
+    return np.clip(column, 0, grid.columns - 1).astype(np.int64)
+
+
+def _row(grid: _Grid, y_mm: Floats) -> Ints:
+    row = np.floor((y_mm - grid.y_mm) / grid.cell_mm)
+    return np.clip(row, 0, grid.rows - 1).astype(np.int64)
+
+
+def _cells_of_walls(grid: _Grid, wall: Floats) -> tuple[Ints, Ints]:
+    """Return (wall, cell) pairs for every cell that a wall touches within the margin."""
+    margin = MARGIN * grid.cell_mm
+    left = np.minimum(wall[:, 0], wall[:, 5])
+    right = np.maximum(wall[:, 0], wall[:, 5])
+    first, last = _column(grid, left - margin), _column(grid, right + margin)
+    item, column = _expanded(first, last)
+    low, high = _heights(grid, wall[item], column, margin)
+    pair, row = _expanded(_row(grid, low - margin), _row(grid, high + margin))
+    return item[pair], row * grid.columns + column[pair]
+
+
+def _heights(grid: _Grid, wall: Floats, column: Ints, margin: float) -> tuple[Floats, Floats]:
+    """Return the lowest and highest y of each wall within its column."""
+    x, y = wall[:, 0], wall[:, 1]
+    dx, dy = wall[:, 5] - x, wall[:, 6] - y
+    edge = grid.x_mm + column * grid.cell_mm
+    # Upright walls are taken whole: dividing by their width would lose them.
+    upright = np.abs(dx) < 1e-3 * grid.cell_mm
+    width = np.where(upright, 1.0, dx)
+    one = np.where(upright, 0.0, np.clip((edge - margin - x) / width, 0.0, 1.0))
+    two = np.where(upright, 1.0, np.clip((edge + grid.cell_mm + margin - x) / width, 0.0, 1.0))
+    return np.minimum(y + one * dy, y + two * dy), np.maximum(y + one * dy, y + two * dy)
+
+
+def _expanded(first: Ints, last: Ints) -> tuple[Ints, Ints]:
+    """Return (index, value) for all values of each range ``first .. last``, both included."""
+    count = last - first + 1
+    index = np.repeat(np.arange(len(first)), count)
+    within = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
+    return index, first[index] + within
+
+
+def _cells_of_vertices(grid: _Grid, vertex: Floats) -> tuple[Ints, Ints]:
+    cell = _row(grid, vertex[:, 1]) * grid.columns + _column(grid, vertex[:, 0])
+    return np.arange(len(vertex)), cell
+
+
+def _listed(grid: _Grid, item: Ints, cell: Ints) -> tuple[Ints32, Ints32]:
+    """Return where each cell's items begin, and the items cell by cell in rising order."""
+    order: NDArray[np.int64] = np.argsort(cell, kind="stable")
+    counts = np.bincount(cell, minlength=grid.columns * grid.rows)
+    first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+    return first, item[order].astype(np.int32)

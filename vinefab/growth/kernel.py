@@ -1,0 +1,589 @@
+"""The compiled growth simulator: event by event, in closed form, without a time step.
+
+The rules are those of the growth model: free growth, sliding on walls, wrapping around vertices,
+release, corners, head-on stops. `vinefab.growth.reference` is the same model in plain Python.
+Everything compiled is in this file, and it imports nothing of ours, because a compiled file does
+not notice when another file changes. The arrays are described in `vinefab.growth.arrays`.
+
+A wall has its free side on the left: its normal is its tangent turned by +90 degrees. A tip that
+slides with ``sense`` +1 moves along the tangent and the body turns left; with -1, both reverse.
+This follows from the body pressing on the wall, so no small number ever decides a turning sense.
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+# ruff: noqa: ANN001, ANN202, ANN201, FBT003  numba infers the types of what it compiles
+# ruff: noqa: PLR0913, PLR0917  scalars are the compiled way to hand things over
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numba
+
+FULL_LENGTH = 0
+HEAD_ON = 1
+CORNER = 2
+NOT_DEPLOYED = 3
+GROWING = -1
+
+NO_WALL = -1
+NO_POINT = -1
+
+
+def compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba dispatcher
+    """Compile a function, without the interpreter lock, keeping the code on disk if possible.
+
+    The cache goes beside this file or, if that folder is read-only, to the user's cache folder.
+    Where neither can be written to, the code is compiled anew in every process.
+    """
+    try:
+        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    except RuntimeError:
+        return numba.njit(nogil=True, error_model="numpy")(function)
+
+
+class Tip(NamedTuple):
+    """State of a growing branch.
+
+    Parameters
+    ----------
+    x, y
+        The tip.
+    ux, uy
+        Heading, from pivot to tip.
+    pivot
+        Index of the pivot among the chain points.
+    wall, place, sense
+        Wall that the tip slides on, how far along it, and which way; wall -1 for free growth.
+    corner
+        Place that free growth just left, -1 if none: its walls are not met again.
+    stop
+        Why it stopped, or `GROWING`.
+    """
+
+    x: float
+    y: float
+    ux: float
+    uy: float
+    pivot: int
+    wall: int
+    place: float
+    sense: float
+    corner: int
+    stop: int
+
+
+# --- The rules that decide the answer, one function each --------------------------------------
+
+
+@compiled
+def presses(walls, rules, ux, uy, wall):
+    """Tell whether a body that points along u presses on a wall: u.n < 0."""
+    return ux * -walls.wall[wall, 3] + uy * walls.wall[wall, 2] < -rules.tolerance_rad
+
+
+@compiled
+def is_head_on(walls, rules, ux, uy, wall):
+    """Tell whether a tip that meets a wall stops: the angle between u and -n is small."""
+    tx, ty = walls.wall[wall, 2], walls.wall[wall, 3]
+    along = abs(ux * tx + uy * ty)
+    against = ux * ty - uy * tx
+    return math.atan2(along, against) <= rules.head_on_half_angle_rad + rules.tolerance_rad
+
+
+@compiled
+def slide_sense(walls, ux, uy, wall):
+    """Return +1 if the tip slides along the wall's tangent, -1 if against it: sign(u.t)."""
+    return 1.0 if ux * walls.wall[wall, 2] + uy * walls.wall[wall, 3] >= 0.0 else -1.0
+
+
+@compiled
+def leaves_at_end(walls, rules, ux, uy, following):
+    """Tell whether a tip at a convex end of its wall leaves: it does not press on the next wall."""
+    return not presses(walls, rules, ux, uy, following)
+
+
+@compiled
+def is_wedged(walls, rules, wall, sense, first):
+    """Tell whether sliding on ``wall`` would drive the tip back into the wall it comes from."""
+    sx, sy = sense * walls.wall[wall, 2], sense * walls.wall[wall, 3]
+    return sx * -walls.wall[first, 3] + sy * walls.wall[first, 2] <= rules.tolerance_rad
+
+
+# --- What the tip meets -----------------------------------------------------------------------
+
+
+@compiled
+def _passes_end(walls, rules, dx, dy, wall, at_end, distance):
+    """Tell whether a ray through an end of a wall that faces it goes by.
+
+    At a convex corner it does if the other wall of the wedge does not face it. At a point where
+    rings touch it may come from another wedge altogether: then this wall is out of its reach.
+    """
+    other = walls.link[wall, 1] if at_end else walls.link[wall, 0]
+    outward = 1.0 if at_end else -1.0
+    nx, ny = -walls.wall[other, 3], walls.wall[other, 2]
+    facing = dx * nx + dy * ny
+    is_convex = outward * (walls.wall[wall, 2] * nx + walls.wall[wall, 3] * ny) > 0.0
+    if is_convex:
+        return facing >= -rules.tolerance_rad
+    run_up = min(distance, walls.wall[other, 4])
+    return run_up * facing > 4.0 * rules.tolerance_mm
+
+
+@compiled
+def _meeting(walls, rules, ox, oy, dx, dy, wall):
+    """Return how far along a ray a wall is met, and where on it; infinity if it is not.
+
+    A wall within the tolerance of the origin counts as in front of it, at distance zero.
+    """
+    tx, ty, length = walls.wall[wall, 2], walls.wall[wall, 3], walls.wall[wall, 4]
+    facing = dy * tx - dx * ty
+    rx, ry = ox - walls.wall[wall, 0], oy - walls.wall[wall, 1]
+    height, place = ry * tx - rx * ty, rx * tx + ry * ty
+    tolerance = rules.tolerance_mm
+    if facing >= -rules.tolerance_rad or height < -tolerance:
+        return math.inf, 0.0
+    if height <= tolerance and -tolerance <= place <= length + tolerance:
+        to_start, to_end = place, length - place
+    elif height <= 0.0:
+        return math.inf, 0.0
+    else:
+        # Distances of the wall's ends from the ray's line, so that no ray slips between two walls.
+        to_start = dx * ry - dy * rx
+        to_end = -length * facing - to_start
+        place -= height / facing * (dx * tx + dy * ty)
+    if to_start < -tolerance or to_end < -tolerance:
+        return math.inf, 0.0
+    place = min(max(place, 0.0), length)
+    distance = max(0.0, (place * tx - rx) * dx + (place * ty - ry) * dy)
+    if to_start <= tolerance and _passes_end(walls, rules, dx, dy, wall, False, distance):
+        return math.inf, 0.0
+    if to_end <= tolerance and _passes_end(walls, rules, dx, dy, wall, True, distance):
+        return math.inf, 0.0
+    return distance, place
+
+
+@compiled
+def _nearest_in_cell(walls, rules, ray, skip, cell, best):
+    """Improve on the nearest wall found so far with those of one cell.
+
+    ``best`` is (wall, distance, place, facing). Of walls met at the same distance, the one that
+    turns the tip least is taken.
+    """
+    found, nearest, at, gentlest = best
+    ox, oy, dx, dy = ray
+    for k in range(walls.wall_first[cell], walls.wall_first[cell + 1]):
+        wall = walls.wall_item[k]
+        start, end = walls.link[wall, 2], walls.link[wall, 3]
+        if start == skip[0] or start == skip[1] or end == skip[0] or end == skip[1]:
+            continue
+        distance, place = _meeting(walls, rules, ox, oy, dx, dy, wall)
+        if distance > nearest + rules.tolerance_mm or wall == found:
+            continue
+        facing = dy * walls.wall[wall, 2] - dx * walls.wall[wall, 3]
+        ties = found != NO_WALL and distance >= nearest - rules.tolerance_mm
+        if (ties and facing > gentlest) or (not ties and distance <= nearest):
+            found, nearest, at, gentlest = wall, distance, place, facing
+    return found, nearest, at, gentlest
+
+
+@compiled
+def _wall_ahead(walls, rules, ray, skip, reach):
+    """Return the first wall that a ray meets within reach, how far away, and where on the wall.
+
+    Walls that have an end at one of the places in ``skip`` are left out. The ray is followed from
+    grid cell to grid cell.
+    """
+    ox, oy, dx, dy = ray
+    cell, columns, rows = walls.box[2], walls.shape[0], walls.shape[1]
+    column = min(max(int((ox - walls.box[0]) / cell), 0), columns - 1)
+    row = min(max(int((oy - walls.box[1]) / cell), 0), rows - 1)
+    right, up = 1 if dx > 0.0 else -1, 1 if dy > 0.0 else -1
+    per_column = cell / abs(dx) if dx != 0.0 else math.inf
+    per_row = cell / abs(dy) if dy != 0.0 else math.inf
+    edge_x = walls.box[0] + (column + (right > 0)) * cell
+    edge_y = walls.box[1] + (row + (up > 0)) * cell
+    to_column = (edge_x - ox) / dx if dx != 0.0 else math.inf
+    to_row = (edge_y - oy) / dy if dy != 0.0 else math.inf
+    best = (NO_WALL, reach, 0.0, 0.0)
+    while 0 <= column < columns and 0 <= row < rows:
+        best = _nearest_in_cell(walls, rules, ray, skip, row * columns + column, best)
+        if min(to_column, to_row) > best[1] + rules.tolerance_mm:
+            break
+        if to_column < to_row:
+            column += right
+            to_column += per_column
+        else:
+            row += up
+            to_row += per_row
+    return best[0], best[1], best[2]
+
+
+@compiled
+def _sweep_to(walls, rules, vertex, sweep):
+    """Return how far the tip slides until the turning body meets a vertex; infinity if never.
+
+    A vertex that the body touches already blocks at once if its solid is on the side that the body
+    turns towards, and not at all otherwise.
+    """
+    px, py, qx, qy, sx, sy, ux, uy, sense = sweep
+    vx, vy = walls.vertex[vertex, 0] - px, walls.vertex[vertex, 1] - py
+    ahead = sense * (ux * vy - uy * vx)
+    along = ux * vx + uy * vy
+    if ahead < -rules.tolerance_mm or along <= rules.tolerance_mm:
+        return math.inf
+    if ahead <= rules.tolerance_mm:
+        if along > ux * qx + uy * qy + rules.tolerance_mm:
+            return math.inf
+        solid = sense * (ux * walls.vertex[vertex, 3] - uy * walls.vertex[vertex, 2])
+        return 0.0 if solid > 0.0 else math.inf
+    closing = sense * (vx * sy - vy * sx)
+    # Beyond the wall's line a vertex is out of the body's reach.
+    above = sense * ((vy - qy) * sx - (vx - qx) * sy)
+    if closing <= 0.0 or above <= rules.tolerance_mm:
+        return math.inf
+    return sense * (qx * vy - qy * vx) / closing
+
+
+@compiled
+def _first_in_cell(walls, rules, sweep, skip, cell, best):
+    """Improve on the first vertex met so far, ``best`` = (vertex, distance, along the body).
+
+    Of vertices met together, the one farthest from the pivot is taken: the body turns about it.
+    """
+    found, nearest, farthest = best
+    for k in range(walls.vertex_first[cell], walls.vertex_first[cell + 1]):
+        vertex = walls.vertex_item[k]
+        if walls.vertex_point[vertex] == skip[0] or walls.vertex_point[vertex] == skip[1]:
+            continue
+        distance = _sweep_to(walls, rules, vertex, sweep)
+        if distance > nearest:
+            continue
+        along = math.hypot(walls.vertex[vertex, 0] - sweep[0], walls.vertex[vertex, 1] - sweep[1])
+        if found == NO_POINT or distance < nearest or along > farthest:
+            found, nearest, farthest = vertex, distance, along
+    return found, nearest, farthest
+
+
+@compiled
+def _band(ax, ay, bx, by, low, high, span):
+    """Widen ``span`` to the x that an edge from a to b takes between two heights."""
+    if max(ay, by) < low or min(ay, by) > high:
+        return span
+    one, two = 0.0, 1.0
+    if ay != by:
+        one = min(max((low - ay) / (by - ay), 0.0), 1.0)
+        two = min(max((high - ay) / (by - ay), 0.0), 1.0)
+    x_one, x_two = ax + one * (bx - ax), ax + two * (bx - ax)
+    return min(span[0], x_one, x_two), max(span[1], x_one, x_two)
+
+
+@compiled
+def _vertex_swept(walls, rules, sweep, skip, reach):
+    """Return the first vertex that the body meets while its tip slides as far as ``reach``.
+
+    The body sweeps a triangle; only the vertices in the grid cells under it are looked at.
+    """
+    px, py, qx, qy, sx, sy = sweep[0], sweep[1], sweep[2], sweep[3], sweep[4], sweep[5]
+    x, y = px + qx, py + qy
+    zx, zy = x + reach * sx, y + reach * sy
+    x0, y0, cell = walls.box[0], walls.box[1], walls.box[2]
+    columns, rows = walls.shape[0], walls.shape[1]
+    margin = 2.0 * rules.tolerance_mm
+    bottom = min(max(int((min(py, y, zy) - margin - y0) / cell), 0), rows - 1)
+    top = min(max(int((max(py, y, zy) + margin - y0) / cell), 0), rows - 1)
+    best = (NO_POINT, reach, 0.0)
+    for row in range(bottom, top + 1):
+        low, high = y0 + row * cell - margin, y0 + (row + 1) * cell + margin
+        span = (math.inf, -math.inf)
+        span = _band(px, py, x, y, low, high, span)
+        span = _band(x, y, zx, zy, low, high, span)
+        span = _band(zx, zy, px, py, low, high, span)
+        if span[0] > span[1]:
+            continue
+        left = min(max(int((span[0] - margin - x0) / cell), 0), columns - 1)
+        right = min(max(int((span[1] + margin - x0) / cell), 0), columns - 1)
+        for column in range(left, right + 1):
+            best = _first_in_cell(walls, rules, sweep, skip, row * columns + column, best)
+    return best[0], best[1]
+
+
+# --- What ends a slide ------------------------------------------------------------------------
+
+
+@compiled
+def _length_distance(qx, qy, sx, sy, room):
+    """Return how far the tip slides until the body from the pivot is ``room`` long."""
+    along = qx * sx + qy * sy
+    short = room * room - qx * qx - qy * qy
+    if short <= 0.0:
+        return 0.0
+    return short / (along + math.sqrt(along * along + short))
+
+
+@compiled
+def _release_distance(growth, tip, base, qx, qy, sx, sy):
+    """Return how far the tip slides until the body straightens over its last contact."""
+    if tip.pivot == base or growth.chain_sense[tip.pivot] == tip.sense:
+        return math.inf
+    ex = growth.points[tip.pivot, 0] - growth.points[tip.pivot - 1, 0]
+    ey = growth.points[tip.pivot, 1] - growth.points[tip.pivot - 1, 1]
+    closing = tip.sense * (ex * sy - ey * sx)
+    if closing <= 0.0:
+        return math.inf
+    return max(0.0, -tip.sense * (ex * qy - ey * qx)) / closing
+
+
+@compiled
+def _moved(walls, rules, growth, tip, distance):
+    """Return the tip after sliding on along its wall."""
+    wall = tip.wall
+    place = min(max(tip.place + tip.sense * distance, 0.0), walls.wall[wall, 4])
+    x = walls.wall[wall, 0] + place * walls.wall[wall, 2]
+    y = walls.wall[wall, 1] + place * walls.wall[wall, 3]
+    ux, uy = _heading(rules, growth, tip, x, y)
+    return Tip(x, y, ux, uy, tip.pivot, wall, place, tip.sense, NO_POINT, GROWING)
+
+
+@compiled
+def _heading(rules, growth, tip, x, y):
+    """Return the unit vector from pivot to (x, y); the heading so far if they coincide."""
+    qx, qy = x - growth.points[tip.pivot, 0], y - growth.points[tip.pivot, 1]
+    reach = math.sqrt(qx * qx + qy * qy)
+    if reach <= rules.tolerance_mm:
+        return tip.ux, tip.uy
+    return qx / reach, qy / reach
+
+
+@compiled
+def _stopped(tip, stop):
+    return Tip(
+        tip.x, tip.y, tip.ux, tip.uy, tip.pivot, tip.wall, tip.place, tip.sense, NO_POINT, stop
+    )
+
+
+@compiled
+def _meet(walls, rules, tip, wall, place):
+    """Return the tip after meeting a wall: stopped, or about to slide on it."""
+    if tip.wall != NO_WALL and not presses(walls, rules, tip.ux, tip.uy, wall):
+        return _stopped(tip, CORNER)
+    if is_head_on(walls, rules, tip.ux, tip.uy, wall):
+        return _stopped(tip, HEAD_ON)
+    sense = slide_sense(walls, tip.ux, tip.uy, wall)
+    if tip.wall != NO_WALL and is_wedged(walls, rules, wall, sense, tip.wall):
+        return _stopped(tip, CORNER)
+    x = walls.wall[wall, 0] + place * walls.wall[wall, 2]
+    y = walls.wall[wall, 1] + place * walls.wall[wall, 3]
+    return Tip(x, y, tip.ux, tip.uy, tip.pivot, wall, place, sense, NO_POINT, GROWING)
+
+
+@compiled
+def _place_on(walls, x, y, wall):
+    """Return how far along a wall the point nearest to (x, y) is."""
+    rx, ry = x - walls.wall[wall, 0], y - walls.wall[wall, 1]
+    along = rx * walls.wall[wall, 2] + ry * walls.wall[wall, 3]
+    return min(max(along, 0.0), walls.wall[wall, 4])
+
+
+@compiled
+def _reach_end(walls, rules, tip):
+    """Return the tip after reaching the end of its wall: on the next wall, free, or stopped."""
+    wall, forward = tip.wall, tip.sense > 0.0
+    following = walls.link[wall, 1] if forward else walls.link[wall, 0]
+    point = walls.link[wall, 3] if forward else walls.link[wall, 2]
+    x = walls.wall[wall, 5] if forward else walls.wall[wall, 0]
+    y = walls.wall[wall, 6] if forward else walls.wall[wall, 1]
+    nx, ny = -walls.wall[following, 3], walls.wall[following, 2]
+    opens = tip.sense * (walls.wall[wall, 2] * nx + walls.wall[wall, 3] * ny)
+    place = 0.0 if forward else walls.wall[following, 4]
+    at_end = Tip(x, y, tip.ux, tip.uy, tip.pivot, wall, tip.place, tip.sense, point, GROWING)
+    if opens <= 0.0:
+        return _meet(walls, rules, at_end, following, place)
+    if leaves_at_end(walls, rules, tip.ux, tip.uy, following):
+        return Tip(x, y, tip.ux, tip.uy, tip.pivot, NO_WALL, 0.0, 0.0, point, GROWING)
+    return Tip(x, y, tip.ux, tip.uy, tip.pivot, following, place, tip.sense, NO_POINT, GROWING)
+
+
+# --- The two kinds of growth ------------------------------------------------------------------
+
+
+@compiled
+def _grow_free(walls, rules, growth, tip, length):
+    """Return the tip after growing along its heading as far as possible (rule 1)."""
+    px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
+    room = length - growth.chain_length[tip.pivot]
+    left = room - math.sqrt((tip.x - px) ** 2 + (tip.y - py) ** 2)
+    ray = (tip.x, tip.y, tip.ux, tip.uy)
+    wall, distance, place = _wall_ahead(walls, rules, ray, (tip.corner, tip.corner), left)
+    if wall == NO_WALL or distance >= left:
+        x, y = px + room * tip.ux, py + room * tip.uy
+        return Tip(x, y, tip.ux, tip.uy, tip.pivot, NO_WALL, 0.0, 0.0, NO_POINT, FULL_LENGTH)
+    x = walls.wall[wall, 0] + place * walls.wall[wall, 2]
+    y = walls.wall[wall, 1] + place * walls.wall[wall, 3]
+    arrived = Tip(x, y, tip.ux, tip.uy, tip.pivot, NO_WALL, 0.0, 0.0, NO_POINT, GROWING)
+    return _meet(walls, rules, arrived, wall, place)
+
+
+@compiled
+def _wrapped(walls, growth, tip, vertex):
+    """Return the tip with a vertex as its new pivot; the turning sense is remembered."""
+    px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
+    vx, vy = walls.vertex[vertex, 0], walls.vertex[vertex, 1]
+    pivot = tip.pivot + 1
+    growth.points[pivot, 0], growth.points[pivot, 1] = vx, vy
+    step = math.sqrt((vx - px) ** 2 + (vy - py) ** 2)
+    growth.chain_length[pivot] = growth.chain_length[pivot - 1] + step
+    growth.chain_sense[pivot] = int(tip.sense)
+    return _with_pivot(tip, pivot)
+
+
+@compiled
+def _with_pivot(tip, pivot):
+    return Tip(
+        tip.x, tip.y, tip.ux, tip.uy, pivot, tip.wall, tip.place, tip.sense, NO_POINT, GROWING
+    )
+
+
+@compiled
+def _slide(walls, rules, growth, tip, base, length):
+    """Return the tip after sliding to the next event (rule 2)."""
+    wall, sense = tip.wall, tip.sense
+    sx, sy = sense * walls.wall[wall, 2], sense * walls.wall[wall, 3]
+    px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
+    qx, qy = tip.x - px, tip.y - py
+    ux, uy = _heading(rules, growth, tip, tip.x, tip.y)
+    to_length = _length_distance(qx, qy, sx, sy, length - growth.chain_length[tip.pivot])
+    to_end = walls.wall[wall, 4] - tip.place if sense > 0.0 else tip.place
+    reach = min(to_length, to_end)
+    ends = (walls.link[wall, 2], walls.link[wall, 3])
+    hit, to_hit, _ = _wall_ahead(walls, rules, (tip.x, tip.y, sx, sy), ends, reach)
+    to_release = _release_distance(growth, tip, base, qx, qy, sx, sy)
+    reach = min(reach, to_hit)
+    sweep = (px, py, qx, qy, sx, sy, ux, uy, sense)
+    vertex, to_vertex = _vertex_swept(walls, rules, sweep, ends, min(reach, to_release))
+    if to_release <= reach and (vertex == NO_POINT or to_release <= to_vertex):
+        return _with_pivot(_moved(walls, rules, growth, tip, to_release), tip.pivot - 1)
+    if vertex != NO_POINT:
+        return _wrapped(walls, growth, _moved(walls, rules, growth, tip, to_vertex), vertex)
+    if reach >= to_length:
+        return _stopped(_moved(walls, rules, growth, tip, to_length), FULL_LENGTH)
+    tip = _moved(walls, rules, growth, tip, reach)
+    if hit != NO_WALL:
+        return _meet(walls, rules, tip, hit, _place_on(walls, tip.x, tip.y, hit))
+    return _reach_end(walls, rules, tip)
+
+
+# --- A branch, and the tree -------------------------------------------------------------------
+
+
+@compiled
+def _turning(growth, first, last, ux, uy):
+    """Return the sum of absolute turns along a chain that was launched along u."""
+    total = 0.0
+    for k in range(first, last):
+        dx = growth.points[k + 1, 0] - growth.points[k, 0]
+        dy = growth.points[k + 1, 1] - growth.points[k, 1]
+        step = math.sqrt(dx * dx + dy * dy)
+        if step > 0.0:
+            dx, dy = dx / step, dy / step
+            total += math.atan2(abs(ux * dy - uy * dx), ux * dx + uy * dy)
+            ux, uy = dx, dy
+    return total
+
+
+@compiled
+def _record(growth, branch, tip, length):
+    """Write down how a branch ended."""
+    last = tip.pivot + 1
+    px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
+    step = math.sqrt((tip.x - px) ** 2 + (tip.y - py) ** 2)
+    growth.points[last, 0], growth.points[last, 1] = tip.x, tip.y
+    growth.first_point[branch + 1] = last + 1
+    growth.stop[branch] = tip.stop
+    growth.grown[branch] = length
+    if tip.stop != FULL_LENGTH:
+        growth.grown[branch] = min(length, growth.chain_length[tip.pivot] + step)
+    growth.heading[branch, 0], growth.heading[branch, 1] = tip.ux, tip.uy
+
+
+@compiled
+def _launch(tree, start, growth, branch):
+    """Return where a branch starts and its heading there."""
+    parent = tree.parent[branch]
+    if parent < 0:
+        x, y, hx, hy = start.x, start.y, start.ux, start.uy
+    else:
+        tip = growth.first_point[parent + 1] - 1
+        x, y = growth.points[tip, 0], growth.points[tip, 1]
+        hx, hy = growth.heading[parent, 0], growth.heading[parent, 1]
+    cosine, sine = tree.turn[branch, 0], tree.turn[branch, 1]
+    return x, y, hx * cosine - hy * sine, hx * sine + hy * cosine
+
+
+@compiled
+def _grow_branch(walls, tree, rules, start, growth, branch):
+    """Grow one branch and write it down; return False if the chain points need more room."""
+    base, length = growth.first_point[branch], tree.length[branch]
+    room = len(growth.points)
+    if base + 2 > room:
+        return False
+    x, y, ux, uy = _launch(tree, start, growth, branch)
+    growth.points[base, 0], growth.points[base, 1] = x, y
+    growth.chain_length[base] = 0.0
+    tip = Tip(x, y, ux, uy, base, NO_WALL, 0.0, 0.0, NO_POINT, GROWING)
+    events = 0
+    while tip.stop == GROWING and events < rules.most_events:
+        # A wrap takes one more point, and the tip one after that.
+        if tip.pivot + 3 > room:
+            return False
+        if tip.wall == NO_WALL:
+            tip = _grow_free(walls, rules, growth, tip, length)
+        else:
+            tip = _slide(walls, rules, growth, tip, base, length)
+        events += 1
+    if tip.stop == GROWING:
+        tip = _stopped(tip, CORNER)
+    growth.events[branch] = events
+    _record(growth, branch, tip, length)
+    growth.turn[branch] = _turning(growth, base, tip.pivot + 1, ux, uy)
+    return True
+
+
+@compiled
+def _emerges(tree, rules, growth, branch):
+    """Tell whether a branch leaves its parent's tip at all."""
+    parent = tree.parent[branch]
+    if not tree.fits[branch]:
+        return False
+    if parent < 0 or growth.stop[parent] == FULL_LENGTH:
+        return True
+    return rules.deploys_stuck and growth.stop[parent] != NOT_DEPLOYED
+
+
+@compiled
+def grow_branches(walls, tree, rules, start, growth, first, last):
+    """Grow the branches ``first .. last - 1`` of a tree, parents before children.
+
+    Parameters
+    ----------
+    walls, tree, rules, start
+        See `vinefab.growth.arrays`.
+    growth
+        Where the result goes; ``growth.first_point[first]`` says where its chain points begin.
+    first, last
+        Which branches to grow.
+
+    Returns
+    -------
+    int
+        ``last``, or the branch for which ``growth.points`` had too little room: give it more and
+        go on from there.
+    """
+    for branch in range(first, last):
+        if not _emerges(tree, rules, growth, branch):
+            growth.first_point[branch + 1] = growth.first_point[branch]
+            growth.stop[branch] = NOT_DEPLOYED
+        elif not _grow_branch(walls, tree, rules, start, growth, branch):
+            return branch
+    return last

@@ -1,0 +1,46 @@
+"""How growth is simulated: the choices that the model leaves to the user."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.units import deg
+from vinefab.model.checked import number
+
+DEFAULT_HEAD_ON_HALF_ANGLE_RAD = math.radians(1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GrowthOptions:
+    """Choices of the growth model; kept with every record, because results depend on them.
+
+    Parameters
+    ----------
+    head_on_half_angle_rad
+        A tip that meets a wall with its heading within this angle of the wall's inward normal
+        stops there; 0 to pi/2. Real robots slid at up to 75 degrees from the wall's tangent, so
+        the true value is at most about 15 degrees.
+    children_of_stuck
+        Whether children of a branch that stopped early stay inside (``stop``: a tip that cannot
+        move cannot evert them) or grow from where it stopped (``deploy``).
+    body
+        ``centerline``: the body is a line (the published model). ``inflated``: every level sees
+        the free space shrunk by its inflated radius, lay-flat width / pi.
+    """
+
+    head_on_half_angle_rad: float = DEFAULT_HEAD_ON_HALF_ANGLE_RAD
+    children_of_stuck: Literal["stop", "deploy"] = "stop"
+    body: Literal["centerline", "inflated"] = "centerline"
+
+    def __post_init__(self) -> None:
+        number("head_on_half_angle_deg", deg(self.head_on_half_angle_rad), 0.0, 90.0, "deg")
+        if self.children_of_stuck not in ("stop", "deploy"):
+            raise BadInputError("children_of_stuck", self.children_of_stuck, "'stop' or 'deploy'")
+        if self.body not in ("centerline", "inflated"):
+            raise BadInputError("body", self.body, "'centerline' or 'inflated'")
+
+    @property
+    def deploys_stuck(self) -> bool:
+        """Whether children of a stuck branch grow from where it stopped."""
+        return self.children_of_stuck == "deploy"

@@ -1,0 +1,470 @@
+"""The growth model in plain Python: the twin that the compiled kernel is held against.
+
+It follows the same rules, under the same names, on the same arrays, but looks at every wall and
+every vertex each time and keeps its state in ordinary objects. Points and directions are complex
+numbers, x + iy. See `vinefab.growth.kernel` for the conventions on walls and senses.
+"""
+
+import itertools
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from vinefab.growth.arrays import Growth, Rules, Start, TreeArrays, WallArrays
+from vinefab.model.deployment import Stop
+
+
+def dot(a: complex, b: complex) -> float:
+    """Return the scalar product of two vectors."""
+    return a.real * b.real + a.imag * b.imag
+
+
+def cross(a: complex, b: complex) -> float:
+    """Return the z component of the vector product: positive if b points to the left of a."""
+    return a.real * b.imag - a.imag * b.real
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Wall:
+    """One straight wall with free space on its left.
+
+    Parameters
+    ----------
+    start, end, tangent, length
+        Its geometry; the tangent is a unit vector from start to end.
+    ends
+        Numbers of the places at its start and end.
+    """
+
+    start: complex
+    end: complex
+    tangent: complex
+    length: float
+    ends: tuple[int, int]
+
+    @property
+    def normal(self) -> complex:
+        """Unit vector into free space."""
+        return complex(-self.tangent.imag, self.tangent.real)
+
+    def at(self, place: float) -> complex:
+        """Return the point so far along the wall."""
+        return self.start + place * self.tangent
+
+
+class Vertex(NamedTuple):
+    """A vertex that a body can wrap around: where, its place's number, a unit vector into solid."""
+
+    point: complex
+    place: int
+    solid: complex
+
+
+class Meeting(NamedTuple):
+    """A wall that a ray meets: which one, how far away, how far along the wall."""
+
+    wall: int
+    distance: float
+    place: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class World:
+    """Walls and vertices as objects, with the tolerances.
+
+    Parameters
+    ----------
+    walls, vertices
+        All of them.
+    neighbours
+        The walls before and after each wall, in the same wedge of free space.
+    rules
+        Half angle and tolerances.
+    """
+
+    walls: list[Wall]
+    vertices: list[Vertex]
+    neighbours: list[tuple[int, int]]
+    rules: Rules
+
+
+def world_of(arrays: WallArrays, rules: Rules) -> World:
+    """Return the arrays as objects."""
+    walls = [
+        Wall(
+            start=complex(ax, ay),
+            end=complex(bx, by),
+            tangent=complex(tx, ty),
+            length=length,
+            ends=(start, end),
+        )
+        for (ax, ay, tx, ty, length, bx, by), (_, _, start, end) in zip(
+            arrays.wall.tolist(), arrays.link.tolist(), strict=True
+        )
+    ]
+    vertices = [
+        Vertex(complex(x, y), place, complex(mx, my))
+        for (x, y, mx, my), place in zip(
+            arrays.vertex.tolist(), arrays.vertex_point.tolist(), strict=True
+        )
+    ]
+    neighbours = [(before, after) for before, after, _, _ in arrays.link.tolist()]
+    return World(walls=walls, vertices=vertices, neighbours=neighbours, rules=rules)
+
+
+# --- The rules that decide the answer ---------------------------------------------------------
+
+
+def presses(world: World, u: complex, wall: int) -> bool:
+    """Tell whether a body that points along u presses on a wall: u.n < 0."""
+    return dot(u, world.walls[wall].normal) < -world.rules.tolerance_rad
+
+
+def is_head_on(world: World, u: complex, wall: int) -> bool:
+    """Tell whether a tip that meets a wall stops: the angle between u and -n is small."""
+    along, against = abs(dot(u, world.walls[wall].tangent)), -dot(u, world.walls[wall].normal)
+    rules = world.rules
+    return math.atan2(along, against) <= rules.head_on_half_angle_rad + rules.tolerance_rad
+
+
+def slide_sense(world: World, u: complex, wall: int) -> int:
+    """Return +1 if the tip slides along the wall's tangent, -1 if against it: sign(u.t)."""
+    return 1 if dot(u, world.walls[wall].tangent) >= 0.0 else -1
+
+
+def leaves_at_end(world: World, u: complex, following: int) -> bool:
+    """Tell whether a tip at a convex end of its wall leaves: it does not press on the next wall."""
+    return not presses(world, u, following)
+
+
+def is_wedged(world: World, wall: int, sense: int, first: int) -> bool:
+    """Tell whether sliding on a wall would drive the tip back into the wall it comes from."""
+    along = sense * world.walls[wall].tangent
+    return dot(along, world.walls[first].normal) <= world.rules.tolerance_rad
+
+
+# --- What the tip meets -----------------------------------------------------------------------
+
+
+def passes_end(world: World, u: complex, wall: int, end: int, distance: float) -> bool:
+    """Tell whether a ray through an end (0 start, 1 end) of a wall that faces it goes by."""
+    other = world.walls[world.neighbours[wall][end]]
+    outward = world.walls[wall].tangent if end else -world.walls[wall].tangent
+    facing = dot(u, other.normal)
+    if dot(outward, other.normal) > 0.0:
+        return facing >= -world.rules.tolerance_rad
+    # Where rings touch, the ray may come from another wedge of free space than this wall's.
+    return min(distance, other.length) * facing > 4.0 * world.rules.tolerance_mm
+
+
+def meeting(world: World, origin: complex, u: complex, number: int) -> Meeting | None:
+    """Return where a ray meets a wall that faces it."""
+    wall, tolerance = world.walls[number], world.rules.tolerance_mm
+    facing = dot(u, wall.normal)
+    height, foot = dot(origin - wall.start, wall.normal), dot(origin - wall.start, wall.tangent)
+    if facing >= -world.rules.tolerance_rad or height < -tolerance:
+        return None
+    if height <= tolerance and -tolerance <= foot <= wall.length + tolerance:
+        place, margins = foot, (foot, wall.length - foot)
+    elif height <= 0.0:
+        return None
+    else:
+        place = foot - height / facing * dot(u, wall.tangent)
+        from_start = cross(u, origin - wall.start)
+        margins = (from_start, -wall.length * facing - from_start)
+    if min(margins) < -tolerance:
+        return None
+    place = min(max(place, 0.0), wall.length)
+    distance = max(0.0, dot(wall.at(place) - origin, u))
+    for end in (0, 1):
+        if margins[end] <= tolerance and passes_end(world, u, number, end, distance):
+            return None
+    return Meeting(number, distance, place)
+
+
+def wall_ahead(
+    world: World, origin: complex, u: complex, skip: tuple[int, ...], reach: float
+) -> Meeting | None:
+    """Return the first wall met within reach; of several at once, the one that turns u least.
+
+    Walls with an end at one of the places in ``skip`` are left out.
+    """
+    found = []
+    for number, wall in enumerate(world.walls):
+        if not set(wall.ends) & set(skip):
+            met = meeting(world, origin, u, number)
+            if met is not None and met.distance <= reach:
+                found.append(met)
+    if not found:
+        return None
+    limit = min(met.distance for met in found) + world.rules.tolerance_mm
+    return max(
+        (met for met in found if met.distance <= limit),
+        key=lambda met: dot(u, world.walls[met.wall].normal),
+    )
+
+
+# --- One branch -------------------------------------------------------------------------------
+
+
+@dataclass(slots=True, eq=False)
+class Branch:
+    """A growing branch.
+
+    Parameters
+    ----------
+    world, length
+        Where it grows and how long it may become.
+    tip, u
+        Its tip and its heading from the pivot to the tip.
+    pivots, senses
+        Base and contacts, and the sense in which each was wrapped (0 for the base).
+    lengths
+        Length of the chain up to each of them.
+    wall, place, sense
+        The wall that the tip slides on, how far along it, which way; None for free growth.
+    corner
+        Place that free growth has just left.
+    stop
+        Why it stopped.
+    """
+
+    world: World
+    length: float
+    tip: complex
+    u: complex
+    pivots: list[complex]
+    senses: list[int] = field(default_factory=lambda: [0])
+    lengths: list[float] = field(default_factory=lambda: [0.0])
+    wall: int | None = None
+    place: float = 0.0
+    sense: int = 0
+    corner: int = -1
+    stop: Stop | None = None
+
+    def grow(self) -> int:
+        """Grow until it stops; return the number of events."""
+        events = 0
+        while self.stop is None and events < self.world.rules.most_events:
+            if self.wall is None:
+                self.grow_free()
+            else:
+                self.slide(self.wall)
+            events += 1
+        if self.stop is None:
+            self.stop = Stop.CORNER
+        return events
+
+    def grow_free(self) -> None:
+        """Rule 1: along the heading until the length is used up or a wall is met."""
+        room = self.length - self.lengths[-1]
+        left = room - abs(self.tip - self.pivots[-1])
+        met = wall_ahead(self.world, self.tip, self.u, (self.corner,), left)
+        if met is None or met.distance >= left:
+            self.tip = self.pivots[-1] + room * self.u
+            self.stop = Stop.FULL_LENGTH
+            return
+        self.meet(met.wall, met.place)
+
+    def slide(self, wall: int) -> None:
+        """Rule 2: along the wall to the first event; the body turns about the pivot."""
+        along = self.sense * self.world.walls[wall].tangent
+        ends = self.world.walls[wall].ends
+        self.turn_to(self.tip)
+        to_length = self.distance_to_length(along)
+        to_end = self.world.walls[wall].length - self.place if self.sense > 0 else self.place
+        met = wall_ahead(self.world, self.tip, along, ends, min(to_length, to_end))
+        reach = min(to_length, to_end) if met is None else met.distance
+        to_release = self.distance_to_release(along)
+        vertex, to_vertex = self.first_vertex(along, ends, min(reach, to_release))
+        if to_release <= min(reach, to_vertex):
+            self.move(wall, to_release)
+            self.release()
+        elif vertex is not None:
+            self.move(wall, to_vertex)
+            self.wrap(vertex)
+        elif reach >= to_length:
+            self.move(wall, to_length)
+            self.stop = Stop.FULL_LENGTH
+        elif met is not None:
+            self.move(wall, reach)
+            self.meet(met.wall, met.place)
+        else:
+            self.move(wall, reach)
+            self.reach_end(wall)
+
+    def move(self, wall: int, distance: float) -> None:
+        """Slide along the wall."""
+        track = self.world.walls[wall]
+        self.place = min(max(self.place + self.sense * distance, 0.0), track.length)
+        self.tip = track.at(self.place)
+        self.turn_to(self.tip)
+
+    def turn_to(self, point: complex) -> None:
+        """Point from the pivot to a point, unless they coincide."""
+        span = point - self.pivots[-1]
+        reach = math.sqrt(dot(span, span))
+        if reach > self.world.rules.tolerance_mm:
+            self.u = complex(span.real / reach, span.imag / reach)
+
+    def meet(self, wall: int, place: float) -> None:
+        """Stop at a wall, or slide on along it."""
+        sense = slide_sense(self.world, self.u, wall)
+        if self.wall is not None and not presses(self.world, self.u, wall):
+            self.stop = Stop.CORNER
+        elif is_head_on(self.world, self.u, wall):
+            self.stop = Stop.HEAD_ON
+        elif self.wall is not None and is_wedged(self.world, wall, sense, self.wall):
+            self.stop = Stop.CORNER
+        if self.stop is None or self.wall is None:
+            self.tip = self.world.walls[wall].at(place)
+        self.wall, self.place, self.sense, self.corner = wall, place, sense, -1
+
+    def reach_end(self, wall: int) -> None:
+        """Go on from the end of a wall: along the next one, freely, or not at all."""
+        end = 1 if self.sense > 0 else 0
+        following = self.world.neighbours[wall][end]
+        self.tip = self.world.walls[wall].end if end else self.world.walls[wall].start
+        place = 0.0 if end else self.world.walls[following].length
+        along = self.sense * self.world.walls[wall].tangent
+        if dot(along, self.world.walls[following].normal) <= 0.0:
+            self.meet(following, place)
+        elif leaves_at_end(self.world, self.u, following):
+            self.wall, self.corner = None, self.world.walls[wall].ends[end]
+        else:
+            self.wall, self.place = following, place
+
+    def distance_to_length(self, along: complex) -> float:
+        """Return how far the tip slides until the length is used up."""
+        q, room = self.tip - self.pivots[-1], self.length - self.lengths[-1]
+        short = room * room - q.real * q.real - q.imag * q.imag
+        if short <= 0.0:
+            return 0.0
+        return short / (dot(q, along) + math.sqrt(dot(q, along) * dot(q, along) + short))
+
+    def distance_to_release(self, along: complex) -> float:
+        """Return how far the tip slides until the body straightens over its last contact."""
+        if len(self.pivots) == 1 or self.senses[-1] == self.sense:
+            return math.inf
+        edge, q = self.pivots[-1] - self.pivots[-2], self.tip - self.pivots[-1]
+        closing = self.sense * cross(edge, along)
+        if closing <= 0.0:
+            return math.inf
+        return max(0.0, -self.sense * cross(edge, q)) / closing
+
+    def distance_to_vertex(self, vertex: Vertex, along: complex) -> float:
+        """Return how far the tip slides until the turning body meets a vertex."""
+        tolerance = self.world.rules.tolerance_mm
+        q, v = self.tip - self.pivots[-1], vertex.point - self.pivots[-1]
+        ahead, reach = self.sense * cross(self.u, v), dot(self.u, v)
+        if ahead < -tolerance or reach <= tolerance:
+            return math.inf
+        if ahead <= tolerance:
+            touches = reach <= dot(self.u, q) + tolerance
+            blocks = self.sense * cross(self.u, vertex.solid) > 0.0
+            return 0.0 if touches and blocks else math.inf
+        closing = self.sense * cross(v, along)
+        above = self.sense * cross(along, v - q)
+        if closing <= 0.0 or above <= tolerance:
+            return math.inf
+        return self.sense * cross(q, v) / closing
+
+    def first_vertex(
+        self, along: complex, skip: tuple[int, ...], reach: float
+    ) -> tuple[Vertex | None, float]:
+        """Return the first vertex met, the farthest from the pivot if several are met at once."""
+        best: tuple[float, float] = (reach, 0.0)
+        found = None
+        for vertex in self.world.vertices:
+            if vertex.place in skip:
+                continue
+            key = (self.distance_to_vertex(vertex, along), -abs(vertex.point - self.pivots[-1]))
+            if key[0] <= reach and (found is None or key < best):
+                found, best = vertex, key
+        return found, best[0] if found else math.inf
+
+    def wrap(self, vertex: Vertex) -> None:
+        """Make a vertex the new pivot and remember the turning sense."""
+        span = vertex.point - self.pivots[-1]
+        self.lengths.append(self.lengths[-1] + math.sqrt(dot(span, span)))
+        self.pivots.append(vertex.point)
+        self.senses.append(self.sense)
+
+    def release(self) -> None:
+        """Drop the last contact."""
+        self.pivots.pop()
+        self.senses.pop()
+        self.lengths.pop()
+
+
+# --- The tree ---------------------------------------------------------------------------------
+
+
+def emerges(tree: TreeArrays, rules: Rules, growth: Growth, branch: int) -> bool:
+    """Tell whether a branch leaves its parent's tip at all."""
+    parent = tree.parent[branch]
+    if not tree.fits[branch]:
+        return False
+    if parent < 0 or growth.stop[parent] == Stop.FULL_LENGTH:
+        return True
+    return rules.deploys_stuck and bool(growth.stop[parent] != Stop.NOT_DEPLOYED)
+
+
+def launched(world: World, tree: TreeArrays, start: Start, growth: Growth, branch: int) -> Branch:
+    """Return a branch at its base, with its launch heading."""
+    parent = int(tree.parent[branch])
+    base, heading = complex(start.x, start.y), complex(start.ux, start.uy)
+    if parent >= 0:
+        base = complex(*growth.points[growth.first_point[parent + 1] - 1].tolist())
+        heading = complex(*growth.heading[parent].tolist())
+    u = heading * complex(*tree.turn[branch].tolist())
+    return Branch(world, float(tree.length[branch]), base, u, [base])
+
+
+def turning(launch: complex, chain: list[complex]) -> float:
+    """Return the sum of absolute turns along a chain that was launched along a heading."""
+    steps = [b - a for a, b in itertools.pairwise(chain) if b != a]
+    headings = [launch, *steps]
+    return sum(math.atan2(abs(cross(a, b)), dot(a, b)) for a, b in itertools.pairwise(headings))
+
+
+def record(growth: Growth, number: int, branch: Branch, launch: complex) -> bool:
+    """Write down how a branch ended; return False if the chain points need more room."""
+    chain = [*branch.pivots, branch.tip]
+    first = growth.first_point[number]
+    last = first + len(chain)
+    if last > len(growth.points):
+        return False
+    growth.points[first:last] = [(point.real, point.imag) for point in chain]
+    growth.first_point[number + 1] = last
+    growth.stop[number] = Stop.CORNER if branch.stop is None else branch.stop
+    grown = branch.lengths[-1] + abs(branch.tip - branch.pivots[-1])
+    is_full = branch.stop is Stop.FULL_LENGTH
+    growth.grown[number] = branch.length if is_full else min(branch.length, grown)
+    growth.heading[number] = branch.u.real, branch.u.imag
+    growth.turn[number] = turning(launch, chain)
+    return True
+
+
+def grow_branches(  # noqa: PLR0913, PLR0917  the interface of the compiled kernel
+    walls: WallArrays,
+    tree: TreeArrays,
+    rules: Rules,
+    start: Start,
+    growth: Growth,
+    first: int,
+    last: int,
+) -> int:
+    """Grow some branches of a tree; the same as `vinefab.growth.kernel.grow_branches`."""
+    world = world_of(walls, rules)
+    for number in range(first, last):
+        if not emerges(tree, rules, growth, number):
+            growth.first_point[number + 1] = growth.first_point[number]
+            growth.stop[number] = Stop.NOT_DEPLOYED
+            continue
+        branch = launched(world, tree, start, growth, number)
+        launch = branch.u
+        growth.events[number] = branch.grow()
+        if not record(growth, number, branch, launch):
+            return number
+    return last

@@ -1,0 +1,137 @@
+"""A map made ready for growth: its walls, for the body radii that are asked for."""
+
+import math
+
+import shapely
+from shapely import Point
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import BadInputError
+from vinefab.growth.arrays import WallArrays
+from vinefab.growth.index import indexed
+from vinefab.growth.walls import walls_of
+from vinefab.model.map import Map, Pose
+
+GRID = 2.0**-40
+"""Coordinates are rounded to the map's size (a power of two) times this: 1e-9 mm for a metre.
+
+Rounding in this way (snap rounding) puts every vertex either on a wall, as a corner of it, or at
+least half a grid step away from it. Needle gaps and overlaps that come from rounding alone are gone
+after it, and touching has one meaning everywhere.
+"""
+
+SNAP = 1e-9
+"""A start outside by up to this share of the map's size is put on the wall it was meant for."""
+
+ARC_SEGMENTS_PER_QUARTER = 16
+"""Rounded corners of inflated bodies: within 0.0012 radii of the true arc."""
+
+
+class Terrain:
+    """The free space of one map as walls; nothing in it ever changes.
+
+    Parameters
+    ----------
+    world
+        The map. Obstacles may overlap, touch and cross the bounds; only the walls of what is left
+        free count.
+
+    Notes
+    -----
+    Build it once per map with `Terrain.of` and use it for all growths on that map. Walls for
+    another body radius are made when first asked for, and kept.
+    """
+
+    __slots__ = ("_free", "_walls", "grid_mm", "world")
+
+    def __init__(self, world: Map) -> None:
+        self.world = world
+        self.grid_mm = _grid_mm(world)
+        self._free: dict[float, BaseGeometry] = {0.0: _free_space(world, self.grid_mm)}
+        self._walls: dict[float, WallArrays] = {}
+
+    @classmethod
+    def of(cls, world: Map) -> "Terrain":
+        """Return the terrain of a map."""
+        return cls(world)
+
+    @property
+    def tolerance_mm(self) -> float:
+        """Distances up to this count as touching: a quarter of the coordinates' grid."""
+        return 0.25 * self.grid_mm
+
+    def free_space(self, radius_mm: float = 0.0) -> BaseGeometry:
+        """Return where the centreline of a body of some radius may be, as polygons.
+
+        Parameters
+        ----------
+        radius_mm
+            Inflated radius; 0 for the bare centreline.
+        """
+        if radius_mm not in self._free:
+            shrunk = shapely.buffer(self._free[0.0], -radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)
+            self._free[radius_mm] = shapely.set_precision(shrunk, self.grid_mm)
+        return self._free[radius_mm]
+
+    def walls(self, radius_mm: float = 0.0) -> WallArrays:
+        """Return the walls that a body of some radius meets, indexed, read-only."""
+        if radius_mm not in self._walls:
+            self._walls[radius_mm] = indexed(walls_of(self.free_space(radius_mm), self.grid_mm))
+        return self._walls[radius_mm]
+
+    def contains(self, x_mm: float, y_mm: float, radius_mm: float = 0.0) -> bool:
+        """Tell whether a point is in free space; a point on a wall is."""
+        return self._distance_mm(x_mm, y_mm, radius_mm) <= self._snap_mm
+
+    def is_free(self, pose: Pose, radius_mm: float = 0.0) -> bool:
+        """Tell whether a robot can start from a pose."""
+        return self.contains(pose.x_mm, pose.y_mm, radius_mm)
+
+    def start_mm(self, pose: Pose, radius_mm: float = 0.0) -> tuple[float, float]:
+        """Return where a robot started at a pose stands: there, or on the wall just beside it.
+
+        Raises
+        ------
+        BadInputError
+            If the pose is inside an obstacle or outside the bounds.
+        """
+        self.require_free(pose)
+        if self._distance_mm(pose.x_mm, pose.y_mm, radius_mm) == 0.0:
+            return pose.x_mm, pose.y_mm
+        nearest = shapely.shortest_line(
+            self.free_space(radius_mm), Point(pose.x_mm, pose.y_mm)
+        ).coords[0]
+        return float(nearest[0]), float(nearest[1])
+
+    def require_free(self, pose: Pose) -> None:
+        """Raise BadInputError if a pose is inside an obstacle or outside the bounds."""
+        if not self.is_free(pose):
+            x_mm, y_mm = pose.x_mm, pose.y_mm
+            inside = self.world.bounds.covers(Point(x_mm, y_mm))
+            where = "inside an obstacle" if inside else "outside the bounds"
+            raise BadInputError(
+                "pose",
+                f"({x_mm:g}, {y_mm:g}) mm, {where}",
+                f"a place in the free space of map {self.world.name}",
+            )
+
+    @property
+    def _snap_mm(self) -> float:
+        return SNAP / GRID * self.grid_mm
+
+    def _distance_mm(self, x_mm: float, y_mm: float, radius_mm: float) -> float:
+        free = self.free_space(radius_mm)
+        if free.is_empty:
+            return math.inf
+        return float(shapely.distance(free, Point(x_mm, y_mm)))
+
+
+def _grid_mm(world: Map) -> float:
+    """Return the step that coordinates are rounded to: a power of two, for exact scaling."""
+    largest = max(abs(value) for value in world.bounds.bounds)
+    return float(GRID * 2.0 ** math.ceil(math.log2(largest)))
+
+
+def _free_space(world: Map, grid_mm: float) -> BaseGeometry:
+    solid = shapely.union_all(list(world.obstacles), grid_size=grid_mm)
+    return shapely.difference(world.bounds, solid, grid_size=grid_mm)

@@ -1,0 +1,96 @@
+"""Jobs made by hand, and programs that read laser files independently of vinefab."""
+
+import math
+import os
+import shutil
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.outline import Contour, Part, Segment
+
+
+def _contour(points: list[tuple[float, float]], bulges: list[float], *, closed: bool) -> Contour:
+    return Contour(
+        points_mm=np.array(points),
+        bulges=np.array(bulges),
+        parts=(Part.OTHER,) * len(bulges),
+        branches=("",) * len(bulges),
+        closed=closed,
+    )
+
+
+@pytest.fixture
+def finger() -> Contour:
+    """An open finger, 40 wide and 100 long with a round tip, counter-clockwise; mouth at x = 10."""
+    half = math.tan(math.pi / 8)
+    points = [(10.0, 20.0), (110.0, 20.0), (130.0, 40.0), (110.0, 60.0), (10.0, 60.0)]
+    return _contour(points, [0.0, half, half, 0.0], closed=False)
+
+
+@pytest.fixture
+def job(finger: Contour) -> Job:
+    """One path per operation: closed and open, lines, arcs both ways, from 5 to 300 degrees."""
+    square = Contour.polyline(np.array([[5.0, 5], [145, 5], [145, 75], [5, 75]]), closed=True)
+    circle = _contour([(30.0, 40.0), (40.0, 40.0)], [1.0, 1.0], closed=True)
+    pacman = _contour([(70.0, 40.0), (77.5, 40.0)], [-math.tan(math.radians(75)), 0.0], closed=True)
+    shallow = _contour([(10.0, 8.0), (60.0, 8.0)], [math.tan(math.radians(1.25))], closed=False)
+    nearly = _contour([(100.0, 30.0), (100.0, 50.0)], [math.tan(math.radians(43.75))], closed=False)
+    label = _contour([(20.0, 10.0), (24.0, 14.0), (28.0, 10.0)], [0.0, -0.5], closed=False)
+    paths = [
+        LaserPath(operation=Operation.MARK, contour=label, label="arrow"),
+        LaserPath(operation=Operation.WELD, contour=circle),
+        LaserPath(operation=Operation.WELD, contour=nearly),
+        LaserPath(operation=Operation.WELDCUT, contour=finger, label="outline of <one> & 'two'"),
+        LaserPath(operation=Operation.CUT, contour=pacman),
+        LaserPath(operation=Operation.CUT, contour=square, label="sheet"),
+        LaserPath(operation=Operation.REG, contour=shallow),
+        LaserPath(operation=Operation.DOC, contour=shallow),
+    ]
+    facts = {"offset_mm": np.float64(0.65), "recipe": "co2__film", "two\nlines": ["ä", 1]}
+    return Job(
+        name="hand_made", sheet_width_mm=150, sheet_height_mm=80, paths=tuple(paths), facts=facts
+    )
+
+
+@pytest.fixture
+def one_path() -> Callable[[Contour], Job]:
+    """Return a function that makes a job of one contour on a large sheet."""
+
+    def make(contour: Contour) -> Job:
+        path = LaserPath(operation=Operation.WELDCUT, contour=contour)
+        return Job(name="one", sheet_width_mm=1000.0, sheet_height_mm=777.125, paths=(path,))
+
+    return make
+
+
+@pytest.fixture
+def program() -> Callable[[str, str], str]:
+    """Return a function that finds a program; missing, it skips, or fails on the build server."""
+
+    def find(name: str, package: str) -> str:
+        found = shutil.which(name)
+        if found is None and os.environ.get("CI") == "true":
+            pytest.fail(f"{name} is missing; install {package}")
+        if found is None:
+            pytest.skip(f"{name} is not installed (Debian package {package})")
+        return found
+
+    return find
+
+
+@pytest.fixture
+def segment_of() -> Callable[..., Segment]:
+    """Return a function that makes an arc from centre, radius and two angles in degrees."""
+
+    def make(center: tuple[float, float], radius: float, first: float, last: float) -> Segment:
+        ends = [
+            (center[0] + radius * math.cos(a), center[1] + radius * math.sin(a))
+            for a in (math.radians(first), math.radians(last))
+        ]
+        turn = math.radians(last - first)
+        return Segment(start_mm=ends[0], end_mm=ends[1], bulge=math.tan(turn / 4))
+
+    return make

@@ -104,3 +104,31 @@ def pose_from(text: str | None) -> Pose | None:
         raise BadInputError(
             "--pose", text, "X,Y,DEG: three finite numbers, mm and degrees"
         ) from error
+
+
+def parameters_from(texts: list[str]) -> dict[str, object]:
+    """Return parameters from texts like ``radius_mm=60``; numbers and booleans become such.
+
+    Raises
+    ------
+    BadInputError
+        If a text has no name or no ``=``.
+    """
+    parameters: dict[str, object] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not name or not equals:
+            raise BadInputError("--set", text, "NAME=VALUE")
+        parameters[name] = _plain(value)
+    return parameters
+
+
+def _plain(text: str) -> object:
+    if text in ("true", "false"):
+        return text == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text

@@ -64,6 +64,7 @@ def plan_axes(
     axes.set_ylim(box_mm[1] - margin, box_mm[3] + margin)
     axes.set_xlabel("x (mm)")
     axes.set_ylabel("y (mm)")
+    axes.spines[:].set_visible(False)
     return figure, axes
 
 
@@ -71,7 +72,9 @@ def svg_bytes(figure: Figure) -> bytes:
     """Return a figure as SVG; the same figure gives the same bytes."""
     stream = io.BytesIO()
     with house_style():
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": GENERATOR})
+        figure.savefig(
+            stream, format="svg", bbox_inches="tight", metadata={"Date": None, "Creator": GENERATOR}
+        )
     return stream.getvalue()
 
 
@@ -79,5 +82,7 @@ def png_bytes(figure: Figure, dpi: int = 150) -> bytes:
     """Return a figure as PNG."""
     stream = io.BytesIO()
     with house_style():
-        figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": GENERATOR})
+        figure.savefig(
+            stream, format="png", dpi=dpi, bbox_inches="tight", metadata={"Software": GENERATOR}
+        )
     return stream.getvalue()

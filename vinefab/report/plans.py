@@ -65,7 +65,18 @@ def deployment_plan(
         pose = deployment.pose
         _draw_pose(axes, pose.x_mm, pose.y_mm, pose.heading_rad, world)
         if legend:
-            axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8)
+            # Levels are drawn leaves first, so that the trunk lies on top; people read trunk first.
+            handles, labels = axes.get_legend_handles_labels()
+            order = sorted(
+                range(len(labels)), key=lambda i: (not labels[i].startswith("level"), labels[i])
+            )
+            axes.legend(
+                [handles[i] for i in order],
+                [labels[i] for i in order],
+                loc="upper left",
+                bbox_to_anchor=(1.0, 1.0),
+                fontsize=8,
+            )
     return figure
 
 

@@ -1,0 +1,127 @@
+"""``vinefab map``: generate or import a map."""
+
+import inspect
+import re
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from vinefab.cli.options import Force, Quiet, Voice
+from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.environments.registry import ENVIRONMENTS, Environment
+from vinefab.files.imports import IMPORTERS, import_map
+from vinefab.files.map import map_text
+from vinefab.model.map import Map
+
+OutFile = Annotated[Path, typer.Option("--out", help="The map file to write (GeoJSON).")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same map.")]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add ``map`` with one subcommand per environment, and ``import``."""
+    maps = typer.Typer(
+        help="Generate or import a map.\n\nExample: vinefab map grid --seed 3 --out grid.geojson",
+        rich_markup_mode=None,
+    )
+    ENVIRONMENTS.load_plugins("vinefab.environments")
+    for name, environment in ENVIRONMENTS.items():
+        maps.command(name, help=_help(name, environment))(_generator(environment))
+    maps.command("import")(import_command)
+    app.add_typer(maps, name="map")
+
+
+def import_command(
+    *,
+    source: Annotated[Path, typer.Argument(help=f"A file: {', '.join(IMPORTERS)}.")],
+    out: OutFile,
+    scale_mm_per_unit: Annotated[
+        float | None,
+        typer.Option(help="Millimetres per unit of the source; ROS: per metre, default 1000."),
+    ] = None,
+    simplify_mm: Annotated[
+        float | None, typer.Option(help="Largest deviation of a wall; default: one cell.")
+    ] = None,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
+    """Import a map from a file of another program.
+
+    Example: vinefab map import world.yaml --scale-mm-per-unit 100 --out world.geojson
+    """
+    ensure_writable(out, force=force)
+    world = import_map(source, scale_mm_per_unit=scale_mm_per_unit, simplify_mm=simplify_mm)
+    _save(world, out, Voice(quiet=quiet, force=force))
+
+
+def _save(world: Map, out: Path, voice: Voice) -> None:
+    write_text(out, map_text(world), force=voice.force)
+    width_mm, height_mm = world.size_mm
+    voice.say(
+        f"{world.name}: {width_mm:.0f} x {height_mm:.0f} mm, {len(world.obstacles)} obstacles, "
+        f"{world.wall_count} walls, free area {world.free_space.area / 1e6:.4g} m2"
+    )
+    for start in world.starts[:1]:
+        pose = start.pose
+        voice.say(f"start: {pose.x_mm:.1f},{pose.y_mm:.1f},{pose.heading_rad * 57.29578:.1f}")
+    for key, value in world.facts.items():
+        voice.say(f"  {key}: {value}")
+    voice.say(f"wrote {out}")
+
+
+def _generator(environment: Environment) -> Callable[..., None]:
+    """Return a command whose options are the fields of an environment's options class."""
+    known = {field.name: field for field in fields(environment.options)}
+
+    def generate(**given: Any) -> None:  # noqa: ANN401  one value per option, of its own type
+        out, voice = given["out"], Voice(quiet=given["quiet"], force=given["force"])
+        ensure_writable(out, force=voice.force)
+        options = environment.options(**{name: given[name] for name in known})
+        _save(environment.make(given["seed"], options), out, voice)
+
+    described = _described(environment.options)
+    parameters = [_parameter("out", OutFile), _parameter("seed", Seed, default=0)]
+    for name, field in known.items():
+        option = typer.Option(*_flags(name), help=described.get(name, ""))
+        parameters.append(
+            _parameter(name, Annotated[type(field.default), option], default=field.default)
+        )
+    parameters += [
+        _parameter("quiet", Quiet, default=False),
+        _parameter("force", Force, default=False),
+    ]
+    generate.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    generate.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return generate
+
+
+def _parameter(
+    name: str, kind: object, *, default: object = inspect.Parameter.empty
+) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+
+
+def _flags(name: str) -> tuple[str, ...]:
+    """Return ``--size-mm`` and, where a unit ends the name, the short ``--size`` too."""
+    flag = f"--{name.replace('_', '-')}"
+    short = re.sub(r"-(mm|deg)$", "", flag)
+    return (flag,) if short == flag else (flag, short)
+
+
+def _help(name: str, environment: Environment) -> str:
+    what = environment.description
+    return f"Generate a map: {what}.\n\nExample: vinefab map {name} --seed 3 --out {name}.geojson"
+
+
+def _described(options: type) -> dict[str, str]:
+    """Return what the docstring says of each parameter, by name."""
+    text = inspect.getdoc(options) or ""
+    block = re.search(r"Parameters\n-+\n(.*?)(?:\n\n[A-Z]\w+\n-+\n|\Z)", text, re.DOTALL)
+    found: dict[str, str] = {}
+    for names, words in re.findall(
+        r"^(\w[\w, ]*)\n((?:[ \t]+.*\n?|\n)+)", block.group(1) if block else "", re.MULTILINE
+    ):
+        found |= dict.fromkeys(names.split(", "), " ".join(words.split()))
+    return found

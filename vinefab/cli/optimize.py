@@ -1,0 +1,47 @@
+"""``vinefab optimize``: search for the best design."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vinefab.cli.options import Force, Quiet, Voice
+from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.files.design import design_text
+from vinefab.files.run import read_run
+from vinefab.optimize.history import Progress
+from vinefab.pipeline.optimize import progress_words, result_lines, search
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("optimize")(optimize_command)
+
+
+def optimize_command(
+    *,
+    run_file: Annotated[Path, typer.Argument(metavar="RUN.toml", help="The run file.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder for the record and best.toml.")],
+    workers: Annotated[int, typer.Option(min=1, help="Threads; results do not depend on it.")] = 1,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out.")] = False,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
+    """Search for the best design; every generation is kept, so that --resume goes on from there.
+
+    Example: vinefab optimize examples/grid_coverage.toml --out run
+    """
+    voice = Voice(quiet=quiet, force=force)
+    settings = read_run(run_file)
+    ensure_writable(out / "best.toml", force=force)
+
+    with voice.progress(f"optimizing {settings.name}") as show:
+
+        def tell(progress: Progress) -> None:
+            show(progress.generation / progress.generations, progress_words(progress))
+
+        result = search(settings, out, resume=resume, workers=workers, tell=tell)
+    write_text(out / "best.toml", design_text(result.best), force=force)
+    for line in result_lines(result):
+        voice.say(line)
+    voice.say(f"wrote {out / 'best.toml'} and {out / 'run.sqlite'}")

@@ -1,0 +1,45 @@
+"""``vinefab score``: a design's score on a task."""
+
+from typing import Annotated
+
+import typer
+
+from vinefab.cli.options import DesignIn, Force, JsonOut, MapsIn, Quiet, Voice, parameters_from
+from vinefab.export.score_json import score_text
+from vinefab.files.design import read_design
+from vinefab.files.map import read_map
+from vinefab.pipeline.grow import growth_options
+from vinefab.pipeline.score import Trials, score, score_lines
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("score")(score_command)
+
+
+def score_command(
+    *,
+    design: DesignIn,
+    maps: MapsIn,
+    task: Annotated[str, typer.Option(help="coverage, reach or anchoring.")] = "coverage",
+    poses: Annotated[int, typer.Option(min=1, help="Poses drawn per map.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the poses.")] = 0,
+    parameter: Annotated[
+        list[str] | None, typer.Option("--set", help="A task's parameter: radius_mm=60.")
+    ] = None,
+    body: Annotated[str, typer.Option(help="centerline or inflated.")] = "centerline",
+    json_out: JsonOut = None,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
+    """Score a design on a task over maps and poses (simulated).
+
+    Example: vinefab score three_level_tree --task coverage --maps a.geojson --maps b.geojson
+    """
+    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    trials = Trials(task=task, parameters=parameters_from(parameter or []), poses=poses, seed=seed)
+    worlds = [read_map(path) for path in maps]
+    result = score(read_design(design), worlds, trials, growth_options(body))
+    voice.give_json(score_text(result))
+    for line in score_lines(result):
+        voice.say(line)

@@ -1,0 +1,123 @@
+"""One deployment: a design on a map from a pose."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.units import deg, rad
+from vinefab.growth.grow import grow
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.terrain import Terrain
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.design import Design
+from vinefab.model.map import Map, Pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Grown:
+    """A deployment with what it was made of.
+
+    Parameters
+    ----------
+    design, world, options
+        What was grown, where and by which rules.
+    deployment
+        What became of it.
+    """
+
+    design: Design
+    world: Map
+    options: GrowthOptions
+    deployment: Deployment
+
+    @property
+    def stops(self) -> dict[str, int]:
+        """How many branches ended for each reason."""
+        counts = Counter(self.deployment.stop.tolist())
+        return {stop.label: counts[stop] for stop in Stop}
+
+    @property
+    def metrics(self) -> dict[str, object]:
+        """Numbers about the whole robot (simulated) and the rules that they depend on."""
+        tree = self.deployment.tree
+        return {
+            "standing": "simulated",
+            "branches": len(tree),
+            "planned_mm": tree.total_length_mm,
+            "grown_mm": float(self.deployment.grown_mm.sum()),
+            "stops": self.stops,
+            "head_on_half_angle_deg": deg(self.options.head_on_half_angle_rad),
+            "body": self.options.body,
+            "children_of_stuck": self.options.children_of_stuck,
+        }
+
+    def summary(self) -> list[str]:
+        """Return the result in a few lines for the user."""
+        tree, grown_mm = self.deployment.tree, float(self.deployment.grown_mm.sum())
+        stops = ", ".join(f"{count} {name}" for name, count in self.stops.items() if count)
+        return [
+            f"{self.design.name} on {self.world.name} from {pose_text(self.deployment.pose)}",
+            f"{len(tree)} branches: {stops} (simulated, {self.options.body} body, "
+            f"head-on half-angle {deg(self.options.head_on_half_angle_rad):g} deg, assumed)",
+            f"grown {grown_mm:.1f} of {tree.total_length_mm:.1f} mm",
+        ]
+
+    def picture(self, suffix: str) -> bytes:
+        """Return a plan of the deployment.
+
+        Parameters
+        ----------
+        suffix
+            ``.svg`` or ``.png``.
+        """
+        # matplotlib takes longer to load than the growth to simulate.
+        from vinefab.report.figure import png_bytes, svg_bytes  # noqa: PLC0415
+        from vinefab.report.plans import deployment_plan  # noqa: PLC0415
+
+        figure = deployment_plan(self.world, self.deployment, self.design.build.widths_mm)
+        return png_bytes(figure) if suffix == ".png" else svg_bytes(figure)
+
+
+def growth_options(
+    body: str = "centerline",
+    head_on_half_angle_deg: float = 1.0,
+    children_of_stuck: str = "stop",
+) -> GrowthOptions:
+    """Return growth options from what a user typed; what cannot be used is named by the options."""
+    return GrowthOptions(
+        head_on_half_angle_rad=rad(head_on_half_angle_deg),
+        body=body,  # type: ignore[arg-type]  checked by the class
+        children_of_stuck=children_of_stuck,  # type: ignore[arg-type]  checked by the class
+    )
+
+
+def deploy(design: Design, world: Map, pose: Pose | None, options: GrowthOptions) -> Grown:
+    """Grow a design on a map.
+
+    Parameters
+    ----------
+    design, world, options
+        What to grow, where and by which rules.
+    pose
+        Where the trunk is launched; None for the map's first start.
+
+    Raises
+    ------
+    BadInputError
+        If there is no pose, or it is not in free space.
+    """
+    pose = pose or first_start(world)
+    deployment = grow(design, Terrain.of(world), pose, options)
+    return Grown(design=design, world=world, options=options, deployment=deployment)
+
+
+def first_start(world: Map) -> Pose:
+    """Return the pose of a map's first start, or raise BadInputError if it has none."""
+    if not world.starts:
+        raise BadInputError("--pose", None, f"X,Y,DEG, as map {world.name} has no start of its own")
+    return world.starts[0].pose
+
+
+def pose_text(pose: Pose) -> str:
+    """Return a pose as a user would type it: ``X,Y,DEG``."""
+    return f"{pose.x_mm:.2f},{pose.y_mm:.2f},{deg(pose.heading_rad):.2f}"

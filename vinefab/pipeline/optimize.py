@@ -1,0 +1,82 @@
+"""A run of the optimizer, with its maps, its penalty and its record."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from vinefab.checks.penalty import fabrication_penalty
+from vinefab.files.map import read_map
+from vinefab.model.map import Map
+from vinefab.optimize.history import Progress
+from vinefab.optimize.identity import RunIdentity
+from vinefab.optimize.loop import optimize
+from vinefab.optimize.result import RunResult
+from vinefab.optimize.settings import RunSettings
+from vinefab.optimize.store import RunStore
+from vinefab.optimize.training import generated_maps
+
+Tell = Callable[[Progress], None]
+
+
+def training_maps(settings: RunSettings) -> tuple[Map, ...]:
+    """Return the maps that a run trains on: read from its files, or generated."""
+    if settings.maps.files:
+        return tuple(read_map(path) for path in settings.maps.files)
+    return generated_maps(settings.maps)
+
+
+def search(
+    settings: RunSettings,
+    folder: Path,
+    *,
+    resume: bool = False,
+    workers: int = 1,
+    tell: Tell | None = None,
+) -> RunResult:
+    """Run the optimizer and keep its record in a folder.
+
+    Parameters
+    ----------
+    settings
+        The run.
+    folder
+        Where the record is, or will be.
+    resume
+        Go on with the run that the folder holds.
+    workers
+        Threads; no result depends on their number.
+    tell
+        Called after every generation.
+
+    Raises
+    ------
+    BadInputError, UnreadableFileError, CannotWriteError
+        If the settings, the maps or the folder cannot be used; the record stays whole.
+    """
+    maps = training_maps(settings)
+    penalty = fabrication_penalty if settings.evaluation.fabricable else None
+    with RunStore.open(folder, RunIdentity.of(settings, maps), resume=resume) as store:
+        return optimize(
+            settings, maps, penalty=penalty, store=store, progress=tell, workers=workers
+        )
+
+
+def progress_words(progress: Progress) -> str:
+    """Return where a run stands in a few words."""
+    return (
+        f"generation {progress.generation}/{progress.generations}  best {progress.best:.4f}  "
+        f"mean {progress.mean:.4f} +- {progress.spread:.4f}  "
+        f"can be made {100 * progress.fabricable_share:.0f} %"
+    )
+
+
+def result_lines(result: RunResult) -> list[str]:
+    """Return how a run ended as lines for the user."""
+    best, score = result.best, result.score
+    weighed = ", ".join(f"{name} {value:.4f}" for name, value in score.composite.items())
+    made = "passes the cheap rules" if result.fabricable else "breaks rules of making"
+    return [
+        f"run {result.run_id}: {len(result.history)} generations, {result.evaluations} designs "
+        f"evaluated, stopped by {result.stopped}",
+        f"winner {best.name}: {best.branch_count} branches on {best.depth} levels; {made}",
+        f"on {len(score.evaluations)} fresh poses on the training maps (simulated): {weighed}",
+    ]

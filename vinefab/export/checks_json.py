@@ -1,0 +1,50 @@
+"""The record of a check as JSON: ``vinefab/checks-1``."""
+
+import math
+
+from vinefab.core.jsontext import json_text
+from vinefab.model.finding import CheckReport, Finding
+
+SCHEMA = "vinefab/checks-1"
+
+
+def checks_text(report: CheckReport) -> str:
+    """Return every rule that was run or skipped, and all findings, waived ones included."""
+    return json_text(
+        SCHEMA,
+        {
+            "design": report.design,
+            "recipe": report.recipe,
+            "units": "mm",
+            "rules_run": [
+                {"id": run.rule, "checked": run.checked, "findings": run.findings}
+                for run in report.run
+            ],
+            "rules_skipped": [{"id": skip.rule, "reason": skip.reason} for skip in report.skipped],
+            "findings": [_finding(finding) for finding in report.findings],
+            "stale_waivers": list(report.stale_waivers),
+        },
+    )
+
+
+def _finding(finding: Finding) -> dict[str, object]:
+    return {
+        "id": finding.rule,
+        "severity": str(finding.severity),
+        "message": finding.message,
+        "measured": _number(finding.measured),
+        "limit": _number(finding.limit),
+        "unit": finding.unit,
+        "branches": list(finding.branches),
+        "x_mm": _number(finding.x_mm),
+        "y_mm": _number(finding.y_mm),
+        "marker_wkt": finding.marker_wkt,
+        "fingerprint": finding.fingerprint,
+        "waived": finding.waived,
+        "reason": finding.reason,
+    }
+
+
+def _number(value: float | None) -> float | None:
+    """Return a number, or None where JSON has none: a rule may measure something infinite."""
+    return None if value is None or not math.isfinite(value) else float(value)

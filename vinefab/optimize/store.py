@@ -26,7 +26,7 @@ SCHEMA = "vinefab/run-store-1"
 
 # SQLite keeps these texts in the file's first page: the mark in them makes the file known as ours.
 _TABLES = (
-    f"CREATE TABLE run (key TEXT PRIMARY KEY, value TEXT NOT NULL) /* {GENERATOR} */",
+    f"CREATE TABLE run (/* {GENERATOR} */ key TEXT PRIMARY KEY, value TEXT NOT NULL)",
     "CREATE TABLE session (number INTEGER PRIMARY KEY, began_utc TEXT NOT NULL)",
     "CREATE TABLE generation (number INTEGER PRIMARY KEY, x BLOB NOT NULL, fitness BLOB NOT NULL, "
     "composite BLOB NOT NULL, penalty BLOB NOT NULL, seconds REAL NOT NULL)",

@@ -1,0 +1,241 @@
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vinefab.core.atomic import is_ours
+from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError
+from vinefab.model.design import Design
+from vinefab.model.map import Map
+from vinefab.optimize.history import Progress
+from vinefab.optimize.identity import RunIdentity
+from vinefab.optimize.loop import optimize
+from vinefab.optimize.result import RunResult
+from vinefab.optimize.settings import RunSettings
+from vinefab.optimize.store import FILE_NAME, RunStore
+
+Maps = tuple[Map, ...]
+Penalty = Callable[[Design], float]
+
+
+class InterruptedError(Exception):
+    """Stands for whatever ends a process between two generations."""
+
+
+def recorded(
+    folder: Path,
+    settings: RunSettings,
+    maps: Maps,
+    penalty: Penalty | None = None,
+    *,
+    resume: bool = False,
+    stop_after: int | None = None,
+) -> RunResult:
+    """Run into a folder, breaking off after some generations."""
+
+    def interrupt(progress: Progress) -> None:
+        if progress.generation == stop_after:
+            raise InterruptedError
+
+    with RunStore.open(folder, RunIdentity.of(settings, maps), resume=resume) as store:
+        return optimize(settings, maps, penalty=penalty, store=store, progress=interrupt)
+
+
+def content(folder: Path) -> dict[str, list[tuple[object, ...]]]:
+    """Everything that a record holds but times."""
+    questions = {
+        "run": "SELECT * FROM run ORDER BY 1",
+        "generation": "SELECT number, x, fitness, composite, penalty FROM generation ORDER BY 1",
+        "term": "SELECT * FROM term ORDER BY 1, 2",
+        "optimizer": "SELECT * FROM optimizer",
+        "finalist": "SELECT * FROM finalist ORDER BY 1",
+    }
+    connection = sqlite3.connect(folder / FILE_NAME)
+    try:
+        return {key: connection.execute(text).fetchall() for key, text in questions.items()}
+    finally:
+        connection.close()
+
+
+def test_interrupted_runs_end_as_the_undisturbed_one(
+    tmp_path: Path, fabricable: RunSettings, maps: Maps, film_penalty: Penalty
+) -> None:
+    undisturbed = recorded(tmp_path / "whole", fabricable, maps, film_penalty)
+    rng = np.random.default_rng(8)
+    for trial in range(4):
+        folder = tmp_path / f"trial{trial}"
+        stops = sorted(set(rng.integers(1, 6, 2).tolist()))
+        for stop in stops:
+            with pytest.raises(InterruptedError):
+                recorded(folder, fabricable, maps, film_penalty, resume=True, stop_after=stop)
+        result = recorded(folder, fabricable, maps, film_penalty, resume=True)
+        assert result.best == undisturbed.best
+        assert result.score == undisturbed.score
+        assert content(folder) == content(tmp_path / "whole")
+
+
+def test_a_finished_run_is_read_back_without_computing(
+    tmp_path: Path, small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = recorded(tmp_path, small, maps)
+
+    def forbidden(*_: object) -> None:
+        raise AssertionError("evaluated again")
+
+    monkeypatch.setattr("vinefab.optimize.trial.score_design", forbidden)
+    second = recorded(tmp_path, small, maps, resume=True)
+    assert second.best == first.best
+    assert second.score == first.score
+    assert [g.fitness.tolist() for g in second.history] == [
+        g.fitness.tolist() for g in first.history
+    ]
+    assert {k: v.tolist() for k, v in second.history[1].terms.items()} == {
+        k: v.tolist() for k, v in first.history[1].terms.items()
+    }
+
+
+def test_a_folder_with_a_run_is_refused_without_resume_and_nothing_is_lost(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    with pytest.raises(InterruptedError):
+        recorded(tmp_path, small, maps, stop_after=2)
+    before = content(tmp_path)
+    with pytest.raises(BadInputError, match="--resume"):
+        recorded(tmp_path, small, maps)
+    assert content(tmp_path) == before
+
+
+def test_another_run_cannot_go_on_with_a_record(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    recorded(tmp_path, small, maps)
+    other = replace(small, search=replace(small.search, seed=9))
+    with pytest.raises(BadInputError, match=r"search\.seed is 9; allowed: 3, with which"):
+        recorded(tmp_path, other, maps, resume=True)
+    with pytest.raises(BadInputError, match="maps with which the run began"):
+        recorded(tmp_path, small, maps[:1], resume=True)
+
+
+def test_another_version_cannot_go_on_with_a_record(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    recorded(tmp_path, small, maps)
+    identity = RunIdentity.of(small, maps)
+    newer = replace(identity, versions={**identity.versions, "vinefab": "99.0"})
+    with pytest.raises(BadInputError, match="which began the run"):
+        RunStore.open(tmp_path, newer, resume=True)
+
+
+def test_the_record_is_known_as_ours_even_while_the_run_goes_on(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    with RunStore.open(tmp_path, RunIdentity.of(small, maps)):
+        assert is_ours(tmp_path / FILE_NAME)
+
+
+@pytest.mark.parametrize("text", ["not a database, but long enough to be taken for one", ""])
+def test_foreign_files_are_kept(tmp_path: Path, small: RunSettings, maps: Maps, text: str) -> None:
+    path = tmp_path / FILE_NAME
+    path.write_text(text)
+    with pytest.raises(BadInputError):
+        recorded(tmp_path, small, maps)
+    if text:
+        with pytest.raises(UnreadableFileError):
+            recorded(tmp_path, small, maps, resume=True)
+        assert path.read_text() == text
+
+
+def test_a_foreign_database_is_kept(tmp_path: Path, small: RunSettings, maps: Maps) -> None:
+    connection = sqlite3.connect(tmp_path / FILE_NAME)
+    connection.execute("CREATE TABLE theirs (a)")
+    connection.close()
+    with pytest.raises(UnreadableFileError, match="not the record of a run"):
+        recorded(tmp_path, small, maps, resume=True)
+
+
+def test_two_processes_cannot_write_the_same_generation(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    identity = RunIdentity.of(small, maps)
+    with (
+        RunStore.open(tmp_path, identity) as one,
+        RunStore.open(tmp_path, identity, resume=True) as two,
+    ):
+        generation = optimize(small, maps).history[0]
+        one.add(generation, {"generation": 1})
+        with pytest.raises(CannotWriteError, match="another process"):
+            two.add(generation, {"generation": 1})
+        assert len(two.generations()) == 1
+
+
+def test_a_place_that_cannot_be_written_is_named(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(CannotWriteError, match="file"):
+        RunStore.open(tmp_path / "file" / "run", RunIdentity.of(small, maps))
+
+
+def test_a_full_disk_keeps_what_was_recorded(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    generations = optimize(small, maps).history
+    with RunStore.open(tmp_path, RunIdentity.of(small, maps)) as store:
+        store.add(generations[0], {"generation": 1})
+        # SQLite's own limit on the file's size answers as a full disk does.
+        pages = store._connection.execute("PRAGMA page_count").fetchone()[0]
+        store._connection.execute(f"PRAGMA max_page_count = {pages}")
+        with pytest.raises(CannotWriteError, match="full"):
+            store.add(generations[1], {"generation": "x" * 100_000})
+        assert len(store.generations()) == 1
+        assert store.optimizer_state() == {"generation": 1}
+
+
+PROGRAM = """
+import sys
+from pathlib import Path
+from vinefab.environments.grid import grid_map
+from vinefab.optimize.identity import RunIdentity
+from vinefab.optimize.loop import optimize
+from vinefab.optimize.settings import *
+from vinefab.optimize.store import RunStore
+settings = RunSettings(
+    search=SearchSettings(population=6, generations=40, seed=3),
+    evaluation=EvaluationSettings(fabricable=False, finalists=2, final_poses_per_map=1),
+)
+maps = (grid_map(1),)
+with RunStore.open(Path(sys.argv[1]), RunIdentity.of(settings, maps), resume=True) as store:
+    print("open", flush=True)
+    optimize(settings, maps, store=store, progress=lambda p: print(p.generation, flush=True))
+"""
+
+
+def test_killed_processes_lose_at_most_the_generation_at_hand(tmp_path: Path) -> None:
+    subprocess.run(
+        [sys.executable, "-c", PROGRAM, str(tmp_path / "whole")],
+        check=True,
+        stdout=subprocess.DEVNULL,
+    )
+    killed = tmp_path / "killed"
+    for lines in (3, 5):
+        process = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, str(killed)], stdout=subprocess.PIPE, text=True
+        )
+        assert process.stdout is not None
+        for _ in range(lines):
+            process.stdout.readline()
+        os.kill(process.pid, signal.SIGKILL)
+        process.communicate()
+        assert process.returncode == -signal.SIGKILL
+    assert 0 < len(content(killed)["generation"]) < 40
+    subprocess.run(
+        [sys.executable, "-c", PROGRAM, str(killed)], check=True, stdout=subprocess.DEVNULL
+    )
+    assert content(killed) == content(tmp_path / "whole")

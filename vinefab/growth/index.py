@@ -50,14 +50,19 @@ def indexed(walls: Walls) -> WallArrays:
 
 
 def _grid_over(wall: Floats) -> _Grid:
-    """Return a grid with about one cell per wall."""
+    """Return a grid with about one cell per wall.
+
+    It reaches half a cell beyond the walls, so that a body that lies along the outermost one, which
+    rounding may place a trifle outside, is still in it.
+    """
     if len(wall) == 0:
         return _Grid(0.0, 0.0, 1.0, 1, 1)
     low, high = wall[:, :2].min(axis=0), wall[:, :2].max(axis=0)
     width, height = (high - low).tolist()
     cell = max(np.sqrt(width * height / len(wall)), max(width, height) / (4.0 * len(wall)))
-    columns, rows = int(width / cell) + 1, int(height / cell) + 1
-    return _Grid(float(low[0]), float(low[1]), float(cell), columns, rows)
+    columns, rows = int(width / cell) + 2, int(height / cell) + 2
+    corner = low - 0.5 * cell
+    return _Grid(float(corner[0]), float(corner[1]), float(cell), columns, rows)
 
 
 def _column(grid: _Grid, x_mm: Floats) -> Ints:

@@ -156,7 +156,11 @@ def _meeting(walls, rules, ox, oy, dx, dy, wall):
     if to_start < -tolerance or to_end < -tolerance:
         return math.inf, 0.0
     place = min(max(place, 0.0), length)
-    distance = max(0.0, (place * tx - rx) * dx + (place * ty - ry) * dy)
+    distance = (place * tx - rx) * dx + (place * ty - ry) * dy
+    if distance < -tolerance:
+        # Nearly parallel to the ray, and touched by its line only behind the origin.
+        return math.inf, 0.0
+    distance = max(0.0, distance)
     if to_start <= tolerance and _passes_end(walls, rules, dx, dy, wall, False, distance):
         return math.inf, 0.0
     if to_end <= tolerance and _passes_end(walls, rules, dx, dy, wall, True, distance):

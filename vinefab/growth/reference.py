@@ -175,7 +175,10 @@ def meeting(world: World, origin: complex, u: complex, number: int) -> Meeting |
     if min(margins) < -tolerance:
         return None
     place = min(max(place, 0.0), wall.length)
-    distance = max(0.0, dot(wall.at(place) - origin, u))
+    distance = dot(wall.at(place) - origin, u)
+    if distance < -tolerance:
+        return None
+    distance = max(0.0, distance)
     for end in (0, 1):
         if margins[end] <= tolerance and passes_end(world, u, number, end, distance):
             return None

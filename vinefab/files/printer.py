@@ -6,32 +6,23 @@ from typing import Literal
 from pydantic import Field
 
 from vinefab.core.errors import BadInputError
+from vinefab.files.profile import QuantityForm
 from vinefab.files.shipped import locate
 from vinefab.files.toml import Form, check, read_toml
-from vinefab.model.laser import Standing
 from vinefab.model.printer import Printer
 
 
-class _Number(Form):
-    """A number of a profile with where it comes from; its unit is in its key."""
+class PrinterForm(Form):
+    """A file in ``laser_profiles/printers``."""
 
-    value: float
-    standing: Standing = Field(strict=False)
-    source: str
-
-
-class _PrinterFile(Form):
-    """The printer file as it stands."""
-
-    # The key is `schema`; the attribute is not, because pydantic's base class has one.
     schema_: Literal["vinefab/printer-1"] = Field(alias="schema")
     title: str
-    bed_width_mm: _Number
-    bed_depth_mm: _Number
-    height_mm: _Number
-    nozzle_mm: _Number
-    least_wall_mm: _Number
-    clearance_mm: _Number
+    bed_width_mm: QuantityForm
+    bed_depth_mm: QuantityForm
+    height_mm: QuantityForm
+    nozzle_mm: QuantityForm
+    least_wall_mm: QuantityForm
+    clearance_mm: QuantityForm
 
 
 def read_printer(name_or_path: str | Path) -> Printer:
@@ -53,7 +44,7 @@ def read_printer(name_or_path: str | Path) -> Printer:
         If a key is unknown or missing, or a value cannot be used.
     """
     path = locate("printer", name_or_path)
-    form = check(_PrinterFile, read_toml(path), path)
+    form = check(PrinterForm, read_toml(path), path)
     try:
         return Printer(
             name=path.stem,

@@ -9,10 +9,12 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.model.checked import Floats
 from vinefab.model.map import Map
+from vinefab.rig.clean import pieces_of
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.solid import manifold_of, outlines_at
 
 _HEIGHTS = (0.02, 0.5, 0.98)
+_LEAST_WALL_SHARE = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,8 +31,8 @@ class Comparison:
     floor_missing_mm2
         Area within the bounds without plate below: gaps of joints, holes of entries.
     share
-        Excess and missing together, over ``wall_mm2`` (over the bounds' area when a map has no
-        obstacles).
+        Excess and missing together, over ``wall_mm2`` (but at least over 1 % of the bounds' area,
+        so that an almost empty map is not judged by the rounding of its border).
     """
 
     wall_mm2: float
@@ -53,10 +55,10 @@ def compare_with_map(rig: Rig, world: Map) -> Comparison:
     """
     options = rig.options
     inside = shapely.Polygon(world.bounds.exterior)
-    walls = shapely.difference(inside, world.free_space)
+    walls = _areas(shapely.difference(inside, world.free_space))
     excess_mm2 = missing_mm2 = 0.0
     for share in _HEIGHTS:
-        cut = _cut(rig, options.plate_mm + share * options.height_mm).intersection(inside)
+        cut = _areas(_cut(rig, options.plate_mm + share * options.height_mm).intersection(inside))
         excess_mm2 = max(excess_mm2, cut.difference(walls).area)
         missing_mm2 = max(missing_mm2, walls.difference(cut).area)
     floor = _cut(rig, 0.5 * options.plate_mm)
@@ -65,8 +67,13 @@ def compare_with_map(rig: Rig, world: Map) -> Comparison:
         excess_mm2=excess_mm2,
         missing_mm2=missing_mm2,
         floor_missing_mm2=inside.difference(floor).area,
-        share=(excess_mm2 + missing_mm2) / (walls.area or inside.area),
+        share=(excess_mm2 + missing_mm2) / max(walls.area, _LEAST_WALL_SHARE * inside.area),
     )
+
+
+def _areas(geometry: BaseGeometry) -> BaseGeometry:
+    """Drop the lines and points of an overlay; further overlays cannot take the mixture."""
+    return shapely.union_all(pieces_of(geometry))
 
 
 def _cut(rig: Rig, z_mm: float) -> BaseGeometry:

@@ -53,7 +53,7 @@ def build_rig(world: Map, printer: Printer, options: RigOptions | None = None) -
     plan = plan_of(world, printer, options)
     cuts = cuts_of(plan.plate.bounds, plan.solids, printer, options)
     joints = joints_of(plan, cuts, printer.clearance_mm)
-    least_mm = options.sliver_mm, 0.5 * printer.least_wall_mm
+    least_mm = options.sliver_mm, 0.5 * printer.nozzle_mm
     tiles = list(tiles_of(plan, cuts, joints, least_mm))
     return Rig(
         name=world.name,

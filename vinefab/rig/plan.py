@@ -81,7 +81,7 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
     plate = shapely.set_precision(plate, GRID_MM)
     solids, more_slivers = without_slivers(snapped_union(obstacles, border), options.sliver_mm)
     solids, slits = without_slits(solids, options.sliver_mm)
-    solids, bridges = bridged(solids, plate, 0.5 * printer.least_wall_mm)
+    solids, bridges = bridged(solids, plate, 0.5 * printer.nozzle_mm)
     thin = thin_parts(solids, printer.least_wall_mm)
     return RigPlan(
         plate=plate,

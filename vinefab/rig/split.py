@@ -3,19 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
-from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.checked import Floats
 from vinefab.model.printer import Printer
 from vinefab.rig.clean import Pieces
+from vinefab.rig.edges import Edges
 from vinefab.rig.joints import TAB_DEPTH_MM
 from vinefab.rig.options import RigOptions
 
 _STEP_MM = 1.0
-_GUARD_MM = 2.0
-_CORNER_COST_MM = 20.0
 _LEAST_TILE_MM = 5.0 * TAB_DEPTH_MM
 
 
@@ -51,7 +47,7 @@ def cuts_of(
 
     As few tiles as the bed allows, in the better of the two ways to lay them on it. Each line may
     wander within what the tile size allows, to cross as little obstacle as possible and to stay
-    `_GUARD_MM` away from obstacles' corners, so that no thin tip is cut off.
+    away from obstacles' corners, so that no thin tip is cut off.
 
     Parameters
     ----------
@@ -80,7 +76,7 @@ def cuts_of(
         raise BadInputError("rig.parts", columns * rows, allowed)
     if turn:
         bed_mm.reverse()
-    edges = _Edges.of(solids)
+    edges = Edges.of(solids)
     return Cuts(
         x_mm=_lines((box_mm[0], box_mm[2]), columns, bed_mm[0], edges),
         y_mm=_lines((box_mm[1], box_mm[3]), rows, bed_mm[1], edges.turned()),
@@ -100,7 +96,7 @@ def _count(length_mm: float, bed_mm: float) -> int:
 
 
 def _lines(
-    span_mm: tuple[float, float], count: int, bed_mm: float, edges: "_Edges"
+    span_mm: tuple[float, float], count: int, bed_mm: float, edges: Edges
 ) -> tuple[float, ...]:
     """Place the cuts one after another, each where it costs least."""
     tile_mm = bed_mm - TAB_DEPTH_MM
@@ -115,44 +111,3 @@ def _lines(
             choices = np.array([round(even_mm, 3)])
         lines.append(float(choices[np.argmin(edges.costs_mm(choices, even_mm))]))
     return (*lines, span_mm[1])
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Edges:
-    """Edges of oriented polygons, arrays of shape (n, 2), solid on their left."""
-
-    start_mm: Floats
-    end_mm: Floats
-
-    @classmethod
-    def of(cls, solids: Pieces) -> "_Edges":
-        rings = shapely.get_rings(shapely.orient_polygons(solids))
-        points, ring = shapely.get_coordinates(rings, return_index=True)
-        same = ring[1:] == ring[:-1]
-        return cls(start_mm=points[:-1][same], end_mm=points[1:][same])
-
-    def turned(self) -> "_Edges":
-        """Swap x and y; reversing the edges keeps the solid on their left."""
-        return _Edges(start_mm=self.end_mm[:, ::-1], end_mm=self.start_mm[:, ::-1])
-
-    def costs_mm(self, lines_mm: Floats, even_mm: float) -> Floats:
-        """Return the cost of upright lines: length in solids, corners too near, unevenness."""
-        near = np.sort(self.start_mm[:, 0])
-        corners = np.searchsorted(near, lines_mm + _GUARD_MM, side="right")
-        corners = corners - np.searchsorted(near, lines_mm - _GUARD_MM)
-        crossed_mm = np.array([self._length_mm(x_mm) for x_mm in lines_mm])
-        uneven_mm = 1e-3 * np.abs(lines_mm - even_mm)
-        return np.asarray(crossed_mm + _CORNER_COST_MM * corners + uneven_mm, dtype=np.float64)
-
-    def _length_mm(self, x_mm: float) -> float:
-        """Length of the upright line x = x_mm in the solids.
-
-        Along the line, an edge that runs to the right has the solid above it, one that runs to
-        the left has it below: the lengths add up as signed heights, without any sorting.
-        """
-        start_x, end_x = self.start_mm[:, 0], self.end_mm[:, 0]
-        crossing: NDArray[np.bool_] = (start_x <= x_mm) != (end_x <= x_mm)
-        start, end = self.start_mm[crossing], self.end_mm[crossing]
-        share = (x_mm - start[:, 0]) / (end[:, 0] - start[:, 0])
-        y_mm = start[:, 1] + share * (end[:, 1] - start[:, 1])
-        return float(-(np.sign(end[:, 0] - start[:, 0]) * y_mm).sum())

@@ -1,0 +1,131 @@
+"""The outline of a design: one walk around its tree, in exact lines and arcs.
+
+From the mouth's right corner up one side of tail and trunk, at each joint on to the next branch
+counter-clockwise, around each tip, and back down to the mouth's left corner. The body is always to
+the left. Whether far parts of the body cross each other is not the walk's business.
+"""
+
+import math
+from dataclasses import dataclass
+
+from vinefab.geometry.exactness import drawing_problems, pattern_problems
+from vinefab.geometry.joint import Joint
+from vinefab.geometry.layout import FlatLayout, flat_layout
+from vinefab.geometry.pattern import Pattern, pattern_of
+from vinefab.geometry.problem import OutlineProblem, ProblemKind
+from vinefab.geometry.stroke import LEAST_SEGMENT_MM, Frame, Pen, Point, placed
+from vinefab.model.design import Design
+from vinefab.model.outline import Contour, Part
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BodyOutline:
+    """The outline of a design.
+
+    Parameters
+    ----------
+    contour
+        Open, from the mouth's right corner counter-clockwise around the body to its left corner.
+        Where there are problems it is a sketch for a picture, not a shape to cut.
+    problems
+        Why the contour is not exact; empty if it is.
+    """
+
+    contour: Contour
+    problems: tuple[OutlineProblem, ...]
+
+
+def body_outline(design: Design, offset_mm: float = 0.0) -> BodyOutline:
+    """Return the outline of a design in the coordinates of its flat layout.
+
+    Parameters
+    ----------
+    design
+        The design.
+    offset_mm
+        How far outside the lumen's edge the outline runs: half widths and convex radii grow by
+        it, fillet radii shrink by it. The mouth stays at the tail's end.
+
+    Examples
+    --------
+    >>> from vinefab.model.design import Build
+    >>> vine = Design(name="vine", trunk_length_mm=100.0, build=Build.standard(1))
+    >>> outline = body_outline(vine)
+    >>> [segment.part.value for segment in outline.contour.segments]
+    ['tail', 'side', 'tip', 'tip', 'side', 'tail']
+    >>> [round(edge, 6) for edge in outline.contour.box_mm]
+    [-200.0, -20.0, 120.0, 20.0]
+    """
+    layout = flat_layout(design)
+    pattern = pattern_of(design, offset_mm)
+    problems = pattern_problems(design, layout, pattern)
+    if any(problem.kind is ProblemKind.VANISHED for problem in problems):
+        pattern = pattern_of(design, 0.0)
+    contour = _Walk(layout, pattern).contour()
+    return BodyOutline(
+        contour=contour, problems=problems or drawing_problems(layout, pattern, contour)
+    )
+
+
+class _Walk:
+    """One walk around a tree; made for one contour and thrown away."""
+
+    def __init__(self, layout: FlatLayout, pattern: Pattern) -> None:
+        self.pattern = pattern
+        self.ids = layout.tree.ids
+        self.level = layout.tree.level.tolist()
+        self.ends: list[Point] = [(x, y) for x, y in layout.end_mm.tolist()]
+        self.heading = layout.heading_rad.tolist()
+        self.tail_mm = layout.tail_mm
+        self.children: list[list[int]] = [[] for _ in self.ids]
+        for branch, parent in enumerate(layout.tree.parent.tolist()):
+            if parent >= 0:
+                self.children[parent].append(branch)
+        self.pen = Pen([(-self.tail_mm, -pattern.mouth_half_mm)])
+
+    def contour(self) -> Contour:
+        """Walk from one corner of the mouth to the other."""
+        self._around(0)
+        self._side((-self.tail_mm, self.pattern.mouth_half_mm), 0)
+        return self.pen.contour()
+
+    def _around(self, branch: int) -> None:
+        """Walk from the base of a branch's right side to the end of its left side."""
+        if not self.children[branch]:
+            frame = Frame(self.ends[branch], self.heading[branch])
+            self._side(placed(self.pattern.tip.run.start_mm, frame), branch)
+            self.pen.pieces(self.pattern.tip.run, frame, (self.ids[branch],))
+            return
+        joint = self.pattern.joints[self.level[branch] - 1]
+        self._gap(joint, 0, branch, branch)
+        for number, child in enumerate(self.children[branch], start=1):
+            self._around(child)
+            self._gap(joint, number, branch, child)
+
+    def _gap(self, joint: Joint, number: int, parent: int, first: int) -> None:
+        """Walk from the left of one neighbour at a joint to the right of the next."""
+        gap = joint.gaps[number]
+        frame = Frame(self.ends[parent], self.heading[parent] + gap.first.angle_rad)
+        self._side(placed(gap.run.start_mm, frame), first)
+        owners = (self.ids[parent], *(self.ids[child] for child in self.children[parent]))
+        self.pen.pieces(gap.run, frame, owners)
+
+    def _side(self, point: Point, branch: int) -> None:
+        """Walk straight along a branch; below the trunk's base its side is the tail."""
+        if branch > 0:
+            self.pen.go_to(point, Part.SIDE, self.ids[branch])
+            return
+        base = (0.0, math.copysign(self.pattern.mouth_half_mm, point[1]))
+        if self._base_between(self.pen.points[-1], base, point):
+            self.pen.go_to(base, self._trunk_part(base), self.ids[0])
+        self.pen.go_to(point, self._trunk_part(point), self.ids[0])
+
+    def _base_between(self, here: Point, base: Point, point: Point) -> bool:
+        """Whether the trunk's base divides a straight way into two that can both be drawn."""
+        crosses = (here[0] < 0.0) != (point[0] < 0.0)
+        return crosses and min(math.dist(here, base), math.dist(base, point)) >= LEAST_SEGMENT_MM
+
+    def _trunk_part(self, point: Point) -> Part:
+        """Return what the straight way to a point on the trunk's side belongs to."""
+        middle = (self.pen.points[-1][0] + point[0]) / 2
+        return Part.TAIL if middle < 0.0 else Part.SIDE

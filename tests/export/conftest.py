@@ -8,7 +8,19 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from vinefab.export.package import PackageContent
+from vinefab.model.design import Build, Design
 from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.laser import (
+    LaserProfile,
+    Machine,
+    Material,
+    OperationSettings,
+    Quantity,
+    Recipe,
+    RecipeStatus,
+    Standing,
+)
 from vinefab.model.outline import Contour, Part, Segment
 
 
@@ -94,3 +106,83 @@ def segment_of() -> Callable[..., Segment]:
         return Segment(start_mm=ends[0], end_mm=ends[1], bulge=math.tan(turn / 4))
 
     return make
+
+
+def _quantity(value: float, standing: Standing = Standing.MEASURED) -> Quantity:
+    return Quantity(value=value, standing=standing, source="a test")
+
+
+@pytest.fixture
+def settings() -> OperationSettings:
+    """Settings with round numbers: 100 mm/s, two passes, all measured but the kerf."""
+    return OperationSettings(
+        power_percent=_quantity(50.0),
+        min_power_percent=_quantity(10.0),
+        speed_mm_s=_quantity(100.0),
+        passes=2,
+        focus_offset_mm=_quantity(6.0),
+        frequency_hz=_quantity(5000.0),
+        air_assist=False,
+        spot_mm=_quantity(0.5),
+        kerf_mm=_quantity(0.3, Standing.ASSUMED),
+        seam_width_mm=_quantity(0.4),
+        overcut_mm=_quantity(3.0),
+    )
+
+
+@pytest.fixture
+def profile(settings: OperationSettings) -> LaserProfile:
+    """A 60 W machine with 1000 mm/s2, two plies of 0.05 mm at 1000 kg/m3, an untried recipe."""
+    machine = Machine(
+        name="tester",
+        title="Tester's laser",
+        bed_width_mm=_quantity(600.0),
+        bed_height_mm=_quantity(400.0),
+        margin_mm=_quantity(5.0),
+        power_w=_quantity(60.0),
+        spot_mm=_quantity(0.2),
+        rayleigh_mm=_quantity(3.0),
+        speed_max_mm_s=_quantity(500.0),
+        acceleration_mm_s2=_quantity(1000.0),
+    )
+    material = Material(
+        name="film",
+        title="Test film",
+        ply_mm=_quantity(0.05),
+        plies=2,
+        roll_width_mm=_quantity(1000.0),
+        density_kg_m3=_quantity(1000.0, Standing.PUBLISHED),
+        modulus_mpa=_quantity(30.0),
+        strength_mpa=_quantity(27.0),
+        friction=_quantity(0.3),
+        burst_kpa=_quantity(70.0, Standing.PAPER),
+        burst_width_mm=_quantity(20.0, Standing.ASSUMED),
+        weldable=True,
+    )
+    recipe = Recipe(
+        name="tester__film",
+        title="Test recipe",
+        status=RecipeStatus.UNVERIFIED,
+        source="a test",
+        operations=dict.fromkeys(("mark", "weld", "weldcut", "cut"), settings),
+    )
+    return LaserProfile(machine=machine, material=material, recipe=recipe)
+
+
+@pytest.fixture
+def design() -> Design:
+    """A plain vine."""
+    return Design(name="plain", trunk_length_mm=100.0, build=Build.standard(1))
+
+
+@pytest.fixture
+def content(design: Design, profile: LaserProfile, job: Job) -> PackageContent:
+    """A whole package's content."""
+    return PackageContent(
+        design=design,
+        profile=profile,
+        job=job,
+        checks='{"schema": "vinefab/checks-1"}\n',
+        preview=b"picture",
+        report=b"<html></html>",
+    )

@@ -1,0 +1,71 @@
+import csv
+import io
+import math
+from dataclasses import replace
+
+import pytest
+
+from vinefab.core.atomic import OWN_MARK
+from vinefab.export.bom import bill_of_materials, body_area_mm2, bom_text
+from vinefab.model.job import Job, Operation
+from vinefab.model.laser import LaserProfile, Quantity, Standing
+
+FINGER_MM2 = 100.0 * 40.0 + math.pi * 20.0**2 / 2
+
+
+def value(job: Job, profile: LaserProfile, item: str) -> float:
+    return {line.item: line.value for line in bill_of_materials(job, profile)}[item]
+
+
+def test_area_and_mass_are_those_of_the_robot_and_not_of_the_sheet(
+    job: Job, profile: LaserProfile
+) -> None:
+    assert body_area_mm2(job) == pytest.approx(FINGER_MM2)
+    assert value(job, profile, "robot area") == pytest.approx(FINGER_MM2 / 100.0)
+    # 2 plies of 0.05 mm at 1000 kg/m3 weigh 0.1 kg/m2.
+    assert value(job, profile, "robot film mass") == pytest.approx(FINGER_MM2 * 1e-6 * 0.1 * 1000)
+
+
+def test_a_robot_sealed_and_cut_apart_is_measured_along_its_seam(job: Job) -> None:
+    paths = tuple(path for path in job.paths if path.operation is not Operation.WELDCUT)
+    apart = Job(name="apart", sheet_width_mm=150, sheet_height_mm=80, paths=paths)
+    circle, nearly = apart.along(Operation.WELD)
+    expected = math.pi * 25.0 + abs(nearly.contour.signed_area_mm2)
+    assert circle.contour.arc_count == 2
+    assert body_area_mm2(apart) == pytest.approx(expected)
+
+
+def test_lengths_are_by_what_the_path_does(job: Job, profile: LaserProfile) -> None:
+    weld, weldcut, cut = (
+        job.length_mm(op) for op in (Operation.WELD, Operation.WELDCUT, Operation.CUT)
+    )
+    assert value(job, profile, "weld length") == pytest.approx(weld + weldcut)
+    assert value(job, profile, "cut length") == pytest.approx(weldcut + cut)
+    assert value(job, profile, "film area") == pytest.approx(2 * 15.0 * 8.0)
+
+
+def test_standing_falls_to_assumed_with_one_assumed_input(job: Job, profile: LaserProfile) -> None:
+    before = {line.item: line.standing for line in bill_of_materials(job, profile)}
+    assert set(before.values()) == {Standing.COMPUTED}
+    guess = Quantity(value=1000.0, standing=Standing.ASSUMED, source="guess")
+    material = replace(profile.material, density_kg_m3=guess)
+    guessed = replace(profile, material=material)
+    after = {line.item: line.standing for line in bill_of_materials(job, guessed)}
+    assert after.pop("robot film mass") is Standing.ASSUMED
+    assert set(after.values()) == {Standing.COMPUTED}
+    machine = replace(profile.machine, acceleration_mm_s2=guess)
+    slow = {line.item: line for line in bill_of_materials(job, replace(profile, machine=machine))}
+    assert slow["machine time, total"].standing is Standing.ASSUMED
+
+
+def test_the_csv_holds_every_line_with_unit_and_standing(job: Job, profile: LaserProfile) -> None:
+    text = bom_text(job, profile)
+    assert OWN_MARK in text.encode()[-8192:]
+    rows = list(csv.DictReader(io.StringIO(text)))
+    lines = bill_of_materials(job, profile)
+    assert [row["item"] for row in rows[:-1]] == [line.item for line in lines]
+    for row, line in zip(rows, lines, strict=False):
+        assert float(row["value"]) == pytest.approx(line.value, rel=1e-5)
+        assert row["unit"] == line.unit
+        assert row["standing"] in {"computed", "assumed"}
+        assert row["basis"]

@@ -1,0 +1,70 @@
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vinefab.core.errors import BadInputError
+from vinefab.export.machine_time import contour_time_s, machine_time, move_time_s
+from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.laser import LaserProfile
+from vinefab.model.outline import Contour, Segment
+
+
+def test_a_long_move_is_a_trapezoid_and_a_short_one_a_triangle() -> None:
+    assert move_time_s(100.0, 50.0, 1000.0) == pytest.approx(0.05 + 97.5 / 50 + 0.05)
+    assert move_time_s(2.5, 50.0, 1000.0) == pytest.approx(0.1)
+    assert move_time_s(0.1, 50.0, 1000.0) == pytest.approx(2 * math.sqrt(0.1 / 1000.0))
+    assert move_time_s(0.0, 50.0, 1000.0) == 0.0
+
+
+def test_the_two_shapes_of_a_move_meet() -> None:
+    below, above = (move_time_s(2.5 + d, 50.0, 1000.0) for d in (-1e-9, 1e-9))
+    assert below == pytest.approx(above, rel=1e-6)
+
+
+def test_the_head_stops_at_corners_and_nowhere_else() -> None:
+    straight = Contour.polyline(np.array([[0, 0], [60, 0], [100, 0.0]]), closed=False)
+    corner = Contour.polyline(np.array([[0, 0], [60, 0], [60, 40.0]]), closed=False)
+    assert contour_time_s(straight, 50.0, 1000.0) == pytest.approx(move_time_s(100, 50, 1000))
+    expected = move_time_s(60, 50, 1000) + move_time_s(40, 50, 1000)
+    assert contour_time_s(corner, 50.0, 1000.0) == pytest.approx(expected)
+
+
+def test_a_tight_arc_is_slow_and_a_wide_one_is_not(segment_of: Callable[..., Segment]) -> None:
+    tight = Contour.from_segments([segment_of((0.0, 0.0), 0.9, 0.0, 180.0)], closed=False)
+    wide = Contour.from_segments([segment_of((0.0, 0.0), 90.0, 0.0, 180.0)], closed=False)
+    slow = math.sqrt(1000.0 * 0.9)
+    expected = move_time_s(math.pi * 0.9, slow, 1000.0)
+    assert contour_time_s(tight, 50.0, 1000.0) == pytest.approx(expected)
+    expected = move_time_s(math.pi * 90.0, 50.0, 1000.0)
+    assert contour_time_s(wide, 50.0, 1000.0) == pytest.approx(expected)
+
+
+def test_passes_travel_and_order_count(profile: LaserProfile) -> None:
+    first = Contour.polyline(np.array([[30.0, 40.0], [130.0, 40.0]]), closed=False)
+    second = Contour.polyline(np.array([[130.0, 340.0], [130.0, 40.0]]), closed=False)
+    paths = (
+        LaserPath(operation=Operation.CUT, contour=second),
+        LaserPath(operation=Operation.WELDCUT, contour=first),
+        LaserPath(operation=Operation.REG, contour=second),
+    )
+    time = machine_time(
+        Job(name="t", sheet_width_mm=400, sheet_height_mm=400, paths=paths), profile
+    )
+    assert list(time.work_s) == [Operation.WELDCUT, Operation.CUT]
+    assert time.work_s[Operation.WELDCUT] == pytest.approx(2 * move_time_s(100, 100, 1000))
+    assert time.work_s[Operation.CUT] == pytest.approx(2 * move_time_s(300, 100, 1000))
+    # From the corner, back for the second pass, over to the cut, and back for its second pass.
+    hops = (50.0, 100.0, 300.0, 300.0)
+    assert time.travel_s == pytest.approx(sum(move_time_s(hop, 500, 1000) for hop in hops))
+    assert time.total_s == pytest.approx(sum(time.work_s.values()) + time.travel_s)
+
+
+def test_an_operation_that_the_recipe_lacks_is_an_error(job: Job, profile: LaserProfile) -> None:
+    without = dict(profile.recipe.operations)
+    del without["weld"]
+    poorer = replace(profile, recipe=replace(profile.recipe, operations=without))
+    with pytest.raises(BadInputError, match="weld"):
+        machine_time(job, poorer)

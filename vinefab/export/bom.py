@@ -1,0 +1,140 @@
+"""What a job takes: film, seam and cut lengths, time on the machine, mass of the robot."""
+
+import csv
+import io
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from vinefab.core.jsontext import GENERATOR
+from vinefab.export.machine_time import machine_time
+from vinefab.model.job import Job, Operation
+from vinefab.model.laser import LaserProfile, Quantity, Standing
+
+COLUMNS = ("item", "value", "unit", "standing", "basis")
+_G_PER_KG = 1000.0
+_MM3_PER_M3 = 1e9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BomLine:
+    """One number of the bill of materials.
+
+    Parameters
+    ----------
+    item
+        What it counts.
+    value, unit
+        How much.
+    standing
+        How far it may be trusted: assumed as soon as one number that it rests on is.
+    basis
+        How it came about.
+    """
+
+    item: str
+    value: float
+    unit: str
+    standing: Standing
+    basis: str
+
+
+def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
+    """Return what a job takes.
+
+    Parameters
+    ----------
+    job
+        The paths.
+    profile
+        Film, speeds and limits.
+
+    Raises
+    ------
+    BadInputError
+        If the recipe lacks an operation of the job.
+    """
+    return (*_film_lines(job, profile), *_length_lines(job), *_time_lines(job, profile))
+
+
+def bom_text(job: Job, profile: LaserProfile) -> str:
+    """Return the bill of materials as CSV; its last row says who wrote it."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for line in bill_of_materials(job, profile):
+        writer.writerow([line.item, f"{line.value:.6g}", line.unit, line.standing, line.basis])
+    writer.writerow(["bill of materials", "", "", "", f"{job.name}, {GENERATOR}"])
+    return stream.getvalue()
+
+
+def body_area_mm2(job: Job) -> float:
+    """Return the flat area of the robots of a job, one ply, within the path that forms them.
+
+    That is the weld-cut outline or, where sealing and cutting are separate, the weld line; an
+    outline that is open at the mouth is closed with a straight line.
+    """
+    outlines = job.along(Operation.WELDCUT) or job.along(Operation.WELD)
+    return math.fsum(abs(path.contour.signed_area_mm2) for path in outlines)
+
+
+def weakest(quantities: Iterable[Quantity]) -> Standing:
+    """Return the standing of a number worked out from others."""
+    assumed = any(quantity.standing is Standing.ASSUMED for quantity in quantities)
+    return Standing.ASSUMED if assumed else Standing.COMPUTED
+
+
+def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
+    film, area = profile.material, body_area_mm2(job)
+    width, height = job.sheet_width_mm, job.sheet_height_mm
+    mass_g = area * film.plies * film.ply_mm.value * film.density_kg_m3.value
+    mass_g *= _G_PER_KG / _MM3_PER_M3
+    mass_basis = (
+        f"area x {film.plies} plies x {film.ply_mm.value:g} mm ({film.ply_mm.standing})"
+        f" x {film.density_kg_m3.value:g} kg/m3 ({film.density_kg_m3.standing})"
+    )
+    standing = weakest((film.ply_mm, film.density_kg_m3))
+    return [
+        _computed("sheet width", width, "mm", "the sheet in the laser files"),
+        _computed("sheet height", height, "mm", "the sheet in the laser files"),
+        _computed("plies", film.plies, "1", f"sheets of {film.title}, one on the other"),
+        _computed(
+            "film area", film.plies * width * height / 100.0, "cm2", "all plies of the sheet"
+        ),
+        _computed("robot area", area / 100.0, "cm2", "one ply, within the beam's path"),
+        BomLine(
+            item="robot film mass", value=mass_g, unit="g", standing=standing, basis=mass_basis
+        ),
+    ]
+
+
+def _length_lines(job: Job) -> list[BomLine]:
+    sealed, cut = (Operation.WELD, Operation.WELDCUT), (Operation.WELDCUT, Operation.CUT)
+    kinds = [
+        ("weld length", sealed, "paths that seal, one pass"),
+        ("cut length", cut, "paths that cut through, one pass"),
+        ("mark length", (Operation.MARK,), "marks, one pass"),
+    ]
+    return [
+        _computed(item, math.fsum(job.length_mm(op) for op in operations), "mm", basis)
+        for item, operations, basis in kinds
+    ]
+
+
+def _time_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
+    time = machine_time(job, profile)
+    standing = weakest(time.inputs)
+    shares = [(f"machine time, {op}", seconds) for op, seconds in time.work_s.items()]
+    basis = "lengths, speeds, passes, acceleration; not from the machine's own software"
+    return [
+        BomLine(item=item, value=seconds, unit="s", standing=standing, basis=basis)
+        for item, seconds in [
+            *shares,
+            ("machine time, travel", time.travel_s),
+            ("machine time, total", time.total_s),
+        ]
+    ]
+
+
+def _computed(item: str, value: float, unit: str, basis: str) -> BomLine:
+    return BomLine(item=item, value=value, unit=unit, standing=Standing.COMPUTED, basis=basis)

@@ -1,0 +1,167 @@
+"""Every setting of a job as JSON: ``vinefab/job-1``."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+
+from vinefab.core.jsontext import json_text
+from vinefab.core.units import deg
+from vinefab.export.bom import weakest
+from vinefab.export.colours import Colours
+from vinefab.export.drawn import styled_paths
+from vinefab.model.design import Build, Design
+from vinefab.model.job import Job, Operation
+from vinefab.model.laser import LaserProfile, Machine, Material, OperationSettings, Quantity
+
+SCHEMA = "vinefab/job-1"
+_MJ_PER_J = 1000.0
+
+
+def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) -> str:
+    """Return what is to be made, with which settings, in which order.
+
+    Every number of the profile keeps its standing and source; line energy and fluence are worked
+    out here and say so.
+
+    Parameters
+    ----------
+    design
+        What the job makes.
+    job
+        The paths.
+    profile
+        Machine, material and recipe.
+    colours
+        The preset that the files are written with.
+    """
+    recipe = profile.recipe
+    return json_text(
+        SCHEMA,
+        {
+            "design": _design(design),
+            "units": "mm",
+            "sheet_mm": [job.sheet_width_mm, job.sheet_height_mm],
+            "offsets": "applied to the paths; the machine's own kerf stays at 0",
+            "facts": dict(job.facts),
+            "colours": colours.name,
+            "machine": _record(profile.machine),
+            "material": _record(profile.material),
+            "recipe": {
+                "name": recipe.name,
+                "title": recipe.title,
+                "status": str(recipe.status),
+                "source": recipe.source,
+            },
+            "operations": [
+                _operation(operation, job, profile, colours)
+                for operation in Operation
+                if job.along(operation)
+            ],
+            "paths": _paths(job, colours),
+        },
+    )
+
+
+def line_energy_mj_mm(machine: Machine, settings: OperationSettings) -> Quantity:
+    """Return the energy per length of path, all passes: power over speed."""
+    power_w = machine.power_w.value * settings.power_percent.value / 100.0
+    used = machine.power_w, settings.power_percent, settings.speed_mm_s
+    return Quantity(
+        value=settings.passes * power_w / settings.speed_mm_s.value * _MJ_PER_J,
+        standing=weakest(used),
+        source="power / speed x passes",
+    )
+
+
+def fluence_mj_mm2(machine: Machine, settings: OperationSettings) -> Quantity:
+    """Return the energy per area under the beam: line energy over spot diameter."""
+    line = line_energy_mj_mm(machine, settings)
+    return Quantity(
+        value=line.value / settings.spot_mm.value,
+        standing=weakest((line, settings.spot_mm)),
+        source="line energy / spot",
+    )
+
+
+def _design(design: Design) -> dict[str, object]:
+    levels = [
+        {
+            "branches": level.branches,
+            "length_mm": level.length_mm,
+            "angle_deg": deg(level.fan_rad),
+            "growth_percent": round(100.0 * level.growth, 9),
+        }
+        for level in design.levels
+    ]
+    return {
+        "name": design.name,
+        "trunk_length_mm": design.trunk_length_mm,
+        "levels": levels,
+        "build": _build(design.build),
+    }
+
+
+def _build(build: Build) -> dict[str, object]:
+    pouch = build.pouch
+    return {
+        "widths_mm": list(build.widths_mm),
+        "fillet_mm": list(build.fillet_mm),
+        "tail_mm": build.tail_mm,
+        "pressure_kpa": build.pressure_kpa,
+        "pouch": None if pouch is None else {f.name: getattr(pouch, f.name) for f in fields(pouch)},
+    }
+
+
+def _operation(
+    operation: Operation, job: Job, profile: LaserProfile, colours: Colours
+) -> dict[str, object]:
+    style = colours.styles.get(operation)
+    content: dict[str, object] = {
+        "operation": str(operation),
+        "layer": style.layer if style else None,
+        "colour": style.rgb if style else None,
+        "colour_index": style.aci if style else None,
+        "written": style is not None,
+        "paths": len(job.along(operation)),
+        "length_mm": job.length_mm(operation),
+    }
+    if operation.is_machined:
+        settings = profile.settings(operation)
+        content["settings"] = {
+            **_record(settings),
+            "line_energy_mj_mm": _quantity(line_energy_mj_mm(profile.machine, settings)),
+            "fluence_mj_mm2": _quantity(fluence_mj_mm2(profile.machine, settings)),
+        }
+    return content
+
+
+def _paths(job: Job, colours: Colours) -> list[dict[str, object]]:
+    return [
+        {
+            "order": order,
+            "operation": str(styled.path.operation),
+            "layer": styled.style.layer,
+            "label": styled.path.label,
+            "closed": styled.path.contour.closed,
+            "segments": len(styled.path.contour),
+            "arcs": styled.path.contour.arc_count,
+            "length_mm": styled.path.contour.length_mm,
+            "box_mm": list(styled.path.contour.box_mm),
+        }
+        for order, styled in enumerate(styled_paths(job, colours), start=1)
+    ]
+
+
+def _record(noun: Machine | Material | OperationSettings) -> Mapping[str, object]:
+    return {field.name: _plain(getattr(noun, field.name)) for field in fields(noun)}
+
+
+def _plain(value: object) -> object:
+    return _quantity(value) if isinstance(value, Quantity) else value
+
+
+def _quantity(quantity: Quantity) -> dict[str, object]:
+    return {
+        "value": quantity.value,
+        "standing": str(quantity.standing),
+        "source": quantity.source,
+    }

@@ -1,0 +1,91 @@
+"""The fabrication package: everything that is needed to cut one design."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from vinefab.core.errors import ReadBackError
+from vinefab.export.archive import MANIFEST_NAME, manifest_text
+from vinefab.export.bom import bom_text
+from vinefab.export.colours import DEFAULT, Colours
+from vinefab.export.job_json import job_text
+from vinefab.export.laser_files import (
+    DXF_NAME,
+    POLYLINE_NAME,
+    SVG_NAME,
+    laser_file_problems,
+    laser_files,
+)
+from vinefab.export.readme import readme_text
+from vinefab.model.design import Design
+from vinefab.model.job import Job
+from vinefab.model.laser import LaserProfile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PackageContent:
+    """What a package is made of.
+
+    Parameters
+    ----------
+    design
+        What is made.
+    profile
+        Machine, material and recipe.
+    job
+        The paths.
+    checks
+        Text of checks.json (`vinefab.export.checks_json.checks_text`).
+    preview
+        A picture of the job, PNG.
+    report
+        The report, HTML.
+    colours
+        Layers and colours.
+    """
+
+    design: Design
+    profile: LaserProfile
+    job: Job
+    checks: str
+    preview: bytes
+    report: bytes
+    colours: Colours = DEFAULT
+
+
+def package_files(content: PackageContent) -> dict[str, bytes]:
+    """Return the files of a package by name, the laser files read again and found right.
+
+    Parameters
+    ----------
+    content
+        What the package is made of.
+
+    Raises
+    ------
+    ReadBackError
+        If a laser file, read again, is not what the job says.
+    BadInputError
+        If the recipe lacks an operation of the job.
+    """
+    job, profile, colours = content.job, content.profile, content.colours
+    laser = laser_files(job, colours, hairline_mm=profile.machine.hairline_mm)
+    _ensure_right(laser, job, colours)
+    files = {
+        "README.txt": readme_text(content.design, job, profile, colours).encode(),
+        "job.json": job_text(content.design, job, profile, colours).encode(),
+        DXF_NAME: laser[DXF_NAME],
+        POLYLINE_NAME: laser[POLYLINE_NAME],
+        SVG_NAME: laser[SVG_NAME],
+        "preview.png": content.preview,
+        "checks.json": content.checks.encode(),
+        "report.html": content.report,
+        "bom.csv": bom_text(job, profile).encode(),
+    }
+    files[MANIFEST_NAME] = manifest_text(files).encode()
+    return files
+
+
+def _ensure_right(laser: Mapping[str, bytes], job: Job, colours: Colours) -> None:
+    for name, problems in laser_file_problems(laser, job, colours).items():
+        if problems:
+            raise ReadBackError(name, "; ".join(problems))

@@ -1,0 +1,216 @@
+"""Rules about the laser's work: marks, paths, order, and whether the recipe suits."""
+
+import math
+from itertools import combinations
+
+import shapely
+
+from vinefab.checks.problems import problem_hits
+from vinefab.checks.rule import Hit, Limits, Looked, NotLooked, Rule
+from vinefab.checks.subject import Subject
+from vinefab.geometry.problem import ProblemKind
+from vinefab.model.finding import Severity
+from vinefab.model.job import LaserPath, Operation
+from vinefab.model.laser import RecipeStatus
+
+_NO_RECIPE = NotLooked(reason="needs a recipe")
+_ORDER = tuple(Operation)
+
+
+def look_marks(subject: Subject, limits: Limits) -> Looked | NotLooked:
+    """VF-L01: marks stay off the pressurised body."""
+    if subject.job is None:
+        return _NO_RECIPE
+    marks = subject.job.along(Operation.MARK)
+    bodies = shapely.union_all([_area(path) for path in subject.job.along(Operation.WELDCUT)])
+    hits = []
+    for mark in marks:
+        away_mm = float(shapely.distance(bodies, shapely.LineString(mark.contour.flattened_mm())))
+        breach = limits.least(away_mm)
+        if breach:
+            hits.append(
+                Hit(
+                    message=f"mark {mark.label!r} touches the body or its rim: move it away",
+                    measured=away_mm,
+                    limit=breach.limit,
+                    aspect=mark.label,
+                )
+            )
+    return Looked(checked=len(marks), hits=tuple(hits))
+
+
+def look_paths(subject: Subject, limits: Limits) -> Looked | NotLooked:
+    """VF-L02: no path runs over another, no piece is too small to be run."""
+    if subject.job is None:
+        return _NO_RECIPE
+    paths = [path for path in subject.job.paths if path.operation.is_machined]
+    hits = [hit for path in paths for hit in _small_pieces(path, limits)]
+    lines = [shapely.LineString(_closed_points(path)) for path in paths]
+    for one, two in combinations(range(len(paths)), 2):
+        shared_mm = float(shapely.length(shapely.intersection(lines[one], lines[two])))
+        breach = limits.most(shared_mm, "shared")
+        if breach:
+            words = f"{paths[one].label!r} and {paths[two].label!r} run over each other"
+            hits.append(Hit(message=words, measured=shared_mm, limit=breach.limit, aspect="shared"))
+    hits += problem_hits(subject, frozenset({ProblemKind.SHORT_SEGMENT}), tuple(hits))
+    return Looked(checked=len(paths), hits=tuple(hits))
+
+
+def look_order(subject: Subject, _: Limits) -> Looked | NotLooked:
+    """VF-L03: marks, welds, weld-cuts, cuts; among cuts, what lies inside comes first."""
+    if subject.job is None:
+        return _NO_RECIPE
+    paths = [path for path in subject.job.paths if path.operation.is_machined]
+    hits = []
+    for before, after in combinations(paths, 2):
+        if _ORDER.index(before.operation) > _ORDER.index(after.operation):
+            words = f"{after.operation} {after.label!r} comes after {before.operation}"
+            words += f" {before.label!r}: the film has moved by then"
+            hits.append(Hit(message=words, aspect=f"{before.operation} {after.operation}"))
+        elif _encloses(before, after):
+            words = f"{before.label!r} frees the sheet before {after.label!r} inside it is cut"
+            hits.append(Hit(message=words, aspect="inner"))
+    return Looked(checked=len(paths), hits=tuple(hits))
+
+
+def look_ply(subject: Subject, limits: Limits) -> Looked | NotLooked:
+    """VF-L04: the film is one that the recipe's laser can weld."""
+    if subject.profile is None:
+        return _NO_RECIPE
+    material = subject.profile.material
+    breach = limits.most(material.ply_mm.value)
+    if material.weldable and not breach:
+        return Looked(checked=1)
+    hit = Hit(
+        message=f"{material.title} does not weld with a laser: use a thinner film or a heat sealer",
+        measured=material.ply_mm.value,
+        limit=limits["error"],
+    )
+    return Looked(checked=1, hits=(hit,))
+
+
+def look_machine(subject: Subject, _: Limits) -> Looked | NotLooked:
+    """VF-L05: the recipe asks the machine for no more speed and acceleration than it has."""
+    if subject.profile is None or subject.job is None:
+        return _NO_RECIPE
+    machine = subject.profile.machine
+    hits = []
+    for operation, settings in subject.profile.recipe.operations.items():
+        speed = settings.speed_mm_s.value
+        top = machine.speed_max_mm_s.value
+        if speed > top:
+            words = f"{operation} is faster than the machine: slow it to {top:g} mm/s"
+            hits.append(_warning(words, f"speed {operation}"))
+        radius_mm = _sharpest_mm(subject, operation)
+        if speed**2 / radius_mm > machine.acceleration_mm_s2.value:
+            fit = math.sqrt(machine.acceleration_mm_s2.value * radius_mm)
+            words = f"{operation} takes arcs of {radius_mm:.2f} mm too fast: the machine slows"
+            words += f" there and burns; run it at {fit:.0f} mm/s or less"
+            hits.append(_warning(words, f"arcs {operation}"))
+    return Looked(checked=len(subject.profile.recipe.operations), hits=tuple(hits))
+
+
+def look_status(subject: Subject, _: Limits) -> Looked | NotLooked:
+    """VF-L06: the recipe was tried on the user's machine."""
+    if subject.profile is None:
+        return _NO_RECIPE
+    recipe = subject.profile.recipe
+    if recipe.status is not RecipeStatus.UNVERIFIED:
+        return Looked(checked=1)
+    words = f"recipe {recipe.name} is unverified: cut the coupons and calibrate it first"
+    return Looked(checked=1, hits=(_warning(words, ""),))
+
+
+def _warning(words: str, aspect: str) -> Hit:
+    return Hit(message=words, severity=Severity.WARNING, aspect=aspect)
+
+
+def _small_pieces(path: LaserPath, limits: Limits) -> list[Hit]:
+    segments = list(path.contour.segments)
+    short = min(segments, key=lambda segment: segment.length_mm)
+    sharp = min(segments, key=lambda segment: segment.radius_mm)
+    found = (
+        ("segment", "line or arc", short, short.length_mm),
+        ("radius", "arc's radius", sharp, sharp.radius_mm),
+    )
+    hits = []
+    for name, words, segment, size_mm in found:
+        breach = limits.least(size_mm, name)
+        if breach:
+            hits.append(
+                Hit(
+                    message=f"a {words} of {path.label!r} is too small to be run",
+                    severity=breach.severity,
+                    measured=size_mm,
+                    limit=breach.limit,
+                    branches=(segment.branch,) if segment.branch else (),
+                    aspect=f"{name} {path.label}",
+                )
+            )
+    return hits
+
+
+def _sharpest_mm(subject: Subject, operation: str) -> float:
+    """Return the smallest arc radius along an operation's paths; infinite without arcs."""
+    paths = [] if subject.job is None else subject.job.along(Operation(operation))
+    return min((s.radius_mm for path in paths for s in path.contour.segments), default=math.inf)
+
+
+def _closed_points(path: LaserPath) -> list[list[float]]:
+    points: list[list[float]] = path.contour.flattened_mm().tolist()
+    return [*points, points[0]] if path.contour.closed else points
+
+
+def _area(path: LaserPath) -> shapely.Geometry:
+    """Return what a path encloses, closed at the mouth where it is open."""
+    return shapely.make_valid(shapely.Polygon(path.contour.flattened_mm()))
+
+
+def _encloses(outer: LaserPath, inner: LaserPath) -> bool:
+    if outer.operation is not inner.operation or not outer.contour.closed:
+        return False
+    return bool(shapely.contains_properly(_area(outer), shapely.LineString(_closed_points(inner))))
+
+
+MARKS = Rule(
+    id="VF-L01",
+    title="no mark inside the body or near its rim",
+    unit="mm",
+    limits={"error": 3.0},
+    reason="a mark weakens film under pressure",
+    look=look_marks,
+)
+PATHS = Rule(
+    id="VF-L02",
+    title="no overlapping paths, no piece too small",
+    unit="mm",
+    limits={"segment_error": 0.2, "radius_error": 0.5, "shared_error": 0.2},
+    reason="a path run twice cuts through the weld; tiny pieces stop the head and burn",
+    look=look_paths,
+)
+ORDER = Rule(
+    id="VF-L03",
+    title="weld before cut, inner before outer",
+    reason="film that is cut free moves",
+    look=look_order,
+)
+PLY = Rule(
+    id="VF-L04",
+    title="the film can be welded by laser",
+    unit="mm",
+    limits={"error": 0.0475},
+    reason="0.0375 mm film welded and 0.05 mm film did not (paper); the limit between is assumed",
+    look=look_ply,
+)
+MACHINE = Rule(
+    id="VF-L05",
+    title="speeds and accelerations within the machine",
+    reason="a head that must slow down in an arc puts more energy there than the recipe says",
+    look=look_machine,
+)
+STATUS = Rule(
+    id="VF-L06",
+    title="the recipe is calibrated",
+    reason="no laser settings for this film were found in any source; only coupons tell",
+    look=look_status,
+)

@@ -1,0 +1,172 @@
+"""What a design rule is, and what looking with it yields."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from vinefab.checks.subject import Subject
+from vinefab.core.errors import BadInputError
+from vinefab.model.checked import LARGEST_MM, number
+from vinefab.model.finding import Severity
+
+ROUNDING = 1e-9
+"""Relative slack, so that a value set exactly to a limit keeps it after unit conversions."""
+
+LimitChanges = Mapping[str, Mapping[str, float]]
+"""Limits to be changed, by rule id and by name: ``{"VF-C01": {"warning": 6.0}}``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Breach:
+    """A limit that a value breaks.
+
+    Parameters
+    ----------
+    severity
+        The most severe limit that is broken.
+    limit
+        Its value.
+    """
+
+    severity: Severity
+    limit: float
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """The named limits of one rule.
+
+    Parameters
+    ----------
+    values
+        ``error`` and ``warning``, with a name before them where a rule has several
+        (``joint_warning``), and further numbers that a rule works with.
+    """
+
+    values: Mapping[str, float]
+
+    def __getitem__(self, name: str) -> float:
+        return self.values[name]
+
+    def least(self, value: float, name: str = "") -> Breach | None:
+        """Return the breach of a value that should be at least the limits, or None."""
+        return self._worst(lambda limit: value < limit - ROUNDING * abs(limit), name)
+
+    def most(self, value: float, name: str = "") -> Breach | None:
+        """Return the breach of a value that should be at most the limits, or None."""
+        return self._worst(lambda limit: value > limit + ROUNDING * abs(limit), name)
+
+    def _worst(self, breaks: Callable[[float], bool], name: str) -> Breach | None:
+        prefix = f"{name}_" if name else ""
+        for severity in (Severity.ERROR, Severity.WARNING):
+            limit = self.values.get(f"{prefix}{severity}")
+            if limit is not None and breaks(limit):
+                return Breach(severity=severity, limit=limit)
+        return None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hit:
+    """One place where a rule is broken; the run turns it into a Finding.
+
+    Parameters
+    ----------
+    message
+        One sentence: what is wrong, and what would mend it.
+    severity
+        How much it matters.
+    measured, limit
+        In the rule's unit; None where there is no number.
+    branches
+        Ids of the branches concerned; with the rule they make the fingerprint.
+    at_mm
+        The place in the flat layout, or None.
+    marker
+        Well-known text that marks the place, or empty.
+    aspect
+        Tells findings of one rule at one place apart; part of the fingerprint.
+    """
+
+    message: str
+    severity: Severity = Severity.ERROR
+    measured: float | None = None
+    limit: float | None = None
+    branches: tuple[str, ...] = ()
+    at_mm: tuple[float, float] | None = None
+    marker: str = ""
+    aspect: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Looked:
+    """A rule was applied.
+
+    Parameters
+    ----------
+    checked
+        How many things were looked at.
+    hits
+        What was found.
+    """
+
+    checked: int
+    hits: tuple[Hit, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotLooked:
+    """A rule could not be applied.
+
+    Parameters
+    ----------
+    reason
+        What was missing.
+    """
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rule:
+    """A design rule: pure, and complete without the code around it.
+
+    Parameters
+    ----------
+    id
+        Fixed name, ``VF-`` and a letter with two digits.
+    title
+        What must hold.
+    unit
+        Unit of what is measured; empty for ratios and yes-or-no rules.
+    limits
+        Default limits; see `Limits`.
+    reason
+        Why the rule is there and where its limits come from.
+    look
+        Looks at a subject under limits.
+    """
+
+    id: str
+    title: str
+    unit: str = ""
+    limits: Mapping[str, float] = field(default_factory=dict)
+    reason: str
+    look: Callable[[Subject, Limits], Looked | NotLooked]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "limits", MappingProxyType(dict(self.limits)))
+
+    def limits_with(self, changed: Mapping[str, float]) -> Limits:
+        """Return the default limits with some of them changed.
+
+        Raises
+        ------
+        BadInputError
+            If the rule has no limit of such a name or the value is no finite number.
+        """
+        for name, value in changed.items():
+            if name not in self.limits:
+                allowed = ", ".join(self.limits) or "nothing: the rule has no limits"
+                raise BadInputError(f"limits.{self.id}.{name}", value, allowed)
+            number(f"limits.{self.id}.{name}", value, -LARGEST_MM, LARGEST_MM)
+        return Limits({**self.limits, **changed})

@@ -1,0 +1,38 @@
+"""All design rules by id, in the order in which reports list them."""
+
+from vinefab.checks.base import CLAMP, REACH, TAIL
+from vinefab.checks.built import BUILT_WIDTH, READBACK
+from vinefab.checks.clearance import CLEARANCE, OVERLAP
+from vinefab.checks.crotches import ANGLE, CROTCH, FILLET
+from vinefab.checks.pending import (
+    CORRIDORS,
+    FOREIGN_FILLET,
+    OBSTACLE_HEIGHT,
+    RIG_SIZE,
+    RIG_SOLIDS,
+    SEAM_WIDTH,
+    WINDOW,
+)
+from vinefab.checks.pouches import POUCH
+from vinefab.checks.pressure import BURST, RATING, STRAIN
+from vinefab.checks.process import MACHINE, MARKS, ORDER, PATHS, PLY, STATUS
+from vinefab.checks.rule import Rule
+from vinefab.checks.sheet import BED, FILM
+from vinefab.checks.tree import MOUTH, POLYGON, TREE
+from vinefab.checks.turns import TURN
+from vinefab.checks.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
+from vinefab.core.registry import Registry
+
+_BUILTIN = (
+    *(TREE, POLYGON, OVERLAP, MOUTH),
+    *(LEAST_WIDTH, WIDTH_RATIO, PACKING, BUILT_WIDTH),
+    *(CLEARANCE, ANGLE, CROTCH, FILLET, FOREIGN_FILLET, TURN, POUCH),
+    *(BURST, RATING, WINDOW, STRAIN, SEAM_WIDTH),
+    *(TAIL, CLAMP, REACH),
+    *(BED, FILM),
+    *(MARKS, PATHS, ORDER, PLY, MACHINE, STATUS),
+    READBACK,
+    *(RIG_SOLIDS, RIG_SIZE, CORRIDORS, OBSTACLE_HEIGHT),
+)
+
+RULES: Registry[Rule] = Registry("rule", {rule.id: rule for rule in _BUILTIN})

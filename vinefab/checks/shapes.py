@@ -1,0 +1,100 @@
+"""The flat robot as plain shapes: one capsule per branch, more for its pouch.
+
+A capsule is a segment with a half width around it. Clearances between capsules are exact for
+straight branches with rounded ends, and cheap enough for the optimizer. Fillets are not part of
+the shapes: they lie in the crotch of their own joint, where clearance does not count.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vinefab.geometry.layout import FlatLayout
+from vinefab.geometry.tip import corner_radii_mm
+from vinefab.model.checked import Floats, Ints
+from vinefab.model.design import Build
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Shapes:
+    """Capsules of a flat robot, m of them.
+
+    Parameters
+    ----------
+    start_mm, end_mm
+        Ends of their segments, shape (m, 2). The trunk's includes the tail.
+    half_mm
+        Half widths, shape (m,).
+    branch
+        Index of the branch that each belongs to, shape (m,).
+    pouch
+        Whether each belongs to a pouch, shape (m,).
+    parent
+        Parent of each branch (not of each capsule), shape (n,).
+    """
+
+    start_mm: Floats
+    end_mm: Floats
+    half_mm: Floats
+    branch: Ints
+    pouch: NDArray[np.bool_]
+    parent: Ints
+
+    def __len__(self) -> int:
+        return len(self.branch)
+
+
+def shapes_of(layout: FlatLayout, build: Build) -> Shapes:
+    """Return the capsules of a flat layout with its pouches.
+
+    A round pouch is a disc around the leaf's tip. A rectangular one, centred on the tip, is the
+    capsules around its four sides with the corners' radius as half width, and one along its
+    middle: exact for everything outside it.
+    """
+    start = layout.start_mm.copy()
+    start[0, 0] -= layout.tail_mm
+    rows = np.arange(len(layout.tree), dtype=np.int64)
+    starts, ends = [start], [layout.end_mm]
+    halves, branches = [layout.width_mm / 2.0], [rows]
+    leaves = rows[layout.is_leaf]
+    for low_mm, high_mm, half_mm in _pouch_capsules(layout, build):
+        starts.append(_at_tips(layout, leaves, low_mm))
+        ends.append(_at_tips(layout, leaves, high_mm))
+        halves.append(np.full(len(leaves), half_mm))
+        branches.append(leaves)
+    branch = np.concatenate(branches)
+    return Shapes(
+        start_mm=np.concatenate(starts),
+        end_mm=np.concatenate(ends),
+        half_mm=np.concatenate(halves),
+        branch=branch,
+        pouch=np.arange(len(branch)) >= len(rows),
+        parent=layout.tree.parent,
+    )
+
+
+def _pouch_capsules(layout: FlatLayout, build: Build) -> list[tuple[Point, Point, float]]:
+    """Return ends and half widths of a pouch's capsules in the frame of the tip."""
+    pouch = build.pouch
+    if pouch is None:
+        return []
+    if pouch.shape == "round":
+        return [((0.0, 0.0), (0.0, 0.0), pouch.radius_mm or 0.0)]
+    leaf_half_mm = build.widths_mm[-1] / 2.0
+    _, corner_mm = corner_radii_mm(pouch, leaf_half_mm, float(layout.fillet_mm[-1]))
+    corner_mm = max(0.0, corner_mm)
+    x, y = (pouch.length_mm or 0.0) / 2.0 - corner_mm, (pouch.width_mm or 0.0) / 2.0 - corner_mm
+    corners = [(x, y), (-x, y), (-x, -y), (x, -y)]
+    sides = [(a, b, corner_mm) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+    reach_mm = max(0.0, x - y)  # a disc that touches the long sides, slid along the middle
+    return [*sides, ((-reach_mm, 0.0), (reach_mm, 0.0), min(x, y) + corner_mm)]
+
+
+def _at_tips(layout: FlatLayout, leaves: Ints, point_mm: Point) -> Floats:
+    """Return where a point of the tip's frame lies on the sheet, for each leaf, shape (k, 2)."""
+    cos, sin = np.cos(layout.heading_rad[leaves]), np.sin(layout.heading_rad[leaves])
+    x, y = point_mm
+    return layout.end_mm[leaves] + np.column_stack([cos * x - sin * y, sin * x + cos * y])

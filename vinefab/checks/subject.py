@@ -1,0 +1,95 @@
+"""What the rules look at: a design, its profile, and all that was derived from them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import shapely
+
+from vinefab.checks.shapes import Shapes, shapes_of
+from vinefab.geometry.laser import laser_job
+from vinefab.geometry.layout import FlatLayout, flat_layout
+from vinefab.geometry.outline import BodyOutline, body_outline
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design
+from vinefab.model.job import Job
+from vinefab.model.laser import LaserProfile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Subject:
+    """A design with everything that rules need.
+
+    Parameters
+    ----------
+    design
+        The design.
+    profile
+        Machine, material and recipe, or None: rules that need them are skipped then.
+    layout
+        Straight branches on the sheet.
+    names
+        Ids of the branches, in the tree's order.
+    shapes
+        The branches and pouches as capsules.
+    outline
+        The outline of the body (lumen), and why it may not be exact.
+    job
+        The paths for the laser, or None without a profile.
+    readback
+        For each file that was written, what was wrong with it when it was read again; None when
+        no file was written.
+    deployments
+        Simulated deployments, for rules about paths.
+    """
+
+    design: Design
+    profile: LaserProfile | None
+    layout: FlatLayout
+    names: tuple[str, ...]
+    shapes: Shapes
+    outline: BodyOutline
+    job: Job | None
+    readback: Mapping[str, tuple[str, ...]] | None = None
+    deployments: tuple[Deployment, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        design: Design,
+        profile: LaserProfile | None = None,
+        *,
+        readback: Mapping[str, tuple[str, ...]] | None = None,
+        deployments: tuple[Deployment, ...] = (),
+    ) -> "Subject":
+        """Return the subject of a design, with all that follows from it worked out.
+
+        Parameters
+        ----------
+        design, profile, readback, deployments
+            As in the class.
+        """
+        layout = flat_layout(design)
+        return cls(
+            design=design,
+            profile=profile,
+            layout=layout,
+            names=layout.tree.ids,
+            shapes=shapes_of(layout, design.build),
+            outline=body_outline(design),
+            job=laser_job(design, profile) if profile else None,
+            readback=readback,
+            deployments=deployments,
+        )
+
+    @property
+    def body(self) -> shapely.Polygon:
+        """The body as a polygon, arcs as chords within 0.01 mm; not always a valid one."""
+        return shapely.Polygon(self.outline.contour.flattened_mm())
+
+    def ids(self, *branches: int) -> tuple[str, ...]:
+        """Return the names of branches, by index."""
+        return tuple(self.names[branch] for branch in branches)
+
+    def level_rows(self, level: int) -> list[int]:
+        """Return the indices of one level's branches, the first one first."""
+        return [row for row, found in enumerate(self.layout.tree.level.tolist()) if found == level]

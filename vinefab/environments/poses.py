@@ -1,7 +1,10 @@
-"""Drawing poses from the starts that a map offers."""
+"""Drawing poses from the starts that a map offers, and finding a start where none is."""
+
+import math
 
 import numpy as np
 import shapely
+from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
@@ -11,6 +14,8 @@ from vinefab.model.map import Map, Pose, Start
 
 _STREAM = 1201
 _TRIES = 1000
+_RAYS = 72
+_START_SPREAD_RAD = math.radians(30.0)
 
 
 def draw_poses(world: Map, count: int, seed: int, *, clearance_mm: float = 0.0) -> tuple[Pose, ...]:
@@ -67,4 +72,33 @@ def _pose_within(start: Start, rng: np.random.Generator) -> Pose:
         x_mm=start.pose.x_mm + float(x) * start.spread_x_mm,
         y_mm=start.pose.y_mm + float(y) * start.spread_y_mm,
         heading_rad=start.pose.heading_rad + float(turn) * start.spread_heading_rad,
+    )
+
+
+def roomiest_start(free: Polygon, accuracy_mm: float) -> Start:
+    """Return the start with the most room around it, launching where the way is longest.
+
+    Poses drawn from it stay within a quarter of the clearance and 30 degrees.
+
+    Parameters
+    ----------
+    free
+        The free space.
+    accuracy_mm
+        How near to the best clearance is near enough.
+    """
+    radius = shapely.maximum_inscribed_circle(free, accuracy_mm)
+    x, y = (round(float(value), 1) for value in shapely.get_coordinates(radius)[0])
+    clearance_mm = float(shapely.distance(free.boundary, shapely.points(x, y)))
+    reach_mm = 2.0 * math.hypot(*np.ptp(np.reshape(free.bounds, (2, 2)), axis=0))
+    angles = np.arange(_RAYS) * 2.0 * math.pi / _RAYS
+    ends = np.column_stack([x + reach_mm * np.cos(angles), y + reach_mm * np.sin(angles)])
+    rays = shapely.linestrings([[(x, y), end] for end in ends])
+    hits = shapely.intersection(rays, free.boundary)
+    longest = int(np.argmax(np.round(shapely.distance(hits, shapely.points(x, y)), 6)))
+    return Start(
+        pose=Pose(x_mm=x, y_mm=y, heading_rad=float(angles[longest])),
+        spread_x_mm=round(0.25 * clearance_mm, 3),
+        spread_y_mm=round(0.25 * clearance_mm, 3),
+        spread_heading_rad=_START_SPREAD_RAD,
     )

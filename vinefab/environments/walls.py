@@ -1,0 +1,259 @@
+"""Traced loops on their way to rings of straight walls, with a bounded deviation.
+
+A wall that was straight before it was cut into cells comes out of a trace as stairs. A loop is
+split where a straight line no longer follows it (Douglas and Peucker 1973), each section gets the
+line that fits it best (least squares over the middles of its cell edges, so a wall lies where the
+cells say on average, not where its outermost cell lies), and neighbouring lines meet in corners.
+
+Why not `shapely.simplify` or `coverage_simplify` alone: they keep some of the traced points, which
+lie up to half a cell off the wall; they may let a thin wall shrink to a needle; and the second
+one bounds areas, not distances.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vinefab.environments.lines import (
+    Flags,
+    cross,
+    distance_to_segments,
+    feet_on_lines,
+    meeting_points,
+    principal_directions,
+    unit,
+)
+from vinefab.environments.trace import corners_between
+from vinefab.model.checked import Floats, Ints
+
+_HARDLY_RAD = float(np.radians(25.0))
+_WORTH_A_BREAK = 1.0
+"""In square cells: a break must lower the sum of squared distances of the cell edges' middles to
+their lines by this much. A straight wall's edges scatter by 0.29 about it (evenly within a cell);
+two more numbers to fit are worth 2 * 0.29**2 * log(n), about 1, by the Bayesian criterion."""
+_ENOUGH_TO_FIT = 4
+_ON_BREAK = 2
+_SIZES = np.array([4, 8])
+_REACH = np.array([0.51, 0.8, np.inf])
+"""How far, in cells, lines through few midpoints may carry a corner: up to 4 (both sections), up
+to 8, more. The corner of a right angle lies 0.5 from the nearest midpoint."""
+_SETTLING_ROUNDS = 3
+_WINDOW = 3
+FEWEST_CORNERS = 4
+
+
+@dataclass(slots=True)
+class Walls:
+    """All loops of one region, one after the other; lengths in cells.
+
+    Attributes
+    ----------
+    midpoints
+        Shape (n, 2), the traced loops; the first of each is a break.
+    first
+        Shape (r,), increasing: where each loop begins in ``midpoints``.
+    tolerance
+        Shape (r,): how far each loop may be from the result.
+    breaks
+        Shape (m,), increasing indices of midpoints: where the loops are split into m sections,
+        at least four each. Section k runs from break k to the next break of its loop.
+    holds
+        Shape (m,): how closely a corner is held: 0, where the two lines meet; 1, on the line of
+        the longer section, beside its break; 2, on its break.
+    corners
+        Shape (m, 2), the result.
+    """
+
+    midpoints: Floats
+    first: Ints
+    tolerance: Floats
+    breaks: Ints
+    holds: Ints
+    corners: Floats
+
+    @property
+    def sizes(self) -> Ints:
+        """Number of midpoints in each section, its first break included, its last not."""
+        return np.diff(np.append(self.breaks, len(self.midpoints)))
+
+    @property
+    def loop(self) -> Ints:
+        """The loop that each section belongs to."""
+        return np.searchsorted(self.first, self.breaks, side="right") - 1
+
+    @property
+    def opening(self) -> Ints:
+        """The first section of each loop."""
+        return np.searchsorted(self.breaks, self.first)
+
+    @property
+    def after(self) -> Ints:
+        """The section that follows each section."""
+        opening = self.opening
+        following = np.arange(1, len(self.breaks) + 1)
+        following[np.append(opening[1:], len(self.breaks)) - 1] = opening
+        return following
+
+    @property
+    def before(self) -> Ints:
+        """The section before each section."""
+        return np.argsort(self.after)
+
+    def deviation(self) -> Floats:
+        """Return, for every section, the Hausdorff distance to its segment, or a little more.
+
+        It is the largest distance of the section's lattice points to the segment and of its ends
+        to the segment's ends; a path that stays within some distance of a straight segment and
+        has its ends so near to the segment's cannot leave any part of the segment farther off.
+        """
+        following = np.arange(1, len(self.midpoints) + 1)
+        following[np.append(self.first[1:], len(self.midpoints)) - 1] = self.first
+        lattice = corners_between(self.midpoints, self.midpoints[following])
+        section, after = np.repeat(np.arange(len(self.breaks)), self.sizes), self.after
+        ends = self.corners[after]
+        off = distance_to_segments(lattice, self.corners[section], ends[section])
+        at_ends = np.hypot(*(self.corners - self.midpoints[self.breaks]).T)
+        between = np.maximum.reduceat(off, self.breaks)
+        return np.asarray(np.maximum(between, np.maximum(at_ends, at_ends[after])))
+
+    def strays(self) -> Flags:
+        """Tell of every section whether it is farther from its loop than the tolerance."""
+        return np.asarray(self.deviation() > self.tolerance[self.loop] + 1e-9)
+
+    def refine(self, sections: Flags) -> bool:
+        """Follow the trace more closely in some sections, by one step.
+
+        The steps: hold their ends on the longer line, split them, hold their ends on the breaks.
+
+        Returns
+        -------
+        bool
+            Whether anything changed; False once these sections are the trace itself.
+        """
+        after = self.after
+        loose = (self.holds == 0) | (self.holds == 0)[after]
+        long = self.sizes > 1
+        split = np.flatnonzero(sections & ~loose & long)
+        extra = np.array([self._farthest(int(k), int(after[k])) for k in split], dtype=np.int64)
+        closer = sections & (loose | ~long)
+        ends = (closer | closer[self.before]) & (self.holds < _ON_BREAK)
+        breaks = np.concatenate([self.breaks, extra])
+        holds = np.concatenate([self.holds + ends, np.full(len(extra), _ON_BREAK)])
+        order = np.argsort(breaks)
+        self.breaks, self.holds = breaks[order], holds[order]
+        self.fit()
+        return bool(len(extra) or ends.any())
+
+    def fit(self) -> None:
+        """Place the corners, as `holds` says, each as near to its break as can be trusted."""
+        on_break, before = self.midpoints[self.breaks], self.before
+        point, direction = self._lines()
+        sizes, sizes_before = self.sizes, self.sizes[before]
+        longer = np.where(sizes_before > sizes, before, np.arange(len(before)))
+        foot = feet_on_lines(on_break, point[longer], direction[longer])
+        meeting = meeting_points((point[before], direction[before]), (point, direction), on_break)
+        trust = _REACH[np.searchsorted(_SIZES, np.minimum(sizes, sizes_before))]
+        reach = np.minimum(self.tolerance[self.loop], trust)
+        self.corners = on_break
+        for hold, choice in ((1, foot), (0, meeting)):
+            near = (np.hypot(*(choice - on_break).T) <= reach) & (self.holds <= hold)
+            self.corners = np.where(near[:, None], choice, self.corners)
+
+    def settle(self) -> None:
+        """Move each break to the midpoint nearest to its corner and fit again, a few times."""
+        self.fit()
+        shift = np.arange(-_WINDOW, _WINDOW + 1)
+        for _ in range(_SETTLING_ROUNDS):
+            room = (np.minimum(self.sizes, self.sizes[self.before]) - 1) // 2
+            room[self.opening] = 0
+            near = self.midpoints[(self.breaks[:, None] + shift) % len(self.midpoints)]
+            off = np.hypot(*np.moveaxis(near - self.corners[:, None], 2, 0))
+            off[np.abs(shift) > room[:, None]] = np.inf
+            self.breaks = self.breaks + shift[np.argmin(off, axis=1)]
+            self.fit()
+
+    def merge(self) -> None:
+        """Drop breaks at which a loop hardly turns, where one line does as well as two.
+
+        The splitting leaves some inside walls that are straight: it only ever looks at chords
+        between traced points, which lie up to half a cell beside the wall.
+        """
+        needed = np.zeros(len(self.breaks), dtype=np.bool_)
+        needed[self.opening] = True
+        while True:
+            dropped = self._hardly_turning(needed)
+            if not dropped.any():
+                return
+            needed = self._without(dropped, needed)
+
+    def _hardly_turning(self, needed: Flags) -> Flags:
+        """Return breaks that might be dropped, no two neighbours, loops keeping enough."""
+        after, before = self.after, self.before
+        ahead = unit(self.corners[after] - self.corners)
+        behind = ahead[before]
+        turn = np.abs(np.arctan2(cross(behind, ahead), np.sum(behind * ahead, axis=1)))
+        turn[needed | (self.holds > 0)] = np.inf
+        dropped = (turn <= turn[before]) & (turn < turn[after]) & (turn < _HARDLY_RAD)
+        left = np.bincount(self.loop, weights=~dropped, minlength=len(self.first))
+        return np.asarray(dropped & (left >= FEWEST_CORNERS)[self.loop])
+
+    def _without(self, dropped: Flags, needed: Flags) -> Flags:
+        """Drop some breaks, put back those that were needed; return the needed ones' flags."""
+        kept = ~dropped
+        trial = self._only(kept)
+        parts = np.add.reduceat(self._misfit(), np.flatnonzero(kept))
+        bad = trial.strays() | (trial._misfit() > parts + _WORTH_A_BREAK)
+        owner = np.searchsorted(trial.breaks, self.breaks[dropped], side="right") - 1
+        back = np.flatnonzero(dropped)[bad[owner]]
+        kept[back] = needed[back] = True
+        self.breaks, self.holds = self.breaks[kept], self.holds[kept]
+        self.fit()
+        return np.asarray(needed[kept])
+
+    def _only(self, kept: Flags) -> "Walls":
+        trial = Walls(
+            midpoints=self.midpoints,
+            first=self.first,
+            tolerance=self.tolerance,
+            breaks=self.breaks[kept],
+            holds=self.holds[kept],
+            corners=self.corners[kept],
+        )
+        trial.fit()
+        return trial
+
+    def _misfit(self) -> Floats:
+        """Return for every section the sum of squared distances of its midpoints to its line."""
+        point, direction = self._lines()
+        section = np.repeat(np.arange(len(self.breaks)), self.sizes)
+        off = cross(self.midpoints - point[section], direction[section])
+        off[self.breaks] = 0.0
+        return np.asarray(np.add.reduceat(off * off, self.breaks))
+
+    def _lines(self) -> tuple[Floats, Floats]:
+        """Return a point on, and the direction of, the line through each section.
+
+        The breaks themselves are left out, they belong to two lines. A short section takes the
+        direction of its chord and all of its points, which halves what one odd cell can do.
+        """
+        on_break, count = self.midpoints[self.breaks], self.sizes - 1
+        chord = on_break[self.after] - on_break
+        section = np.repeat(np.arange(len(count)), self.sizes)
+        inner = np.ones((len(self.midpoints), 1))
+        inner[self.breaks] = 0.0
+        local = (self.midpoints - on_break[section]) * inner
+        total = np.add.reduceat(local, self.breaks)
+        short = (count < _ENOUGH_TO_FIT)[:, None]
+        number = np.where(short[:, 0], count + 2, count)[:, None]
+        middle = (total + np.where(short, chord, 0.0)) / number
+        direction = principal_directions((local - middle[section]) * inner, self.breaks)
+        direction = np.where(short, unit(chord), direction)
+        direction *= np.where(np.sum(direction * chord, axis=1) < 0.0, -1.0, 1.0)[:, None]
+        return middle + on_break, direction
+
+    def _farthest(self, section: int, after: int) -> int:
+        """Return the index of the midpoint farthest from the chord of a section of 2 or more."""
+        low, size = self.breaks[section], self.sizes[section]
+        chord = self.midpoints[self.breaks[[section, after]]]
+        inner = self.midpoints[low + 1 : low + size]
+        return int(low + 1 + np.argmax(distance_to_segments(inner, chord[:1], chord[1:])))

@@ -1,0 +1,252 @@
+"""Occupancy grids in the form of the ROS map_server: a YAML file that names an image."""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+
+from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.hashing import sha256_of
+from vinefab.environments.raster import Placement, RasterOptions, raster_map
+from vinefab.environments.trace import Mask
+from vinefab.files.ros_image import Shades, read_shades
+from vinefab.files.shipped import read_bytes, read_text
+from vinefab.model.checked import number, positive
+from vinefab.model.map import Map, Pose
+
+_LARGEST_YAML_BYTES = 1 << 20
+_LARGEST_IMAGE_BYTES = 1 << 30
+MODES = ("trinary", "scale", "raw")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RosOptions:
+    """How a ROS map is imported.
+
+    Parameters
+    ----------
+    scale_mm_per_unit
+        Millimetres of the map per metre of the file: 1000 is full size, 50 a table-top model at
+        1:20.
+    simplify_mm
+        Largest distance, in the map, between walls and the boundary of the cells; one cell when
+        None, at least 0.75 of a cell.
+    unknown
+        What cells that were never seen count as. ``free`` may join regions through walls that
+        were seen from one side only.
+    least_obstacle_mm2
+        Obstacles smaller than this are left out; 0 keeps every cell.
+    start
+        Where robots start, in the map; the roomiest place when None. Of several free regions the
+        one with the start is imported, the largest one when None.
+    """
+
+    scale_mm_per_unit: float = 1000.0
+    simplify_mm: float | None = None
+    unknown: Literal["obstacle", "free"] = "obstacle"
+    least_obstacle_mm2: float = 0.0
+    start: Pose | None = None
+
+    def __post_init__(self) -> None:
+        positive("scale_mm_per_unit", self.scale_mm_per_unit, 1e6, "mm per metre")
+        if self.unknown not in ("obstacle", "free"):
+            raise BadInputError("unknown", self.unknown, "obstacle or free")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RosMap:
+    """The YAML file: what the map_server calls the map's metadata.
+
+    Parameters
+    ----------
+    image
+        Path of the image.
+    resolution_m
+        Width of a cell.
+    origin
+        x (m), y (m) and yaw (rad, counter-clockwise) of the lower left corner of the image's
+        lower left pixel.
+    negate
+        Whether white is occupied.
+    occupied_thresh, free_thresh
+        Cells above the first are occupied, below the second free, else unknown.
+    mode
+        How a pixel gives an occupancy, see `classify`.
+    """
+
+    image: Path
+    resolution_m: float
+    origin: tuple[float, float, float]
+    negate: bool
+    occupied_thresh: float
+    free_thresh: float
+    mode: str
+
+    def __post_init__(self) -> None:
+        number("resolution", self.resolution_m, 1e-6, 1e6, "m")
+        for value in self.origin:
+            number("origin", value, -1e7, 1e7)
+        number("occupied_thresh", self.occupied_thresh, 0.0, 1.0)
+        number("free_thresh", self.free_thresh, 0.0, self.occupied_thresh)
+        if self.mode not in MODES:
+            raise BadInputError("mode", self.mode, ", ".join(MODES))
+
+
+def import_ros(path: Path, options: RosOptions | None = None) -> Map:
+    """Return the map in a ROS map_server file.
+
+    The bounds are the outer boundary of the free region that counts (the one with the start, or
+    the largest), the solid islands in it are obstacles: see `raster_map`. What was read, done
+    and left out stands in the map's facts.
+
+    Parameters
+    ----------
+    path
+        The YAML file; the image's path in it is relative to its folder.
+    options
+        The defaults when None.
+
+    Raises
+    ------
+    UnreadableFileError
+        If a file is missing or not what it should be.
+    BadInputError
+        If a value in the YAML file is wrong, no cell is free, the start is not, or
+        ``simplify_mm`` is less than 0.75 of a cell.
+    """
+    options = options or RosOptions()
+    source = read_ros_yaml(path)
+    data = read_bytes(source.image, _LARGEST_IMAGE_BYTES)
+    occupied, free = classify(*read_shades(source.image, data), source)
+    facts = {
+        "source": path.name,
+        "image": source.image.name,
+        "image_sha256": sha256_of(data),
+        "resolution_m": source.resolution_m,
+        "origin": list(source.origin),
+        "negate": source.negate,
+        "occupied_thresh": source.occupied_thresh,
+        "free_thresh": source.free_thresh,
+        "mode": source.mode,
+        "scale_mm_per_unit": options.scale_mm_per_unit,
+        "unknown": options.unknown,
+        "cells": list(free.shape[::-1]),
+        "cells_free": int(free.sum()),
+        "cells_occupied": int(occupied.sum()),
+        "cells_unknown": int(free.size - free.sum() - occupied.sum()),
+    }
+    scale = options.scale_mm_per_unit
+    try:
+        world = raster_map(
+            path.stem,
+            free if options.unknown == "obstacle" else ~occupied,
+            Placement(
+                cell_mm=source.resolution_m * scale,
+                x_mm=source.origin[0] * scale,
+                y_mm=source.origin[1] * scale,
+                turn_rad=math.remainder(source.origin[2], 2.0 * math.pi),
+            ),
+            RasterOptions(
+                simplify_mm=options.simplify_mm,
+                least_obstacle_mm2=options.least_obstacle_mm2,
+                start=options.start,
+            ),
+            facts,
+        )
+    except BadInputError as error:
+        raise error.at(path) from error
+    return replace(world, environment="ros")
+
+
+def classify(shade: Shades, opacity: Shades | None, source: RosMap) -> tuple[Mask, Mask]:
+    """Return which cells are occupied and which are free, as the map_server decides.
+
+    With occupancy p = 1 - brightness (brightness when negated): occupied when
+    p > ``occupied_thresh``, free when p < ``free_thresh``, else unknown.
+
+    - *trinary*: transparency is averaged in as a fourth colour, as the map_server has always
+      done.
+    - *scale*: pixels that are not opaque are unknown.
+    - *raw*: the pixel's value, 0 to 100, is the occupancy in percent; larger ones are unknown,
+      ``negate`` does not matter.
+
+    Parameters
+    ----------
+    shade, opacity
+        From `read_shades`.
+    source
+        Thresholds, mode and negate.
+    """
+    known = np.ones(shade.shape, dtype=np.bool_)
+    if source.mode == "raw":
+        percent = np.round(shade * 255.0)
+        known = percent <= 100.0
+        occupancy = percent / 100.0
+    else:
+        bright = shade
+        if opacity is not None and source.mode == "trinary":
+            bright = np.asarray((3.0 * shade + opacity) / 4.0, dtype=np.float32)
+        elif opacity is not None:
+            known = opacity >= 1.0
+        occupancy = bright if source.negate else 1.0 - bright
+    return (occupancy > source.occupied_thresh) & known, (occupancy < source.free_thresh) & known
+
+
+def read_ros_yaml(path: Path) -> RosMap:
+    """Return the metadata in a map_server's YAML file.
+
+    Raises
+    ------
+    UnreadableFileError
+        If it cannot be read or is not YAML.
+    BadInputError
+        If a key is missing or a value wrong.
+    """
+    text = read_text(path, _LARGEST_YAML_BYTES)
+    try:
+        data = yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError) as error:
+        raise UnreadableFileError(path, f"is not YAML: {error}") from error
+    if not isinstance(data, dict):
+        raise UnreadableFileError(path, "is not a ROS map: no keys such as image and resolution")
+    try:
+        return _ros_map(path, data)
+    except BadInputError as error:
+        raise error.at(path) from error
+
+
+def _ros_map(path: Path, data: dict[str, Any]) -> RosMap:
+    image, origin = data.get("image"), data.get("origin")
+    if not isinstance(image, str) or not image or "\0" in image:
+        raise BadInputError("image", image, "the path of the image")
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise BadInputError("origin", origin, "[x, y, yaw]")
+    x, y, yaw = (_number("origin", value) for value in origin)
+    return RosMap(
+        image=path.parent / image,
+        resolution_m=_number("resolution", data.get("resolution")),
+        origin=(x, y, yaw),
+        negate=_truth("negate", data.get("negate")),
+        occupied_thresh=_number("occupied_thresh", data.get("occupied_thresh")),
+        free_thresh=_number("free_thresh", data.get("free_thresh")),
+        mode=str(data.get("mode", "trinary")),
+    )
+
+
+def _number(key: str, value: object) -> float:
+    """Return a number; also from text, as YAML takes 5e-2 without a point for a word."""
+    try:
+        if isinstance(value, int | float | str) and not isinstance(value, bool):
+            return float(value)
+    except (ValueError, OverflowError):
+        pass
+    raise BadInputError(key, value, "a number")
+
+
+def _truth(key: str, value: object) -> bool:
+    if value in (0, 1):
+        return bool(value)
+    raise BadInputError(key, value, "0 or 1")

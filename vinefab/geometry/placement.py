@@ -13,10 +13,8 @@ from vinefab.model.outline import Contour
 STEP_RAD = math.radians(0.25)
 """Turns are tried this far apart, and wherever an edge of the convex hull lies along an axis."""
 
-LEAST_EDGE_MM = 1.0
-"""Shorter edges of the hull are chords of arcs: none of them is worth a turn of its own."""
-
 FIT_TOLERANCE_MM = 1e-6
+MOST_TRIES = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,12 +58,15 @@ def place(contours: Sequence[Contour], room_mm: tuple[float, float], corner_mm: 
         Where the lower left corner of everything comes to lie, in x and in y.
     """
     hull = _hull_mm(np.concatenate([contour.flattened_mm() for contour in contours]))
-    turns = _turns_rad(hull)
+    steps, flush = _steps_rad(), _flush_rad(hull)
+    turns = np.concatenate([steps, flush])
     excess = _excess_mm(hull, turns, room_mm)
-    # A turn that fits counts as 0, however much room it leaves: then the smallest turn wins.
-    badness = np.where(excess <= 0.0, 0.0, excess)
-    order = np.lexsort((-turns, np.abs(turns), badness))
-    for turn in turns[order[:20]].tolist():
+    # A turn that fits counts as 0, however much room it leaves: then the smallest round turn wins,
+    # and the turns of single edges count only where nothing else fits.
+    badness = np.where(excess <= FIT_TOLERANCE_MM, 0.0, excess)
+    order = np.lexsort((-turns, np.abs(turns), np.arange(len(turns)) >= len(steps), badness))
+    # The hull's corners lie on chords, a little inside the arcs: the exact box has the last word.
+    for turn in turns[order[:MOST_TRIES]].tolist():
         placement = _placed(contours, turn, room_mm, corner_mm)
         if placement.fits:
             return placement
@@ -95,17 +96,18 @@ def _hull_mm(points_mm: Floats) -> Floats:
     return corners
 
 
-def _turns_rad(hull_mm: Floats) -> Floats:
-    """Return the turns worth trying, -pi/2 to pi/2, no turn at all among them."""
+def _steps_rad() -> Floats:
+    """Return round turns from -pi/2 to pi/2, no turn at all among them."""
     count = round(math.pi / 2 / STEP_RAD)
-    steps = np.arange(-count, count + 1) * STEP_RAD
+    return np.arange(-count, count + 1, dtype=np.float64) * STEP_RAD
+
+
+def _flush_rad(hull_mm: Floats) -> Floats:
+    """Return the turns from -pi/2 to pi/2 that lay an edge of a hull along an axis."""
     edges = np.diff(hull_mm, axis=0)
-    edges = edges[np.hypot(edges[:, 0], edges[:, 1]) >= LEAST_EDGE_MM]
-    flush = -np.arctan2(edges[:, 1], edges[:, 0])
-    # An edge along x or along y: every quarter turn of the flush one, brought into the range.
-    flush = np.remainder(flush[:, None] + np.arange(4) * math.pi / 2, math.tau) - math.pi
-    flush = flush[np.abs(flush) <= math.pi / 2]
-    return np.concatenate([steps, flush])
+    turns = -np.arctan2(edges[:, 1], edges[:, 0])
+    turns = np.remainder(turns[:, None] + np.arange(4) * math.pi / 2, math.tau) - math.pi
+    return turns[np.abs(turns) <= math.pi / 2]
 
 
 def _excess_mm(hull_mm: Floats, turns_rad: Floats, room_mm: tuple[float, float]) -> Floats:
@@ -113,4 +115,5 @@ def _excess_mm(hull_mm: Floats, turns_rad: Floats, room_mm: tuple[float, float])
     cos, sin = np.cos(turns_rad)[:, None], np.sin(turns_rad)[:, None]
     x, y = hull_mm[:, 0], hull_mm[:, 1]
     wide, high = np.ptp(cos * x - sin * y, axis=1), np.ptp(sin * x + cos * y, axis=1)
-    return np.maximum(wide - room_mm[0], high - room_mm[1])
+    excess: Floats = np.maximum(wide - room_mm[0], high - room_mm[1])
+    return excess

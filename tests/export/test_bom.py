@@ -41,7 +41,14 @@ def test_lengths_are_by_what_the_path_does(job: Job, profile: LaserProfile) -> N
     )
     assert value(job, profile, "weld length") == pytest.approx(weld + weldcut)
     assert value(job, profile, "cut length") == pytest.approx(weldcut + cut)
-    assert value(job, profile, "film area") == pytest.approx(2 * 15.0 * 8.0)
+
+
+def test_the_film_is_what_the_paths_take_and_not_the_bed(job: Job, profile: LaserProfile) -> None:
+    large = Job(name="large", sheet_width_mm=600, sheet_height_mm=400, paths=job.paths)
+    # The paths take 140 x 70 mm; the machine leaves a rim of 5 mm.
+    assert value(large, profile, "film width") == pytest.approx(150.0)
+    assert value(large, profile, "film height") == pytest.approx(80.0)
+    assert value(large, profile, "film area, all plies") == pytest.approx(2 * 15.0 * 8.0)
 
 
 def test_standing_falls_to_assumed_with_one_assumed_input(job: Job, profile: LaserProfile) -> None:

@@ -31,7 +31,6 @@ NAMES = [
     "report.html",
     "bom.csv",
     "MANIFEST.sha256",
-    ,
 ]
 GIVEN = ("preview.png", "checks.json", "report.html")
 
@@ -166,6 +165,7 @@ def test_the_readme_warns_of_an_untried_recipe_and_keeps_standings(
     assert "kerf of 0.3 mm (assumed) and a seam of 0.4 mm (measured)" in text
     assert "Leave kerf, offset and beam compensation at 0" in text
     assert "2 plies of 0.05 mm (measured)" in text
+    assert "at least 150 x 80 mm" in text
     assert "70 kPa (paper)" in text
     assert "all paths together measure 140.00 x 70.00 mm" in text
     assert "WARNING" not in text
@@ -185,6 +185,12 @@ def test_the_readme_warns_where_colours_are_not_enough(content: PackageContent) 
     text = words(replace(content, colours=PRESETS["shop_single"]))
     assert "WARNING: weldcut and cut have the same layer and colour" in text
     assert "does not write: mark, weld, reg, doc" in text
+
+
+def test_the_readme_warns_of_a_robot_larger_than_the_bed(content: PackageContent) -> None:
+    assert "beyond the bed" not in words(content)
+    small = Job(name="s", sheet_width_mm=144.9, sheet_height_mm=80, paths=content.job.paths)
+    assert "beyond the bed" in words(replace(content, job=small))
 
 
 def check_in(folder: Path, command: list[str]) -> subprocess.CompletedProcess[str]:

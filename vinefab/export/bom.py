@@ -78,6 +78,17 @@ def body_area_mm2(job: Job) -> float:
     return math.fsum(abs(path.contour.signed_area_mm2) for path in outlines)
 
 
+def film_piece_mm(job: Job, profile: LaserProfile) -> tuple[float, float]:
+    """Return width and height of the least piece of film: what is machined and a rim around it.
+
+    The rim is the machine's margin, so that a piece laid into the bed's lower left corner fits.
+    """
+    boxes = [path.contour.box_mm for path in job.paths if path.operation.is_machined]
+    low_x, low_y, high_x, high_y = zip(*boxes, strict=True)
+    rim = 2.0 * profile.machine.margin_mm.value
+    return max(high_x) - min(low_x) + rim, max(high_y) - min(low_y) + rim
+
+
 def weakest(quantities: Iterable[Quantity]) -> Standing:
     """Return the standing of a number worked out from others."""
     assumed = any(quantity.standing is Standing.ASSUMED for quantity in quantities)
@@ -86,24 +97,30 @@ def weakest(quantities: Iterable[Quantity]) -> Standing:
 
 def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
     film, area = profile.material, body_area_mm2(job)
-    width, height = job.sheet_width_mm, job.sheet_height_mm
+    width, height = film_piece_mm(job, profile)
     mass_g = area * film.plies * film.ply_mm.value * film.density_kg_m3.value
     mass_g *= _G_PER_KG / _MM3_PER_M3
     mass_basis = (
         f"area x {film.plies} plies x {film.ply_mm.value:g} mm ({film.ply_mm.standing})"
         f" x {film.density_kg_m3.value:g} kg/m3 ({film.density_kg_m3.standing})"
     )
-    standing = weakest((film.ply_mm, film.density_kg_m3))
+    margin = profile.machine.margin_mm
+    rim = f"paths and a rim of {margin.value:g} mm ({margin.standing})"
+    sizes = [("film width", width, "mm"), ("film height", height, "mm")]
+    sizes.append(("film area, all plies", film.plies * width * height / 100.0, "cm2"))
     return [
-        _computed("sheet width", width, "mm", "the sheet in the laser files"),
-        _computed("sheet height", height, "mm", "the sheet in the laser files"),
-        _computed("plies", film.plies, "1", f"sheets of {film.title}, one on the other"),
-        _computed(
-            "film area", film.plies * width * height / 100.0, "cm2", "all plies of the sheet"
+        *(
+            BomLine(item=item, value=value, unit=unit, standing=weakest((margin,)), basis=rim)
+            for item, value, unit in sizes
         ),
+        _computed("plies", film.plies, "1", f"of {film.title}, one on the other"),
         _computed("robot area", area / 100.0, "cm2", "one ply, within the beam's path"),
         BomLine(
-            item="robot film mass", value=mass_g, unit="g", standing=standing, basis=mass_basis
+            item="robot film mass",
+            value=mass_g,
+            unit="g",
+            standing=weakest((film.ply_mm, film.density_kg_m3)),
+            basis=mass_basis,
         ),
     ]
 

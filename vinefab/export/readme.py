@@ -1,8 +1,10 @@
 """README.txt of a fabrication package: the steps of the person at the laser."""
 
+import math
 from textwrap import fill
 
 from vinefab.core.jsontext import GENERATOR
+from vinefab.export.bom import film_piece_mm
 from vinefab.export.colours import Colours
 from vinefab.export.drawn import left_out, metadata, styled_paths, told_apart
 from vinefab.export.laser_files import DXF_NAME, POLYLINE_NAME, SVG_NAME
@@ -51,7 +53,7 @@ def readme_text(design: Design, job: Job, profile: LaserProfile, colours: Colour
     parts = [
         f"{title}\n{'=' * len(title)}",
         _paragraph("!! ", _STATUS[profile.recipe.status]),
-        _section("1. Film", _film(profile)),
+        _section("1. Film", _film(job, profile)),
         _section("2. Coupon first", _coupon(profile)),
         _section("3. The file", _file(job, colours)),
         _section("4. Layers, in the order in which they must run", _layers(job, profile, colours)),
@@ -65,14 +67,16 @@ def readme_text(design: Design, job: Job, profile: LaserProfile, colours: Colour
     return "\n\n".join(parts) + "\n"
 
 
-def _film(profile: LaserProfile) -> list[str]:
+def _film(job: Job, profile: LaserProfile) -> list[str]:
     film = profile.material
+    width, height = film_piece_mm(job, profile)
     return [
-        f"Use {film.title}: {film.plies} plies of {_said(film.ply_mm, 'mm')} each.",
+        f"Use {film.title}: {film.plies} plies of {_said(film.ply_mm, 'mm')}, each at least"
+        f" {math.ceil(width - 1e-6)} x {math.ceil(height - 1e-6)} mm.",
         "Clean the plies and lay them on each other without folds.",
         "Heat-press them flat before welding, to drive out bubbles and wrinkles. The plies must"
         " still come apart by hand afterwards; lower the temperature if they do not.",
-        "Lay the sheet flat on the bed and hold its rim down.",
+        "Lay the sheet flat into the lower left corner of the bed and hold its rim down.",
     ]
 
 
@@ -98,18 +102,21 @@ def _coupon(profile: LaserProfile) -> list[str]:
 def _file(job: Job, colours: Colours) -> list[str]:
     size = f"{job.sheet_width_mm:g} x {job.sheet_height_mm:g} mm"
     x0, y0, x1, y1 = _box(job, colours)
-    return [
+    steps = [
         f"Open {DXF_NAME} (true arcs) or {SVG_NAME}. Use {POLYLINE_NAME} only where arcs are"
         " missing after import: some programs ignore them without a word.",
         "If the program asks for a unit, it is millimetres; scale 100 %.",
-        f"Check after import: the sheet is {size}; all paths together measure"
-        f" {x1 - x0:.2f} x {y1 - y0:.2f} mm and begin {x0:.2f} mm from the sheet's left and"
+        f"Check after import: the bed is {size}; all paths together measure"
+        f" {x1 - x0:.2f} x {y1 - y0:.2f} mm and begin {x0:.2f} mm from the bed's left and"
         f" {y0:.2f} mm from its lower edge.",
         "Do not join, close, simplify or convert paths: the outline is open at the mouth.",
         "preview.png shows how it should look; report.html and checks.json tell which design rules"
         " were run and what they found; bom.csv counts film and time; job.json holds every"
         " setting. sha256sum -c MANIFEST.sha256 tells whether a file was changed.",
     ]
+    if min(x0, y0) < 0.0 or x1 > job.sheet_width_mm or y1 > job.sheet_height_mm:
+        steps.append("WARNING: the paths reach beyond the bed. Do not scale them to make them fit.")
+    return steps
 
 
 def _layers(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:

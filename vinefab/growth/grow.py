@@ -63,7 +63,7 @@ def grow(
         If the pose is inside an obstacle or outside the bounds.
     """
     options = options or GrowthOptions()
-    terrain.require_free(pose)
+    start = Start(*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
     tree = branch_tree(design)
     rules = Rules(
         head_on_half_angle_rad=options.head_on_half_angle_rad,
@@ -73,7 +73,7 @@ def grow(
         most_events=MOST_EVENTS,
     )
     spans = _spans(design, tree, options)
-    growth = _grown(tree, terrain, pose, rules, spans, grow_branches_of(engine))
+    growth = _grown(tree, terrain, start, rules, spans, grow_branches_of(engine))
     used = growth.first_point[-1]
     return Deployment(
         tree=tree,
@@ -125,7 +125,7 @@ def _spans(design: Design, tree: BranchTree, options: GrowthOptions) -> tuple[_S
 def _grown(
     tree: BranchTree,
     terrain: Terrain,
-    pose: Pose,
+    start: Start,
     rules: Rules,
     spans: tuple[_Span, ...],
     grow_branches: GrowBranches,
@@ -133,11 +133,10 @@ def _grown(
     """Return the growth of a tree, span by span, with as much room as it takes."""
     arrays = _tree_arrays(tree)
     growth = Growth.empty(len(tree), POINTS_PER_BRANCH * len(tree) + 16)
-    start = _start(terrain, pose, spans[0].radius_mm)
-    radius_mm = math.inf
+    radius_mm = 0.0
     for span in spans:
-        # Only a wider child can lack room where its parent's tip is.
-        if span.radius_mm > radius_mm or span.first == 0:
+        # Only a body wider than what reached the place can lack room there.
+        if span.radius_mm > radius_mm:
             _look_for_room(arrays, growth, start, terrain, span)
         radius_mm = span.radius_mm
         walls, done = terrain.walls(radius_mm), span.first
@@ -154,13 +153,6 @@ def _tree_arrays(tree: BranchTree) -> TreeArrays:
     return TreeArrays(tree.parent, turn, tree.length_mm, np.ones(len(tree), dtype=np.bool_))
 
 
-def _start(terrain: Terrain, pose: Pose, radius_mm: float) -> Start:
-    x_mm, y_mm = pose.x_mm, pose.y_mm
-    if terrain.is_free(pose, radius_mm):
-        x_mm, y_mm = terrain.start_mm(pose, radius_mm)
-    return Start(x_mm, y_mm, math.cos(pose.heading_rad), math.sin(pose.heading_rad))
-
-
 def _look_for_room(
     arrays: TreeArrays, growth: Growth, start: Start, terrain: Terrain, span: _Span
 ) -> None:
@@ -171,4 +163,4 @@ def _look_for_room(
             x_mm, y_mm = start.x, start.y
         else:
             x_mm, y_mm = growth.points[growth.first_point[parent + 1] - 1]
-        arrays.fits[branch] = terrain.contains(x_mm, y_mm, span.radius_mm)
+        arrays.fits[branch] = terrain.has_room(x_mm, y_mm, span.radius_mm)

@@ -161,9 +161,12 @@ def _meeting(walls, rules, ox, oy, dx, dy, wall):
         # Nearly parallel to the ray, and touched by its line only behind the origin.
         return math.inf, 0.0
     distance = max(0.0, distance)
-    if to_start <= tolerance and _passes_end(walls, rules, dx, dy, wall, False, distance):
-        return math.inf, 0.0
-    if to_end <= tolerance and _passes_end(walls, rules, dx, dy, wall, True, distance):
+    passes_start = to_start <= tolerance and _passes_end(
+        walls, rules, dx, dy, wall, False, distance
+    )
+    if passes_start or (
+        to_end <= tolerance and _passes_end(walls, rules, dx, dy, wall, True, distance)
+    ):
         return math.inf, 0.0
     return distance, place
 
@@ -187,7 +190,8 @@ def _nearest_in_cell(walls, rules, ray, skip, cell, best):
             continue
         facing = dy * walls.wall[wall, 2] - dx * walls.wall[wall, 3]
         ties = found != NO_WALL and distance >= nearest - rules.tolerance_mm
-        if (ties and facing > gentlest) or (not ties and distance <= nearest):
+        gentler = facing > gentlest or (facing == gentlest and wall < found)
+        if (ties and gentler) or (not ties and distance <= nearest):
             found, nearest, at, gentlest = wall, distance, place, facing
     return found, nearest, at, gentlest
 

@@ -70,7 +70,7 @@ class Terrain:
         """
         if radius_mm not in self._free:
             shrunk = shapely.buffer(self._free[0.0], -radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)
-            self._free[radius_mm] = shapely.set_precision(shrunk, self.grid_mm)
+            self._free[radius_mm] = _prepared(shapely.set_precision(shrunk, self.grid_mm))
         return self._free[radius_mm]
 
     def walls(self, radius_mm: float = 0.0) -> WallArrays:
@@ -81,13 +81,17 @@ class Terrain:
 
     def contains(self, x_mm: float, y_mm: float, radius_mm: float = 0.0) -> bool:
         """Tell whether a point is in free space; a point on a wall is."""
-        return self._distance_mm(x_mm, y_mm, radius_mm) <= self._snap_mm
+        return self._snapped(x_mm, y_mm, radius_mm, self._snap_mm) is not None
+
+    def has_room(self, x_mm: float, y_mm: float, radius_mm: float) -> bool:
+        """Tell whether a branch of some radius can start at a point exactly as it stands."""
+        return self._snapped(x_mm, y_mm, radius_mm, self.tolerance_mm) is not None
 
     def is_free(self, pose: Pose, radius_mm: float = 0.0) -> bool:
         """Tell whether a robot can start from a pose."""
         return self.contains(pose.x_mm, pose.y_mm, radius_mm)
 
-    def start_mm(self, pose: Pose, radius_mm: float = 0.0) -> tuple[float, float]:
+    def start_mm(self, pose: Pose) -> tuple[float, float]:
         """Return where a robot started at a pose stands: there, or on the wall just beside it.
 
         Raises
@@ -95,18 +99,9 @@ class Terrain:
         BadInputError
             If the pose is inside an obstacle or outside the bounds.
         """
-        self.require_free(pose)
-        if self._distance_mm(pose.x_mm, pose.y_mm, radius_mm) == 0.0:
-            return pose.x_mm, pose.y_mm
-        nearest = shapely.shortest_line(
-            self.free_space(radius_mm), Point(pose.x_mm, pose.y_mm)
-        ).coords[0]
-        return float(nearest[0]), float(nearest[1])
-
-    def require_free(self, pose: Pose) -> None:
-        """Raise BadInputError if a pose is inside an obstacle or outside the bounds."""
-        if not self.is_free(pose):
-            x_mm, y_mm = pose.x_mm, pose.y_mm
+        x_mm, y_mm = pose.x_mm, pose.y_mm
+        snapped = self._snapped(x_mm, y_mm, 0.0, self._snap_mm)
+        if snapped is None:
             inside = self.world.bounds.covers(Point(x_mm, y_mm))
             where = "inside an obstacle" if inside else "outside the bounds"
             raise BadInputError(
@@ -114,16 +109,26 @@ class Terrain:
                 f"({x_mm:g}, {y_mm:g}) mm, {where}",
                 f"a place in the free space of map {self.world.name}",
             )
+        return snapped
 
     @property
     def _snap_mm(self) -> float:
         return SNAP / GRID * self.grid_mm
 
-    def _distance_mm(self, x_mm: float, y_mm: float, radius_mm: float) -> float:
+    def _snapped(
+        self, x_mm: float, y_mm: float, radius_mm: float, within_mm: float
+    ) -> tuple[float, float] | None:
+        """Return a point if it is free, the nearest free one if it is a trifle outside, or None."""
         free = self.free_space(radius_mm)
+        if shapely.contains_xy(free, x_mm, y_mm):
+            return x_mm, y_mm
         if free.is_empty:
-            return math.inf
-        return float(shapely.distance(free, Point(x_mm, y_mm)))
+            return None
+        line = shapely.shortest_line(free, Point(x_mm, y_mm))
+        if line.length > within_mm:
+            return None
+        nearest_x_mm, nearest_y_mm = line.coords[0]
+        return float(nearest_x_mm), float(nearest_y_mm)
 
 
 def _grid_mm(world: Map) -> float:
@@ -134,4 +139,10 @@ def _grid_mm(world: Map) -> float:
 
 def _free_space(world: Map, grid_mm: float) -> BaseGeometry:
     solid = shapely.union_all(list(world.obstacles), grid_size=grid_mm)
-    return shapely.difference(world.bounds, solid, grid_size=grid_mm)
+    return _prepared(shapely.difference(world.bounds, solid, grid_size=grid_mm))
+
+
+def _prepared(free: BaseGeometry) -> BaseGeometry:
+    """Return the polygons with an index that makes looking up points fast."""
+    shapely.prepare(free)
+    return free

@@ -48,6 +48,8 @@ def walls_of(free: BaseGeometry, tolerance_mm: float) -> Walls:
     rings = _rings(free)
     place, count = _places(rings.corner)
     straight = (_bulge(rings) <= tolerance_mm) & (count[place] == 1)
+    # A needle keeps its flat corner: without it, it would have no inside.
+    straight &= np.bincount(rings.ring, weights=~straight)[rings.ring] >= 3
     if straight.any():
         rings = _linked(rings.corner[~straight], rings.ring[~straight])
         place, count = _places(rings.corner)

@@ -21,6 +21,13 @@ def _problems(rig):
     ]
 
 
+def _hanging_mm2(part):
+    """Area, seen from below, of what does not lie on the bed."""
+    corners = part.vertices_mm[part.faces]
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
+    return -0.5 * doubled[(doubled < 0.0) & (corners[:, :, 2] > 0.0).any(axis=1)].sum()
+
+
 def _xor(one, other):
     return shapely.symmetric_difference(one, other).area
 
@@ -80,10 +87,7 @@ def test_parts_do_not_run_into_each_other_and_leave_only_the_gaps(crooked_map, m
 
 def test_parts_print_without_supports(crooked_map, make_printer):
     for part in build_rig(crooked_map(5, 6, 6), make_printer(110.0, 140.0)).parts:
-        corners = part.vertices_mm[part.faces]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        hanging = corners[normals[:, 2] < -1e-6]
-        assert np.abs(hanging[:, :, 2]).max() == 0.0
+        assert _hanging_mm2(part) < 1e-6
 
 
 def test_holes_in_obstacles_and_bounds(make_map, make_printer, faces_at):
@@ -131,6 +135,17 @@ def test_a_cut_through_a_touching_corner_stays_closed(make_map, make_printer):
     world = make_map(*obstacles, bounds=box(0, 0, 320, 120), starts=())
     rig = build_rig(world, make_printer(120.0, 90.0))
     assert rig.counts["bridges"] > 100
+    assert _problems(rig) == []
+
+
+def test_a_notch_that_ends_on_a_cut_stays_closed(make_map, make_printer):
+    # Two full tiles: the cut lies at x = 198 and cannot move. Right of it the block is two pieces
+    # that touch where the notch ends.
+    block = Polygon([(100, 50), (300, 50), (198, 80), (300, 110), (100, 110)])
+    world = make_map(block, bounds=box(0, 0, 396, 150), starts=())
+    rig = build_rig(world, make_printer())
+    assert len(rig.parts) == 2
+    assert rig.parts[1].to_map[0, 3] == 198.0
     assert _problems(rig) == []
 
 
@@ -236,6 +251,8 @@ def test_whatever_overlaps_comes_out_closed(make_map, make_printer, seed):
     rig = build_rig(make_map(*obstacles, bounds=bounds), make_printer(100.0, 120.0))
     assert len(rig.parts) > 1
     assert _problems(rig) == []
+    # On a slanted edge, snapping must not leave a solid hanging over its plate.
+    assert max(_hanging_mm2(part) for part in rig.parts) < 2e-3
 
 
 def test_a_concave_hall_gives_one_part_for_each_piece(make_map, make_printer):

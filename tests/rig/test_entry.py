@@ -66,6 +66,15 @@ def test_the_wall_beside_a_start_in_a_corner_stays(rig_of, up_start, faces_at):
     assert top.contains(box(6.1, 25, 9.9, 160))
 
 
+def test_the_wall_of_the_next_room_stays(make_map, make_printer, up_start, faces_at):
+    hall = box(0, 60, 150, 100).union(box(0, -40, 150, 20)).union(box(110, -40, 150, 100))
+    world = make_map(bounds=hall, starts=(up_start(50, 75),))
+    rig = build_rig(world, make_printer(), RigOptions(entry_width_mm=30.0))
+    top = faces_at(rig, 30.0)
+    assert not top.intersects(box(35.1, 55, 64.9, 61))
+    assert top.contains(box(10, 20.1, 90, 23.9))
+
+
 def test_a_start_far_inside_has_a_hole_in_the_plate(rig_of, up_start, faces_at):
     rig = rig_of(up_start(100, 100), entry_width_mm=30.0)
     floor = faces_at(rig, 0.0)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import shapely
 from shapely import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
+from shapely.ops import nearest_points
 
 from vinefab.model.map import Start
 from vinefab.rig.clean import pieces_of
@@ -13,6 +14,7 @@ from vinefab.rig.options import RigOptions
 
 _HOLE_SEGMENTS = 12
 _WALL_TO_HOLE_MM = 1.0
+_NEAR_MM = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,10 +64,11 @@ def entry_of(
     ray = _backwards(start, reach_mm + max(1.0, reach_mm) * 1e-6)
     if not ray.intersects(bounds.exterior):
         return _through_plate(base, solids, options)
-    distance_mm = base.distance(ray.intersection(bounds.exterior))
-    line = _backwards(start, distance_mm + _depth_mm(options))
+    met = nearest_points(base, ray.intersection(bounds.exterior))[1]
+    line = _backwards(start, base.distance(met) + _depth_mm(options))
     strip = line.buffer(_half_width_mm(start, options), cap_style="flat")
-    cut = [piece for piece in pieces_of(border.intersection(strip)) if piece.intersects(line)]
+    # Not what the strip meets further on: the wall of another room of a winding hall.
+    cut = [piece for piece in pieces_of(border.intersection(strip)) if piece.dwithin(met, _NEAR_MM)]
     blocked = strip.intersection(bounds).intersection(solids).area > 0.0
     note = "obstacles narrow the way between the entry and its start" if blocked else ""
     return Entry(from_border=shapely.union_all(cut), from_plate=nothing, note=note)

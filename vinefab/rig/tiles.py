@@ -120,22 +120,19 @@ def tiles_of(
             plates = _plates(plan.plate, _rectangle(cuts, cell), cell, joints)
             for plate in without_slivers(plates, max(least_mm))[0]:
                 near = plan.solids[np.sort(tree.query(plate))]
-                yield _tile(cell, plate, near, _rectangle(cuts, cell), least_mm)
+                yield _tile(cell, plate, near, least_mm)
 
 
 def _tile(
     cell: Cell,
     plate: Polygon,
     near: Pieces,
-    rectangle: Polygon,
     least_mm: tuple[float, float],
 ) -> Tile:
     sliver_mm, bridge_mm = least_mm
-    # The rectangle keeps the neighbour's obstacles off the tabs, which lie beyond it.
-    room = shapely.intersection(plate, rectangle, grid_size=GRID_MM)
-    solids = snapped_union(shapely.intersection(near, room, grid_size=GRID_MM))
+    solids = snapped_union(shapely.intersection(near, plate, grid_size=GRID_MM))
     solids, _ = without_slivers(solids, sliver_mm)
-    solids, _ = bridged(solids, room, bridge_mm)
+    solids, _ = bridged(solids, plate, bridge_mm)
     # Snapping moved corners on slanted edges by up to half a step: let the plate follow, so that
     # no solid hangs over its edge and no two edges nearly coincide.
     plate = max(snapped_union(solids, plate), key=shapely.area)

@@ -48,7 +48,7 @@ def sheet_of(contour: Contour) -> Job:
     return Job(name="random", sheet_width_mm=1600, sheet_height_mm=1234.5678, paths=(path,))
 
 
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(contours())
 def test_dxf_holds_any_contour_exactly(contour: Contour) -> None:
     job = sheet_of(contour)

@@ -61,15 +61,17 @@ def metadata(job: Job, colours: Colours) -> dict[str, str]:
     The facts of the job (offsets applied, recipe, rotation) are among it, so that a file that was
     parted from its folder still tells how it was made.
     """
-    return {
+    own = {
         "generator": GENERATOR,
         "name": one_line(job.name),
         "units": "mm",
         "sheet_mm": f"{job.sheet_width_mm:g} x {job.sheet_height_mm:g}",
         "colours": colours.name,
         "kerf": "seam and kerf offsets are in these paths: leave the machine's kerf at 0",
-        **{one_line(key): _as_line(value) for key, value in job.facts.items()},
     }
+    facts = {one_line(key): _as_line(value) for key, value in job.facts.items()}
+    # What vinefab says of the file comes first and is not overridden: it is known by it.
+    return {**own, **{key: value for key, value in facts.items() if key not in own}}
 
 
 def one_line(text: str) -> str:

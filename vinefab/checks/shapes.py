@@ -89,8 +89,10 @@ def _pouch_capsules(layout: FlatLayout, build: Build) -> list[tuple[Point, Point
     x, y = (pouch.length_mm or 0.0) / 2.0 - corner_mm, (pouch.width_mm or 0.0) / 2.0 - corner_mm
     corners = [(x, y), (-x, y), (-x, -y), (x, -y)]
     sides = [(a, b, corner_mm) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
-    reach_mm = max(0.0, x - y)  # a disc that touches the long sides, slid along the middle
-    return [*sides, ((-reach_mm, 0.0), (reach_mm, 0.0), min(x, y) + corner_mm)]
+    # A disc that touches the long sides, slid along the middle between the short ones.
+    along_mm, across_mm = max(0.0, x - y), max(0.0, y - x)
+    middle = ((-along_mm, -across_mm), (along_mm, across_mm), min(x, y) + corner_mm)
+    return [*sides, middle]
 
 
 def _at_tips(layout: FlatLayout, leaves: Ints, point_mm: Point) -> Floats:

@@ -11,7 +11,14 @@ from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.ground import Ground
 
 Ended = Callable[..., Deployment]
-TASK = Coverage(radius_mm=50.0, most_branches=10, most_diagonals=2.0)
+TASK = Coverage(
+    radius_mm=50.0,
+    most_branches=10,
+    most_diagonals=2.0,
+    weight_count=0.2,
+    weight_length=0.3,
+    weight_film=0.1,
+)
 DISC_MM2 = math.pi * 50.0**2
 
 
@@ -37,7 +44,7 @@ def test_discs_on_one_spot_have_an_efficiency_of_one_over_their_number(
     assert terms["count"] == pytest.approx(3 / 10 * 2 / 3)
     assert terms["length"] == pytest.approx(film(room_ground) * 2 / 3)
     expected = (
-        terms["area"] - 0.2 * terms["count"] - 0.2 * terms["length"] - 0.1 * film(room_ground)
+        terms["area"] - 0.2 * terms["count"] - 0.3 * terms["length"] - 0.1 * film(room_ground)
     )
     assert score == pytest.approx(expected)
 

@@ -45,11 +45,11 @@ class Coverage:
     name: ClassVar[str] = "coverage"
 
     radius_mm: float = 50.0
-    most_branches: int = 40
-    most_diagonals: float = 6.0
+    most_branches: int = 100
+    most_diagonals: float = 20.0
     weight_area: float = 1.0
-    weight_count: float = 0.2
-    weight_length: float = 0.2
+    weight_count: float = 0.5
+    weight_length: float = 0.5
     weight_film: float = 0.1
     clip: Literal["free", "none"] = "free"
 

@@ -69,6 +69,22 @@ def test_capsule_has_the_area_length_and_box_of_the_closed_form():
     assert flat.area == pytest.approx(16 + math.pi, rel=1e-3)
 
 
+@pytest.mark.parametrize("bulge", [5e-324, 1e-265, 1e-12, 2.4e-4, 2.6e-4, 0.5, 1.0, -2.0])
+def test_cap_of_any_arc_has_the_area_of_the_closed_form(bulge):
+    cap = Segment(start_mm=(0.0, 0.0), end_mm=(6.0, 8.0), bulge=bulge).cap_mm2
+    turn = 4 * math.atan(bulge)
+    # Integral of the arc's height over its chord, by a route that knows no radius: for a flat arc
+    # two thirds of chord times sagitta, otherwise sector minus triangle.
+    flat = 2 / 3 * 10.0 * (10.0 * bulge / 2)
+    radius = 10.0 / (2 * math.sin(abs(turn) / 2)) if abs(bulge) > 0.1 else 0.0
+    exact = (
+        flat
+        if abs(bulge) < 0.1
+        else math.copysign(1, turn) * radius**2 / 2 * (abs(turn) - math.sin(abs(turn)))
+    )
+    assert cap == pytest.approx(exact, rel=1e-6, abs=0.0)
+
+
 def test_moving_keeps_area_and_turns_the_box():
     moved = stadium().moved(math.pi / 2, 100.0, 0.0)
     assert moved.signed_area_mm2 == pytest.approx(16 + math.pi)

@@ -4,13 +4,12 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import DesignIn, Force, JsonOut, Quiet, RecipeIn, Voice
+from vinefab.cli.options import EXIT_FINDINGS, DesignIn, Force, JsonOut, Quiet, RecipeIn, Voice
 from vinefab.export.checks_json import checks_text
 from vinefab.files.design import read_design
 from vinefab.files.profile import read_profile
+from vinefab.files.shipped import DEFAULT_RECIPE
 from vinefab.pipeline.check import check, check_lines
-
-EXIT_FINDINGS = 1
 
 
 def add_to(app: typer.Typer) -> None:
@@ -21,7 +20,7 @@ def add_to(app: typer.Typer) -> None:
 def check_command(
     *,
     design: DesignIn,
-    recipe: RecipeIn = "co2_60w__stretchlon_200",
+    recipe: RecipeIn = DEFAULT_RECIPE,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="List every rule.")] = False,
     json_out: JsonOut = None,
     quiet: Quiet = False,

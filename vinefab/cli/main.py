@@ -23,7 +23,6 @@ COMMANDS = {
 }
 """Every command, in the order of ``--help``; each lives in the module of its name."""
 
-EXIT_FINDINGS = 1
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 

@@ -10,11 +10,14 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
 from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import rad
 from vinefab.model.map import Pose
+
+EXIT_FINDINGS = 1
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that vinefab did not write.")]
@@ -53,9 +56,13 @@ class Voice:
         """The console for words and progress."""
         return Console(stderr=self.json_out == "-", quiet=self.quiet, highlight=False)
 
-    def say(self, text: object = "") -> None:
-        """Print words (or a rich table) for the user."""
+    def say(self, text: str = "") -> None:
+        """Print a line for the user."""
         self.console.print(text, markup=False, soft_wrap=True)
+
+    def show(self, table: Table) -> None:
+        """Print a table for the user."""
+        self.console.print(table)
 
     def give_json(self, text: str) -> None:
         """Write the machine-readable result if one was asked for."""

@@ -9,6 +9,7 @@ from vinefab.cli.options import Force, Quiet, Voice
 from vinefab.core.atomic import ensure_own_folder, new_folder, write_bytes
 from vinefab.files.map import read_map
 from vinefab.files.printer import read_printer
+from vinefab.files.shipped import DEFAULT_PRINTER
 from vinefab.pipeline.rig import make_rig
 from vinefab.rig.options import RigOptions
 
@@ -23,7 +24,7 @@ def rig_command(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="The map file.")],
     out: Annotated[Path, typer.Option("--out", help="The folder to write.")],
     printer: Annotated[str, typer.Option(help="A printer file, or a shipped one's name.")] = (
-        "generic_220"
+        DEFAULT_PRINTER
     ),
     height_mm: Annotated[float, typer.Option(help="Height of the obstacles.")] = 30.0,
     scale: Annotated[float, typer.Option(help="Printed size over map size.")] = 1.0,

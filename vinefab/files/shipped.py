@@ -13,6 +13,9 @@ KINDS = {
 }
 """Folder of each kind, below the place where shipped files lie."""
 
+DEFAULT_RECIPE = "co2_60w__stretchlon_200"
+DEFAULT_PRINTER = "generic_220"
+
 
 def shipped_root() -> Path:
     """Return the folder with ``designs`` and ``laser_profiles``.

@@ -89,6 +89,15 @@ class Segment:
             return self.chord_mm
         return self.radius_mm * abs(self.turn_rad)
 
+    @property
+    def cap_mm2(self) -> float:
+        """Area between the arc and its chord, positive when it turns counter-clockwise."""
+        turn = self.turn_rad
+        if abs(turn) < 1e-3:
+            # The closed form below takes the difference of nearly equal numbers; this is its series.
+            return self.chord_mm**2 * turn / 12.0 * (1.0 + turn**2 / 30.0)
+        return self.chord_mm**2 * (turn - math.sin(turn)) / (8.0 * math.sin(turn / 2.0) ** 2)
+
     def direction_rad(self, *, at_end: bool = False) -> float:
         """Return the direction of travel at the start or the end, -pi to pi."""
         (x0, y0), (x1, y1) = self.start_mm, self.end_mm
@@ -203,9 +212,7 @@ class Contour:
         """
         x, y = self.points_mm.T
         straight = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2
-        arcs = [segment for segment in self.segments if segment.bulge]
-        caps = [0.5 * s.radius_mm**2 * (s.turn_rad - math.sin(s.turn_rad)) for s in arcs]
-        return straight + math.fsum(caps)
+        return straight + math.fsum(segment.cap_mm2 for segment in self.segments)
 
     @property
     def arc_count(self) -> int:

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass
+from typing import Any, cast
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg, rad
@@ -86,8 +87,8 @@ def growth_options(
     """Return growth options from what a user typed; what cannot be used is named by the options."""
     return GrowthOptions(
         head_on_half_angle_rad=rad(head_on_half_angle_deg),
-        body=body,  # type: ignore[arg-type]  checked by the class
-        children_of_stuck=children_of_stuck,  # type: ignore[arg-type]  checked by the class
+        body=cast("Any", body),  # the class says what is allowed
+        children_of_stuck=cast("Any", children_of_stuck),
     )
 
 

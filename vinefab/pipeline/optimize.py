@@ -5,6 +5,9 @@ from pathlib import Path
 
 from vinefab.checks.penalty import fabrication_penalty
 from vinefab.files.map import read_map
+from vinefab.files.profile import read_profile
+from vinefab.files.shipped import DEFAULT_RECIPE
+from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.optimize.history import Progress
 from vinefab.optimize.identity import RunIdentity
@@ -13,8 +16,12 @@ from vinefab.optimize.result import RunResult
 from vinefab.optimize.settings import RunSettings
 from vinefab.optimize.store import RunStore
 from vinefab.optimize.training import generated_maps
+from vinefab.optimize.trial import Penalty
 
 Tell = Callable[[Progress], None]
+
+BED_RESERVE_MM = 10.0
+"""What seam, kerf and the overcut at the mouth may add to the size of a flat robot."""
 
 
 def training_maps(settings: RunSettings) -> tuple[Map, ...]:
@@ -22,6 +29,24 @@ def training_maps(settings: RunSettings) -> tuple[Map, ...]:
     if settings.maps.files:
         return tuple(read_map(path) for path in settings.maps.files)
     return generated_maps(settings.maps)
+
+
+def penalty_of(settings: RunSettings) -> Penalty | None:
+    """Return how far designs are from being made with a run's recipe, or None if it asks not.
+
+    The flat robot must fit the recipe's bed with room for seam, kerf and the mouth's overcut.
+    """
+    if not settings.evaluation.fabricable:
+        return None
+    profile = read_profile(settings.evaluation.recipe or DEFAULT_RECIPE)
+    film_mm = profile.material.plies * profile.material.ply_mm.value
+    width_mm, height_mm = profile.machine.usable_mm
+    sheet_mm = width_mm - BED_RESERVE_MM, height_mm - BED_RESERVE_MM
+
+    def penalty(design: Design) -> float:
+        return fabrication_penalty(design, film_mm=film_mm, sheet_mm=sheet_mm)
+
+    return penalty
 
 
 def search(
@@ -53,7 +78,7 @@ def search(
         If the settings, the maps or the folder cannot be used; the record stays whole.
     """
     maps = training_maps(settings)
-    penalty = fabrication_penalty if settings.evaluation.fabricable else None
+    penalty = penalty_of(settings)
     with RunStore.open(folder, RunIdentity.of(settings, maps), resume=resume) as store:
         return optimize(
             settings, maps, penalty=penalty, store=store, progress=tell, workers=workers

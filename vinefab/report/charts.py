@@ -1,5 +1,7 @@
 """Charts: how a search went, and how scores are spread."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -40,7 +42,7 @@ def fitness_curve(best: ArrayLike, mean: ArrayLike, spread: ArrayLike) -> Figure
     return figure
 
 
-def score_strips(scores: dict[str, ArrayLike], label: str) -> Figure:
+def score_strips(scores: Mapping[str, ArrayLike], label: str) -> Figure:
     """Return every score of every group as a dot, with the group's mean.
 
     Parameters

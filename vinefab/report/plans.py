@@ -141,7 +141,7 @@ def job_plan(job: Job, findings: tuple[Finding, ...] = ()) -> Figure:
         blocking = sum(finding.blocks for finding in findings)
         title = f"{job.name}: numbers give the order, dots the start of each path"
         axes.set_title(f"{title}; {blocking} blocking findings" if blocking else title, fontsize=9)
-        axes.legend(loc="upper right", fontsize=8)
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
     return figure
 
 

@@ -1,0 +1,50 @@
+"""``vinefab demo``: the main job at small size."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from vinefab.cli.options import EXIT_FINDINGS, Force, Quiet, Voice
+from vinefab.core.atomic import ensure_own_folder, new_folder
+from vinefab.pipeline.demo import DemoSettings, run_demo
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("demo")(demo_command)
+
+
+def demo_command(
+    *,
+    out: Annotated[Path, typer.Option("--out", help="The folder to write.")] = Path("demo"),
+    seed: Annotated[int, typer.Option(min=0, help="Another seed, another demonstration.")] = 1,
+    generations: Annotated[int, typer.Option(min=1, help="Generations of the search.")] = 25,
+    population: Annotated[int, typer.Option(min=2, help="Designs per generation.")] = 24,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> int:
+    """Run the main job at small size: maps, optimization, unseen-map test, files, rig, report.
+
+    Example: vinefab demo --out demo
+    """
+    voice = Voice(quiet=quiet, force=force)
+    ensure_own_folder(out, force=force)
+    voice.say("vinefab demo: sensor coverage in a Grid environment, a robot that can be cut")
+    settings = DemoSettings(seed=seed, generations=generations, population=population)
+    with voice.progress("demo") as show, new_folder(out, force=force) as folder:
+        demo = run_demo(folder, settings, show)
+    table = Table("result", "value", title=f"{demo.result.best.name}, run {demo.result.run_id}")
+    for name, value in demo.table():
+        table.add_row(name, value)
+    voice.show(table)
+    for words, name in {
+        "read this first": "report.html",
+        "for the laser": "package/README.txt",
+        "for the printer": "rig/rig.json",
+        "the design": "run/best.toml",
+        "numbers": "results.json",
+    }.items():
+        voice.say(f"{words:>16}: {out / name}")
+    return 0 if demo.made else EXIT_FINDINGS

@@ -1,0 +1,232 @@
+"""The main job at small size: from training maps to files for the laser and the printer."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import bootstrap
+
+from vinefab.core.atomic import write_bytes
+from vinefab.core.jsontext import json_text
+from vinefab.core.rng import child
+from vinefab.environments.grid import GridOptions, grid_map
+from vinefab.export.archive import zip_bytes
+from vinefab.files.design import design_text, read_design
+from vinefab.files.map import map_text
+from vinefab.files.printer import read_printer
+from vinefab.files.profile import read_profile
+from vinefab.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
+from vinefab.growth.options import GrowthOptions
+from vinefab.model.design import Design
+from vinefab.model.map import Map
+from vinefab.model.score import Score
+from vinefab.optimize.bounds import Bounds, BuildSettings, SpaceSettings
+from vinefab.optimize.history import Progress
+from vinefab.optimize.result import RunResult
+from vinefab.optimize.settings import (
+    EvaluationSettings,
+    MapSettings,
+    PartSettings,
+    RunSettings,
+    SearchSettings,
+)
+from vinefab.pipeline.fabricate import package
+from vinefab.pipeline.optimize import progress_words, search, training_maps
+from vinefab.pipeline.report import Predicted, predict
+from vinefab.pipeline.rig import RigFiles, make_rig
+from vinefab.pipeline.score import Trials, score
+from vinefab.report.searching import search_section, unseen_section
+from vinefab.rig.options import RigOptions
+
+Tell = Callable[[float, str], None]
+"""Called with the share of the whole job that is done and a few words."""
+
+_FIRST_UNSEEN = 100_001
+_POSES = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoSettings:
+    """How large the demonstration is.
+
+    Parameters
+    ----------
+    seed
+        Seed of maps, search and poses.
+    training, unseen
+        Number of maps to train on and to test on.
+    population, generations
+        Size of the search.
+    workers
+        Threads of the search; no result depends on it.
+    """
+
+    seed: int = 1
+    training: int = 4
+    unseen: int = 6
+    population: int = 24
+    generations: int = 25
+    workers: int = 2
+
+    def run(self) -> RunSettings:
+        """Return the run of the optimizer.
+
+        Narrower than Table 1 of the paper: at most three levels and three children, so that the
+        winner has a size that a person can cut, mount and deploy on a bench.
+        """
+        return RunSettings(
+            name="demo_winner",
+            maps=MapSettings(environment="grid", count=self.training, seed=self.seed),
+            task=PartSettings(name="coverage"),
+            space=SpaceSettings(
+                levels=Bounds(low=2, high=3),
+                length_mm=Bounds(low=40.0, high=180.0),
+                angle_deg=Bounds(low=40.0, high=160.0),
+                branches=Bounds(low=2, high=3),
+                growth_percent=Bounds(low=60.0, high=140.0),
+            ),
+            build=BuildSettings(trunk_width_mm=24.0, width_ratio=0.6),
+            growth=GrowthOptions(body="inflated"),
+            search=SearchSettings(
+                population=self.population, generations=self.generations, seed=self.seed
+            ),
+            evaluation=EvaluationSettings(poses_per_map=2, fabricable=True),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Demo:
+    """What the demonstration found.
+
+    Parameters
+    ----------
+    result
+        The search.
+    training, unseen, baseline
+        Scores of the winner on the training maps and on unseen ones, and of a plain vine on the
+        unseen ones.
+    predicted
+        Deployments on unseen maps, job and check.
+    rig
+        The rig of the first unseen map.
+    files
+        What was written, as paths relative to the folder.
+    """
+
+    result: RunResult
+    training: Score
+    unseen: Score
+    baseline: Score
+    predicted: Predicted
+    rig: RigFiles
+    files: tuple[str, ...]
+
+    @property
+    def made(self) -> bool:
+        """Whether the winner passed every rule that would have kept it from being cut."""
+        return not self.predicted.prepared.report.blocking
+
+    def table(self) -> tuple[tuple[str, str], ...]:
+        """Return the result as rows of name and value."""
+        best, report = self.result.best, self.predicted.prepared.report
+        reach = self.predicted.scores["reach"].composite["mean"]
+        return (
+            ("winner", f"{best.branch_count} branches on {best.depth} levels"),
+            ("coverage score, training maps", f"{interval_text(self.training)} (simulated)"),
+            ("coverage score, unseen maps", f"{interval_text(self.unseen)} (simulated)"),
+            ("coverage score, plain vine, unseen", f"{interval_text(self.baseline)} (simulated)"),
+            ("free space reached, unseen maps", f"{100 * reach:.1f} % (simulated)"),
+            ("design rules", f"{len(report.blocking)} block the cut, {len(report.run)} run"),
+            ("rig", f"{len(self.rig.rig.parts)} parts to print"),
+        )
+
+
+def run_demo(folder: Path, settings: DemoSettings, tell: Tell) -> Demo:
+    """Run the main job and write everything into a folder.
+
+    Parameters
+    ----------
+    folder
+        An empty folder.
+    settings
+        How large.
+    tell
+        Called as the work goes on.
+
+    Raises
+    ------
+    ReadBackError, CannotWriteError
+        If a file is not what it should be or cannot be written.
+    """
+    tell(0.0, "generating maps")
+    run = settings.run()
+    unseen = tuple(
+        grid_map(_FIRST_UNSEEN + settings.seed + index, GridOptions())
+        for index in range(settings.unseen)
+    )
+
+    def tell_search(progress: Progress) -> None:
+        tell(0.05 + 0.55 * progress.generation / progress.generations, progress_words(progress))
+
+    result = search(run, folder / "run", workers=settings.workers, tell=tell_search)
+    tell(0.6, "testing the winner on unseen maps")
+    scores = _scores(result.best, run, unseen)
+    predicted = predict(
+        result.best,
+        read_profile(DEFAULT_RECIPE),
+        unseen,
+        poses=_POSES,
+        seed=settings.seed,
+        options=run.growth,
+    )
+    tell(0.7, "making the rig")
+    rig = make_rig(unseen[0], read_printer(DEFAULT_PRINTER), RigOptions())
+    tell(0.8, "writing the package and the report")
+    demo = Demo(result=result, predicted=predicted, rig=rig, files=(), **scores)
+    return replace(demo, files=_write(folder, demo, run, unseen))
+
+
+def interval_text(score: Score) -> str:
+    """Return a mean with its 95 % bootstrap interval over the evaluations."""
+    low, high = bootstrap_interval(score)
+    return f"{score.composite['mean']:.3f} [{low:.3f}, {high:.3f}]"
+
+
+def bootstrap_interval(score: Score) -> tuple[float, float]:
+    """Return the 95 % percentile bootstrap interval of the mean score, 2000 resamples."""
+    values = score.scores
+    if np.ptp(values) == 0.0:
+        return float(values[0]), float(values[0])
+    interval = bootstrap(
+        (values,), np.mean, n_resamples=2000, method="percentile", rng=child(0, 1701)
+    ).confidence_interval
+    return float(interval.low), float(interval.high)
+
+
+def _scores(best: Design, run: RunSettings, unseen: tuple[Map, ...]) -> dict[str, Score]:
+    trials = Trials(task=run.task.name, poses=_POSES, seed=run.search.seed)
+    return {
+        "training": score(best, training_maps(run), trials, run.growth),
+        "unseen": score(best, unseen, trials, run.growth),
+        "baseline": score(read_design("plain_vine"), unseen, trials, run.growth),
+    }
+
+
+def _write(folder: Path, demo: Demo, run: RunSettings, unseen: tuple[Map, ...]) -> tuple[str, ...]:
+    training = training_maps(run)
+    texts = {f"maps/training_{world.name}.geojson": map_text(world) for world in training}
+    texts |= {f"maps/unseen_{world.name}.geojson": map_text(world) for world in unseen}
+    texts["run/best.toml"] = design_text(demo.result.best)
+    more = (search_section(demo.result, training), unseen_section(demo.table()))
+    texts["report.html"] = demo.predicted.page(more)
+    texts["results.json"] = json_text("vinefab/demo-1", {"results": dict(demo.table())})
+    files = {name: text.encode() for name, text in texts.items()}
+    files |= {f"rig/{name}": data for name, data in demo.rig.files.items()}
+    if demo.made:
+        parts = package(demo.predicted.prepared)
+        files |= {f"package/{name}": data for name, data in parts.items()}
+        files["package.zip"] = zip_bytes(parts, "package")
+    for name, data in files.items():
+        write_bytes(folder / name, data)
+    return ("run/run.sqlite", *files)

@@ -1,0 +1,146 @@
+"""The fabrication package of a design; no simulator is loaded for it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vinefab.checks.run import run_checks
+from vinefab.checks.subject import Subject
+from vinefab.export.bom import bill_of_materials
+from vinefab.export.checks_json import checks_text
+from vinefab.export.colours import PRESETS
+from vinefab.export.laser_files import laser_file_problems, laser_files
+from vinefab.export.package import PackageContent, package_files
+from vinefab.geometry.laser import laser_job
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design
+from vinefab.model.finding import CheckReport
+from vinefab.model.job import Job
+from vinefab.model.laser import LaserProfile, RecipeStatus
+from vinefab.model.tree import branch_tree
+from vinefab.pipeline.check import verdict
+from vinefab.report.content import Report, Section
+from vinefab.report.figure import png_bytes
+from vinefab.report.making import (
+    assumption_section,
+    bom_section,
+    check_section,
+    pressure_section,
+    sheet_section,
+)
+from vinefab.report.page import page_html
+from vinefab.report.plans import job_plan
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prepared:
+    """A design with its job and a full check, laser files read back included.
+
+    Parameters
+    ----------
+    design, profile
+        What is made, and with what.
+    job
+        The paths for the laser.
+    report
+        Every rule's outcome.
+    """
+
+    design: Design
+    profile: LaserProfile
+    job: Job
+    report: CheckReport
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether the recipe was ever tried on the machine that it is for."""
+        return self.profile.recipe.status is not RecipeStatus.UNVERIFIED
+
+
+def prepare(
+    design: Design, profile: LaserProfile, deployments: Sequence[Deployment] = ()
+) -> Prepared:
+    """Return a design's job and what every rule says, the written files' own rule included.
+
+    Parameters
+    ----------
+    design, profile
+        What is made, and with what.
+    deployments
+        Simulated deployments, for the rules that look at paths.
+    """
+    job = laser_job(design, profile)
+    colours = PRESETS[profile.machine.colours]
+    files = laser_files(job, colours, hairline_mm=profile.machine.hairline_mm)
+    problems = laser_file_problems(files, job, colours)
+    subject = Subject.of(design, profile, readback=problems, deployments=tuple(deployments))
+    return Prepared(design=design, profile=profile, job=job, report=run_checks(subject))
+
+
+def package(prepared: Prepared) -> dict[str, bytes]:
+    """Return every file of the fabrication package, by name.
+
+    Raises
+    ------
+    ReadBackError
+        If a laser file, read again, is not what the job says.
+    """
+    content = PackageContent(
+        design=prepared.design,
+        profile=prepared.profile,
+        job=prepared.job,
+        checks=checks_text(prepared.report),
+        preview=png_bytes(job_plan(prepared.job, prepared.report.findings)),
+        report=page_html(page_content(prepared)).encode(),
+        colours=PRESETS[prepared.profile.machine.colours],
+    )
+    return package_files(content)
+
+
+def page_content(prepared: Prepared, predictions: Sequence[Section] = ()) -> Report:
+    """Return the report of a design.
+
+    Parameters
+    ----------
+    prepared
+        The design, its job and its check.
+    predictions
+        Sections about simulated deployments; none when no maps were given.
+    """
+    design, profile, job = prepared.design, prepared.profile, prepared.job
+    sections = [*predictions] or [_no_predictions()]
+    sections += [
+        check_section(prepared.report),
+        sheet_section(job, prepared.report.findings),
+        pressure_section(design, profile),
+        bom_section(bill_of_materials(job, profile)),
+        assumption_section(profile),
+    ]
+    return Report(
+        title=f"{design.name}: {'predictions and ' if predictions else ''}fabrication",
+        verdict=verdict(prepared.report),
+        good=not prepared.report.blocking,
+        facts=_facts(prepared),
+        sections=tuple(sections),
+    )
+
+
+def _no_predictions() -> Section:
+    words = (
+        "No maps were given, so this page says nothing about where the robot will go: "
+        "vinefab report predicts that."
+    )
+    return Section(title="Predictions", paragraphs=(words,))
+
+
+def _facts(prepared: Prepared) -> tuple[tuple[str, str], ...]:
+    design, profile = prepared.design, prepared.profile
+    tree = branch_tree(design)
+    return (
+        ("branches", f"{len(tree)} on {design.depth} levels"),
+        ("film in branches", f"{tree.total_length_mm / 1000:.3f} m (planned)"),
+        ("widths, lay-flat", ", ".join(f"{width:.1f}" for width in design.build.widths_mm) + " mm"),
+        ("working pressure", f"{design.build.pressure_kpa:g} kPa (design)"),
+        ("film", profile.material.title),
+        ("machine", profile.machine.title),
+        ("recipe", f"{profile.recipe.name}: {profile.recipe.status.value}"),
+    )

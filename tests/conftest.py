@@ -13,14 +13,14 @@ settings.load_profile("vinefab")
 
 @pytest.fixture
 def program():
-    """Return the path of an outside program; skip without it, but fail where CI must have it."""
+    """Return a function that finds a program; missing, it skips, or fails where CI must have it."""
 
-    def find(name: str) -> str:
-        path = shutil.which(name)
-        if path is None and os.environ.get("CI") == "true":
-            pytest.fail(f"{name} must be installed where CI runs")
-        if path is None:
-            pytest.skip(f"{name} is not installed")
-        return path
+    def find(name: str, package: str) -> str:
+        found = shutil.which(name)
+        if found is None and os.environ.get("CI") == "true":
+            pytest.fail(f"{name} is missing; install {package}")
+        if found is None:
+            pytest.skip(f"{name} is not installed (Debian package {package})")
+        return found
 
     return find

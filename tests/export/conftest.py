@@ -1,8 +1,6 @@
 """Jobs made by hand, and programs that read laser files independently of vinefab."""
 
 import math
-import os
-import shutil
 from collections.abc import Callable
 
 import numpy as np
@@ -76,21 +74,6 @@ def one_path() -> Callable[[Contour], Job]:
         return Job(name="one", sheet_width_mm=1000.0, sheet_height_mm=777.125, paths=(path,))
 
     return make
-
-
-@pytest.fixture
-def program() -> Callable[[str, str], str]:
-    """Return a function that finds a program; missing, it skips, or fails on the build server."""
-
-    def find(name: str, package: str) -> str:
-        found = shutil.which(name)
-        if found is None and os.environ.get("CI") == "true":
-            pytest.fail(f"{name} is missing; install {package}")
-        if found is None:
-            pytest.skip(f"{name} is not installed (Debian package {package})")
-        return found
-
-    return find
 
 
 @pytest.fixture

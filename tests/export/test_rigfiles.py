@@ -1,9 +1,7 @@
 import csv
 import json
 import math
-import os
 import re
-import shutil
 import subprocess
 from dataclasses import replace
 
@@ -118,14 +116,8 @@ ADMESH_ZEROS = (
 
 
 @pytest.fixture
-def admesh():
-    """Path of the program; without it the test is skipped, but fails where CI must have it."""
-    path = shutil.which("admesh")
-    if path is None and os.environ.get("CI") == "true":
-        pytest.fail("admesh must be installed where CI runs (apt-get install admesh)")
-    if path is None:
-        pytest.skip("admesh is not installed (apt-get install admesh)")
-    return path
+def admesh(program):
+    return program("admesh", "admesh")
 
 
 def _admesh(admesh, path):

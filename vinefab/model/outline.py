@@ -94,7 +94,7 @@ class Segment:
         """Area between the arc and its chord, positive when it turns counter-clockwise."""
         turn = self.turn_rad
         if abs(turn) < 1e-3:
-            # The closed form below takes the difference of nearly equal numbers; this is its series.
+            # The closed form is the difference of nearly equal numbers; this is its series.
             return self.chord_mm**2 * turn / 12.0 * (1.0 + turn**2 / 30.0)
         return self.chord_mm**2 * (turn - math.sin(turn)) / (8.0 * math.sin(turn / 2.0) ** 2)
 

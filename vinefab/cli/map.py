@@ -9,10 +9,10 @@ from typing import Annotated, Any
 
 import typer
 
-from vinefab.cli.options import Force, Quiet, Voice
+from vinefab.cli.options import Force, Quiet, Voice, pose_from
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.environments.registry import ENVIRONMENTS, Environment
-from vinefab.files.imports import IMPORTERS, import_map
+from vinefab.files.imports import IMPORTERS, ImportOptions, import_map
 from vinefab.files.map import map_text
 from vinefab.model.map import Map
 
@@ -44,6 +44,12 @@ def import_command(
     simplify_mm: Annotated[
         float | None, typer.Option(help="Largest deviation of a wall; default: one cell.")
     ] = None,
+    unknown: Annotated[
+        str | None, typer.Option(help="ROS: unseen cells are obstacle (default) or free.")
+    ] = None,
+    start: Annotated[
+        str | None, typer.Option(help="Start as X,Y,DEG; default: the roomiest place.")
+    ] = None,
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:
@@ -52,7 +58,13 @@ def import_command(
     Example: vinefab map import world.yaml --scale-mm-per-unit 100 --out world.geojson
     """
     ensure_writable(out, force=force)
-    world = import_map(source, scale_mm_per_unit=scale_mm_per_unit, simplify_mm=simplify_mm)
+    options = ImportOptions(
+        scale_mm_per_unit=scale_mm_per_unit,
+        simplify_mm=simplify_mm,
+        unknown=unknown,
+        start=pose_from(start, "--start"),
+    )
+    world = import_map(source, options)
     _save(world, out, Voice(quiet=quiet, force=force))
 
 

@@ -94,7 +94,7 @@ class Voice:
             yield lambda share, words: bar.update(task, completed=share, words=words)
 
 
-def pose_from(text: str | None) -> Pose | None:
+def pose_from(text: str | None, option: str = "--pose") -> Pose | None:
     """Return a pose from ``X,Y,DEG``, or None.
 
     Raises
@@ -109,7 +109,7 @@ def pose_from(text: str | None) -> Pose | None:
         return Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=rad(heading_deg))
     except ValueError as error:
         raise BadInputError(
-            "--pose", text, "X,Y,DEG: three finite numbers, mm and degrees"
+            option, text, "X,Y,DEG: three finite numbers, mm and degrees"
         ) from error
 
 

@@ -1,0 +1,119 @@
+"""Parts of the engines that whole growths do not show: release, the event guard, compiling."""
+
+import math
+import subprocess
+import sys
+
+import numba
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from shapely import box
+
+from vinefab.growth import kernel, reference
+from vinefab.growth.arrays import Growth, Rules, Start, TreeArrays
+from vinefab.growth.grow import MOST_EVENTS, TOLERANCE_RAD, grow_branches_of
+from vinefab.growth.terrain import Terrain
+from vinefab.model.deployment import Stop
+from vinefab.model.map import Map
+
+ROOM = Terrain.of(Map(name="room", bounds=box(-1000.0, -1000.0, 150.0, 1000.0)))
+RULES = Rules(
+    head_on_half_angle_rad=0.0,
+    deploys_stuck=False,
+    tolerance_mm=ROOM.tolerance_mm,
+    tolerance_rad=TOLERANCE_RAD,
+    most_events=MOST_EVENTS,
+)
+RIGHT_WALL = int(np.flatnonzero(ROOM.walls().wall[:, 3] == 1.0)[0])
+
+# A body from (0, 0) over a contact in (50, 60), wrapped while turning right, to a tip on the wall
+# x = 150 that slides up: the body turns left and straightens over the contact at y = 180.
+BASE, CONTACT, TIP = 0j, 50.0 + 60.0j, 150.0 + 100.0j
+
+
+def test_release_in_the_kernel():
+    growth = Growth.empty(1, 5)
+    growth.points[1] = CONTACT.real, CONTACT.imag
+    growth.chain_length[1] = abs(CONTACT)
+    growth.chain_sense[1] = -1
+    u = (TIP - CONTACT) / abs(TIP - CONTACT)
+    tip = kernel.Tip(150.0, 100.0, u.real, u.imag, 1, RIGHT_WALL, 1100.0, 1.0, -1, kernel.GROWING)
+    after = kernel._slide(ROOM.walls(), RULES, growth, tip, 0, 1000.0)
+    assert after.pivot == 0
+    assert_allclose([after.x, after.y], [150.0, 180.0], atol=1e-9)
+    # Without the base to fall back to, or turning on in the same sense, nothing is released.
+    assert kernel._slide(ROOM.walls(), RULES, growth, tip, 1, 1000.0).pivot == 1
+    growth.chain_sense[1] = 1
+    assert kernel._slide(ROOM.walls(), RULES, growth, tip, 0, 1000.0).pivot == 1
+
+
+def test_release_in_the_twin():
+    world = reference.world_of(ROOM.walls(), RULES)
+    u = (TIP - CONTACT) / abs(TIP - CONTACT)
+    branch = reference.Branch(world, 1000.0, TIP, u, [BASE, CONTACT], [0, -1], [0.0, abs(CONTACT)])
+    branch.wall, branch.place, branch.sense = RIGHT_WALL, 1100.0, 1
+    branch.slide(RIGHT_WALL)
+    assert branch.pivots == [BASE]
+    assert_allclose([branch.tip.real, branch.tip.imag], [150.0, 180.0], atol=1e-9)
+
+
+def _one_branch(engine, most_events, room=50):
+    growth = Growth.empty(1, room)
+    plan = TreeArrays(np.array([-1]), np.array([[1.0, 0.0]]), np.array([1e5]), np.array([True]))
+    start = Start(0.0, 0.0, math.cos(0.5), math.sin(0.5))
+    rules = RULES._replace(most_events=most_events)
+    done = grow_branches_of(engine)(ROOM.walls(), plan, rules, start, growth, 0, 1)
+    return growth, done
+
+
+def test_the_event_guard_ends_a_branch_as_corner(engine):
+    growth, done = _one_branch(engine, 1)
+    assert done == 1
+    assert growth.stop[0] == Stop.CORNER
+    assert_allclose(growth.points[1], [150.0, 150.0 * math.tan(0.5)], atol=1e-9)
+
+
+def test_the_event_guard_is_far_away(engine, random_map, random_pose):
+    most = 0
+    for number in range(60):
+        rng = np.random.default_rng([8, number])
+        ground = Terrain.of(random_map(rng, ("convex", "star", "needles", "lattice")[number % 4]))
+        pose = random_pose(rng, ground)
+        growth = Growth.empty(1, 200)
+        plan = TreeArrays(np.array([-1]), np.array([[1.0, 0.0]]), np.array([5e3]), np.array([True]))
+        start = Start(
+            *ground.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+        )
+        rules = RULES._replace(tolerance_mm=ground.tolerance_mm)
+        grow_branches_of(engine)(ground.walls(), plan, rules, start, growth, 0, 1)
+        most = max(most, int(growth.events[0]))
+    assert 5 < most < MOST_EVENTS / 100
+
+
+def test_too_little_room_is_reported_not_overrun(engine):
+    growth, done = _one_branch(engine, MOST_EVENTS, room=1)
+    assert done == 0
+    assert growth.first_point[1] == 0
+
+
+def test_code_is_compiled_without_a_cache_where_none_can_be_written(monkeypatch):
+    settings = []
+    njit = numba.njit
+
+    def unwritable(**options):
+        settings.append(options)
+        if options.get("cache"):
+            raise RuntimeError("cannot cache function: no locator available")
+        return njit(**options)
+
+    monkeypatch.setattr(numba, "njit", unwritable)
+    doubled = kernel.compiled(lambda x: 2 * x)
+    assert doubled(21) == 42
+    assert [options.get("cache", False) for options in settings] == [True, False]
+
+
+@pytest.mark.parametrize("module", ["options", "terrain", "arrays", "grow"])
+def test_compiler_is_not_imported_before_it_is_needed(module):
+    code = f"import sys, vinefab.growth.{module}; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

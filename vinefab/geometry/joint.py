@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 from itertools import pairwise
 
-from vinefab.geometry.crotch import Gap, Strip, largest_fillet_mm, solve_gap
+from vinefab.geometry.crotch import Gap, Strip, largest_fillet_mm
+from vinefab.geometry.gap import solve_gap
 from vinefab.model.design import Design
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 

@@ -105,7 +105,7 @@ class _Walk:
     def _gap(self, joint: Joint, number: int, parent: int, first: int) -> None:
         """Walk from the left of one neighbour at a joint to the right of the next."""
         gap = joint.gaps[number]
-        frame = Frame(self.ends[parent], self.heading[parent] + gap.first.angle_rad)
+        frame = Frame(self.ends[parent], self.heading[parent])
         self._side(placed(gap.run.start_mm, frame), first)
         owners = (self.ids[parent], *(self.ids[child] for child in self.children[parent]))
         self.pen.pieces(gap.run, frame, owners)

@@ -8,8 +8,8 @@ length lies beyond the planned length.
 import math
 from dataclasses import dataclass
 
-from vinefab.geometry.crotch import Neck, neck
 from vinefab.geometry.layout import level_fillets_mm
+from vinefab.geometry.neck import Neck, neck
 from vinefab.geometry.stroke import LEAST_SEGMENT_MM, Piece, Point, Run, arc, polar
 from vinefab.model.design import Design, Pouch
 from vinefab.model.outline import Part

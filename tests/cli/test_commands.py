@@ -1,0 +1,232 @@
+import json
+import subprocess
+import sys
+import zipfile
+
+import ezdxf
+import pytest
+import shapely
+
+from vinefab import __version__
+from vinefab.cli.main import COMMANDS, build_app, main
+
+
+@pytest.mark.parametrize("command", [[], *[[name] for name in COMMANDS], ["map", "grid"]])
+def test_every_command_has_help_with_an_example(vinefab, command):
+    code, output, _ = vinefab(*command, "--help")
+    assert code == 0
+    assert "Usage: vinefab" in output
+    assert not command or f"vinefab {command[0]} " in output.split("Example:")[1]
+
+
+def test_version(vinefab):
+    assert vinefab("--version") == (0, f"vinefab {__version__}\n", "")
+
+
+def test_table_of_commands_is_what_the_modules_offer():
+    for name in COMMANDS:
+        assert build_app(name) is not None
+
+
+def test_grow_writes_the_deployment_of_the_contract(vinefab, grid, tmp_path):
+    out = tmp_path / "deployment.json"
+    code, words, _ = vinefab("grow", "three_level_tree", "--map", grid, "--json", out)
+    document = json.loads(out.read_text())
+    assert code == 0
+    assert document["schema"] == "vinefab/deployment-1"
+    assert [branch["id"] for branch in document["branches"][:4]] == ["0", "0.0", "0.1", "0.2"]
+    for branch in document["branches"]:
+        assert set(branch) >= {
+            "id", "parent", "level", "points_mm", "planned_mm", "grown_mm", "stop",
+            "contact_turn_deg", "joint_deg", "contacts_mm",
+        }  # fmt: skip
+        if branch["stop"] != "not_deployed":
+            length = shapely.LineString(branch["points_mm"]).length
+            assert length == pytest.approx(branch["grown_mm"], abs=1e-6)
+    assert "simulated" in words
+    assert str(out) in words
+
+
+def test_json_on_standard_output_stands_alone(vinefab, grid):
+    code, output, words = vinefab("grow", "plain_vine", "--map", grid, "--json", "-")
+    assert code == 0
+    assert json.loads(output)["design"] == "plain_vine"
+    assert "plain_vine" in words
+
+
+@pytest.mark.parametrize(("suffix", "start"), [(".svg", b"<?xml"), (".png", b"\x89PNG")])
+def test_grow_draws_a_picture(vinefab, grid, tmp_path, suffix, start):
+    picture = tmp_path / f"grown{suffix}"
+    for _ in range(2):  # a second run may overwrite what the first one wrote
+        code, _, complaint = vinefab("grow", "plain_vine", "--map", grid, "--svg", picture)
+        assert (code, complaint) == (0, "")
+    assert picture.read_bytes().startswith(start)
+
+
+def test_negative_coordinates_can_be_given_as_a_pose(vinefab, grid):
+    code, _, complaint = vinefab("grow", "plain_vine", "--map", grid, "--pose", "-5,5,90")
+    assert code == 2
+    assert "(-5, 5) mm, outside the bounds" in complaint
+
+
+def test_quiet_says_nothing(vinefab, grid):
+    assert vinefab("grow", "plain_vine", "--map", grid, "-q") == (0, "", "")
+
+
+def test_score_gives_the_same_numbers_again(vinefab, grid):
+    arguments = ("score", "three_level_tree", "--maps", grid, "--poses", 3, "--json", "-")
+    first, second = vinefab(*arguments), vinefab(*arguments)
+    document = json.loads(first[1])
+    assert first[1] == second[1]
+    assert document["schema"] == "vinefab/score-1"
+    assert len(document["evaluations"]) == 3
+    assert set(document["composite"]) == {"mean", "best", "min_deviation"}
+    assert {"map", "pose", "score", "terms"} <= set(document["evaluations"][0])
+
+
+def test_score_takes_parameters(vinefab, grid):
+    small = vinefab("score", "plain_vine", "--maps", grid, "--set", "radius_mm=5", "--json", "-")
+    large = vinefab("score", "plain_vine", "--maps", grid, "--set", "radius_mm=90", "--json", "-")
+    scores = [json.loads(text)["evaluations"][0]["score"] for _, text, _ in (small, large)]
+    assert scores[0] < scores[1]
+
+
+def test_check_of_a_good_design(vinefab):
+    code, words, _ = vinefab("check", "three_level_tree", "--json", "-")
+    document = json.loads(words)
+    assert code == 0
+    assert document["schema"] == "vinefab/checks-1"
+    assert len(document["rules_run"]) >= 12
+    assert all(skipped["reason"] for skipped in document["rules_skipped"])
+
+
+def test_check_of_a_design_that_cannot_be_made(vinefab, plain):
+    thin = plain.with_name("thin.toml")
+    thin.write_text(plain.read_text() + "[build]\nwidths_mm = [3.0]\n")
+    code, words, _ = vinefab("check", thin)
+    assert code == 1
+    assert "VF-W01" in words
+    assert "cannot be made" in words
+    code, words, _ = vinefab("fabricate", thin, "--out", plain.parent / "p", "--allow-uncalibrated")
+    assert code == 1
+    assert not (plain.parent / "p").exists()
+
+
+def test_fabricate_refuses_an_unconfirmed_recipe_unless_told(vinefab, tmp_path):
+    out = tmp_path / "package"
+    code, words, _ = vinefab("fabricate", "three_level_tree", "--out", out)
+    assert code == 1
+    assert "--allow-uncalibrated" in words
+    assert not out.exists()
+    code, words, _ = vinefab(
+        "fabricate", "three_level_tree", "--out", out, "--allow-uncalibrated", "--zip"
+    )
+    assert code == 0
+    names = {
+        "README.txt", "job.json", "outline.dxf", "outline_polyline.dxf", "outline.svg",
+        "preview.png", "checks.json", "report.html", "bom.csv", "MANIFEST.sha256",
+    }  # fmt: skip
+    assert {path.name for path in out.iterdir()} == names
+    assert len(zipfile.ZipFile(tmp_path / "package.zip").namelist()) == len(names)
+    drawing = ezdxf.readfile(out / "outline.dxf")
+    assert drawing.units == 4
+    assert {e.dxf.layer for e in drawing.modelspace()} == {"VF_30_WELDCUT", "VF_40_CUT"}
+    check = subprocess.run(
+        ["sha256sum", "-c", "MANIFEST.sha256"], cwd=out, capture_output=True, check=False
+    )
+    assert check.returncode == 0
+
+
+def test_fabricate_twice_gives_the_same_bytes_and_keeps_the_technicians_notes(vinefab, tmp_path):
+    out = tmp_path / "package"
+    arguments = ("fabricate", "plain_vine", "--out", out, "--allow-uncalibrated", "-q")
+    assert vinefab(*arguments) == (0, "", "")
+    first = {path.name: path.read_bytes() for path in out.iterdir()}
+    (out / "notes.txt").write_text("cut on Monday")
+    assert vinefab(*arguments) == (0, "", "")
+    second = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert second.pop("notes.txt") == b"cut on Monday"
+    # The bytes of a DXF may differ between Pythons; its entities are compared elsewhere.
+    for name in first.keys() - {"outline.dxf", "outline_polyline.dxf", "MANIFEST.sha256"}:
+        assert first[name] == second[name], name
+
+
+def test_rig_is_written_and_described(vinefab, grid, tmp_path):
+    out = tmp_path / "rig"
+    code, words, _ = vinefab("rig", grid, "--printer", "generic_256", "--out", out)
+    description = json.loads((out / "rig.json").read_text())
+    assert code == 0
+    assert str(out) in words
+    for part in description["parts"]:
+        assert (out / part["file"]).stat().st_size > 84
+        assert {"volume_mm3", "size_mm"} <= set(part)
+
+
+def test_report_is_one_page_with_predictions(vinefab, grid, tmp_path):
+    page = tmp_path / "report.html"
+    code, words, _ = vinefab("report", "three_level_tree", "--maps", grid, "--out", page)
+    text = page.read_text()
+    assert code == 0
+    assert "anchoring (simulated)" in words
+    for heading in ("Predictions", "Deployments", "Design rules", "Bill of materials"):
+        assert f"<h2>{heading}</h2>" in text
+    assert 'src="http' not in text
+
+
+def test_optimize_leaves_a_record_and_a_design_that_grows(vinefab, run_file, grid, tmp_path):
+    out = tmp_path / "run"
+    code, words, complaint = vinefab("optimize", run_file, "--out", out)
+    assert (code, complaint) == (0, "")
+    assert "winner tiny" in words
+    assert vinefab("grow", out / "best.toml", "--map", grid, "-q")[0] == 0
+    first = (out / "best.toml").read_bytes()
+    code, _, complaint = vinefab("optimize", run_file, "--out", out)
+    assert code == 2
+    assert "--resume" in complaint
+    assert vinefab("optimize", run_file, "--out", out, "--resume", "-q") == (0, "", "")
+    assert (out / "best.toml").read_bytes() == first
+
+
+def test_demo_at_its_smallest_writes_the_whole_chain(vinefab, tmp_path):
+    out = tmp_path / "demo"
+    code, words, complaint = vinefab("demo", "--out", out, "--generations", 6, "--population", 12)
+    assert (code, complaint) == (0, "")
+    for name in ("report.html", "run/best.toml", "package/outline.dxf", "rig/rig.json"):
+        assert (out / name).stat().st_size > 0
+        assert name.split("/")[0] in words
+    assert "unseen maps" in words
+
+
+QUICK = {
+    "help": ["--help"],
+    "check": ["check", "three_level_tree", "-q"],
+    "fabricate": ["fabricate", "plain_vine", "--out", "OUT", "--allow-uncalibrated", "-q"],
+}
+
+
+@pytest.mark.parametrize("arguments", QUICK.values(), ids=QUICK)
+def test_commands_that_do_not_simulate_do_not_load_the_simulator(tmp_path, arguments):
+    given = [str(tmp_path / "out") if argument == "OUT" else argument for argument in arguments]
+    script = (
+        "import sys; from vinefab.cli.main import main; code = main(sys.argv[1:]); "
+        "print(code, 'numba' in sys.modules, 'trimesh' in sys.modules, file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, *given], capture_output=True, text=True, check=True
+    )
+    assert done.stderr.strip() == "0 False False"
+
+
+def test_interruption_leaves_what_was_there(monkeypatch, vinefab, tmp_path):
+    out = tmp_path / "package"
+    assert vinefab("fabricate", "plain_vine", "--out", out, "--allow-uncalibrated", "-q")[0] == 0
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+
+    def interrupted(*_args, **_kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("vinefab.cli.fabricate.write_bytes", interrupted)
+    code = main(["fabricate", "plain_vine", "--out", str(out), "--allow-uncalibrated", "-q"])
+    assert code == 130
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+    assert [path.name for path in tmp_path.iterdir()] == ["package"]

@@ -9,7 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
-from vinefab.model.checked import number, whole
+from vinefab.model.checked import Floats, number, whole
 from vinefab.model.map import Map, Pose, Start
 
 _STREAM = 1201
@@ -88,17 +88,29 @@ def roomiest_start(free: Polygon, accuracy_mm: float) -> Start:
         How near to the best clearance is near enough.
     """
     radius = shapely.maximum_inscribed_circle(free, accuracy_mm)
-    x, y = (round(float(value), 1) for value in shapely.get_coordinates(radius)[0])
+    x, y = (round(float(value), 3) for value in shapely.get_coordinates(radius)[0])
     clearance_mm = float(shapely.distance(free.boundary, shapely.points(x, y)))
-    reach_mm = 2.0 * math.hypot(*np.ptp(np.reshape(free.bounds, (2, 2)), axis=0))
     angles = np.arange(_RAYS) * 2.0 * math.pi / _RAYS
-    ends = np.column_stack([x + reach_mm * np.cos(angles), y + reach_mm * np.sin(angles)])
-    rays = shapely.linestrings([[(x, y), end] for end in ends])
-    hits = shapely.intersection(rays, free.boundary)
-    longest = int(np.argmax(np.round(shapely.distance(hits, shapely.points(x, y)), 6)))
+    points, ring = shapely.get_coordinates(shapely.get_rings(free), return_index=True)
+    same = ring[1:] == ring[:-1]
+    away = points - np.array([x, y])
+    lengths = [_free_length(away[:-1][same], away[1:][same], float(angle)) for angle in angles]
+    longest = int(np.argmax(np.round(lengths, 6)))
     return Start(
         pose=Pose(x_mm=x, y_mm=y, heading_rad=float(angles[longest])),
         spread_x_mm=round(0.25 * clearance_mm, 3),
         spread_y_mm=round(0.25 * clearance_mm, 3),
         spread_heading_rad=_START_SPREAD_RAD,
     )
+
+
+def _free_length(first: Floats, last: Floats, angle: float) -> float:
+    """Return how far one can go from the origin at an angle before meeting one of the walls."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    side_first = cosine * first[:, 1] - sine * first[:, 0]
+    side_last = cosine * last[:, 1] - sine * last[:, 0]
+    crossed = (side_first > 0.0) != (side_last > 0.0)
+    share = side_first[crossed] / (side_first[crossed] - side_last[crossed])
+    hits = first[crossed] + share[:, None] * (last[crossed] - first[crossed])
+    ahead = hits @ np.array([cosine, sine])
+    return float(ahead[ahead > 0.0].min())

@@ -8,6 +8,13 @@ from vinefab.environments.trace import CORNER_CUT
 from vinefab.environments.walls import FEWEST_CORNERS, Walls
 from vinefab.model.checked import Floats, Ints
 
+_STRAIGHT = 1.05
+"""In cells: the middles of a straight wall's cell edges lie up to 0.5 to both of its sides, so a
+chord between two of them may have others 1 beside it and still all belong to one wall."""
+
+_SMALL_CELLS = 20.0
+"""Smaller loops are split more finely: a pillar has no straight walls."""
+
 _SHARP = float(np.cos(np.radians(115.0)))
 
 
@@ -21,31 +28,52 @@ def split_loops(loops: list[Floats], tolerance: Floats) -> Walls:
     tolerance
         Shape (r,), in cells: largest deviation from each loop.
     """
-    turned = [_from_extreme(loop) for loop in loops]
-    closed = [np.vstack([loop, loop[:1]]) for loop in turned]
-    owner = np.repeat(np.arange(len(loops)), [len(loop) for loop in closed])
-    lines = shapely.linestrings(np.concatenate(closed), indices=owner)
-    kept = shapely.simplify(lines, tolerance - CORNER_CUT, preserve_topology=False)
-    first = np.cumsum([0, *(len(loop) for loop in turned[:-1])])
-    breaks = np.concatenate(
-        [
-            start + _breaks(loop, shapely.get_coordinates(line)[:-1])
-            for start, loop, line in zip(first, turned, kept, strict=True)
-        ]
-    )
-    midpoints = np.concatenate(turned)
-    walls = Walls(
-        midpoints=midpoints,
-        first=first,
-        tolerance=tolerance,
-        breaks=breaks,
-        holds=np.zeros(len(breaks), dtype=np.int64),
-        corners=midpoints[breaks],
-    )
-    walls.settle()
+    rough = _split([_from_extreme(loop) for loop in loops], tolerance)
+    walls = _split(_from_best_corner(rough), tolerance)
+    walls.divide()
     walls.merge()
     walls.settle()
     return walls
+
+
+def _split(loops: list[Floats], tolerance: Floats) -> Walls:
+    """Split loops where chords between their midpoints bend, beginning at their first."""
+    closed = [np.vstack([loop, loop[:1]]) for loop in loops]
+    owner = np.repeat(np.arange(len(loops)), [len(loop) for loop in closed])
+    lines = shapely.linestrings(np.concatenate(closed), indices=owner)
+    size = np.array([np.ptp(loop, axis=0).max() for loop in loops])
+    coarse = np.where(size > _SMALL_CELLS, _STRAIGHT, 0.0)
+    allowed = np.maximum(tolerance - CORNER_CUT, coarse)
+    kept = shapely.simplify(lines, allowed, preserve_topology=False)
+    first = np.cumsum([0, *(len(loop) for loop in loops[:-1])])
+    breaks = [
+        start + _breaks(loop, shapely.get_coordinates(line)[:-1])
+        for start, loop, line in zip(first, loops, kept, strict=True)
+    ]
+    walls = Walls(
+        midpoints=np.concatenate(loops),
+        first=first,
+        tolerance=tolerance,
+        breaks=np.concatenate(breaks),
+        holds=np.zeros(sum(len(part) for part in breaks), dtype=np.int64),
+    )
+    walls.settle()
+    return walls
+
+
+def _from_best_corner(walls: Walls) -> list[Floats]:
+    """Return loops turned to begin between two long walls that meet at a clear angle.
+
+    Where a loop begins it has a corner for good, so that must be a true one.
+    """
+    weight = np.minimum(walls.sizes, walls.sizes[walls.before]) * walls.turns_rad()
+    openings = np.append(walls.opening, len(weight))
+    ends = np.append(walls.first, len(walls.midpoints))
+    loops = []
+    for low, high, begin, end in zip(openings[:-1], openings[1:], ends[:-1], ends[1:], strict=True):
+        best = low + int(np.argmax(weight[low:high]))
+        loops.append(np.roll(walls.midpoints[begin:end], begin - walls.breaks[best], axis=0))
+    return loops
 
 
 def _from_extreme(loop: Floats) -> Floats:

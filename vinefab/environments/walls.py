@@ -10,7 +10,7 @@ lie up to half a cell off the wall; they may let a thin wall shrink to a needle;
 one bounds areas, not distances.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -37,12 +37,13 @@ _SIZES = np.array([4, 8])
 _REACH = np.array([0.51, 0.8, np.inf])
 """How far, in cells, lines through few midpoints may carry a corner: up to 4 (both sections), up
 to 8, more. The corner of a right angle lies 0.5 from the nearest midpoint."""
+_WORTH_DIVIDING = 6
 _SETTLING_ROUNDS = 3
 _WINDOW = 3
 FEWEST_CORNERS = 4
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class Walls:
     """All loops of one region, one after the other; lengths in cells.
 
@@ -61,7 +62,9 @@ class Walls:
         Shape (m,): how closely a corner is held: 0, where the two lines meet; 1, on the line of
         the longer section, beside its break; 2, on its break.
     corners
-        Shape (m, 2), the result.
+        Shape (m, 2), the result; placed by `fit`.
+    lines
+        A point on, and the direction of, the line through each section, both (m, 2).
     """
 
     midpoints: Floats
@@ -69,7 +72,11 @@ class Walls:
     tolerance: Floats
     breaks: Ints
     holds: Ints
-    corners: Floats
+    corners: Floats = field(init=False)
+    lines: tuple[Floats, Floats] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.fit()
 
     @property
     def sizes(self) -> Ints:
@@ -116,6 +123,13 @@ class Walls:
         between = np.maximum.reduceat(off, self.breaks)
         return np.asarray(np.maximum(between, np.maximum(at_ends, at_ends[after])))
 
+    def turns_rad(self) -> Floats:
+        """Return by how much the loop turns at each corner, 0 to pi."""
+        ahead = unit(self.corners[self.after] - self.corners)
+        behind = ahead[self.before]
+        sine, cosine = cross(behind, ahead), np.sum(behind * ahead, axis=1)
+        return np.asarray(np.abs(np.arctan2(sine, cosine)))
+
     def strays(self) -> Flags:
         """Tell of every section whether it is farther from its loop than the tolerance."""
         return np.asarray(self.deviation() > self.tolerance[self.loop] + 1e-9)
@@ -147,7 +161,7 @@ class Walls:
     def fit(self) -> None:
         """Place the corners, as `holds` says, each as near to its break as can be trusted."""
         on_break, before = self.midpoints[self.breaks], self.before
-        point, direction = self._lines()
+        self.lines = point, direction = self._lines()
         sizes, sizes_before = self.sizes, self.sizes[before]
         longer = np.where(sizes_before > sizes, before, np.arange(len(before)))
         foot = feet_on_lines(on_break, point[longer], direction[longer])
@@ -161,7 +175,6 @@ class Walls:
 
     def settle(self) -> None:
         """Move each break to the midpoint nearest to its corner and fit again, a few times."""
-        self.fit()
         shift = np.arange(-_WINDOW, _WINDOW + 1)
         for _ in range(_SETTLING_ROUNDS):
             room = (np.minimum(self.sizes, self.sizes[self.before]) - 1) // 2
@@ -171,6 +184,21 @@ class Walls:
             off[np.abs(shift) > room[:, None]] = np.inf
             self.breaks = self.breaks + shift[np.argmin(off, axis=1)]
             self.fit()
+
+    def divide(self) -> None:
+        """Split long sections that stray where they stray most, and settle, until none is left."""
+        while True:
+            split = self.strays() & (self.sizes >= _WORTH_DIVIDING)
+            if not split.any():
+                return
+            after = self.after
+            extra = [self._farthest(int(k), int(after[k])) for k in np.flatnonzero(split)]
+            breaks = np.append(self.breaks, np.array(extra, dtype=np.int64))
+            order = np.argsort(breaks)
+            self.breaks = breaks[order]
+            self.holds = np.append(self.holds, np.zeros(len(extra), dtype=np.int64))[order]
+            self.fit()
+            self.settle()
 
     def merge(self) -> None:
         """Drop breaks at which a loop hardly turns, where one line does as well as two.
@@ -189,9 +217,7 @@ class Walls:
     def _hardly_turning(self, needed: Flags) -> Flags:
         """Return breaks that might be dropped, no two neighbours, loops keeping enough."""
         after, before = self.after, self.before
-        ahead = unit(self.corners[after] - self.corners)
-        behind = ahead[before]
-        turn = np.abs(np.arctan2(cross(behind, ahead), np.sum(behind * ahead, axis=1)))
+        turn = self.turns_rad()
         turn[needed | (self.holds > 0)] = np.inf
         dropped = (turn <= turn[before]) & (turn < turn[after]) & (turn < _HARDLY_RAD)
         left = np.bincount(self.loop, weights=~dropped, minlength=len(self.first))
@@ -200,7 +226,13 @@ class Walls:
     def _without(self, dropped: Flags, needed: Flags) -> Flags:
         """Drop some breaks, put back those that were needed; return the needed ones' flags."""
         kept = ~dropped
-        trial = self._only(kept)
+        trial = Walls(
+            midpoints=self.midpoints,
+            first=self.first,
+            tolerance=self.tolerance,
+            breaks=self.breaks[kept],
+            holds=self.holds[kept],
+        )
         parts = np.add.reduceat(self._misfit(), np.flatnonzero(kept))
         bad = trial.strays() | (trial._misfit() > parts + _WORTH_A_BREAK)
         owner = np.searchsorted(trial.breaks, self.breaks[dropped], side="right") - 1
@@ -210,21 +242,9 @@ class Walls:
         self.fit()
         return np.asarray(needed[kept])
 
-    def _only(self, kept: Flags) -> "Walls":
-        trial = Walls(
-            midpoints=self.midpoints,
-            first=self.first,
-            tolerance=self.tolerance,
-            breaks=self.breaks[kept],
-            holds=self.holds[kept],
-            corners=self.corners[kept],
-        )
-        trial.fit()
-        return trial
-
     def _misfit(self) -> Floats:
         """Return for every section the sum of squared distances of its midpoints to its line."""
-        point, direction = self._lines()
+        point, direction = self.lines
         section = np.repeat(np.arange(len(self.breaks)), self.sizes)
         off = cross(self.midpoints - point[section], direction[section])
         off[self.breaks] = 0.0

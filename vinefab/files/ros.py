@@ -12,7 +12,7 @@ from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.hashing import sha256_of
 from vinefab.environments.raster import Placement, RasterOptions, raster_map
 from vinefab.environments.trace import Mask
-from vinefab.files.ros_image import Shades, read_shades
+from vinefab.files.ros_image import Values, read_values
 from vinefab.files.shipped import read_bytes, read_text
 from vinefab.model.checked import number, positive
 from vinefab.model.map import Map, Pose
@@ -120,7 +120,7 @@ def import_ros(path: Path, options: RosOptions | None = None) -> Map:
     options = options or RosOptions()
     source = read_ros_yaml(path)
     data = read_bytes(source.image, _LARGEST_IMAGE_BYTES)
-    occupied, free = classify(*read_shades(source.image, data), source)
+    occupied, free = classify(*read_values(source.image, data), source)
     facts = {
         "source": path.name,
         "image": source.image.name,
@@ -161,37 +161,42 @@ def import_ros(path: Path, options: RosOptions | None = None) -> Map:
     return replace(world, environment="ros")
 
 
-def classify(shade: Shades, opacity: Shades | None, source: RosMap) -> tuple[Mask, Mask]:
+def classify(values: Values, opacity: Values | None, source: RosMap) -> tuple[Mask, Mask]:
     """Return which cells are occupied and which are free, as the map_server decides.
 
-    With occupancy p = 1 - brightness (brightness when negated): occupied when
+    With occupancy p = (255 - value) / 255 (value / 255 when negated): occupied when
     p > ``occupied_thresh``, free when p < ``free_thresh``, else unknown.
 
     - *trinary*: transparency is averaged in as a fourth colour, as the map_server has always
       done.
     - *scale*: pixels that are not opaque are unknown.
-    - *raw*: the pixel's value, 0 to 100, is the occupancy in percent; larger ones are unknown,
+    - *raw*: the value, 0 to 100, is the occupancy in percent; larger ones are unknown and
       ``negate`` does not matter.
 
     Parameters
     ----------
-    shade, opacity
-        From `read_shades`.
+    values, opacity
+        From `read_values`.
     source
         Thresholds, mode and negate.
     """
-    known = np.ones(shade.shape, dtype=np.bool_)
+    if values.dtype == np.uint8 and opacity is None:
+        occupied, free = _classified(np.arange(256.0), None, source)
+        return occupied[values], free[values]
+    return _classified(values, opacity, source)
+
+
+def _classified(values: Values, opacity: Values | None, source: RosMap) -> tuple[Mask, Mask]:
+    known = np.ones(values.shape, dtype=np.bool_)
     if source.mode == "raw":
-        percent = np.round(shade * 255.0)
-        known = percent <= 100.0
-        occupancy = percent / 100.0
+        known = np.round(values) <= 100.0
+        occupancy = np.round(values) / 100.0
     else:
-        bright = shade
         if opacity is not None and source.mode == "trinary":
-            bright = np.asarray((3.0 * shade + opacity) / 4.0, dtype=np.float32)
+            values = (3.0 * values + opacity) / 4.0
         elif opacity is not None:
-            known = opacity >= 1.0
-        occupancy = bright if source.negate else 1.0 - bright
+            known = opacity >= 255.0
+        occupancy = (values if source.negate else 255.0 - values) / 255.0
     return (occupancy > source.occupied_thresh) & known, (occupancy < source.free_thresh) & known
 
 

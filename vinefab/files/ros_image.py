@@ -3,6 +3,7 @@
 import io
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,14 +11,17 @@ from PIL import Image, UnidentifiedImageError
 
 from vinefab.core.errors import UnreadableFileError
 
-_DEEP = {"I": 65535.0, "I;16": 65535.0, "I;16B": 65535.0, "I;16L": 65535.0}
-_CHANNELS = {"1": "L", "L": "L", "LA": "RGBA", "P": "RGBA", "PA": "RGBA", "RGB": "RGB"}
+_DEEP = ("I", "I;16", "I;16B", "I;16L")
+_DEEP_TO_BYTE = 1.0 / 257.0
+_GREY = ("1", "L")
+_COLOUR = ("LA", "P", "PA", "RGB", "RGBA")
 
-Shades = NDArray[np.float32]
+Values = NDArray[Any]
+"""Numbers from 0 to 255; whole ones (uint8) for grey images."""
 
 
-def read_shades(path: Path, data: bytes) -> tuple[Shades, Shades | None]:
-    """Return brightness and opacity of every pixel, 0 to 1, the lowest row of the image first.
+def read_values(path: Path, data: bytes) -> tuple[Values, Values | None]:
+    """Return brightness and opacity of every pixel, 0 to 255, the image's lowest row first.
 
     Brightness is the mean of red, green and blue.
 
@@ -41,20 +45,16 @@ def read_shades(path: Path, data: bytes) -> tuple[Shades, Shades | None]:
     """
     image = _open(path, data)
     if image.mode in _DEEP:
-        shade = np.asarray(image, dtype=np.float32) / np.float32(_DEEP[image.mode])
-        return np.ascontiguousarray(shade[::-1]), None
-    mode = "RGBA" if image.mode == "RGBA" else _CHANNELS.get(image.mode)
-    if mode is None:
+        return np.asarray(image, dtype=np.float64)[::-1] * _DEEP_TO_BYTE, None
+    if image.mode in _GREY:
+        return np.asarray(image.convert("L"), dtype=np.uint8)[::-1], None
+    if image.mode not in _COLOUR:
         raise UnreadableFileError(
             path, f"has pixels of kind {image.mode}; allowed: grey, colour or palette images"
         )
-    pixels = np.asarray(image.convert(mode), dtype=np.uint8)[::-1]
-    if pixels.ndim == 2:
-        return pixels.astype(np.float32) / np.float32(255.0), None
-    shade = pixels[..., :3].mean(axis=2, dtype=np.float32) / np.float32(255.0)
-    opaque = pixels[..., 3].astype(np.float32) / np.float32(255.0) if mode == "RGBA" else None
-    has_alpha = opaque is not None and (image.mode in {"RGBA", "LA", "PA"} or opaque.min() < 1.0)
-    return shade, opaque if has_alpha else None
+    pixels = np.asarray(image.convert("RGBA"), dtype=np.float64)[::-1]
+    opacity = pixels[..., 3] if image.has_transparency_data else None
+    return pixels[..., :3].mean(axis=2), opacity
 
 
 def _open(path: Path, data: bytes) -> Image.Image:

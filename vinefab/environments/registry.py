@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from vinefab.core.registry import Registry
+from vinefab.environments.cave import CaveOptions, cave_map
 from vinefab.environments.grid import GridOptions, grid_map
 from vinefab.model.map import Map
 
@@ -38,6 +39,11 @@ ENVIRONMENTS: Registry[Environment] = Registry(
             description="many convex polygons, one per cell of a grid",
             options=GridOptions,
             make=grid_map,
+        ),
+        "cave": Environment(
+            description="interconnected closed passages and chambers in solid rock",
+            options=CaveOptions,
+            make=cave_map,
         ),
     },
 )

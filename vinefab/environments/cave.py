@@ -1,0 +1,210 @@
+"""The Cave environment: a series of interconnected closed passages in solid rock.
+
+The paper (section 2.2.1) describes the environment but does not publish its generator; this one
+is vinefab's own.
+"""
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.rng import child
+from vinefab.environments.carve import carved, chamber, passage
+from vinefab.environments.ground import box, start_zone, upward_start
+from vinefab.environments.network import links, spread_points
+from vinefab.model.checked import Floats, number, positive, whole
+from vinefab.model.map import Map, Start
+
+_STREAM = 1301
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CaveOptions:
+    """What instances of one Cave environment have in common.
+
+    Parameters
+    ----------
+    size_mm
+        Width and height of the bounds.
+    chambers
+        Wider places that the passages connect.
+    chamber_radius_min_mm, chamber_radius_max_mm
+        Range of their mean radius.
+    passage_width_min_mm, passage_width_max_mm
+        Range of a passage's width; no passage is narrower than the first, to 1 mm in 500.
+    loops
+        Share, 0 to 1, of the possible short cuts that are open besides the passages that connect
+        everything: 0 gives a cave without islands of rock, unless passages happen to meet.
+    wander
+        0: passages are straight; 1: they swing to the side by a quarter of their length.
+    roughness
+        0: smooth walls; 1: radius and width vary by half.
+    margin_mm
+        Rock left between cave and bounds, above 0.
+    start_clearance_mm
+        Least distance from every possible starting position to the rock.
+    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
+        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
+
+    Raises
+    ------
+    BadInputError
+        If a value is out of range or the cave does not fit.
+    """
+
+    size_mm: float = 500.0
+    chambers: int = 12
+    chamber_radius_min_mm: float = 22.0
+    chamber_radius_max_mm: float = 42.0
+    passage_width_min_mm: float = 22.0
+    passage_width_max_mm: float = 38.0
+    loops: float = 0.4
+    wander: float = 0.5
+    roughness: float = 0.5
+    margin_mm: float = 10.0
+    start_clearance_mm: float = 15.0
+    start_spread_x_mm: float = 5.0
+    start_spread_y_mm: float = 0.0
+    start_spread_heading_deg: float = 30.0
+
+    def __post_init__(self) -> None:
+        positive("size_mm", self.size_mm, 1e6)
+        whole("chambers", self.chambers, 1, 200)
+        self._check_range("chamber_radius", self.chamber_radius_min_mm, self.chamber_radius_max_mm)
+        self._check_range("passage_width", self.passage_width_min_mm, self.passage_width_max_mm)
+        for name in ("loops", "wander", "roughness"):
+            number(name, getattr(self, name), 0.0, 1.0)
+        positive("margin_mm", self.margin_mm, self.size_mm)
+        for name in ("start_clearance_mm", "start_spread_x_mm", "start_spread_y_mm"):
+            number(name, getattr(self, name), 0.0, 0.25 * self.size_mm, "mm")
+        number("start_spread_heading_deg", self.start_spread_heading_deg, 0.0, 180.0, "deg")
+        if self.reach_mm >= 0.25 * self.size_mm:
+            raise BadInputError(
+                "size_mm",
+                self.size_mm,
+                f"above {4 * self.reach_mm:g}, for such chambers and margin",
+            )
+
+    @property
+    def reach_mm(self) -> float:
+        """How far from the bounds the middle of a chamber stays."""
+        widest_mm = max(self.chamber_radius_max_mm, 0.5 * self.passage_width_max_mm)
+        return self.margin_mm + widest_mm
+
+    @property
+    def detail_mm(self) -> float:
+        """Size below which walls are not detailed."""
+        return 0.001 * self.size_mm
+
+    def _check_range(self, name: str, low_mm: float, high_mm: float) -> None:
+        positive(f"{name}_min_mm", low_mm, self.size_mm)
+        number(f"{name}_max_mm", high_mm, low_mm, self.size_mm, "mm")
+
+
+def cave_map(seed: int, options: CaveOptions | None = None) -> Map:
+    """Make one instance of a Cave environment.
+
+    Chambers are spread over the bounds and connected by winding passages; everything else is
+    rock: one obstacle with the cave as its hole, and an obstacle for every island of rock that
+    passages run around, unless it is smaller than half a passage's width squared. All of the cave
+    is connected, and every possible starting position has ``start_clearance_mm`` to the rock.
+
+    Parameters
+    ----------
+    seed
+        At least 0; the same seed and options give the same map.
+    options
+        What to make; the defaults when None.
+
+    Returns
+    -------
+    Map
+        ``environment`` is ``cave``; ``facts`` hold the options.
+
+    Examples
+    --------
+    >>> cave_map(3).free_space.geom_type
+    'Polygon'
+    """
+    options = options or CaveOptions()
+    whole("seed", seed, 0, 2**63 - 1)
+    start = _start(options)
+    cave = _cave(child(seed, _STREAM), options, start)
+    bounds = box(options.size_mm, options.size_mm)
+    rock = Polygon(bounds.exterior, [cave.exterior])
+    return Map(
+        name=f"cave_{seed}",
+        bounds=bounds,
+        obstacles=(rock, *(Polygon(ring) for ring in cave.interiors)),
+        starts=(start,),
+        environment="cave",
+        seed=seed,
+        facts=asdict(options),
+    )
+
+
+def _start(options: CaveOptions) -> Start:
+    y_mm = options.margin_mm + options.start_clearance_mm + options.start_spread_y_mm
+    spreads = (
+        options.start_spread_x_mm,
+        options.start_spread_y_mm,
+        math.radians(options.start_spread_heading_deg),
+    )
+    return upward_start(0.5 * options.size_mm, y_mm + 2.0 * options.detail_mm, spreads)
+
+
+def _cave(rng: np.random.Generator, options: CaveOptions, start: Start) -> Polygon:
+    low, high = options.reach_mm, options.size_mm - options.reach_mm
+    entry = np.array([start.pose.x_mm, start.pose.y_mm])
+    mouth = np.array([entry[0], max(low, entry[1] + options.passage_width_max_mm)])
+    middles = spread_points(rng, options.chambers, (low, high), mouth)
+    entrance = start_zone(start).buffer(options.start_clearance_mm + 2.0 * options.detail_mm)
+    parts = [entrance, passage(_evenly(entry, mouth), _widths(rng, options, 8))]
+    parts += [_chamber(rng, options, middle) for middle in middles]
+    for one, other in links(rng, middles, options.loops):
+        path = _winding(rng, options, middles[one], middles[other])
+        parts.append(passage(path, _widths(rng, options, len(path))))
+    near, far = options.margin_mm, options.size_mm - options.margin_mm
+    room = shapely.box(near, near, far, far)
+    return carved(parts, room, options.detail_mm, (0.5 * options.passage_width_min_mm) ** 2)
+
+
+def _chamber(rng: np.random.Generator, options: CaveOptions, middle_mm: Floats) -> Polygon:
+    radius_mm = rng.uniform(options.chamber_radius_min_mm, options.chamber_radius_max_mm)
+    return chamber(middle_mm, radius_mm * (1.0 + 0.5 * options.roughness * _waves(rng, 48, 1.0)))
+
+
+def _widths(rng: np.random.Generator, options: CaveOptions, count: int) -> Floats:
+    width_mm = rng.uniform(options.passage_width_min_mm, options.passage_width_max_mm)
+    uneven = width_mm * (1.0 + 0.5 * options.roughness * _waves(rng, count, 0.5))
+    return np.asarray(np.maximum(uneven, options.passage_width_min_mm))
+
+
+def _winding(
+    rng: np.random.Generator, options: CaveOptions, first_mm: Floats, last_mm: Floats
+) -> Floats:
+    """Return a path between two places that swings from side to side, shape (n, 2)."""
+    along = last_mm - first_mm
+    count = 4 + int(math.hypot(*along) / (0.5 * options.passage_width_min_mm))
+    share = np.linspace(0.0, 1.0, count)
+    swing = 0.25 * options.wander * np.sin(math.pi * share) * _waves(rng, count, 0.5)
+    side = np.array([-along[1], along[0]])
+    path = first_mm + share[:, None] * along + swing[:, None] * side
+    near, far = options.reach_mm, options.size_mm - options.reach_mm
+    return np.asarray(np.clip(path, near, far))
+
+
+def _evenly(first_mm: Floats, last_mm: Floats) -> Floats:
+    return np.asarray(first_mm + np.linspace(0.0, 1.0, 8)[:, None] * (last_mm - first_mm))
+
+
+def _waves(rng: np.random.Generator, count: int, turns: float) -> Floats:
+    """Return smooth noise within -1 .. 1, periodic when ``turns`` is a whole number."""
+    phase, strength = rng.uniform(0.0, 2.0 * math.pi, 4), rng.uniform(0.2, 1.0, 4)
+    place = np.linspace(0.0, 2.0 * math.pi * turns, count, endpoint=turns % 1.0 != 0.0)
+    waves = strength * np.sin(place[:, None] * np.arange(2, 6) + phase)
+    return np.asarray(waves.sum(axis=1) / strength.sum())

@@ -10,8 +10,6 @@ from vinefab.checks.subject import Subject
 from vinefab.geometry.crotch import Gap
 from vinefab.geometry.problem import ProblemKind
 
-_ROOM = frozenset({ProblemKind.NARROW_CROTCH, ProblemKind.NO_ROOM})
-
 
 def look_angle(subject: Subject, limits: Limits) -> Looked:
     """VF-C02: neighbours round a joint, the parent's body among them, part at an angle."""
@@ -46,10 +44,12 @@ def look_crotch(subject: Subject, limits: Limits) -> Looked:
             )
             in_mm = Breach(severity=breach.severity, limit=breach.limit * shorter_mm(gap))
             hits.append(_hit(subject, (joint, gap), words, (gap.reach_mm, in_mm)))
-    return Looked(
-        checked=sum(len(joint.gaps) for joint in joints),
-        hits=(*hits, *problem_hits(subject, _ROOM, tuple(hits))),
-    )
+    # The worst gap stands for its joint: the outline's word about its other gaps adds nothing.
+    told = {hit.at_mm for hit in hits}
+    crotches = problem_hits(subject, frozenset({ProblemKind.NARROW_CROTCH}))
+    hits += [hit for hit in crotches if hit.at_mm not in told]
+    hits += problem_hits(subject, frozenset({ProblemKind.NO_ROOM}))
+    return Looked(checked=sum(len(joint.gaps) for joint in joints), hits=tuple(hits))
 
 
 def look_fillet(subject: Subject, limits: Limits) -> Looked:

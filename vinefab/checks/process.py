@@ -3,12 +3,15 @@
 import math
 from itertools import combinations
 
+import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from vinefab.checks.problems import problem_hits
 from vinefab.checks.rule import Hit, Limits, Looked, NotLooked, Rule
 from vinefab.checks.subject import Subject
 from vinefab.geometry.problem import ProblemKind
+from vinefab.model.checked import Floats
 from vinefab.model.finding import Severity
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import RecipeStatus
@@ -22,10 +25,10 @@ def look_marks(subject: Subject, limits: Limits) -> Looked | NotLooked:
     if subject.job is None:
         return _NO_RECIPE
     marks = subject.job.along(Operation.MARK)
-    bodies = shapely.union_all([_area(path) for path in subject.job.along(Operation.WELDCUT)])
+    bodies = subject.job.along(Operation.WELDCUT)
     hits = []
     for mark in marks:
-        away_mm = float(shapely.distance(bodies, shapely.LineString(mark.contour.flattened_mm())))
+        away_mm = min((_apart_mm(body, mark) for body in bodies), default=math.inf)
         breach = limits.least(away_mm)
         if breach:
             hits.append(
@@ -45,7 +48,7 @@ def look_paths(subject: Subject, limits: Limits) -> Looked | NotLooked:
         return _NO_RECIPE
     paths = [path for path in subject.job.paths if path.operation.is_machined]
     hits = [hit for path in paths for hit in _small_pieces(path, limits)]
-    lines = [shapely.LineString(_closed_points(path)) for path in paths]
+    lines = [_line(path) for path in paths]
     for one, two in combinations(range(len(paths)), 2):
         shared_mm = float(shapely.length(shapely.intersection(lines[one], lines[two])))
         breach = limits.most(shared_mm, "shared")
@@ -156,20 +159,34 @@ def _sharpest_mm(subject: Subject, operation: str) -> float:
     return min((s.radius_mm for path in paths for s in path.contour.segments), default=math.inf)
 
 
-def _closed_points(path: LaserPath) -> list[list[float]]:
-    points: list[list[float]] = path.contour.flattened_mm().tolist()
-    return [*points, points[0]] if path.contour.closed else points
+def _apart_mm(outer: LaserPath, other: LaserPath) -> float:
+    """Return the distance of a path from what another one encloses, 0 where it reaches inside."""
+    if _inside(outer, other).any():
+        return 0.0
+    # Line to line: making an area of an outline that crosses itself can take minutes.
+    return float(shapely.distance(shapely.LineString(_ring(outer)), _line(other)))
 
 
-def _area(path: LaserPath) -> shapely.Geometry:
-    """Return what a path encloses, closed at the mouth where it is open."""
-    return shapely.make_valid(shapely.Polygon(path.contour.flattened_mm()))
+def _inside(outer: LaserPath, inner: LaserPath) -> NDArray[np.bool_]:
+    """Return which points of a path lie inside another one, closed where that is open."""
+    points = inner.contour.flattened_mm()
+    area = shapely.Polygon(outer.contour.flattened_mm())
+    return np.asarray(shapely.contains_xy(area, points[:, 0], points[:, 1]))
+
+
+def _ring(path: LaserPath) -> Floats:
+    points = path.contour.flattened_mm()
+    return np.concatenate([points, points[:1]])
+
+
+def _line(path: LaserPath) -> shapely.LineString:
+    return shapely.LineString(_ring(path) if path.contour.closed else path.contour.flattened_mm())
 
 
 def _encloses(outer: LaserPath, inner: LaserPath) -> bool:
     if outer.operation is not inner.operation or not outer.contour.closed:
         return False
-    return bool(shapely.contains_properly(_area(outer), shapely.LineString(_closed_points(inner))))
+    return bool(_inside(outer, inner).all())
 
 
 MARKS = Rule(

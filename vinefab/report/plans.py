@@ -73,8 +73,9 @@ def deployment_plan(
             axes.legend(
                 [handles[i] for i in order],
                 [labels[i] for i in order],
-                loc="upper left",
-                bbox_to_anchor=(1.0, 1.0),
+                loc="upper center",
+                bbox_to_anchor=(0.5, -0.09),
+                ncols=4,
                 fontsize=8,
             )
     return figure

@@ -4,6 +4,7 @@ from vinefab.checks.base import CLAMP, REACH, TAIL
 from vinefab.checks.built import BUILT_WIDTH, READBACK
 from vinefab.checks.clearance import CLEARANCE, OVERLAP
 from vinefab.checks.crotches import ANGLE, CROTCH, FILLET
+from vinefab.checks.paths import MARKS, ORDER, PATHS
 from vinefab.checks.pending import (
     CORRIDORS,
     FOREIGN_FILLET,
@@ -15,7 +16,7 @@ from vinefab.checks.pending import (
 )
 from vinefab.checks.pouches import POUCH
 from vinefab.checks.pressure import BURST, RATING, STRAIN
-from vinefab.checks.process import MACHINE, MARKS, ORDER, PATHS, PLY, STATUS
+from vinefab.checks.recipe import MACHINE, PLY, STATUS
 from vinefab.checks.rule import Rule
 from vinefab.checks.sheet import BED, FILM
 from vinefab.checks.tree import MOUTH, POLYGON, TREE

@@ -72,7 +72,7 @@ class RasterOptions:
     ----------
     simplify_mm
         Largest distance between the walls and the boundary of the cells; one cell when None, at
-        least 0.75 of a cell.
+        least 0.75 of a cell. Kept but for the rounding to 1e-4 mm.
     least_obstacle_mm2
         Obstacles smaller than this are left out; 0 keeps every cell.
     start

@@ -20,8 +20,8 @@ def demo_command(
     *,
     out: Annotated[Path, typer.Option("--out", help="The folder to write.")] = Path("demo"),
     seed: Annotated[int, typer.Option(min=0, help="Another seed, another demonstration.")] = 1,
-    generations: Annotated[int, typer.Option(min=1, help="Generations of the search.")] = 25,
-    population: Annotated[int, typer.Option(min=2, help="Designs per generation.")] = 24,
+    generations: Annotated[int, typer.Option(min=1, help="Generations of the search.")] = 40,
+    population: Annotated[int, typer.Option(min=2, help="Designs per generation.")] = 32,
     quiet: Quiet = False,
     force: Force = False,
 ) -> int:

@@ -65,14 +65,14 @@ class DemoSettings:
     seed: int = 1
     training: int = 4
     unseen: int = 6
-    population: int = 24
-    generations: int = 25
+    population: int = 32
+    generations: int = 40
     workers: int = 2
 
     def run(self) -> RunSettings:
         """Return the run of the optimizer.
 
-        Narrower than Table 1 of the paper: at most three levels and three children, so that the
+        Narrower than Table 1 of the paper: at most three levels and four children, so that the
         winner has a size that a person can cut, mount and deploy on a bench.
         """
         return RunSettings(
@@ -83,10 +83,10 @@ class DemoSettings:
                 levels=Bounds(low=2, high=3),
                 length_mm=Bounds(low=40.0, high=180.0),
                 angle_deg=Bounds(low=40.0, high=160.0),
-                branches=Bounds(low=2, high=3),
+                branches=Bounds(low=2, high=4),
                 growth_percent=Bounds(low=60.0, high=140.0),
             ),
-            build=BuildSettings(trunk_width_mm=24.0, width_ratio=0.6),
+            build=BuildSettings(trunk_width_mm=24.0, width_ratio=0.65),
             growth=GrowthOptions(body="inflated"),
             search=SearchSettings(
                 population=self.population, generations=self.generations, seed=self.seed

@@ -1,0 +1,71 @@
+"""Draw the README's picture of a real result: deployment, sheet for the laser, rig.
+
+Run it as ``python examples/draw_result.py OUT.png``.
+"""
+
+import sys
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from vinefab.environments.grid import grid_map
+from vinefab.files.design import read_design
+from vinefab.files.printer import read_printer
+from vinefab.files.profile import read_profile
+from vinefab.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
+from vinefab.growth.grow import grow
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.terrain import Terrain
+from vinefab.model.job import Operation
+from vinefab.pipeline.fabricate import prepare
+from vinefab.report.figure import house_style, png_bytes
+from vinefab.report.plans import OPERATION_COLOURS, draw_deployment, draw_map
+from vinefab.rig.build import build_rig
+from vinefab.rig.part import Rig
+
+UNSEEN_SEED = 100_003
+
+
+def draw_rig(axes: Axes3D, rig: Rig) -> None:
+    # The painter's order of large plate triangles is wrong, so the plate is drawn first and flat.
+    axes.computed_zorder = False
+    for part in rig.parts:
+        placed = part.vertices_mm @ part.to_map[:3, :3].T + part.to_map[:3, 3]
+        low, high = placed.min(axis=0), placed.max(axis=0)
+        corners = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
+        plate = [[(x, y, 0.0) for x, y in corners]]
+        axes.add_collection3d(Poly3DCollection(plate, facecolors="#eef2f4", zorder=1))
+        triangles = placed[part.faces]
+        standing = triangles[triangles[:, :, 2].max(axis=1) > 1e-6]
+        axes.add_collection3d(
+            Poly3DCollection(standing, facecolors="#b7c4cb", shade=True, zorder=2)
+        )
+    axes.auto_scale_xyz([60, 440], [60, 440], [-120, 260])
+    axes.view_init(elev=40, azim=-65)
+
+
+def main(target: Path) -> None:
+    design, world = read_design("grid_explorer"), grid_map(UNSEEN_SEED)
+    with house_style():
+        figure = Figure(figsize=(15.0, 5.2), layout="constrained")
+        grown, sheet = figure.add_subplot(1, 3, 1), figure.add_subplot(1, 3, 2)
+        solid = figure.add_subplot(1, 3, 3, projection="3d")
+        options = GrowthOptions(body="inflated")
+        deployment = grow(design, Terrain.of(world), world.starts[0].pose, options)
+        draw_map(grown, world)
+        draw_deployment(grown, deployment, design.build.widths_mm)
+        job = prepare(design, read_profile(DEFAULT_RECIPE)).job
+        for path in job.along(Operation.WELDCUT) + job.along(Operation.CUT):
+            sheet.plot(*path.contour.flattened_mm().T, color=OPERATION_COLOURS[path.operation])
+        draw_rig(solid, build_rig(world, read_printer(DEFAULT_PRINTER)))
+        solid.set_axis_off()
+        for axes in (grown, sheet):
+            axes.set_aspect("equal")
+            axes.axis("off")
+    target.write_bytes(png_bytes(figure, dpi=110))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -140,6 +140,16 @@ def test_touching_obstacles_leave_no_way_through(launch, vine, terrain):
     assert_allclose(grown.tips_mm, [[0.0, 0.0]], atol=1e-9)
 
 
+def test_tip_leaves_a_point_where_obstacles_touch_on_its_own_side(launch, vine, terrain):
+    # Two spikes touch in (0, 0). The tip comes along the upper side of one and flies off; the
+    # wall of the other that faces it belongs to the narrow wedge between them.
+    left = Polygon([(0.0, 0.0), (-100.0, 0.0), (-100.0, -58.0)])
+    right = Polygon([(0.0, 0.0), (-58.0, -100.0), (0.0, -100.0)])
+    grown = launch(vine(100.0), terrain(WIDE, left, right), (-50.0, 30.0, -50.0))
+    u = (50.0 / math.hypot(50.0, 30.0), -30.0 / math.hypot(50.0, 30.0))
+    assert_allclose(grown.tips_mm, [[-50.0 + 100.0 * u[0], 30.0 + 100.0 * u[1]]], atol=1e-9)
+
+
 def test_walls_that_touch_up_to_rounding_are_one(launch, vine, terrain):
     # Two bricks side by side, turned by 30 degrees: their gap is rounding, the tip slides over it.
     c, s = math.cos(math.pi / 6), math.sin(math.pi / 6)

@@ -12,6 +12,7 @@ from shapely import Polygon, box
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.growth.grow import grow
+from vinefab.growth.index import MARGIN
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.terrain import Terrain
 from vinefab.model.map import Map, Pose
@@ -74,7 +75,9 @@ def test_corners_that_are_none_are_dropped(terrain):
 
 
 def test_a_needle_keeps_its_three_walls(terrain):
-    needle = Polygon([(20.0, 20.0), (70.0, 43.0), (45.0, 31.5 + 1e-9)])
+    # As thin as the grid of coordinates allows: its third corner is flat.
+    thickness_mm = Terrain.of(Map(name="test", bounds=ROOM)).grid_mm
+    needle = Polygon([(20.0, 20.0), (70.0, 20.0), (45.0, 20.0 + thickness_mm)])
     assert _loops(terrain(ROOM, needle).walls().link) == [3, 4]
 
 
@@ -105,19 +108,36 @@ def test_arrays_never_change_and_are_made_once(terrain):
 
 
 @settings(max_examples=40)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_index_lists_every_wall_in_every_cell_that_it_touches(random_map, seed):
+@given(seed=st.integers(0, 2**32 - 1), kind=st.sampled_from(["star", "lattice"]))
+def test_index_lists_every_wall_in_every_cell_that_it_touches(random_map, seed, kind):
     rng = np.random.default_rng(seed)
-    arrays = Terrain.of(random_map(rng, "star")).walls()
+    arrays = Terrain.of(random_map(rng, kind)).walls()
     x, y, cell = arrays.box
     columns, rows = arrays.shape
     lines = shapely.linestrings(np.stack([arrays.wall[:, :2], arrays.wall[:, 5:7]], axis=1))
     for number in rng.integers(0, columns * rows, 15):
         row, column = divmod(int(number), int(columns))
         left, low = x + column * cell, y + row * cell
-        touched = np.flatnonzero(shapely.intersects(lines, box(left, low, left + cell, low + cell)))
+        # A little more than the cell: a ray along its edge must find what it touches.
+        square = box(left, low, left + cell, low + cell).buffer(0.5 * MARGIN * cell)
+        touched = np.flatnonzero(shapely.intersects(lines, square))
         span = slice(arrays.wall_first[number], arrays.wall_first[number + 1])
         assert set(touched) <= set(arrays.wall_item[span])
+
+
+def test_index_lists_a_wall_on_the_edge_between_cells_in_both(terrain):
+    # The grid depends on the room and the number of walls only.
+    arrays = terrain(ROOM, box(10.0, 10.0, 30.0, 30.0)).walls()
+    column_edge = float(arrays.box[0] + 2.0 * arrays.box[2])
+    arrays = terrain(ROOM, box(column_edge, 10.0, 90.0, 30.0)).walls()
+    upright = np.flatnonzero((arrays.wall[:, 0] == arrays.wall[:, 5]) & (arrays.wall[:, 0] < 90.0))
+    (number,) = [wall for wall in upright if arrays.wall[wall, 0] > 10.0]
+    cells = [
+        cell
+        for cell in range(int(arrays.shape.prod()))
+        if number in arrays.wall_item[arrays.wall_first[cell] : arrays.wall_first[cell + 1]]
+    ]
+    assert {cell % arrays.shape[0] for cell in cells} == {1, 2}
 
 
 @pytest.mark.parametrize(

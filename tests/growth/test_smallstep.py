@@ -28,6 +28,7 @@ from vinefab.model.map import Map, Pose
 
 SIZE_MM = 120.0
 JITTER = 1e-6
+MOST_TRIES = 100
 TWO_STEPS_MM = 0.02
 EXACT_MM = 1e-6
 HALF_ANGLE_DEG = 1.0
@@ -141,7 +142,6 @@ class Match:
         self.half_angle_rad = math.radians(half_angle_deg)
         self.distances: list[float] = []
         self.ties = 0
-        self.failures: list[str] = []
         self.log: list[str] = []
 
     def compare(self, deployment: Deployment, branch: int, base: complex, heading: float) -> None:
@@ -154,12 +154,12 @@ class Match:
         distance = chain.hausdorff_distance(_line(grown.chain))
         if stop == grown.stop and distance <= TWO_STEPS_MM:
             self.distances.append(distance)
-        elif self._is_tie(chain, stop, base, heading, length):
-            self.ties += 1
         else:
             steps = f"small steps: {grown.stop} {_line(grown.chain)}, {grown.log}"
             start = f"base {base!r}, heading {heading!r}, length {length!r}"
-            self.failures.append(f"{start}: {steps}; kernel: {stop} {chain}")
+            tie = self._is_tie(chain, stop, base, heading, length)
+            assert tie, f"{start}: {steps}; kernel: {stop} {chain}"
+            self.ties += 1
 
     def _grow(self, walls: object, base: complex, heading: float, length: float) -> object:
         return smallstep.SmallSteps(walls, base, heading, length, self.half_angle_rad).run()
@@ -167,7 +167,7 @@ class Match:
     def _is_tie(self, chain: LineString, stop: str, base: complex, *aim: float) -> bool:
         """Return whether small steps end like the kernel once everything is moved by 1e-6."""
         rng = child(0)
-        for _ in range(200):
+        for _ in range(MOST_TRIES):
             walls = smallstep.Walls(self.free, JITTER, rng)
             moved = smallstep.shaken(base, JITTER, rng)
             grown = self._grow(walls, moved, *(aim + rng.uniform(-JITTER, JITTER, 2)))
@@ -205,8 +205,6 @@ def _maps(seed: int, kind: str, count: int) -> Iterator[tuple[np.random.Generato
 
 
 def _assert_agree(matches: list[Match], ties: float, least: int) -> None:
-    failures = [failure for match in matches for failure in match.failures]
-    assert not failures, f"{len(failures)}: {failures[0]}"
     distances = [distance for match in matches for distance in match.distances]
     tied = sum(match.ties for match in matches)
     assert len(distances) >= least
@@ -282,6 +280,7 @@ ROOM = box(0, 0, 200, 200)
 BENT_ROOM = Polygon([(0, 0), (100, 0), (150, 50), (150, 200), (0, 200)])  # two corners of 135 deg
 WEDGE_ROOM = Polygon([(0, 0), (200, 0), (190, 10), (190, 150), (0, 150)])  # acute at (200, 0)
 LEANING_ROOM = Polygon([(0, 0), (220, 0), (200, 200), (0, 200)])
+ROOF_ROOM = Polygon([(0, 20), (100, 20), (200, 0), (200, 200), (0, 200)])
 CEILING = box(20, 100, 80, 160)
 SHELF = box(50, 60, 100, 100)
 TENT = Polygon([(60, 80), (90, 40), (120, 80)])
@@ -307,6 +306,8 @@ CASES: dict[str, Case] = {
     # The corner's second wall turns the tip away from the first: it slides on, twice.
     "obtuse corners": Case(BENT_ROOM, [], (20, 30, -30), "full_length", [(130, 30)]),
     "obtuse corners, on": Case(BENT_ROOM, [], (20, 30, -30), "full_length", [(150, 100)]),
+    # Over a convex corner whose second wall the tip still presses on.
+    "over the roof": Case(ROOF_ROOM, [], (20, 80, -60), "full_length", [(150, 10)]),
     # The body wrapped the far end of the second wall and lies flush on it: no pressing, a wedge.
     "wedge, wall not pressed on": Case(
         WEDGE_ROOM, [], (150, 100, -80), "corner", [(190, 10), (200, 0)]

@@ -1,0 +1,65 @@
+"""The wheel carries all that the program needs, and works far from the checkout."""
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from vinefab.files.shipped import KINDS
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """The content of the wheel in a folder of its own."""
+    folder = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder)]
+    subprocess.run([*build, str(ROOT)], check=True, capture_output=True)
+    (wheel,) = folder.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder / "site")
+    return folder / "site"
+
+
+def run(installed, cwd, *arguments):
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    program = [sys.executable, "-m", "vinefab", *arguments]
+    return subprocess.run(
+        program, cwd=cwd, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+def test_shipped_designs_and_profiles_are_found_by_name(installed, tmp_path):
+    code = (
+        "import vinefab, vinefab.files.shipped as s; print(vinefab.__file__); "
+        "print(*[s.shipped_root(), *[len(s.names(kind)) for kind in s.KINDS]])"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    where, listing = done.stdout.splitlines()
+    root, *counts = listing.split()
+    assert where.startswith(str(installed))
+    assert root == str(installed / "vinefab" / "_shipped")
+    shipped = [len(list((ROOT / folder).glob("*.toml"))) for folder in KINDS.values()]
+    assert [int(count) for count in counts] == shipped
+    assert all(shipped)
+
+
+def test_a_design_is_checked_and_cut_from_another_folder(installed, tmp_path):
+    checked = run(installed, tmp_path, "check", "three_level_tree")
+    assert (checked.returncode, checked.stderr) == (0, "")
+    out = ["fabricate", "plain_vine", "--out", "package", "--allow-uncalibrated", "-q"]
+    cut = run(installed, tmp_path, *out)
+    assert (cut.returncode, cut.stderr) == (0, "")
+    assert "<html" in (tmp_path / "package" / "report.html").read_text()

@@ -13,6 +13,7 @@ from shapely import box
 from vinefab.growth import kernel, reference
 from vinefab.growth.arrays import Growth, Rules, Start, TreeArrays
 from vinefab.growth.grow import MOST_EVENTS, TOLERANCE_RAD, grow_branches_of
+from vinefab.growth.reference_walls import world_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Map
@@ -49,7 +50,7 @@ def test_release_in_the_kernel():
 
 
 def test_release_in_the_twin():
-    world = reference.world_of(ROOM.walls(), RULES)
+    world = world_of(ROOM.walls(), RULES)
     u = (TIP - CONTACT) / abs(TIP - CONTACT)
     branch = reference.Branch(world, 1000.0, TIP, u, [BASE, CONTACT], [0, -1], [0.0, abs(CONTACT)])
     branch.wall, branch.place, branch.sense = RIGHT_WALL, 1100.0, 1

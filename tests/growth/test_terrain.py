@@ -14,7 +14,7 @@ from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.growth.grow import grow
 from vinefab.growth.index import MARGIN
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.terrain import Terrain
+from vinefab.growth.terrain import MOST_RADII, Terrain
 from vinefab.model.map import Map, Pose
 
 ROOM = box(0.0, 0.0, 100.0, 100.0)
@@ -105,6 +105,17 @@ def test_arrays_never_change_and_are_made_once(terrain):
     assert_allclose(ground.walls(3.0).wall[:, :2].min(axis=0), [3.0, 3.0], atol=1e-9)
     with pytest.raises(ValueError, match="read-only"):
         ground.walls().wall[0, 0] = 1.0
+
+
+def test_walls_are_kept_for_a_bounded_number_of_radii(terrain):
+    ground = terrain(ROOM)
+    bare = ground.walls()
+    for step in range(3 * MOST_RADII):
+        ground.walls(1.0 + 0.1 * step)
+    assert ground.walls() is bare
+    assert len(ground._walls) <= MOST_RADII
+    assert len(ground._free) <= MOST_RADII
+    assert_allclose(ground.walls(1.0).wall[:, :2].min(), 1.0, atol=1e-9)
 
 
 @settings(max_examples=40)

@@ -1,7 +1,6 @@
 """The compiled growth simulator: event by event, in closed form, without a time step.
 
-The rules are those of the growth model: free growth, sliding on walls, wrapping around vertices,
-release, corners, head-on stops. `vinefab.growth.reference` is the same model in plain Python.
+`vinefab.growth.reference` is the same model in plain Python, with the same names for the rules.
 Everything compiled is in this file, and it imports nothing of ours, because a compiled file does
 not notice when another file changes. The arrays are described in `vinefab.growth.arrays`.
 
@@ -258,7 +257,7 @@ def _sweep_to(walls, rules, vertex, sweep):
 def _first_in_cell(walls, rules, sweep, skip, cell, best):
     """Improve on the first vertex met so far, ``best`` = (vertex, distance, along the body).
 
-    Of vertices met together, the one farthest from the pivot is taken: the body turns about it.
+    Of vertices met together, the farthest is taken: the body turns about it.
     """
     found, nearest, farthest = best
     for k in range(walls.vertex_first[cell], walls.vertex_first[cell + 1]):
@@ -332,7 +331,11 @@ def _length_distance(qx, qy, sx, sy, room):
 
 @compiled
 def _release_distance(growth, tip, base, qx, qy, sx, sy):
-    """Return how far the tip slides until the body straightens over its last contact."""
+    """Return how far the tip slides until the body straightens over its last contact.
+
+    Whole growths never get that far: only a free flight can reverse the turning, and then the
+    corner that it left blocks the turn first. A body that bows off corners will need the rule.
+    """
     if tip.pivot == base or growth.chain_sense[tip.pivot] == tip.sense:
         return math.inf
     ex = growth.points[tip.pivot, 0] - growth.points[tip.pivot - 1, 0]

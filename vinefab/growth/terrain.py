@@ -1,6 +1,7 @@
 """A map made ready for growth: its walls, for the body radii that are asked for."""
 
 import math
+from typing import TypeVar
 
 import shapely
 from shapely import Point
@@ -12,6 +13,8 @@ from vinefab.growth.index import indexed
 from vinefab.growth.walls import walls_of
 from vinefab.model.map import Map, Pose
 
+T = TypeVar("T")
+
 GRID = 2.0**-40
 """Coordinates are rounded to the map's size (a power of two) times this: 1e-9 mm for a metre.
 
@@ -22,6 +25,9 @@ after it, and touching has one meaning everywhere.
 
 SNAP = 1e-9
 """A start outside by up to this share of the map's size is put on the wall it was meant for."""
+
+MOST_RADII = 64
+"""Walls are kept for so many radii, then the oldest are dropped: memory stays bounded."""
 
 ARC_SEGMENTS_PER_QUARTER = 16
 """Rounded corners of inflated bodies: within 0.0012 radii of the true arc."""
@@ -70,12 +76,14 @@ class Terrain:
         """
         if radius_mm not in self._free:
             shrunk = shapely.buffer(self._free[0.0], -radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)
+            _make_room(self._free)
             self._free[radius_mm] = _prepared(shapely.set_precision(shrunk, self.grid_mm))
         return self._free[radius_mm]
 
     def walls(self, radius_mm: float = 0.0) -> WallArrays:
         """Return the walls that a body of some radius meets, indexed, read-only."""
         if radius_mm not in self._walls:
+            _make_room(self._walls)
             self._walls[radius_mm] = indexed(walls_of(self.free_space(radius_mm), self.grid_mm))
         return self._walls[radius_mm]
 
@@ -141,6 +149,12 @@ def _free_space(world: Map, grid_mm: float) -> BaseGeometry:
     # Only obstacles that meet are merged one with another: much faster on scattered ones.
     solid = shapely.disjoint_subset_union_all(list(world.obstacles))
     return _prepared(shapely.difference(world.bounds, solid, grid_size=grid_mm))
+
+
+def _make_room(kept: dict[float, T]) -> None:
+    """Drop the radius that was made first, but never the bare centreline."""
+    while len(kept) >= MOST_RADII:
+        del kept[next(radius_mm for radius_mm in kept if radius_mm > 0.0)]
 
 
 def _prepared(free: BaseGeometry) -> BaseGeometry:

@@ -137,3 +137,10 @@ def test_files_that_are_no_run_are_refused(tmp_path: Path) -> None:
     other.write_text('schema = "vinefab/design-1"')
     with pytest.raises(BadInputError, match="vinefab/run-1"):
         read_run(other)
+
+
+def test_an_unknown_part_is_named_with_the_file(tmp_path):
+    path = tmp_path / "typo.toml"
+    path.write_text('schema = "vinefab/run-1"\n[task]\nname = "covrage"\n')
+    with pytest.raises(UnknownNameError, match=r"typo\.toml: no task is called 'covrage'"):
+        read_run(path)

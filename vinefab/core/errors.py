@@ -5,7 +5,8 @@ caught in one place, the command line, which turns them into that line and exit 
 growth is a result and a broken design rule is a finding; neither is an error.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -63,16 +64,24 @@ class UnreadableFileError(VinefabError, OSError):
 class UnknownNameError(VinefabError, KeyError):
     """A name is not among the known ones; the nearest spelling is offered."""
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+    def __init__(
+        self, kind: str, name: str, known: Iterable[str], source: str | Path | None = None
+    ) -> None:
         self.kind = kind
         self.name = name
         self.known = tuple(sorted(known))
-        super().__init__(kind, name, self.known)
+        self.source = None if source is None else str(source)
+        super().__init__(kind, name, self.known, source)
 
     def __str__(self) -> str:
-        return f"no {self.kind} is called {self.name!r}{nearest(self.name, self.known)}" + (
-            f"; there are: {', '.join(self.known)}" if self.known else "; there are none"
-        )
+        where = f"{self.source}: " if self.source else ""
+        there = f"there are: {', '.join(self.known)}" if self.known else "there are none"
+        hint = nearest(self.name, self.known)
+        return f"{where}no {self.kind} is called {self.name!r}{hint}; {there}"
+
+    def at(self, source: str | Path) -> "UnknownNameError":
+        """Return the same error with the file that it came from."""
+        return type(self)(self.kind, self.name, self.known, source)
 
 
 class ForeignFileError(VinefabError, FileExistsError):
@@ -108,6 +117,15 @@ class ReadBackError(VinefabError, ValueError):
 
     def __str__(self) -> str:
         return f"{self.path}: read back wrong: {self.problem}"
+
+
+@contextmanager
+def located(source: str | Path) -> Iterator[None]:
+    """Say of every wrong value and unknown name in a block which file it came from."""
+    try:
+        yield
+    except (BadInputError, UnknownNameError) as error:
+        raise error.at(source) from error
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import tomli_w
 from pydantic import Field
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, located
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.units import deg, rad
 from vinefab.files.shipped import locate
@@ -101,10 +101,8 @@ def read_design(name_or_path: str | Path) -> Design:
     """
     path = locate("design", name_or_path)
     form = check(DesignForm, read_toml(path), path)
-    try:
+    with located(path):
         return _design(form)
-    except BadInputError as error:
-        raise error.at(path) from error
 
 
 def design_text(design: Design) -> str:

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import located
 from vinefab.files.profile import QuantityForm
 from vinefab.files.shipped import locate
 from vinefab.files.toml import Form, check, read_toml
@@ -45,7 +45,7 @@ def read_printer(name_or_path: str | Path) -> Printer:
     """
     path = locate("printer", name_or_path)
     form = check(PrinterForm, read_toml(path), path)
-    try:
+    with located(path):
         return Printer(
             name=path.stem,
             bed_width_mm=form.bed_width_mm.value,
@@ -55,5 +55,3 @@ def read_printer(name_or_path: str | Path) -> Printer:
             least_wall_mm=form.least_wall_mm.value,
             clearance_mm=form.clearance_mm.value,
         )
-    except BadInputError as error:
-        raise error.at(path) from error

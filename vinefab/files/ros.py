@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 import yaml
 
-from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.errors import BadInputError, UnreadableFileError, located
 from vinefab.core.hashing import sha256_of
 from vinefab.environments.raster import Placement, RasterOptions, raster_map
 from vinefab.environments.trace import Mask
@@ -139,7 +139,7 @@ def import_ros(path: Path, options: RosOptions | None = None) -> Map:
         "cells_unknown": int(free.size - free.sum() - occupied.sum()),
     }
     scale = options.scale_mm_per_unit
-    try:
+    with located(path):
         world = raster_map(
             path.stem,
             free if options.unknown == "obstacle" else ~occupied,
@@ -156,8 +156,6 @@ def import_ros(path: Path, options: RosOptions | None = None) -> Map:
             ),
             facts,
         )
-    except BadInputError as error:
-        raise error.at(path) from error
     return replace(world, environment="ros")
 
 
@@ -217,10 +215,8 @@ def read_ros_yaml(path: Path) -> RosMap:
         raise UnreadableFileError(path, f"is not YAML: {error}") from error
     if not isinstance(data, dict):
         raise UnreadableFileError(path, "is not a ROS map: no keys such as image and resolution")
-    try:
+    with located(path):
         return _ros_map(path, data)
-    except BadInputError as error:
-        raise error.at(path) from error
 
 
 def _ros_map(path: Path, data: dict[str, Any]) -> RosMap:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, located
 from vinefab.core.units import rad
 from vinefab.files.toml import Form, check, read_toml
 from vinefab.growth.options import GrowthOptions
@@ -156,10 +156,8 @@ def read_run(path: Path) -> RunSettings:
         With the file, the key, the value and what is allowed.
     """
     form = check(RunForm, read_toml(path), path)
-    try:
+    with located(path):
         return _settings(form, path)
-    except BadInputError as error:
-        raise error.at(path) from error
 
 
 def _settings(form: RunForm, path: Path) -> RunSettings:

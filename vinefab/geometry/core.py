@@ -75,21 +75,20 @@ def contact(
     radii_mm
         Of the core's disc and of the ball.
     tolerance_mm
-        Which ball that touches the disc's end, at x = 0, counts as touching the parent's side: one
-        whose centre is at a smaller x.
+        Where the disc ends, at x = 0, and the parent's side begins, a ball that would touch the
+        disc at a smaller x than this counts as touching the side.
     """
     core, radius = radii_mm
     found = neck(strip.half_mm, core, radius)
-    out = side * (strip.half_mm + found.radius_mm)
-    center = turned((found.used_mm, out), strip.angle_rad)
-    if center[0] < tolerance_mm and abs(math.sin(strip.angle_rad)) > 1e-9:
-        return _on_parent(strip, side, radii_mm)
     normal = math.remainder(strip.angle_rad + side * found.angle_rad, math.tau)
+    touched = polar(core, normal)
+    if touched[0] < tolerance_mm and abs(math.sin(strip.angle_rad)) > 1e-9:
+        return _on_parent(strip, side, radii_mm)
     return Contact(
         side=side,
         used_mm=found.used_mm,
         side_mm=turned((found.used_mm, side * strip.half_mm), strip.angle_rad),
-        core_mm=polar(core, normal),
+        core_mm=touched,
         zone=DISC,
         normal_rad=normal,
         radius_mm=found.radius_mm,

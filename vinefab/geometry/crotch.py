@@ -65,7 +65,7 @@ class Gap:
 
 
 def crotch_reach_mm(angle_rad: float, first_half_mm: float, second_half_mm: float) -> float:
-    """Return how far from the joint two sides cross; infinite if they never do.
+    """Return how far from the joint the lines of two sides cross; infinite if they never do.
 
     Parameters
     ----------
@@ -93,15 +93,19 @@ def largest_fillet_mm(angle_rad: float, halves_mm: Point, reach_mm: float) -> fl
     halves_mm
         Their half widths.
     reach_mm
-        Distance from the joint to the nearest point of the fillet.
+        Distance from the joint to the nearest point of the fillet, at least the larger half
+        width.
     """
     sin, cos = math.sin(angle_rad), math.cos(angle_rad)
     if angle_rad >= math.pi - 1e-6:
         return math.inf
-    if sin < 1e-9 or crotch_reach_mm(angle_rad, *halves_mm) > reach_mm:
-        return -1.0
     a, b = halves_mm
+    # At an obtuse angle a wide strip hides where the sides' lines cross: that is behind the joint.
+    ahead = min(b + a * cos, a + b * cos) >= 0.0
+    if sin < 1e-9 or (ahead and crotch_reach_mm(angle_rad, a, b) > reach_mm):
+        return -1.0
     square = (1.0 + cos) / (1.0 - cos)
     half_linear = (a + b) / (1.0 - cos) - reach_mm
     constant = (a * a + b * b + 2.0 * a * b * cos) / (sin * sin) - reach_mm * reach_mm
-    return (-half_linear + math.sqrt(half_linear**2 - square * constant)) / square
+    root = math.sqrt(max(0.0, half_linear**2 - square * constant))
+    return (root - half_linear) / square

@@ -173,7 +173,7 @@ def _gap_problems(
             allowed_reach_mm(gap.first, gap.second, joint.disc_mm),
         )
         yield places.problem(ProblemKind.NARROW_CROTCH, joint.level, names, found)
-    elif gap.error_mm > WORST_ERROR_MM:
+    elif gap.error_mm > WORST_ERROR_MM and min(joint.allowed_mm) >= 0.0:
         found = (gap.error_mm, WORST_ERROR_MM)
         yield places.problem(ProblemKind.SHORT_SEGMENT, joint.level, names, found)
 

@@ -120,8 +120,11 @@ def corner_radii_mm(pouch: Pouch, half_mm: float, fillet_mm: float) -> Point:
     inner = min(fillet_mm, shoulder / 2)
     wanted = fillet_mm if fillet_mm > 0.0 else shoulder / 2
     outer = min(wanted, shoulder - inner, length / 4)
-    if 0.0 < shoulder - inner - outer < LEAST_SEGMENT_MM:
-        outer = shoulder - inner if outer < length / 4 else outer - LEAST_SEGMENT_MM
+    # Between the two the shoulder is straight for at least the shortest segment, or not at all.
+    straight = shoulder - inner - outer
+    if 1e-9 < straight < LEAST_SEGMENT_MM:
+        grows = outer + straight <= length / 4
+        outer += straight if grows else straight - LEAST_SEGMENT_MM
     return inner, outer
 
 

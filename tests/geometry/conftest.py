@@ -1,0 +1,367 @@
+"""Designs, and outlines drawn a second time with Shapely in an independent way."""
+
+import contextlib
+import itertools
+import math
+
+import numpy as np
+import pytest
+import shapely
+from shapely import Point, Polygon, affinity
+from shapely.geometry import box
+
+from vinefab.geometry.layout import flat_layout
+from vinefab.geometry.tip import corner_radii_mm
+from vinefab.model.design import Build, Design, Level, Pouch
+from vinefab.model.laser import (
+    LaserProfile,
+    Machine,
+    Material,
+    OperationSettings,
+    Quantity,
+    Recipe,
+    RecipeStatus,
+    Standing,
+)
+
+
+def fan(branches, length_mm, angle_deg, growth=1.0):
+    return Level(
+        branches=branches, length_mm=length_mm, fan_rad=math.radians(angle_deg), growth=growth
+    )
+
+
+def plan(widths, fillets=None, levels=(), *, trunk=120.0, tail=60.0, pouch=None):
+    if fillets is None:
+        fillets = tuple(max(2.0, width / 4) for width in widths[1:])
+    build = Build(widths_mm=widths, fillet_mm=fillets, tail_mm=tail, pouch=pouch)
+    return Design(name="plan", trunk_length_mm=trunk, levels=tuple(levels), build=build)
+
+
+NAMED_DESIGNS = {
+    "plain_vine": plan((40.0,)),
+    "plain_vine_with_pouch": plan((30.0,), pouch=Pouch(shape="round", radius_mm=25.0)),
+    "one_straight_child": plan((40.0, 24.0), levels=[fan(1, 110, 0)]),
+    "three_levels": plan((40.0, 24.0, 14.0), levels=[fan(3, 120, 110), fan(2, 70, 70, 0.7)]),
+    "wide_fan": plan((40.0, 20.0), levels=[fan(4, 110, 285)]),
+    "backward_pair": plan((40.0, 16.0), levels=[fan(2, 150, 270)], trunk=200.0),
+    "narrow_pair": plan((40.0, 24.0), (5.0,), levels=[fan(2, 160, 50)]),
+    "large_fillets": plan((40.0, 20.0), (25.0,), levels=[fan(2, 150, 90)]),
+    "capped_fillets": plan((40.0, 24.0), (30.0,), levels=[fan(2, 150, 45)]),
+    "no_fillets": plan((40.0, 12.0), (0.0,), levels=[fan(3, 110, 150)]),
+    "round_pouches": plan(
+        (40.0, 20.0), levels=[fan(3, 110, 120, 0.6)], pouch=Pouch(shape="round", radius_mm=18.0)
+    ),
+    "rectangular_pouches": plan(
+        (40.0, 20.0),
+        levels=[fan(2, 110, 90)],
+        pouch=Pouch(shape="rectangle", length_mm=50.0, width_mm=44.0),
+    ),
+    "slight_pouches": plan(
+        (40.0, 20.0),
+        levels=[fan(2, 110, 90)],
+        pouch=Pouch(shape="rectangle", length_mm=30.0, width_mm=26.0),
+    ),
+}
+
+
+class Twin:
+    """The same body as a union of plain Shapely shapes; arcs are chords here.
+
+    Capsules, pouches and discs are buffers. A fillet is the space between two shapes and a ball
+    that touches both: where the ball rests is solved with linear algebra, not taken from the walk.
+    """
+
+    def __init__(self, design: Design, tolerance_mm: float) -> None:
+        self.design, self.tolerance_mm = design, tolerance_mm
+        self.layout = flat_layout(design)
+
+    def body(self, beyond_mm: float = 0.0) -> Polygon:
+        """The lumen; with ``beyond_mm`` its tail is drawn out so far beyond the mouth."""
+        layout = self.layout
+        parts = [self.branch(branch, beyond_mm) for branch in range(len(layout.tree))]
+        for leaf in np.flatnonzero(layout.is_leaf):
+            parts += self.pouch(int(leaf))
+        for joint in np.flatnonzero(~layout.is_leaf):
+            parts += self.crotches(int(joint))
+        parts = [piece for part in parts for piece in shapely.get_parts(part) if piece.area > 0]
+        return without_crumbs(union_on_a_grid(parts))
+
+    def branch(self, branch, beyond_mm):
+        """A strip with a round end, unless a pouch takes the end's place."""
+        layout = self.layout
+        half, length = layout.width_mm[branch] / 2, layout.tree.length_mm[branch]
+        back = layout.tail_mm + beyond_mm if branch == 0 else 0.0
+        shape = box(-length - back, -half, 0.0, half)
+        if self.design.build.pouch is None or not layout.is_leaf[branch]:
+            shape = shape.union(self.disc(half))
+        if branch == 0:
+            # A round end may be larger than trunk and tail together: the mouth still cuts it off.
+            shape = shape.intersection(box(-length - back, -half, half, half))
+        return self.at(shape, layout.end_mm[branch], layout.heading_rad[branch])
+
+    def disc(self, radius_mm, place=(0.0, 0.0)):
+        return Point(*place).buffer(radius_mm, quad_segs=self.quad_segs(radius_mm))
+
+    def quad_segs(self, radius_mm):
+        """Chords per quarter circle so that none is farther than the tolerance from its arc."""
+        step = 2 * math.acos(max(0.0, 1 - self.tolerance_mm / max(radius_mm, self.tolerance_mm)))
+        return math.ceil(math.pi / 2 / step)
+
+    def at(self, shape, place, heading_rad):
+        turned = affinity.rotate(shape, heading_rad, origin=(0, 0), use_radians=True)
+        return affinity.translate(turned, *place)
+
+    def between(self, first, second, radius_mm):
+        """What a ball leaves free between two things that it touches.
+
+        Each thing is a strip ("strip", direction, half width, side) from the origin or a disc
+        ("disc", radius) around it.
+        """
+        center = resting_place(first, second, radius_mm)
+        return self.wedge(center, touching(first, center), touching(second, center))
+
+    def wedge(self, center, start, end):
+        """From the origin to a ball's two touching points and round the ball's near side."""
+        first, second = (np.subtract(point, center) for point in (start, end))
+        turn = math.atan2(np.cross([*first, 0], [*second, 0])[2], np.dot(first, second))
+        count = self.quad_segs(math.hypot(*first)) * 2
+        angles = math.atan2(first[1], first[0]) + turn * np.linspace(0, 1, count)
+        ball = center + math.hypot(*first) * np.column_stack([np.cos(angles), np.sin(angles)])
+        return Polygon([(0.0, 0.0), *ball.tolist()])
+
+    def pouch(self, leaf):
+        """The pouch with the fillets of its neck."""
+        pouch, layout = self.design.build.pouch, self.layout
+        if pouch is None:
+            return []
+        half, radius = layout.width_mm[leaf] / 2, layout.fillet_mm[leaf]
+        shapes = []
+        if pouch.shape == "round":
+            shapes.append(self.disc(pouch.radius_mm))
+            for side in (1, -1):
+                strip = ("strip", math.pi, half, side)
+                shapes.append(self.between(strip, ("disc", pouch.radius_mm), radius))
+        else:
+            length, width = pouch.length_mm, pouch.width_mm
+            # Which radii share the shoulder is a rule of its own, and is tested on its own.
+            radius, corner = corner_radii_mm(pouch, half, radius)
+            core = (
+                corner - length / 2,
+                corner - width / 2,
+                length / 2 - corner,
+                width / 2 - corner,
+            )
+            shapes.append(box(*core).buffer(corner, quad_segs=self.quad_segs(corner)))
+            for side in (1, -1):
+                back = -length / 2 - radius
+                center = np.array([back, side * (half + radius)])
+                shapes.append(self.wedge(center, (back + radius, center[1]), (back, side * half)))
+        if leaf == 0:
+            # A pouch may be larger than trunk and tail together: the mouth still cuts it off.
+            back = layout.tree.length_mm[0] + layout.tail_mm
+            shapes = [shape.intersection(box(-back, -1e4, 1e4, 1e4)) for shape in shapes]
+        place, heading = layout.end_mm[leaf], layout.heading_rad[leaf]
+        return [self.at(shape, place, heading) for shape in shapes]
+
+    def crotches(self, joint):
+        layout = self.layout
+        children = np.flatnonzero(layout.tree.parent == joint)
+        half, heading = layout.width_mm / 2, layout.heading_rad
+        around = [(heading[joint] - math.pi, half[joint], joint)]
+        around += [(heading[child], half[child], child) for child in children]
+        around += [(heading[joint] + math.pi, half[joint], joint)]
+        shapes = []
+        for first, second in itertools.pairwise(around):
+            shapes += self.crotch(joint, first, second, layout.fillet_mm[children[0]])
+        return [affinity.translate(shape, *layout.end_mm[joint]) for shape in shapes]
+
+    def crotch(self, joint, first, second, designed_mm):
+        """Fill between any two things around the joint that a ball in the gap can rest on."""
+        half, back = self.layout.width_mm[joint] / 2, self.layout.heading_rad[joint] + math.pi
+        one, two = ("strip", *first[:2], 1), ("strip", *second[:2], -1)
+        # All parents of a level are treated alike, by the shortest of them.
+        shorter = min(self.shortest(first[2], joint), self.shortest(second[2], joint))
+        radius = min(designed_mm, largest_radius(one, two, max(shorter / 2, half)))
+        if radius <= 0:
+            return []
+        core = [("disc", half), ("strip", back, half, 1), ("strip", back, half, -1)]
+        pairs = [(one, two)] if first[2] != joint and second[2] != joint else []
+        pairs += [(one, rest) for rest in core if first[2] != joint]
+        pairs += [(two, rest) for rest in core if second[2] != joint]
+        solids = [whole(thing) for thing in (one, two, *core)]
+        return [
+            self.between(*pair, radius)
+            for pair in pairs
+            if comes_to_rest(pair, radius, solids) and between_directions(pair, radius, one, two)
+        ]
+
+    def shortest(self, branch, joint):
+        layout = self.layout
+        if branch == joint:
+            alike = layout.tree.level == layout.tree.level[joint]
+            return float(layout.tree.length_mm[alike].min())
+        return float(layout.tree.length_mm[branch])
+
+
+def whole(thing):
+    """The shape of a thing, for distances: a long box or a disc."""
+    if thing[0] == "disc":
+        return Point(0, 0).buffer(thing[1], quad_segs=512)
+    flat = box(0, -thing[2], 1e5, thing[2])
+    return affinity.rotate(flat, thing[1], origin=(0, 0), use_radians=True)
+
+
+def comes_to_rest(pair, radius_mm, solids):
+    """Whether the ball that touches both lines really touches both things and nothing more."""
+    try:
+        center = resting_place(*pair, radius_mm)
+    except (np.linalg.LinAlgError, ValueError):
+        return False
+    gaps = [whole(thing).distance(Point(*center)) - radius_mm for thing in pair]
+    free = min(solid.distance(Point(*center)) for solid in solids) - radius_mm
+    return max(map(abs, gaps)) < 1e-3 and free > -1e-3
+
+
+def between_directions(pair, radius_mm, one, two):
+    """Whether the ball lies counter-clockwise of the first strip and clockwise of the second."""
+    x, y = resting_place(*pair, radius_mm)
+    angle = (math.atan2(y, x) - one[1]) % math.tau
+    return angle < two[1] - one[1]
+
+
+def union_on_a_grid(parts):
+    """Touching edges differ by rounding and GEOS may trip over them, but not on every grid."""
+    for grid_mm in (1e-8, 1e-7, 1e-6):
+        with contextlib.suppress(shapely.GEOSException):
+            return shapely.union_all(parts, grid_size=grid_mm)
+    return shapely.union_all(parts)
+
+
+def without_crumbs(shape):
+    """Without the slivers that rounding leaves beside touching edges."""
+    parts = [part for part in shapely.get_parts(shape) if part.area > 1e-5]
+    return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
+
+
+def direction(angle_rad):
+    return np.array([math.cos(angle_rad), math.sin(angle_rad)])
+
+
+def outward(strip):
+    """Unit vector from a strip's axis to the side in question."""
+    _, angle, _, side = strip
+    return side * np.array([-math.sin(angle), math.cos(angle)])
+
+
+def resting_place(first, second, radius_mm):
+    """Centre of the ball that touches both things from outside."""
+    if second[0] == "strip":
+        rows = np.array([outward(first), outward(second)])
+        return np.linalg.solve(rows, [first[2] + radius_mm, second[2] + radius_mm])
+    away = second[1] + radius_mm
+    rise = first[2] + radius_mm
+    return rise * outward(first) + math.sqrt(away**2 - rise**2) * direction(first[1])
+
+
+def touching(thing, center):
+    """Where a ball around ``center`` touches a thing."""
+    if thing[0] == "disc":
+        return thing[1] * center / math.hypot(*center)
+    return center - outward(thing) * (np.dot(outward(thing), center) - thing[2])
+
+
+def largest_radius(first, second, reach_mm):
+    """The cap by angle, by bisection on how near to the joint the ball's nearest point is."""
+    if second[1] - first[1] >= math.pi - 1e-6:
+        return math.inf
+
+    def nearest(radius):
+        center = resting_place(first, second, radius)
+        ahead = min(np.dot(center, direction(strip[1])) for strip in (first, second)) >= 0.0
+        return math.hypot(*center) - radius if ahead else 0.0
+
+    if nearest(0.0) > reach_mm:
+        return 0.0
+    low, high = 0.0, 1e6
+    for _ in range(100):
+        middle = (low + high) / 2
+        low, high = (middle, high) if nearest(middle) <= reach_mm else (low, middle)
+    return low
+
+
+@pytest.fixture(scope="session")
+def twin():
+    """Return how to draw a design with Shapely."""
+    return Twin
+
+
+@pytest.fixture(scope="session")
+def make_plan():
+    """Return how to make a small design: widths, fillets, levels."""
+    return plan
+
+
+@pytest.fixture(scope="session")
+def make_fan():
+    """Return how to make a level: branches, length in mm, fan in degrees, growth."""
+    return fan
+
+
+@pytest.fixture(params=NAMED_DESIGNS.values(), ids=NAMED_DESIGNS.keys())
+def sound_design(request):
+    """Each kind of joint and tip in a design that has an exact outline."""
+    return request.param
+
+
+def _known(value):
+    return Quantity(value=value, standing=Standing.ASSUMED, source="a test's own number")
+
+
+def _settings(seam_mm, kerf_mm, overcut_mm):
+    number = {"power_percent", "min_power_percent", "speed_mm_s", "frequency_hz", "spot_mm"}
+    return OperationSettings(
+        **{name: _known(10.0) for name in number},
+        focus_offset_mm=_known(0.0),
+        passes=1,
+        air_assist=False,
+        seam_width_mm=_known(seam_mm),
+        kerf_mm=_known(kerf_mm),
+        overcut_mm=_known(overcut_mm),
+    )
+
+
+@pytest.fixture
+def profile():
+    """A 600 x 400 mm bed with 10 mm margins; seam 0.4, kerf 0.3, overcut of cuts 2 mm."""
+    machine = {
+        "bed_width_mm": 600.0,
+        "bed_height_mm": 400.0,
+        "margin_mm": 10.0,
+        "power_w": 60.0,
+        "spot_mm": 0.2,
+        "rayleigh_mm": 3.0,
+        "speed_max_mm_s": 500.0,
+        "acceleration_mm_s2": 3000.0,
+    }
+    material = ("ply_mm", "roll_width_mm", "density_kg_m3", "modulus_mpa", "strength_mpa")
+    material += ("friction", "burst_kpa", "burst_width_mm")
+    return LaserProfile(
+        machine=Machine(
+            name="bed", title="A bed", **{name: _known(value) for name, value in machine.items()}
+        ),
+        material=Material(
+            name="film",
+            title="A film",
+            plies=2,
+            weldable=True,
+            **{name: _known(1.0) for name in material},
+        ),
+        recipe=Recipe(
+            name="bed__film",
+            title="A film on a bed",
+            status=RecipeStatus.UNVERIFIED,
+            source="a test",
+            operations={"weldcut": _settings(0.4, 0.3, 3.0), "cut": _settings(0.0, 0.2, 2.0)},
+        ),
+    )

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vinefab.geometry.crotch import Strip, crotch_reach_mm, largest_fillet_mm
-from vinefab.geometry.gap import settled_fillet_mm, solve_gap
+from vinefab.geometry.gap import solve_gap
 from vinefab.geometry.neck import neck
 from vinefab.model.outline import Part
 
@@ -66,19 +66,16 @@ def test_narrow_gap_has_one_fillet_and_a_wide_one_shows_the_disc():
     assert narrow.reach_mm == pytest.approx(15.0 / math.sin(math.radians(25)) - 5.0)
 
 
-def test_fillet_grows_a_little_where_the_disc_would_barely_show():
+def test_disc_that_would_barely_show_is_passed_over_and_the_error_is_told():
     # Where a ball of 5 mm rests on side and disc: its angle from the strip's axis.
     angle = math.degrees(math.asin(15 / 25))
-    barely = child(-angle - 0.05), child(angle + 0.05, owner=2)
-    clearly = child(-angle - 0.1), child(angle + 0.1, owner=2)
-    radius = settled_fillet_mm(*barely, 20.0, 5.0)
-    assert 5.0 < radius < 5.1
-    gap = solve_gap(*barely, 20.0, radius)
-    assert [piece.part for piece in gap.run.pieces] == [Part.FILLET]
-    assert gap.reach_mm == pytest.approx(20.0)
-    assert gap.error_mm < 1e-9
-    assert settled_fillet_mm(*clearly, 20.0, 5.0) == 5.0
-    assert Part.JOINT in [piece.part for piece in solve_gap(*clearly, 20.0, 5.0).run.pieces]
+    barely = solve_gap(child(-angle - 0.05), child(angle + 0.05, owner=2), 20.0, 5.0)
+    clearly = solve_gap(child(-angle - 0.1), child(angle + 0.1, owner=2), 20.0, 5.0)
+    assert [(piece.part, barely.radius_mm) for piece in barely.run.pieces] == [(Part.FILLET, 5.0)]
+    assert 0.01 < barely.error_mm < 0.05
+    assert barely.error_mm == pytest.approx(20.0 - barely.reach_mm)
+    assert Part.JOINT in [piece.part for piece in clearly.run.pieces]
+    assert clearly.error_mm == 0.0
 
 
 def test_bare_corner_over_a_disc_that_barely_shows_says_how_far_off_it_is():

@@ -19,7 +19,7 @@ from vinefab.model.tree import child_lengths_mm
 LEAST_STEP_MM = 0.1
 """A child must be narrower than its parent, and a pouch wider than its branch, by this much."""
 
-WORST_ERROR_MM = 0.01
+WORST_ERROR_MM = 0.002
 """An arc too short to draw may become a corner that is this far from the exact shape."""
 
 

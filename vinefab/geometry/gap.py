@@ -28,6 +28,10 @@ class _Radii:
 def solve_gap(first: Strip, second: Strip, core_mm: float, fillet_mm: float) -> Gap:
     """Return the walk between two neighbours at a joint.
 
+    Between two fillets the core shows for at least the shortest segment, or not at all. Where it
+    would show for less, one ball that rests on both sides presses into it: no radius is bent to
+    make it fit, and the gap says how far off that is.
+
     Parameters
     ----------
     first, second
@@ -43,34 +47,6 @@ def solve_gap(first: Strip, second: Strip, core_mm: float, fillet_mm: float) -> 
     if hidden:
         return _between_children(first, second, radii)
     return _past_core((first, second), (one, two), radii)
-
-
-def settled_fillet_mm(first: Strip, second: Strip, core_mm: float, fillet_mm: float) -> float:
-    """Return the fillet radius asked for, or a little more where the core would barely show.
-
-    Between two fillets the core must show for at least the shortest segment, or not at all. Where
-    it would show for less, the radius grows until one ball rests on both sides and the core at
-    once: some hundredths of a millimetre, and the outline stays where it is.
-
-    Parameters
-    ----------
-    first, second, core_mm, fillet_mm
-        As in `solve_gap`.
-    """
-    if fillet_mm == 0.0 or PARENT in (first.owner, second.owner):
-        return fillet_mm
-
-    def shown_mm(radius_mm: float) -> float:
-        one, two = _contacts(first, second, _Radii(core_mm=core_mm, fillet_mm=radius_mm))
-        return 0.0 if one is None or two is None else _shown_mm(one, two)
-
-    if not 0.0 < shown_mm(fillet_mm) < LEAST_SEGMENT_MM:
-        return fillet_mm
-    low, high = fillet_mm, 2.0 * fillet_mm + LEAST_SEGMENT_MM
-    for _ in range(60):
-        middle = (low + high) / 2.0
-        low, high = (middle, high) if shown_mm(middle) > 0.0 else (low, middle)
-    return high
 
 
 def _contacts(first: Strip, second: Strip, radii: _Radii) -> tuple[Contact | None, Contact | None]:

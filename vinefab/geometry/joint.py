@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from vinefab.geometry.crotch import Gap, Strip, largest_fillet_mm
-from vinefab.geometry.gap import settled_fillet_mm, solve_gap
+from vinefab.geometry.gap import solve_gap
 from vinefab.model.design import Design
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 
@@ -60,7 +60,7 @@ def joint_of(design: Design, level: int, offset_mm: float) -> Joint:
     for first, second in pairwise(strips):
         angle, halves = second.angle_rad - first.angle_rad, (first.half_mm, second.half_mm)
         most = largest_fillet_mm(angle, halves, allowed_reach_mm(first, second, disc))
-        radius = settled_fillet_mm(first, second, disc, max(0.0, min(designed, most)))
+        radius = max(0.0, min(designed, most))
         # Beyond its own radius an outward offset turns a fillet into a corner: exactly what
         # rolling a ball around the body gives.
         drawn = max(0.0, radius - offset_mm)

@@ -231,3 +231,12 @@ def test_problem_of_a_level_is_told_once_with_its_count(make_plan, make_fan):
 def test_sub_millimetre_fillet_at_a_sharp_angle_is_named_not_lost(make_plan, make_fan):
     outline = body_outline(make_plan((40.0, 24.0), (0.015,), [make_fan(2, 200, 30)]))
     assert kinds(outline) == {ProblemKind.SHORT_SEGMENT}
+
+
+def test_disc_that_shows_for_less_than_a_segment_is_named(make_plan, make_fan):
+    # Balls of 5 mm on both sides leave 0.03 mm of the joint's disc between them.
+    angle_deg = 2 * math.degrees(math.asin(15 / 25)) + 0.1
+    outline = body_outline(make_plan((40.0, 20.0), (5.0,), [make_fan(2, 150, angle_deg)]))
+    assert [(p.kind, p.branches) for p in outline.problems] == [
+        (ProblemKind.SHORT_SEGMENT, ("0.0", "0.1"))
+    ]

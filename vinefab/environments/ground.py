@@ -18,6 +18,10 @@ another map.
 """
 
 
+_STRAIGHT_MM2 = 0.5 * 10.0 ** (-2 * DECIMALS)
+"""Twice the area of a triangle whose corners count as on one line."""
+
+
 def rounded(points_mm: Floats) -> Floats:
     """Return points on the grid of `DECIMALS`, without negative zeros."""
     return np.asarray(np.round(points_mm, DECIMALS) + 0.0, dtype=np.float64)
@@ -55,3 +59,36 @@ def upward_start(x_mm: float, y_mm: float, spreads: tuple[float, float, float]) 
         spread_y_mm=spreads[1],
         spread_heading_rad=spreads[2],
     )
+
+
+def canonical(geometry: BaseGeometry) -> tuple[Polygon, ...]:
+    """Return the polygons of a geometry, written the same way whatever order they came in.
+
+    Coordinates are rounded, corners on a straight line between their neighbours left out, rings
+    begin at their smallest corner (outer ones counter-clockwise, holes clockwise) and polygons
+    are sorted by theirs. Libraries of geometry leave all of this open.
+    """
+    parts = [part for part in shapely.get_parts(geometry) if isinstance(part, Polygon)]
+    rings = [_rings(part) for part in parts if part.area > 0.0]
+    rings.sort(key=lambda own: own[0].tolist())
+    return tuple(Polygon(own[0], own[1:]) for own in rings)
+
+
+def _rings(polygon: Polygon) -> list[Floats]:
+    outer = _ring(shapely.get_coordinates(polygon.exterior), clockwise=False)
+    holes = [_ring(shapely.get_coordinates(ring), clockwise=True) for ring in polygon.interiors]
+    return [outer, *sorted(holes, key=lambda ring: ring.tolist())]
+
+
+def _ring(closed_mm: Floats, *, clockwise: bool) -> Floats:
+    points = rounded(closed_mm[:-1])
+    points = points[(points != np.roll(points, 1, axis=0)).any(axis=1)]
+    before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
+    turns = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    points = points[np.abs(turns) > _STRAIGHT_MM2]
+    x, y = points.T
+    area = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    if (area < 0.0) != clockwise:
+        points = points[::-1]
+    first = int(np.lexsort((points[:, 1], points[:, 0]))[0])
+    return np.asarray(np.roll(points, -first, axis=0))

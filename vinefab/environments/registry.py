@@ -9,7 +9,9 @@ from typing import Any
 
 from vinefab.core.registry import Registry
 from vinefab.environments.cave import CaveOptions, cave_map
+from vinefab.environments.corridors import CorridorsOptions, corridors_map
 from vinefab.environments.grid import GridOptions, grid_map
+from vinefab.environments.pegs import PegsOptions, pegs_map
 from vinefab.model.map import Map
 
 
@@ -44,6 +46,16 @@ ENVIRONMENTS: Registry[Environment] = Registry(
             description="interconnected closed passages and chambers in solid rock",
             options=CaveOptions,
             make=cave_map,
+        ),
+        "corridors": Environment(
+            description="a floor plan of halls, rooms and doors",
+            options=CorridorsOptions,
+            make=corridors_map,
+        ),
+        "pegs": Environment(
+            description="a peg board: round pegs in some holes of a lattice",
+            options=PegsOptions,
+            make=pegs_map,
         ),
     },
 )

@@ -33,7 +33,7 @@ class StartRange(Protocol):
 
 
 def check_starts(
-    options: StartRange, room_mm: tuple[float, float], count: int = 1, floor_mm: float = 0.0
+    options: StartRange, room_mm: tuple[float, float], count: int = 1, least_mm: float = 0.0
 ) -> None:
     """Raise BadInputError unless the ranges of the starts and their clearance have room.
 
@@ -45,17 +45,17 @@ def check_starts(
         Width and height of where starts with their clearance must fit.
     count
         Starts side by side.
-    floor_mm
-        Least distance to the lower side, where that is more than the clearance.
+    least_mm
+        Clearance, where that is more than the one asked for.
     """
     width_mm, height_mm = room_mm
     number("start_clearance_mm", options.start_clearance_mm, 0.0, width_mm, "mm")
     number("start_spread_x_mm", options.start_spread_x_mm, 0.0, width_mm, "mm")
     number("start_spread_y_mm", options.start_spread_y_mm, 0.0, height_mm, "mm")
     number("start_spread_heading_deg", options.start_spread_heading_deg, 0.0, 180.0, "deg")
-    wide_mm = 2.0 * (options.start_spread_x_mm + options.start_clearance_mm)
-    below_mm = max(options.start_clearance_mm, floor_mm)
-    high_mm = 2.0 * options.start_spread_y_mm + below_mm + options.start_clearance_mm
+    clear_mm = max(options.start_clearance_mm, least_mm)
+    wide_mm = 2.0 * (options.start_spread_x_mm + clear_mm)
+    high_mm = 2.0 * (options.start_spread_y_mm + clear_mm)
     if wide_mm > width_mm / count or high_mm > height_mm:
         raise BadInputError(
             "start_clearance_mm",
@@ -65,7 +65,7 @@ def check_starts(
 
 
 def lower_starts(
-    options: StartRange, width_mm: float, count: int = 1, floor_mm: float = 0.0
+    options: StartRange, width_mm: float, count: int = 1, least_mm: float = 0.0
 ) -> tuple[Start, ...]:
     """Return starts evenly spread along the lower side, launching straight up.
 
@@ -77,15 +77,15 @@ def lower_starts(
         Length of the lower side, from the origin along +x.
     count
         How many; one stands in the middle.
-    floor_mm
-        Least y of a starting position, where that is more than the clearance.
+    least_mm
+        Clearance, where that is more than the one asked for.
     """
     spreads = (
         options.start_spread_x_mm,
         options.start_spread_y_mm,
         math.radians(options.start_spread_heading_deg),
     )
-    y_mm = max(options.start_clearance_mm, floor_mm) + options.start_spread_y_mm
+    y_mm = max(options.start_clearance_mm, least_mm) + options.start_spread_y_mm
     pitch_mm = width_mm / count
     return tuple(upward_start((index + 0.5) * pitch_mm, y_mm, spreads) for index in range(count))
 

@@ -1,0 +1,157 @@
+"""The Corridors environment: a floor plan of halls, rooms and doors."""
+
+from dataclasses import asdict, dataclass
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.rng import child
+from vinefab.environments.doors import DoorRules, doorways, walls_between
+from vinefab.environments.floor import FloorLimits, Region, floor_plan
+from vinefab.environments.ground import box
+from vinefab.environments.starts import check_starts, lower_starts
+from vinefab.model.checked import number, positive, whole
+from vinefab.model.map import Map, Start
+
+_STREAM = 1601
+_MOST_ROOMS = 2000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CorridorsOptions:
+    """What instances of one Corridors environment have in common.
+
+    Parameters
+    ----------
+    width_mm, height_mm
+        Size of the floor.
+    halls
+        Corridors. Each divides the largest part of the floor that is left; those that meet are
+        open to each other.
+    hall_width_mm
+        Their width.
+    room_min_mm
+        Least width and depth of a room.
+    room_max_mm
+        Wider or deeper rooms are divided, unless a start stands where the wall would be.
+    wall_mm
+        Thickness of the walls.
+    door_mm
+        Width of the doors. A door keeps ``wall_mm`` to the corners of the room.
+    loops
+        Share, 0 to 1, of the possible further doors that are open, besides those that make every
+        room reachable. These lead to a hall wherever a room has one beside it.
+    start_clearance_mm
+        Least distance from every possible starting position to walls; the start is in the middle
+        of the lower side, in a room or in a hall.
+    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
+        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
+
+    Raises
+    ------
+    BadInputError
+        If a value is out of range, or doors do not fit in the rooms' walls.
+    """
+
+    width_mm: float = 500.0
+    height_mm: float = 500.0
+    halls: int = 3
+    hall_width_mm: float = 42.0
+    room_min_mm: float = 84.0
+    room_max_mm: float = 180.0
+    wall_mm: float = 6.0
+    door_mm: float = 26.0
+    loops: float = 0.15
+    start_clearance_mm: float = 15.0
+    start_spread_x_mm: float = 10.0
+    start_spread_y_mm: float = 0.0
+    start_spread_heading_deg: float = 30.0
+
+    def __post_init__(self) -> None:
+        positive("width_mm", self.width_mm, 1e6)
+        positive("height_mm", self.height_mm, 1e6)
+        whole("halls", self.halls, 0, 100)
+        positive("wall_mm", self.wall_mm, self.width_mm)
+        positive("door_mm", self.door_mm, self.width_mm)
+        number("loops", self.loops, 0.0, 1.0)
+        number("hall_width_mm", self.hall_width_mm, self.door_wall_mm, self.width_mm, "mm")
+        # So that half of any room's wall has room for a door: see `doorways`.
+        least_mm = 2.0 * self.door_wall_mm + self.wall_mm
+        shorter_mm = min(self.width_mm, self.height_mm)
+        number("room_min_mm", self.room_min_mm, least_mm, shorter_mm, "mm")
+        least_mm = 2.0 * self.room_min_mm + self.wall_mm
+        number("room_max_mm", self.room_max_mm, least_mm, 2e6, "mm")
+        if self.width_mm * self.height_mm > _MOST_ROOMS * self.room_min_mm**2:
+            least_mm = (self.width_mm * self.height_mm / _MOST_ROOMS) ** 0.5
+            raise BadInputError("room_min_mm", self.room_min_mm, f"at least {least_mm:.4g} mm")
+        check_starts(self, (self.width_mm, self.height_mm), 1, 0.5 * self.door_mm)
+
+    @property
+    def passage_mm(self) -> float:
+        """Width of a round body that gets into every room: that of the doors, to 1e-4 mm."""
+        return self.door_mm
+
+    @property
+    def door_wall_mm(self) -> float:
+        """Length of wall that a door needs, with what it keeps to the corners."""
+        return self.door_mm + 2.0 * self.wall_mm
+
+
+def corridors_map(seed: int, options: CorridorsOptions | None = None) -> Map:
+    """Make one instance of a Corridors environment.
+
+    The floor is divided into halls and rooms by straight walls; doors make all of them
+    reachable. No way between two rooms is narrower than a door. Every possible starting position
+    has ``start_clearance_mm``, and at least half a door's width, to all walls.
+
+    Parameters
+    ----------
+    seed
+        At least 0; the same seed and options give the same map on any machine.
+    options
+        What to make; the defaults when None.
+
+    Returns
+    -------
+    Map
+        ``environment`` is ``corridors``; ``facts`` hold the options and the number of rooms.
+
+    Raises
+    ------
+    BadInputError
+        If the halls do not fit.
+
+    Examples
+    --------
+    >>> corridors_map(1).free_space.geom_type
+    'Polygon'
+    """
+    options = options or CorridorsOptions()
+    whole("seed", seed, 0, 2**63 - 1)
+    half_mm = 0.5 * options.door_mm
+    starts = lower_starts(options, options.width_mm, 1, half_mm)
+    limits = FloorLimits(
+        hall_mm=options.hall_width_mm,
+        room_min_mm=options.room_min_mm,
+        room_max_mm=options.room_max_mm,
+        wall_mm=options.wall_mm,
+        keep_out=_around(starts[0], max(options.start_clearance_mm, half_mm)),
+    )
+    floor = Region(0.0, 0.0, options.width_mm, options.height_mm)
+    rng = child(seed, _STREAM)
+    regions = floor_plan(rng, floor, options.halls, limits)
+    doors = doorways(rng, regions, DoorRules(options.wall_mm, options.door_mm, options.loops))
+    bounds = box(options.width_mm, options.height_mm)
+    return Map(
+        name=f"corridors_{seed}",
+        bounds=bounds,
+        obstacles=walls_between(bounds, [*regions, *doors]),
+        starts=starts,
+        environment="corridors",
+        seed=seed,
+        facts={**asdict(options), "rooms": sum(not region.hall for region in regions)},
+    )
+
+
+def _around(start: Start, clear_mm: float) -> Region:
+    half_x_mm, half_y_mm = start.spread_x_mm + clear_mm, start.spread_y_mm + clear_mm
+    x_mm, y_mm = start.pose.x_mm, start.pose.y_mm
+    return Region(x_mm - half_x_mm, y_mm - half_y_mm, x_mm + half_x_mm, y_mm + half_y_mm)

@@ -35,10 +35,26 @@ def compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba disp
     The cache goes beside this file or, if that folder is read-only, to the user's cache folder.
     Where neither can be written to, the code is compiled anew in every process.
     """
+    return _jit(function, forceinline=False)
+
+
+def inlined(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba dispatcher
+    """Compile a function into its callers.
+
+    Without it, every call copies the descriptions of some twenty arrays: most of the time of a
+    growth, which is made of many calls that do little.
+    """
+    return _jit(function, forceinline=True)
+
+
+def _jit(function: Callable[..., Any], *, forceinline: bool) -> Any:  # noqa: ANN401  as above
+    # Nothing here makes an array, so that nothing needs the run-time that counts references to
+    # arrays: atomic additions at every call, and half of the time of a growth (numba 0.68).
+    options = {"nogil": True, "error_model": "numpy", "_nrt": False, "forceinline": forceinline}
     try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        return numba.njit(cache=True, **options)(function)
     except RuntimeError:
-        return numba.njit(nogil=True, error_model="numpy")(function)
+        return numba.njit(**options)(function)
 
 
 class Tip(NamedTuple):
@@ -75,13 +91,13 @@ class Tip(NamedTuple):
 # --- The rules that decide the answer, one function each --------------------------------------
 
 
-@compiled
+@inlined
 def presses(walls, rules, ux, uy, wall):
     """Tell whether a body that points along u presses on a wall: u.n < 0."""
     return ux * -walls.wall[wall, 3] + uy * walls.wall[wall, 2] < -rules.tolerance_rad
 
 
-@compiled
+@inlined
 def is_head_on(walls, rules, ux, uy, wall):
     """Tell whether a tip that meets a wall stops: the angle between u and -n is small."""
     tx, ty = walls.wall[wall, 2], walls.wall[wall, 3]
@@ -90,19 +106,19 @@ def is_head_on(walls, rules, ux, uy, wall):
     return math.atan2(along, against) <= rules.head_on_half_angle_rad + rules.tolerance_rad
 
 
-@compiled
+@inlined
 def slide_sense(walls, ux, uy, wall):
     """Return +1 if the tip slides along the wall's tangent, -1 if against it: sign(u.t)."""
     return 1.0 if ux * walls.wall[wall, 2] + uy * walls.wall[wall, 3] >= 0.0 else -1.0
 
 
-@compiled
+@inlined
 def leaves_at_end(walls, rules, ux, uy, following):
     """Tell whether a tip at a convex end of its wall leaves: it does not press on the next wall."""
     return not presses(walls, rules, ux, uy, following)
 
 
-@compiled
+@inlined
 def is_wedged(walls, rules, wall, sense, first):
     """Tell whether sliding on ``wall`` would drive the tip back into the wall it comes from."""
     sx, sy = sense * walls.wall[wall, 2], sense * walls.wall[wall, 3]
@@ -112,7 +128,7 @@ def is_wedged(walls, rules, wall, sense, first):
 # --- What the tip meets -----------------------------------------------------------------------
 
 
-@compiled
+@inlined
 def _passes_end(walls, rules, dx, dy, wall, at_end, distance):
     """Tell whether a ray through an end of a wall that faces it goes by.
 
@@ -130,7 +146,7 @@ def _passes_end(walls, rules, dx, dy, wall, at_end, distance):
     return run_up * facing > 4.0 * rules.tolerance_mm
 
 
-@compiled
+@inlined
 def _meeting(walls, rules, ox, oy, dx, dy, wall):
     """Return how far along a ray a wall is met, and where on it; infinity if it is not.
 
@@ -170,7 +186,7 @@ def _meeting(walls, rules, ox, oy, dx, dy, wall):
     return distance, place
 
 
-@compiled
+@inlined
 def _nearest_in_cell(walls, rules, ray, skip, cell, best):
     """Improve on the nearest wall found so far with those of one cell.
 
@@ -195,7 +211,7 @@ def _nearest_in_cell(walls, rules, ray, skip, cell, best):
     return found, nearest, at, gentlest
 
 
-@compiled
+@inlined
 def _wall_ahead(walls, rules, ray, skip, reach):
     """Return the first wall that a ray meets within reach, how far away, and where on the wall.
 
@@ -227,7 +243,7 @@ def _wall_ahead(walls, rules, ray, skip, reach):
     return best[0], best[1], best[2]
 
 
-@compiled
+@inlined
 def _sweep_to(walls, rules, vertex, sweep):
     """Return how far the tip slides until the turning body meets a vertex; infinity if never.
 
@@ -253,7 +269,7 @@ def _sweep_to(walls, rules, vertex, sweep):
     return sense * (qx * vy - qy * vx) / closing
 
 
-@compiled
+@inlined
 def _first_in_cell(walls, rules, sweep, skip, cell, best):
     """Improve on the first vertex met so far, ``best`` = (vertex, distance, along the body).
 
@@ -273,7 +289,7 @@ def _first_in_cell(walls, rules, sweep, skip, cell, best):
     return found, nearest, farthest
 
 
-@compiled
+@inlined
 def _band(ax, ay, bx, by, low, high, span):
     """Widen ``span`` to the x that an edge from a to b takes between two heights."""
     if max(ay, by) < low or min(ay, by) > high:
@@ -286,7 +302,7 @@ def _band(ax, ay, bx, by, low, high, span):
     return min(span[0], x_one, x_two), max(span[1], x_one, x_two)
 
 
-@compiled
+@inlined
 def _vertex_swept(walls, rules, sweep, skip, reach):
     """Return the first vertex that the body meets while its tip slides as far as ``reach``.
 
@@ -319,7 +335,7 @@ def _vertex_swept(walls, rules, sweep, skip, reach):
 # --- What ends a slide ------------------------------------------------------------------------
 
 
-@compiled
+@inlined
 def _length_distance(qx, qy, sx, sy, room):
     """Return how far the tip slides until the body from the pivot is ``room`` long."""
     along = qx * sx + qy * sy
@@ -329,7 +345,7 @@ def _length_distance(qx, qy, sx, sy, room):
     return short / (along + math.sqrt(along * along + short))
 
 
-@compiled
+@inlined
 def _release_distance(growth, tip, base, qx, qy, sx, sy):
     """Return how far the tip slides until the body straightens over its last contact.
 
@@ -346,7 +362,7 @@ def _release_distance(growth, tip, base, qx, qy, sx, sy):
     return max(0.0, -tip.sense * (ex * qy - ey * qx)) / closing
 
 
-@compiled
+@inlined
 def _moved(walls, rules, growth, tip, distance):
     """Return the tip after sliding on along its wall."""
     wall = tip.wall
@@ -357,7 +373,7 @@ def _moved(walls, rules, growth, tip, distance):
     return Tip(x, y, ux, uy, tip.pivot, wall, place, tip.sense, NO_POINT, GROWING)
 
 
-@compiled
+@inlined
 def _heading(rules, growth, tip, x, y):
     """Return the unit vector from pivot to (x, y); the heading so far if they coincide."""
     qx, qy = x - growth.points[tip.pivot, 0], y - growth.points[tip.pivot, 1]
@@ -367,14 +383,14 @@ def _heading(rules, growth, tip, x, y):
     return qx / reach, qy / reach
 
 
-@compiled
+@inlined
 def _stopped(tip, stop):
     return Tip(
         tip.x, tip.y, tip.ux, tip.uy, tip.pivot, tip.wall, tip.place, tip.sense, NO_POINT, stop
     )
 
 
-@compiled
+@inlined
 def _meet(walls, rules, tip, wall, place):
     """Return the tip after meeting a wall: stopped, or about to slide on it."""
     if tip.wall != NO_WALL and not presses(walls, rules, tip.ux, tip.uy, wall):
@@ -389,7 +405,7 @@ def _meet(walls, rules, tip, wall, place):
     return Tip(x, y, tip.ux, tip.uy, tip.pivot, wall, place, sense, NO_POINT, GROWING)
 
 
-@compiled
+@inlined
 def _place_on(walls, x, y, wall):
     """Return how far along a wall the point nearest to (x, y) is."""
     rx, ry = x - walls.wall[wall, 0], y - walls.wall[wall, 1]
@@ -397,7 +413,7 @@ def _place_on(walls, x, y, wall):
     return min(max(along, 0.0), walls.wall[wall, 4])
 
 
-@compiled
+@inlined
 def _reach_end(walls, rules, tip):
     """Return the tip after reaching the end of its wall: on the next wall, free, or stopped."""
     wall, forward = tip.wall, tip.sense > 0.0
@@ -419,7 +435,7 @@ def _reach_end(walls, rules, tip):
 # --- The two kinds of growth ------------------------------------------------------------------
 
 
-@compiled
+@inlined
 def _grow_free(walls, rules, growth, tip, length):
     """Return the tip after growing along its heading as far as possible (rule 1)."""
     px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
@@ -436,7 +452,7 @@ def _grow_free(walls, rules, growth, tip, length):
     return _meet(walls, rules, arrived, wall, place)
 
 
-@compiled
+@inlined
 def _wrapped(walls, growth, tip, vertex):
     """Return the tip with a vertex as its new pivot; the turning sense is remembered."""
     px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
@@ -449,14 +465,14 @@ def _wrapped(walls, growth, tip, vertex):
     return _with_pivot(tip, pivot)
 
 
-@compiled
+@inlined
 def _with_pivot(tip, pivot):
     return Tip(
         tip.x, tip.y, tip.ux, tip.uy, pivot, tip.wall, tip.place, tip.sense, NO_POINT, GROWING
     )
 
 
-@compiled
+@inlined
 def _slide(walls, rules, growth, tip, base, length):
     """Return the tip after sliding to the next event (rule 2)."""
     wall, sense = tip.wall, tip.sense
@@ -488,7 +504,7 @@ def _slide(walls, rules, growth, tip, base, length):
 # --- A branch, and the tree -------------------------------------------------------------------
 
 
-@compiled
+@inlined
 def _turning(growth, first, last, ux, uy):
     """Return the sum of absolute turns along a chain that was launched along u."""
     total = 0.0
@@ -503,7 +519,7 @@ def _turning(growth, first, last, ux, uy):
     return total
 
 
-@compiled
+@inlined
 def _record(growth, branch, tip, length):
     """Write down how a branch ended."""
     last = tip.pivot + 1
@@ -518,7 +534,7 @@ def _record(growth, branch, tip, length):
     growth.heading[branch, 0], growth.heading[branch, 1] = tip.ux, tip.uy
 
 
-@compiled
+@inlined
 def _launch(tree, start, growth, branch):
     """Return where a branch starts and its heading there."""
     parent = tree.parent[branch]
@@ -532,7 +548,7 @@ def _launch(tree, start, growth, branch):
     return x, y, hx * cosine - hy * sine, hx * sine + hy * cosine
 
 
-@compiled
+@inlined
 def _grow_branch(walls, tree, rules, start, growth, branch):
     """Grow one branch and write it down; return False if the chain points need more room."""
     base, length = growth.first_point[branch], tree.length[branch]
@@ -561,7 +577,7 @@ def _grow_branch(walls, tree, rules, start, growth, branch):
     return True
 
 
-@compiled
+@inlined
 def _emerges(tree, rules, growth, branch):
     """Tell whether a branch leaves its parent's tip at all."""
     parent = tree.parent[branch]

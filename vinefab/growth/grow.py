@@ -34,6 +34,7 @@ def grow(
     pose: Pose,
     options: GrowthOptions | None = None,
     engine: Engine = "kernel",
+    tree: BranchTree | None = None,
 ) -> Deployment:
     """Return how a design deploys from a pose.
 
@@ -49,6 +50,9 @@ def grow(
         Choices of the growth model; the defaults if None.
     engine
         ``kernel``: compiled. ``reference``: the readable twin, a thousand times slower.
+    tree
+        What to grow in place of all the design's branches, such as some of them, cut shorter; the
+        design then gives the widths of the levels.
 
     Returns
     -------
@@ -64,7 +68,7 @@ def grow(
     """
     options = options or GrowthOptions()
     start = Start(*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
-    tree = branch_tree(design)
+    tree = branch_tree(design) if tree is None else tree
     rules = Rules(
         head_on_half_angle_rad=options.head_on_half_angle_rad,
         deploys_stuck=options.deploys_stuck,

@@ -2,18 +2,20 @@
 
 import math
 from collections.abc import Callable
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
 from vinefab.core.errors import UnknownNameError
 from vinefab.growth.arrays import Growth, Rules, Start, TreeArrays, WallArrays
 from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plan
 from vinefab.growth.terrain import Terrain
+from vinefab.model.checked import Floats
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
-from vinefab.model.tree import BranchTree, branch_tree
+from vinefab.model.tree import BranchTree
 
 Engine = Literal["kernel", "reference"]
 GrowBranches = Callable[[WallArrays, TreeArrays, Rules, Start, Growth, int, int], int]
@@ -25,7 +27,8 @@ MOST_EVENTS = 100_000
 """Guard against a branch that never ends; the most seen in trials is below a hundred."""
 
 POINTS_PER_BRANCH = 6
-"""Room for chain points to begin with; more is made when a tree needs it."""
+SPARE_POINTS = 16
+"""Room for chain points to begin with, and some more; it is doubled when a tree needs it."""
 
 
 def grow(
@@ -68,19 +71,12 @@ def grow(
     """
     options = options or GrowthOptions()
     start = Start(*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
-    tree = branch_tree(design) if tree is None else tree
-    rules = Rules(
-        head_on_half_angle_rad=options.head_on_half_angle_rad,
-        deploys_stuck=options.deploys_stuck,
-        tolerance_mm=terrain.tolerance_mm,
-        tolerance_rad=TOLERANCE_RAD,
-        most_events=MOST_EVENTS,
-    )
-    spans = _spans(design, tree, options)
-    growth = _grown(tree, terrain, start, rules, spans, grow_branches_of(engine))
+    plan = Plan.of(design, options, tree)
+    rules = rules_of(options, terrain.tolerance_mm)
+    growth = _grown(plan, terrain, start, rules, grow_branches_of(engine))
     used = growth.first_point[-1]
     return Deployment(
-        tree=tree,
+        tree=plan.tree,
         pose=pose,
         points_mm=growth.points[:used].copy(),
         first_point=growth.first_point,
@@ -109,62 +105,39 @@ def grow_branches_of(engine: Engine) -> GrowBranches:
     raise UnknownNameError("growth engine", engine, ("kernel", "reference"))
 
 
-class _Span(NamedTuple):
-    """Branches ``first .. last - 1``, grown on the same walls."""
-
-    first: int
-    last: int
-    radius_mm: float
-
-
-def _spans(design: Design, tree: BranchTree, options: GrowthOptions) -> tuple[_Span, ...]:
-    """Return the whole tree for bare centrelines, or one span per level for inflated bodies."""
-    if options.body == "centerline":
-        return (_Span(0, len(tree), 0.0),)
-    edges = np.searchsorted(tree.level, np.arange(1, design.depth + 2)).tolist()
-    radii_mm = [width_mm / math.pi for width_mm in design.build.widths_mm]
-    return tuple(map(_Span, edges[:-1], edges[1:], radii_mm))
+def rules_of(options: GrowthOptions, tolerance_mm: float) -> Rules:
+    """Return what decides the growth beside the geometry, for a map's tolerance."""
+    return Rules(
+        head_on_half_angle_rad=options.head_on_half_angle_rad,
+        deploys_stuck=options.deploys_stuck,
+        tolerance_mm=tolerance_mm,
+        tolerance_rad=TOLERANCE_RAD,
+        most_events=MOST_EVENTS,
+    )
 
 
 def _grown(
-    tree: BranchTree,
-    terrain: Terrain,
-    start: Start,
-    rules: Rules,
-    spans: tuple[_Span, ...],
-    grow_branches: GrowBranches,
+    plan: Plan, terrain: Terrain, start: Start, rules: Rules, grow_branches: GrowBranches
 ) -> Growth:
     """Return the growth of a tree, span by span, with as much room as it takes."""
-    arrays = _tree_arrays(tree)
-    growth = Growth.empty(len(tree), POINTS_PER_BRANCH * len(tree) + 16)
-    radius_mm = 0.0
-    for span in spans:
+    arrays = plan.arrays()
+    growth = Growth.empty(len(plan), POINTS_PER_BRANCH * len(plan) + SPARE_POINTS)
+    reached_mm = 0.0
+    for first, last, radius_mm in zip(plan.edges, plan.edges[1:], plan.radii_mm, strict=False):
         # Only a body wider than what reached the place can lack room there.
-        if span.radius_mm > radius_mm:
-            _look_for_room(arrays, growth, start, terrain, span)
-        radius_mm = span.radius_mm
-        walls, done = terrain.walls(radius_mm), span.first
-        while True:
-            done = grow_branches(walls, arrays, rules, start, growth, done, span.last)
-            if done == span.last:
-                break
+        if radius_mm > reached_mm:
+            bases_mm = _bases_mm(arrays, growth, start, first, last)
+            arrays.fits[first:last] = terrain.have_room(bases_mm, radius_mm)
+        reached_mm = radius_mm
+        walls, done = terrain.walls(radius_mm), first
+        while (done := grow_branches(walls, arrays, rules, start, growth, done, last)) < last:
             growth = growth.with_room(2 * len(growth.points))
     return growth
 
 
-def _tree_arrays(tree: BranchTree) -> TreeArrays:
-    turn = np.column_stack([np.cos(tree.offset_rad), np.sin(tree.offset_rad)])
-    return TreeArrays(tree.parent, turn, tree.length_mm, np.ones(len(tree), dtype=np.bool_))
-
-
-def _look_for_room(
-    arrays: TreeArrays, growth: Growth, start: Start, terrain: Terrain, span: _Span
-) -> None:
-    """Mark the branches of a span whose bases lie outside their own free space."""
-    for branch in range(span.first, span.last):
-        parent = arrays.parent[branch]
-        if parent < 0:
-            x_mm, y_mm = start.x, start.y
-        else:
-            x_mm, y_mm = growth.points[growth.first_point[parent + 1] - 1]
-        arrays.fits[branch] = terrain.has_room(x_mm, y_mm, span.radius_mm)
+def _bases_mm(arrays: TreeArrays, growth: Growth, start: Start, first: int, last: int) -> Floats:
+    """Return where some branches of one level start, shape (last - first, 2)."""
+    parent = arrays.parent[first:last]
+    if first == 0:
+        return np.array([[start.x, start.y]])
+    return growth.points[growth.first_point[parent + 1] - 1]

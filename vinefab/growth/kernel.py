@@ -14,6 +14,7 @@ This follows from the body pressing on the wall, so no small number ever decides
 # ruff: noqa: PLR0913, PLR0917  scalars are the compiled way to hand things over
 
 import math
+from collections import namedtuple
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -50,7 +51,8 @@ def inlined(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba dispa
 def _jit(function: Callable[..., Any], *, forceinline: bool) -> Any:  # noqa: ANN401  as above
     # Nothing here makes an array, so that nothing needs the run-time that counts references to
     # arrays: atomic additions at every call, and half of the time of a growth (numba 0.68).
-    options = {"nogil": True, "error_model": "numpy", "_nrt": False, "forceinline": forceinline}
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
+    options["forceinline"] = forceinline
     try:
         return numba.njit(cache=True, **options)(function)
     except RuntimeError:
@@ -614,3 +616,98 @@ def grow_branches(walls, tree, rules, start, growth, first, last):
         elif not _grow_branch(walls, tree, rules, start, growth, branch):
             return branch
     return last
+
+
+# --- Many trees on many maps ------------------------------------------------------------------
+
+# Parts of a batch, with the names that `vinefab.growth.arrays` gives them.
+_Walls = namedtuple(
+    "_Walls",
+    "wall link vertex vertex_point box shape wall_first wall_item vertex_first vertex_item",
+)
+_Tree = namedtuple("_Tree", "parent turn length fits")
+_Rules = namedtuple(
+    "_Rules", "head_on_half_angle_rad deploys_stuck tolerance_mm tolerance_rad most_events"
+)
+_Start = namedtuple("_Start", "x y ux uy")
+_Growth = namedtuple(
+    "_Growth", "points first_point stop grown turn heading events chain_length chain_sense"
+)
+
+
+@inlined
+def _page(atlas, page):
+    """Return the walls of one page of an atlas."""
+    one, two = atlas.offset[page], atlas.offset[page + 1]
+    return _Walls(
+        atlas.wall[one[0] : two[0]],
+        atlas.link[one[0] : two[0]],
+        atlas.vertex[one[1] : two[1]],
+        atlas.vertex_point[one[1] : two[1]],
+        atlas.box[page],
+        atlas.shape[page],
+        atlas.wall_first[one[2] : two[2]],
+        atlas.wall_item[one[3] : two[3]],
+        atlas.vertex_first[one[2] : two[2]],
+        atlas.vertex_item[one[4] : two[4]],
+    )
+
+
+@inlined
+def _tree_of(trees, jobs, job):
+    """Return the tree of one job."""
+    first, last = trees.first[jobs.tree[job]], trees.first[jobs.tree[job] + 1]
+    fits = jobs.fits[jobs.branch[job] : jobs.branch[job + 1]]
+    return _Tree(trees.parent[first:last], trees.turn[first:last], trees.length[first:last], fits)
+
+
+@inlined
+def _growth_of(jobs, growth, job):
+    """Return the part of a growth that belongs to one job."""
+    first, last = jobs.branch[job], jobs.branch[job + 1]
+    one, two = jobs.room[job], jobs.room[job + 1]
+    return _Growth(
+        growth.points[one:two],
+        growth.first_point[first + job : last + job + 1],
+        growth.stop[first:last],
+        growth.grown[first:last],
+        growth.turn[first:last],
+        growth.heading[first:last],
+        growth.events[first:last],
+        growth.chain_length[one:two],
+        growth.chain_sense[one:two],
+    )
+
+
+@compiled
+def grow_jobs(atlas, trees, rules, jobs, growth, first, last):
+    """Grow one span of branches of each of the jobs ``first .. last - 1``.
+
+    Parameters
+    ----------
+    atlas, trees, rules, jobs
+        See `vinefab.growth.batch_arrays`; ``jobs.done`` is written to.
+    growth
+        Where the results go, job by job.
+    first, last
+        Which jobs to do. Jobs share nothing that is written to, so that several threads may each
+        do some of them.
+    """
+    for job in range(first, last):
+        start = jobs.start[job]
+        here = _Rules(
+            rules.head_on_half_angle_rad,
+            rules.deploys_stuck,
+            atlas.tolerance[jobs.page[job]],
+            rules.tolerance_rad,
+            rules.most_events,
+        )
+        jobs.done[job] = grow_branches(
+            _page(atlas, jobs.page[job]),
+            _tree_of(trees, jobs, job),
+            here,
+            _Start(start[0], start[1], start[2], start[3]),
+            _growth_of(jobs, growth, job),
+            jobs.done[job],
+            jobs.until[job],
+        )

@@ -3,7 +3,9 @@
 import math
 from typing import TypeVar
 
+import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely import Point
 from shapely.geometry.base import BaseGeometry
 
@@ -11,6 +13,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.growth.arrays import WallArrays
 from vinefab.growth.index import indexed
 from vinefab.growth.walls import walls_of
+from vinefab.model.checked import Floats
 from vinefab.model.map import Map, Pose
 
 T = TypeVar("T")
@@ -91,9 +94,22 @@ class Terrain:
         """Tell whether a point is in free space; a point on a wall is."""
         return self._snapped(x_mm, y_mm, radius_mm, self._snap_mm) is not None
 
-    def has_room(self, x_mm: float, y_mm: float, radius_mm: float) -> bool:
-        """Tell whether a branch of some radius can start at a point exactly as it stands."""
-        return self._snapped(x_mm, y_mm, radius_mm, self.tolerance_mm) is not None
+    def have_room(self, points_mm: Floats, radius_mm: float) -> NDArray[np.bool_]:
+        """Tell where branches of some radius can start exactly as they stand, shape (n,).
+
+        Parameters
+        ----------
+        points_mm
+            Their bases, shape (n, 2).
+        radius_mm
+            Their inflated radius.
+        """
+        free = self.free_space(radius_mm)
+        have: NDArray[np.bool_] = shapely.contains_xy(free, points_mm)
+        outside = np.flatnonzero(~have)
+        lines = shapely.shortest_line(free, shapely.points(points_mm[outside]))
+        have[outside] = shapely.length(lines) <= self.tolerance_mm
+        return have if not free.is_empty else np.zeros_like(have)
 
     def is_free(self, pose: Pose, radius_mm: float = 0.0) -> bool:
         """Tell whether a robot can start from a pose."""

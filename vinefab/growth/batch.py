@@ -1,0 +1,296 @@
+"""Many growths at once: every one of some designs from every one of some launches."""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vinefab.growth.arrays import Growth
+from vinefab.growth.atlas import Atlas
+from vinefab.growth.batch_arrays import JobArrays, TreesArrays
+from vinefab.growth.grow import POINTS_PER_BRANCH, SPARE_POINTS, rules_of
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plan
+from vinefab.model.checked import Floats, Ints
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.map import Pose
+
+BLOCK = 64
+"""Growths in one compiled call: long enough to forget the call, small enough for the caches."""
+
+
+class Over(Protocol):
+    """How blocks are worked off: `map`, or that of a pool of threads."""
+
+    def __call__(self, function: Callable[[Any], Any], items: Iterable[Any], /) -> Iterable[Any]:
+        """Return the function's results in the order of the items."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Launches:
+    """Places on maps to launch trunks from, l of them.
+
+    Parameters
+    ----------
+    atlas
+        The maps.
+    terrain
+        Index of the map of each launch, shape (l,).
+    poses
+        The poses, one per launch.
+    start
+        Base x and y (mm) and heading ux, uy of each trunk, shape (l, 4).
+    """
+
+    atlas: Atlas
+    terrain: Ints
+    poses: tuple[Pose, ...]
+    start: Floats
+
+    @classmethod
+    def of(cls, atlas: Atlas, poses: Sequence[Sequence[Pose]]) -> "Launches":
+        """Return the launches from some poses on each map.
+
+        Parameters
+        ----------
+        atlas
+            The maps.
+        poses
+            For each map, the poses to launch from.
+
+        Raises
+        ------
+        BadInputError
+            If a pose is inside an obstacle or outside the bounds.
+        """
+        flat = tuple(pose for places in poses for pose in places)
+        start = [
+            (*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
+            for terrain, places in zip(atlas.terrains, poses, strict=True)
+            for pose in places
+        ]
+        return cls(
+            atlas=atlas,
+            terrain=np.repeat(np.arange(len(poses)), [len(places) for places in poses]),
+            poses=flat,
+            start=np.array(start, dtype=np.float64).reshape(-1, 4),
+        )
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Block:
+    """Some growths of a batch, finished.
+
+    Parameters
+    ----------
+    plan, launch
+        Which design and which launch each is, shape (j,).
+    plans, launches
+        Those of the batch.
+    branch, room
+        Where each growth's branches and chain points begin, shape (j + 1,).
+    growth
+        The results, growth by growth.
+    """
+
+    plan: Ints
+    launch: Ints
+    plans: Sequence[Plan]
+    launches: Launches
+    branch: Ints
+    room: Ints
+    growth: Growth
+
+    def __len__(self) -> int:
+        return len(self.plan)
+
+    @property
+    def deployed(self) -> NDArray[np.bool_]:
+        """Whether each branch of all growths emerged."""
+        return np.not_equal(self.growth.stop, Stop.NOT_DEPLOYED)
+
+    def tips_mm(self) -> tuple[Floats, Ints]:
+        """Return the tips of all deployed branches, and where each growth's begin.
+
+        Returns
+        -------
+        tips_mm
+            Shape (m, 2), growth by growth in the order of the trees.
+        first
+            Shape (j + 1,).
+        """
+        deployed = self.deployed
+        job = np.repeat(np.arange(len(self)), np.diff(self.branch))[deployed]
+        last = self.growth.first_point[1:]
+        # Every growth has one more entry in `first_point` than it has branches.
+        ends = np.delete(last, self.branch[1:-1] + np.arange(len(self) - 1))[deployed]
+        first = np.zeros(len(self) + 1, dtype=np.int64)
+        np.cumsum(np.bincount(job, minlength=len(self)), out=first[1:])
+        return self.growth.points[self.room[job] + ends - 1], first
+
+    def deployment(self, index: int) -> Deployment:
+        """Return one growth as `vinefab.growth.grow.grow` does.
+
+        Parameters
+        ----------
+        index
+            Its number within the block.
+        """
+        one, two = self.branch[index], self.branch[index + 1]
+        first_point = self.growth.first_point[one + index : two + index + 1].copy()
+        room = self.room[index]
+        return Deployment(
+            tree=self.plans[self.plan[index]].tree,
+            pose=self.launches.poses[self.launch[index]],
+            points_mm=self.growth.points[room : room + first_point[-1]].copy(),
+            first_point=first_point,
+            stop=self.growth.stop[one:two].copy(),
+            grown_mm=self.growth.grown[one:two].copy(),
+            contact_turn_rad=self.growth.turn[one:two].copy(),
+        )
+
+
+class Batch:
+    """Every design from every launch: growth number ``launch * designs + design``.
+
+    Parameters
+    ----------
+    plans
+        The designs, each planned once.
+    launches
+        Where to grow them from.
+    options
+        Choices of the growth model, the ones that the plans were made with.
+
+    Notes
+    -----
+    The work is cut into blocks of a fixed size, whatever the number of threads. Each is one
+    compiled call (one per level for inflated bodies) without the interpreter lock. Blocks share
+    nothing that is written to, so results do not depend on who works them off.
+    """
+
+    def __init__(self, plans: Sequence[Plan], launches: Launches, options: GrowthOptions) -> None:
+        self.plans = tuple(plans)
+        self.launches = launches
+        self._rules = rules_of(options, 0.0)
+        self._trees = TreesArrays.of([plan.arrays() for plan in self.plans])
+        self._spans = _Spans.of(self.plans)
+        self._walls = launches.atlas.arrays(self._spans.radii_mm)
+        self._page = launches.atlas.pages(self._spans.radii_mm)
+
+    def __len__(self) -> int:
+        return len(self.plans) * len(self.launches)
+
+    def blocks(self, over: Over = map, size: int = BLOCK) -> Iterator[Block]:
+        """Grow everything and give it block by block, in order.
+
+        Parameters
+        ----------
+        over
+            How to work off the blocks.
+        size
+            Growths per block.
+        """
+        yield from over(lambda first: self.block(first, size), range(0, len(self), size))
+
+    def block(self, first: int, size: int = BLOCK) -> Block:
+        """Grow and return the growths ``first .. first + size - 1``, as far as there are any."""
+        number = np.arange(first, min(first + size, len(self)))
+        launch, plan = np.divmod(number, len(self.plans))
+        room_each = POINTS_PER_BRANCH
+        while (block := self._grown(plan, launch, room_each)) is None:
+            room_each *= 2
+        return block
+
+    def _grown(self, plan: Ints, launch: Ints, room_each: int) -> Block | None:
+        """Return some growths, or None if they need more chain points per branch."""
+        from vinefab.growth import kernel  # noqa: PLC0415  numba takes a second to import
+
+        jobs = self._jobs(plan, launch, room_each)
+        growth = Growth.for_jobs(len(plan), int(jobs.branch[-1]), int(jobs.room[-1]))
+        terrain = self.launches.terrain[launch]
+        for level in range(int(self._spans.levels[plan].max())):
+            jobs.page[:] = self._page[terrain, self._spans.radius[plan, level]]
+            jobs.until[:] = self._spans.until[plan, level]
+            for job in np.flatnonzero(self._spans.is_wider[plan, level]).tolist():
+                self._look_for_room(job, jobs, growth, level)
+            kernel.grow_jobs(self._walls, self._trees, self._rules, jobs, growth, 0, len(plan))
+            if (jobs.done < jobs.until).any():
+                return None
+        return Block(
+            plan=plan,
+            launch=launch,
+            plans=self.plans,
+            launches=self.launches,
+            branch=jobs.branch,
+            room=jobs.room,
+            growth=growth,
+        )
+
+    def _jobs(self, plan: Ints, launch: Ints, room_each: int) -> JobArrays:
+        branches = np.diff(self._trees.first)[plan]
+        branch, room = np.zeros((2, len(plan) + 1), dtype=np.int64)
+        np.cumsum(branches, out=branch[1:])
+        np.cumsum(room_each * branches + SPARE_POINTS, out=room[1:])
+        return JobArrays(
+            tree=plan,
+            page=np.zeros(len(plan), dtype=np.int64),
+            start=self.launches.start[launch],
+            fits=np.ones(branch[-1], dtype=np.bool_),
+            branch=branch,
+            room=room,
+            done=np.zeros(len(plan), dtype=np.int64),
+            until=np.zeros(len(plan), dtype=np.int64),
+        )
+
+    def _look_for_room(self, job: int, jobs: JobArrays, growth: Growth, level: int) -> None:
+        """Mark the branches of one job's next span that have no room where they start."""
+        plan = int(jobs.tree[job])
+        first, last = int(jobs.done[job]), int(jobs.until[job])
+        start = jobs.start[job, None, :2]
+        if first > 0:
+            ends = growth.first_point[jobs.branch[job] + job + 1 :]
+            start = growth.points[
+                jobs.room[job] - 1 + ends[self.plans[plan].tree.parent[first:last]]
+            ]
+        radii_mm = self.plans[plan].radii_mm
+        terrain = int(jobs.page[job]) // len(self._spans.radii_mm)
+        fits = self.launches.atlas.terrains[terrain].have_room(start, radii_mm[level])
+        jobs.fits[jobs.branch[job] + first : jobs.branch[job] + last] = fits
+
+
+class _Spans(NamedTuple):
+    """The spans of all plans as tables, a row per plan and a column per level."""
+
+    radii_mm: tuple[float, ...]
+    levels: Ints
+    radius: Ints
+    until: Ints
+    is_wider: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, plans: Sequence[Plan]) -> "_Spans":
+        """Return the tables; beyond a plan's last level nothing is left to grow."""
+        radii_mm = tuple(sorted({radius for plan in plans for radius in plan.radii_mm}))
+        levels = np.array([len(plan.radii_mm) for plan in plans])
+        spans = cls(
+            radii_mm,
+            levels,
+            radius=np.zeros((len(plans), levels.max()), dtype=np.int64),
+            until=np.zeros((len(plans), levels.max()), dtype=np.int64),
+            is_wider=np.zeros((len(plans), levels.max()), dtype=np.bool_),
+        )
+        for row, plan in enumerate(plans):
+            spans.until[row] = len(plan)
+            spans.until[row, : levels[row]] = plan.edges[1:]
+            spans.radius[row, : levels[row]] = np.searchsorted(radii_mm, plan.radii_mm)
+            # Only a body wider than what reached the place can lack room there.
+            spans.is_wider[row, : levels[row]] = np.diff(plan.radii_mm, prepend=0.0) > 0.0
+        return spans

@@ -5,7 +5,7 @@ is vinefab's own.
 """
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import shapely
@@ -14,8 +14,9 @@ from shapely import Polygon
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.environments.carve import carved, chamber, passage
-from vinefab.environments.ground import box, start_zone, upward_start
+from vinefab.environments.ground import box, start_zone
 from vinefab.environments.network import links, spread_points
+from vinefab.environments.starts import check_starts, lower_starts
 from vinefab.model.checked import Floats, number, positive, whole
 from vinefab.model.map import Map, Start
 
@@ -79,21 +80,31 @@ class CaveOptions:
         for name in ("loops", "wander", "roughness"):
             number(name, getattr(self, name), 0.0, 1.0)
         positive("margin_mm", self.margin_mm, self.size_mm)
-        for name in ("start_clearance_mm", "start_spread_x_mm", "start_spread_y_mm"):
-            number(name, getattr(self, name), 0.0, 0.25 * self.size_mm, "mm")
-        number("start_spread_heading_deg", self.start_spread_heading_deg, 0.0, 180.0, "deg")
         if self.reach_mm >= 0.25 * self.size_mm:
             raise BadInputError(
                 "size_mm",
                 self.size_mm,
                 f"above {4 * self.reach_mm:g}, for such chambers and margin",
             )
+        number("passage_width_min_mm", self.passage_width_min_mm, 0.005 * self.size_mm, 1e6, "mm")
+        room_mm = self.size_mm - 2.0 * self.floor_mm
+        check_starts(self, (room_mm, room_mm), 1, 0.5 * self.passage_width_min_mm)
 
     @property
     def reach_mm(self) -> float:
         """How far from the bounds the middle of a chamber stays."""
         widest_mm = max(self.chamber_radius_max_mm, 0.5 * self.passage_width_max_mm)
         return self.margin_mm + widest_mm
+
+    @property
+    def passage_mm(self) -> float:
+        """Width of a round body that gets from the start into every chamber."""
+        return self.passage_width_min_mm - 2.0 * self.detail_mm
+
+    @property
+    def floor_mm(self) -> float:
+        """Distance from the bounds within which all is rock, and what the walls may move."""
+        return self.margin_mm + 2.0 * self.detail_mm
 
     @property
     def detail_mm(self) -> float:
@@ -111,12 +122,14 @@ def cave_map(seed: int, options: CaveOptions | None = None) -> Map:
     Chambers are spread over the bounds and connected by winding passages; everything else is
     rock: one obstacle with the cave as its hole, and an obstacle for every island of rock that
     passages run around, unless it is smaller than half a passage's width squared. All of the cave
-    is connected, and every possible starting position has ``start_clearance_mm`` to the rock.
+    is connected, and every possible starting position has ``start_clearance_mm``, and at least
+    half the least width of a passage, to the rock.
 
     Parameters
     ----------
     seed
-        At least 0; the same seed and options give the same map.
+        At least 0; the same seed and options give the same map on any machine, as far as GEOS
+        finds the same crossings of lines to 1e-4 mm.
     options
         What to make; the defaults when None.
 
@@ -148,19 +161,15 @@ def cave_map(seed: int, options: CaveOptions | None = None) -> Map:
 
 
 def _start(options: CaveOptions) -> Start:
-    y_mm = options.margin_mm + options.start_clearance_mm + options.start_spread_y_mm
-    spreads = (
-        options.start_spread_x_mm,
-        options.start_spread_y_mm,
-        math.radians(options.start_spread_heading_deg),
-    )
-    return upward_start(0.5 * options.size_mm, y_mm + 2.0 * options.detail_mm, spreads)
+    (start,) = lower_starts(options, options.size_mm, 1, 0.5 * options.passage_width_min_mm)
+    raised = replace(start.pose, y_mm=start.pose.y_mm + options.floor_mm)
+    return replace(start, pose=raised)
 
 
 def _cave(rng: np.random.Generator, options: CaveOptions, start: Start) -> Polygon:
     low, high = options.reach_mm, options.size_mm - options.reach_mm
     entry = np.array([start.pose.x_mm, start.pose.y_mm])
-    mouth = np.array([entry[0], max(low, entry[1] + options.passage_width_max_mm)])
+    mouth = np.array([entry[0], np.clip(entry[1] + options.passage_width_max_mm, low, high)])
     middles = spread_points(rng, options.chambers, (low, high), mouth)
     entrance = start_zone(start).buffer(options.start_clearance_mm + 2.0 * options.detail_mm)
     parts = [entrance, passage(_evenly(entry, mouth), _widths(rng, options, 8))]

@@ -12,6 +12,7 @@ from vinefab.environments.cave import CaveOptions, cave_map
 from vinefab.environments.corridors import CorridorsOptions, corridors_map
 from vinefab.environments.grid import GridOptions, grid_map
 from vinefab.environments.pegs import PegsOptions, pegs_map
+from vinefab.environments.rubble import RubbleOptions, rubble_map
 from vinefab.model.map import Map
 
 
@@ -56,6 +57,11 @@ ENVIRONMENTS: Registry[Environment] = Registry(
             description="a peg board: round pegs in some holes of a lattice",
             options=PegsOptions,
             make=pegs_map,
+        ),
+        "rubble": Environment(
+            description="a collapsed building: broken slabs of many sizes that lie one way",
+            options=RubbleOptions,
+            make=rubble_map,
         ),
     },
 )

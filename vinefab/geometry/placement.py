@@ -66,7 +66,8 @@ def place(contours: Sequence[Contour], room_mm: tuple[float, float], corner_mm: 
     badness = np.where(excess <= FIT_TOLERANCE_MM, 0.0, excess)
     order = np.lexsort((-turns, np.abs(turns), np.arange(len(turns)) >= len(steps), badness))
     # The hull's corners lie on chords, a little inside the arcs: the exact box has the last word.
-    for turn in turns[order[:MOST_TRIES]].tolist():
+    hopeful = [row for row in order[:MOST_TRIES].tolist() if badness[row] == 0.0]
+    for turn in turns[hopeful].tolist():
         placement = _placed(contours, turn, room_mm, corner_mm)
         if placement.fits:
             return placement

@@ -5,14 +5,15 @@ import re
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 
 from vinefab.cli.options import Force, Quiet, Voice, pose_from
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.environments.registry import ENVIRONMENTS, Environment
-from vinefab.files.imports import IMPORTERS, ImportOptions, import_map
+from vinefab.files.drawing import ImportOptions
+from vinefab.files.imports import IMPORTERS, import_map
 from vinefab.files.map import map_text
 from vinefab.model.map import Map
 
@@ -39,23 +40,62 @@ def import_command(
     out: OutFile,
     scale_mm_per_unit: Annotated[
         float | None,
-        typer.Option(help="Millimetres per unit of the source; ROS: per metre, default 1000."),
+        typer.Option(
+            help="Millimetres of the map per unit of the source, instead of the unit that the "
+            "file names; ROS: per metre, default 1000; nothing named: mm."
+        ),
     ] = None,
     simplify_mm: Annotated[
-        float | None, typer.Option(help="Largest deviation of a wall; default: one cell.")
+        float | None,
+        typer.Option(
+            help="Largest deviation of a wall; default: curves within 1/10000 of the drawing's "
+            "larger side and every corner kept; ROS: one cell."
+        ),
+    ] = None,
+    join_mm: Annotated[
+        float | None,
+        typer.Option(
+            help="Widest gap that is closed, in outlines and between obstacles; default: 1/5000 "
+            "of the drawing's larger side."
+        ),
+    ] = None,
+    layer: Annotated[
+        list[str] | None,
+        typer.Option(help="Read only this layer (DXF) or group (SVG: id or label); repeatable."),
+    ] = None,
+    bounds: Annotated[
+        str | None,
+        typer.Option(
+            help="outline: the largest outline, which must contain all others (default); largest: "
+            "the same, cut off what is outside; wall: its inside is solid and outlines in it are "
+            "rooms; box: a rectangle around everything."
+        ),
+    ] = None,
+    margin_mm: Annotated[
+        float | None,
+        typer.Option(help="Around the drawing for --bounds box; default: 1/20 of its larger side."),
+    ] = None,
+    wall_mm: Annotated[
+        float | None, typer.Option(help="Lines are the middle of walls of this thickness.")
+    ] = None,
+    open_lines: Annotated[
+        str | None,
+        typer.Option("--open", help="Lines that enclose nothing: refuse (default) or drop."),
     ] = None,
     unknown: Annotated[
         str | None, typer.Option(help="ROS: unseen cells are obstacle (default) or free.")
     ] = None,
     start: Annotated[
-        str | None, typer.Option(help="Start as X,Y,DEG; default: the roomiest place.")
+        str | None, typer.Option(help="Start as X,Y,DEG in the map; default: the roomiest place.")
     ] = None,
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:
     """Import a map from a file of another program.
 
-    Example: vinefab map import world.yaml --scale-mm-per-unit 100 --out world.geojson
+    Everything that was repaired or left out is counted and printed.
+
+    Example: vinefab map import plan.dxf --layer WALLS --wall-mm 120 --out plan.geojson
     """
     ensure_writable(out, force=force)
     options = ImportOptions(
@@ -63,6 +103,12 @@ def import_command(
         simplify_mm=simplify_mm,
         unknown=unknown,
         start=pose_from(start, "--start"),
+        join_mm=join_mm,
+        layers=tuple(layer or ()),
+        bounds=cast("Any", bounds),
+        margin_mm=margin_mm,
+        wall_mm=wall_mm,
+        open_lines=cast("Any", open_lines),
     )
     world = import_map(source, options)
     _save(world, out, Voice(quiet=quiet, force=force))

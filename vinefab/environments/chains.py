@@ -1,0 +1,160 @@
+"""Loose lines chained into longer ones and into rings: at shared ends first, then over gaps."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from vinefab.environments.shapes import SAME_MM, Changes
+from vinefab.model.checked import Floats, Ints
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """A piece of drawing.
+
+    Parameters
+    ----------
+    points_mm
+        Shape (n, 2), n at least 2.
+    where
+        What messages call it.
+    """
+
+    points_mm: Floats
+    where: str
+
+    @property
+    def closed(self) -> bool:
+        """Whether it is a ring."""
+        return len(self.points_mm) >= 4 and bool((self.points_mm[0] == self.points_mm[-1]).all())
+
+    @property
+    def length_mm(self) -> float:
+        """Length along it."""
+        return float(np.hypot(*np.diff(self.points_mm, axis=0).T).sum())
+
+
+def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
+    """Return lines joined end to end where exactly two ends meet.
+
+    Ends within `SAME_MM` meet. Of the ends that meet nothing, the nearest two are joined in the
+    middle between them, if they are within ``join_mm``, then the next ones.
+
+    Parameters
+    ----------
+    lines
+        Open or closed, in any order and direction.
+    join_mm
+        The widest gap that is closed.
+    changes
+        Where gaps and repeated lines are counted.
+    """
+    exact = _run(_without_repeated(lines, changes), SAME_MM)
+    return _run(_bridged(exact, join_mm, changes), SAME_MM)
+
+
+def end_nodes(lines: list[Line], same_mm: float) -> Ints:
+    """Return which node each line begins and ends at, shape (n, 2); near ends share a node."""
+    ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
+    pairs = cKDTree(ends).query_pairs(same_mm, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(ends), len(ends)))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64).reshape(-1, 2)
+
+
+def _without_repeated(lines: list[Line], changes: Changes) -> list[Line]:
+    found: dict[bytes, Line] = {}
+    for line in lines:
+        cells = np.round(line.points_mm / (2.0 * SAME_MM)) + 0.0
+        found.setdefault(min(cells.tobytes(), cells[::-1].tobytes()), line)
+    changes.add("repeated_lines_removed", len(lines) - len(found))
+    return list(found.values())
+
+
+def _run(lines: list[Line], same_mm: float) -> list[Line]:
+    """Return maximal chains through nodes at which two ends meet."""
+    if not lines:
+        return []
+    nodes = end_nodes(lines, same_mm)
+    at: dict[int, list[int]] = {}
+    for index, node in enumerate(nodes.ravel().tolist()):
+        at.setdefault(node, []).append(index)
+    used = np.zeros(len(lines), dtype=np.bool_)
+    # Chains that have ends first; what is left over are rings, which may begin anywhere.
+    starts = [end for ends in at.values() if len(ends) != 2 for end in ends]
+    return [
+        _follow(lines, (nodes.ravel(), at), end, used)
+        for end in [*starts, *range(0, 2 * len(lines), 2)]
+        if not used[end // 2]
+    ]
+
+
+def _follow(
+    lines: list[Line],
+    graph: tuple[Ints, dict[int, list[int]]],
+    end: int,
+    used: NDArray[np.bool_],
+) -> Line:
+    """Return the chain that begins at an end; ends are numbered 2 x line, + 1 at its last point."""
+    node_of, at = graph
+    where = lines[end // 2].where
+    parts: list[Floats] = []
+    first_node = int(node_of[end])
+    while not used[end // 2]:
+        used[end // 2] = True
+        points = lines[end // 2].points_mm
+        parts.append((points if end % 2 == 0 else points[::-1])[1 if parts else 0 :])
+        far = end ^ 1
+        meeting = at[int(node_of[far])]
+        if len(meeting) != 2:
+            break
+        end = meeting[0] if meeting[1] == far else meeting[1]
+    points = np.concatenate(parts)
+    if len(points) >= 4 and int(node_of[far]) == first_node:
+        points[-1] = points[0]
+    return Line(points_mm=points, where=where)
+
+
+def _bridged(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
+    """Return lines whose loose ends were moved together in pairs, nearest first."""
+    loose = loose_ends(lines)
+    spots = np.array([_end(lines, end) for end in loose]).reshape(-1, 2)
+    if len(spots) < 2:
+        return lines
+    pairs = cKDTree(spots).query_pairs(join_mm, output_type="ndarray")
+    gaps = np.hypot(*(spots[pairs[:, 0]] - spots[pairs[:, 1]]).T)
+    points = [line.points_mm.copy() for line in lines]
+    taken: set[int] = set()
+    for order in np.argsort(gaps, kind="stable").tolist():
+        one, other = (int(index) for index in pairs[order])
+        if taken & {one, other} or _too_short(lines, loose[one], loose[other], gaps[order]):
+            continue
+        taken |= {one, other}
+        middle = 0.5 * (spots[one] + spots[other])
+        for end in (loose[one], loose[other]):
+            points[end // 2][-1 if end % 2 else 0] = middle
+        changes.add("gaps_joined")
+        changes.most("largest_gap_joined_mm", float(gaps[order]))
+    return [Line(points_mm=new, where=line.where) for new, line in zip(points, lines, strict=True)]
+
+
+def _too_short(lines: list[Line], one: int, other: int, gap_mm: float) -> bool:
+    """Tell whether joining two ends would only fold one short line upon itself."""
+    line = lines[one // 2]
+    return one // 2 == other // 2 and (len(line.points_mm) < 4 or line.length_mm < 3.0 * gap_mm)
+
+
+def loose_ends(lines: list[Line]) -> list[int]:
+    """Return the ends that meet no other end; ends are numbered 2 x line, + 1 at its last point."""
+    if not lines:
+        return []
+    nodes = end_nodes(lines, SAME_MM).ravel()
+    alone = np.bincount(nodes)[nodes] == 1
+    return [int(end) for end in np.flatnonzero(alone)]
+
+
+def _end(lines: list[Line], end: int) -> Floats:
+    return np.asarray(lines[end // 2].points_mm[-1 if end % 2 else 0])

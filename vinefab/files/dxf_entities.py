@@ -1,0 +1,305 @@
+"""DXF entities as items of a drawing: lines, arcs, curves, hatches, solids."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from ezdxf.entities.boundary_paths import ArcEdge, EdgePath, EllipseEdge, LineEdge, SplineEdge
+from ezdxf.entities.dxfgfx import DXFGraphic
+from ezdxf.lldxf.const import DXFError
+from ezdxf.math import BSpline, ConstructionEllipse, Vec2, Vec3, fit_points_to_cad_cv
+
+from vinefab.core.errors import BadInputError
+from vinefab.environments.curves import Arc, Piece, Straight, bulge_arc
+from vinefab.files.drawing import Item, Ring
+from vinefab.model.checked import Floats
+
+FLAT = "flat drawings: equal z all along an entity, seen from straight above or below"
+_SPLINE_FRAME = 16
+_LEAST_SLOPE = 1e-6
+_EXTRUSION_SLACK = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A B-spline, mirrored in x when -1."""
+
+    spline: BSpline
+    mirror: float = 1.0
+
+    def hull(self) -> Floats:
+        """Return the control points, which hold the curve between them."""
+        return self._flat(self.spline.control_points)
+
+    def flat(self, tolerance: float) -> Floats:
+        """Return points on the curve."""
+        return self._flat(self.spline.flattening(tolerance))
+
+    def _flat(self, points: Iterable[Vec3]) -> Floats:
+        return np.array([(self.mirror * point.x, point.y) for point in points])
+
+
+def items_of(entity: DXFGraphic, where: str) -> list[Item]:
+    """Return what an entity draws, in world coordinates.
+
+    Parameters
+    ----------
+    entity
+        Of one of the types in `READERS`.
+    where
+        What messages call it.
+
+    Raises
+    ------
+    BadInputError
+        If it is not flat, or does not hold together.
+    """
+    try:
+        return READERS[entity.dxftype()](entity, where)
+    except BadInputError:
+        raise
+    except (DXFError, ValueError, TypeError, AttributeError, IndexError, ArithmeticError) as error:
+        problem = " ".join(str(error).split()) or type(error).__name__
+        raise BadInputError(where, problem[:80], "an entity that holds together") from error
+
+
+def _line(entity: DXFGraphic, where: str) -> list[Item]:
+    points = _flat_points(where, [entity.dxf.start, entity.dxf.end])
+    return [_open(where, Straight(points))]
+
+
+def _open(where: str, *pieces: Piece) -> Item:
+    return Item(rings=(Ring(pieces=pieces),), where=where, closed=False)
+
+
+def _circle(entity: DXFGraphic, where: str) -> list[Item]:
+    arc = _circular(entity, where, 0.0, 360.0)
+    return [Item(rings=(Ring(pieces=(arc,)),), where=where)]
+
+
+def _arc(entity: DXFGraphic, where: str) -> list[Item]:
+    return [_open(where, _circular(entity, where, entity.dxf.start_angle, entity.dxf.end_angle))]
+
+
+def _circular(entity: DXFGraphic, where: str, start_deg: float, end_deg: float) -> Arc:
+    mirror = _mirror(entity, where)
+    x, y, _ = entity.dxf.center
+    return _angled((x, y), entity.dxf.radius, (start_deg, end_deg), mirror)
+
+
+def _angled(
+    middle: Sequence[float], radius: float, angles_deg: tuple[float, float], mirror: float
+) -> Arc:
+    """Return the counter-clockwise arc from one angle to another, equal angles for all of it."""
+    turn_deg = (angles_deg[1] - angles_deg[0]) % 360.0
+    return Arc(
+        middle=np.array([mirror * middle[0], middle[1]]),
+        first=np.array([mirror * radius, 0.0]),
+        second=np.array([0.0, radius]),
+        start_rad=math.radians(angles_deg[0]),
+        turn_rad=math.radians(turn_deg if turn_deg > 1e-9 else 360.0),
+    )
+
+
+def _ellipse(entity: DXFGraphic, where: str) -> list[Item]:
+    # Ellipses are stored in world coordinates; mirroring only turns their minor axis over.
+    up = _mirror(entity, where)
+    _flat_points(where, [Vec3(0, 0, 0), entity.dxf.major_axis])
+    major = np.array([entity.dxf.major_axis.x, entity.dxf.major_axis.y])
+    x, y, _ = entity.dxf.center
+    params = (entity.dxf.start_param, entity.dxf.end_param)
+    arc = _elliptic(np.array([x, y]), major, up * entity.dxf.ratio, params)
+    whole = abs(arc.turn_rad - math.tau) < 1e-9
+    return [Item(rings=(Ring(pieces=(arc,)),), where=where, closed=whole)]
+
+
+def _elliptic(middle: Floats, major: Floats, ratio: float, params: tuple[float, float]) -> Arc:
+    turn = (params[1] - params[0]) % math.tau
+    return Arc(
+        middle=middle,
+        first=major,
+        second=ratio * np.array([-major[1], major[0]]),
+        start_rad=params[0],
+        turn_rad=turn if turn > 1e-9 else math.tau,
+    )
+
+
+def _spline(entity: DXFGraphic, where: str) -> list[Item]:
+    spline = entity.construction_tool()  # type: ignore[attr-defined]
+    _flat_points(where, list(spline.control_points))
+    return [
+        Item(
+            rings=(Ring(pieces=(Curve(spline),)),),
+            where=where,
+            closed=bool(entity.closed),  # type: ignore[attr-defined]
+        )
+    ]
+
+
+def _lwpolyline(entity: DXFGraphic, where: str) -> list[Item]:
+    vertices = list(entity.get_points("xyb"))  # type: ignore[attr-defined]
+    closed = bool(entity.closed)  # type: ignore[attr-defined]
+    return _bulged(vertices, _mirror(entity, where), where, closed=closed)
+
+
+def _polyline(entity: DXFGraphic, where: str) -> list[Item]:
+    polyline = entity
+    if polyline.is_polygon_mesh or polyline.is_poly_face_mesh:  # type: ignore[attr-defined]
+        raise BadInputError(where, "a mesh in space", FLAT)
+    drawn = [
+        vertex
+        for vertex in polyline.vertices  # type: ignore[attr-defined]
+        if not vertex.dxf.flags & _SPLINE_FRAME
+    ]
+    closed = bool(polyline.is_closed)  # type: ignore[attr-defined]
+    places = [vertex.dxf.location for vertex in drawn]
+    if polyline.is_3d_polyline:  # type: ignore[attr-defined]
+        bulges, mirror = [0.0] * len(drawn), 1.0
+    else:
+        bulges, mirror = [vertex.dxf.bulge for vertex in drawn], _mirror(polyline, where)
+    points = _flat_points(where, places)
+    vertices = [(x, y, bulge) for (x, y), bulge in zip(points.tolist(), bulges, strict=True)]
+    return _bulged(vertices, mirror, where, closed=closed)
+
+
+def _bulged(
+    vertices: Sequence[Sequence[float]], mirror: float, where: str, *, closed: bool
+) -> list[Item]:
+    if len(vertices) < 2:
+        return []
+    pieces = _bulged_pieces(vertices, mirror, closed=closed)
+    return [Item(rings=(Ring(pieces=pieces),), where=where, closed=closed)]
+
+
+def _bulged_pieces(
+    vertices: Sequence[Sequence[float]], mirror: float, *, closed: bool
+) -> tuple[Piece, ...]:
+    """Return the pieces of a polyline; straight ones that follow one another are one."""
+    points = np.array([(mirror * x, y) for x, y, *_ in vertices])
+    bulges = [mirror * vertex[2] for vertex in vertices]
+    if closed:
+        points, bulges = np.vstack([points, points[:1]]), [*bulges, 0.0]
+    pieces: list[Piece] = []
+    begin = 0
+    for index, bulge in enumerate(bulges[:-1]):
+        if bulge == 0.0:
+            continue
+        if index > begin:
+            pieces.append(Straight(points[begin : index + 1]))
+        pieces.append(bulge_arc(points[index], points[index + 1], bulge))
+        begin = index + 1
+    if begin < len(points) - 1:
+        pieces.append(Straight(points[begin:]))
+    return tuple(pieces)
+
+
+def _quadrilateral(entity: DXFGraphic, where: str) -> list[Item]:
+    corners = entity.wcs_vertices()  # type: ignore[attr-defined]
+    ring = Ring(pieces=(Straight(_flat_points(where, corners)),))
+    return [Item(rings=(ring,), where=where, filled=True)]
+
+
+def _hatch(entity: DXFGraphic, where: str) -> list[Item]:
+    mirror = _mirror(entity, where)
+    is_mpolygon = entity.dxftype() == "MPOLYGON"
+    shift = Vec2(entity.dxf.get("offset_vector", Vec2())) if is_mpolygon else Vec2()
+    rings = []
+    for path in entity.paths:  # type: ignore[attr-defined]
+        if isinstance(path, EdgePath):
+            rings += _edge_loops([_edge(edge, mirror) for edge in path.edges])
+        elif len(path.vertices) >= 2:
+            moved = [(x + shift.x, y + shift.y, bulge) for x, y, bulge in path.vertices]
+            rings.append(Ring(pieces=_bulged_pieces(moved, mirror, closed=True)))
+    return [Item(rings=tuple(rings), where=where, filled=True)] if rings else []
+
+
+def _edge(edge: object, mirror: float) -> Piece:
+    if isinstance(edge, LineEdge):
+        ends = (edge.start, edge.end)
+        return Straight(np.array([(mirror * point.x, point.y) for point in ends]))
+    if isinstance(edge, ArcEdge):
+        return _angled(edge.center, edge.radius, (edge.start_angle, edge.end_angle), mirror)
+    if isinstance(edge, EllipseEdge):
+        return _ellipse_edge(edge.construction_tool(), mirror)
+    if not isinstance(edge, SplineEdge):
+        raise TypeError(f"an edge of the unknown kind {type(edge).__name__}")
+    if not edge.control_points:
+        return Curve(fit_points_to_cad_cv(edge.fit_points), mirror)
+    spline = BSpline(
+        edge.control_points,
+        order=edge.degree + 1,
+        knots=edge.knot_values or None,
+        weights=edge.weights or None,
+    )
+    return Curve(spline, mirror)
+
+
+def _ellipse_edge(ellipse: ConstructionEllipse, mirror: float) -> Piece:
+    major = np.array([mirror * ellipse.major_axis.x, ellipse.major_axis.y])
+    middle = np.array([mirror * ellipse.center.x, ellipse.center.y])
+    return _elliptic(
+        middle, major, mirror * ellipse.ratio, (ellipse.start_param, ellipse.end_param)
+    )
+
+
+def _edge_loops(pieces: list[Piece]) -> list[Ring]:
+    """Return the loops that a hatch's edges make, in whichever direction each edge runs."""
+    loops: list[list[Piece]] = []
+    first = last = np.full(2, math.nan)
+    for piece in pieces:
+        begin, end = piece.flat(math.inf)[[0, -1]]
+        if loops and len(loops[-1]) == 1 and not (_near(last, begin) or _near(last, end)):
+            first, last = last, first
+        if loops and _near(last, end):
+            begin, end = end, begin
+        if not loops or (_near(first, last) and not _near(last, begin)):
+            loops.append([])
+            first = begin
+        loops[-1].append(piece)
+        last = end
+    return [Ring(pieces=tuple(loop)) for loop in loops]
+
+
+def _near(one: Floats, other: Floats) -> bool:
+    return math.dist(one, other) <= 1e-9 * (1.0 + float(np.abs(one).max()))
+
+
+def _mirror(entity: DXFGraphic, where: str) -> float:
+    """Return -1 for an entity drawn from below, 1 from above; refuse slanted ones."""
+    direction = Vec3(entity.dxf.get("extrusion", Vec3(0, 0, 1)))
+    if not abs(direction.x) + abs(direction.y) <= _EXTRUSION_SLACK * abs(direction.z):
+        value = f"extruded along ({direction.x:.4g}, {direction.y:.4g}, {direction.z:.4g})"
+        raise BadInputError(where, value, FLAT)
+    return -1.0 if direction.z < 0.0 else 1.0
+
+
+def _flat_points(where: str, points: Sequence[Vec3]) -> Floats:
+    """Return x and y of points, or raise BadInputError if their heights differ."""
+    array = np.array([(point.x, point.y, Vec3(point).z) for point in points]).reshape(-1, 3)
+    if not np.isfinite(array).all():
+        raise BadInputError(where, "a coordinate that is not finite", "finite numbers")
+    rise = np.ptp(array, axis=0) if len(array) else np.zeros(3)
+    if rise[2] > _LEAST_SLOPE * max(rise[0], rise[1]):
+        low, high = array[:, 2].min(), array[:, 2].max()
+        place = f"{where} at ({array[0, 0]:.8g}, {array[0, 1]:.8g})"
+        raise BadInputError(place, f"3-D, z from {low:.6g} to {high:.6g}", FLAT)
+    return np.asarray(array[:, :2])
+
+
+READERS: dict[str, Callable[[DXFGraphic, str], list[Item]]] = {
+    "LINE": _line,
+    "CIRCLE": _circle,
+    "ARC": _arc,
+    "ELLIPSE": _ellipse,
+    "SPLINE": _spline,
+    "HELIX": _spline,
+    "LWPOLYLINE": _lwpolyline,
+    "POLYLINE": _polyline,
+    "SOLID": _quadrilateral,
+    "TRACE": _quadrilateral,
+    "3DFACE": _quadrilateral,
+    "HATCH": _hatch,
+    "MPOLYGON": _hatch,
+}
+"""Readers by type of entity."""

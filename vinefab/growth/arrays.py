@@ -159,20 +159,6 @@ class Growth(NamedTuple):
             chain_sense=np.zeros(room, dtype=np.int64),
         )
 
-    @classmethod
-    def for_jobs(cls, jobs: int, branches: int, room: int) -> "Growth":
-        """Return arrays for several trees one after the other, with so many branches in all.
-
-        Each tree has its own ``first_point``, one entry longer than it has branches.
-        """
-        growth = cls.empty(branches, 0)
-        return growth._replace(
-            points=np.empty((room, 2)),
-            first_point=np.zeros(branches + jobs, dtype=np.int64),
-            chain_length=np.empty(room),
-            chain_sense=np.zeros(room, dtype=np.int64),
-        )
-
     def with_room(self, room: int) -> "Growth":
         """Return the same growth so far, with room for more chain points."""
         more = Growth.empty(len(self.stop), room)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,16 @@ from vinefab.growth.batch_arrays import JobArrays, TreesArrays
 from vinefab.growth.grow import POINTS_PER_BRANCH, SPARE_POINTS, rules_of
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan
+from vinefab.growth.scratch import Scratch
 from vinefab.model.checked import Floats, Ints
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Pose
 
 BLOCK = 64
 """Growths in one compiled call: long enough to forget the call, small enough for the caches."""
+
+
+Result = TypeVar("Result")
 
 
 class Over(Protocol):
@@ -184,37 +188,55 @@ class Batch:
         self._spans = _Spans.of(self.plans)
         self._walls = launches.atlas.arrays(self._spans.radii_mm)
         self._page = launches.atlas.pages(self._spans.radii_mm)
+        # Appending and popping are safe between threads.
+        self._idle: list[Scratch] = []
 
     def __len__(self) -> int:
         return len(self.plans) * len(self.launches)
 
-    def blocks(self, over: Over = map, size: int = BLOCK) -> Iterator[Block]:
-        """Grow everything and give it block by block, in order.
+    def each(
+        self, work: Callable[[Block], Result], over: Over = map, size: int = BLOCK
+    ) -> Iterator[Result]:
+        """Grow everything, and give what some work makes of each block, in order.
 
         Parameters
         ----------
+        work
+            Called with every block where it was grown. The block's arrays are used again
+            afterwards: what is to last must be copied.
         over
             How to work off the blocks.
         size
             Growths per block.
         """
-        yield from over(lambda first: self.block(first, size), range(0, len(self), size))
 
-    def block(self, first: int, size: int = BLOCK) -> Block:
-        """Grow and return the growths ``first .. first + size - 1``, as far as there are any."""
-        number = np.arange(first, min(first + size, len(self)))
-        launch, plan = np.divmod(number, len(self.plans))
+        def done(first: int) -> Result:
+            scratch = self._idle.pop() if self._idle else Scratch()
+            result = work(self._block(first, size, scratch))
+            self._idle.append(scratch)
+            return result
+
+        yield from over(done, range(0, len(self), size))
+
+    def deployments(self, over: Over = map) -> list[Deployment]:
+        """Grow everything and return what `vinefab.growth.grow.grow` would for each growth."""
+        blocks = self.each(lambda b: [b.deployment(k) for k in range(len(b))], over)
+        return [deployment for block in blocks for deployment in block]
+
+    def _block(self, first: int, size: int, scratch: Scratch) -> Block:
+        """Grow the growths ``first .. first + size - 1``, as far as there are any."""
+        launch, plan = np.divmod(np.arange(first, min(first + size, len(self))), len(self.plans))
         room_each = POINTS_PER_BRANCH
-        while (block := self._grown(plan, launch, room_each)) is None:
+        while (block := self._grown(plan, launch, room_each, scratch)) is None:
             room_each *= 2
         return block
 
-    def _grown(self, plan: Ints, launch: Ints, room_each: int) -> Block | None:
+    def _grown(self, plan: Ints, launch: Ints, room_each: int, scratch: Scratch) -> Block | None:
         """Return some growths, or None if they need more chain points per branch."""
         from vinefab.growth import kernel  # noqa: PLC0415  numba takes a second to import
 
         jobs = self._jobs(plan, launch, room_each)
-        growth = Growth.for_jobs(len(plan), int(jobs.branch[-1]), int(jobs.room[-1]))
+        growth = scratch.growth(len(plan), int(jobs.branch[-1]), int(jobs.room[-1]))
         terrain = self.launches.terrain[launch]
         for level in range(int(self._spans.levels[plan].max())):
             jobs.page[:] = self._page[terrain, self._spans.radius[plan, level]]

@@ -104,6 +104,9 @@ def is_head_on(walls, rules, ux, uy, wall):
     """Tell whether a tip that meets a wall stops: the angle between u and -n is small."""
     tx, ty = walls.wall[wall, 2], walls.wall[wall, 3]
     along = abs(ux * tx + uy * ty)
+    # An angle is not smaller than its sine: most contacts need no arc tangent.
+    if along > rules.head_on_half_angle_rad + 1e-9:
+        return False
     against = ux * ty - uy * tx
     return math.atan2(along, against) <= rules.head_on_half_angle_rad + rules.tolerance_rad
 
@@ -329,8 +332,8 @@ def _vertex_swept(walls, rules, sweep, skip, reach):
             continue
         left = min(max(int((span[0] - margin - x0) / cell), 0), columns - 1)
         right = min(max(int((span[1] + margin - x0) / cell), 0), columns - 1)
-        for column in range(left, right + 1):
-            best = _first_in_cell(walls, rules, sweep, skip, row * columns + column, best)
+        for at in range(row * columns + left, row * columns + right + 1):
+            best = _first_in_cell(walls, rules, sweep, skip, at, best)
     return best[0], best[1]
 
 
@@ -711,3 +714,51 @@ def grow_jobs(atlas, trees, rules, jobs, growth, first, last):
             jobs.done[job],
             jobs.until[job],
         )
+
+
+# --- What one look costs: the benchmark's floor -----------------------------------------------
+
+
+@compiled
+def meet_all(walls, rules, rays, wall):
+    """Test rays against walls, one each, and return the sum of the finite distances.
+
+    Parameters
+    ----------
+    walls, rules
+        As in `grow_branches`.
+    rays
+        Origins and directions, shape (n, 4).
+    wall
+        The walls' numbers, shape (n,).
+    """
+    total = 0.0
+    for k in range(len(wall)):
+        ray = rays[k]
+        distance, _ = _meeting(walls, rules, ray[0], ray[1], ray[2], ray[3], wall[k])
+        if distance < math.inf:
+            total += distance
+    return total
+
+
+@compiled
+def sweep_all(walls, rules, sweeps, vertex):
+    """Test turning bodies against vertices, one each, and return the sum of the finite distances.
+
+    Parameters
+    ----------
+    walls, rules
+        As in `grow_branches`.
+    sweeps
+        Pivot, tip from the pivot, direction of sliding, heading and sense, shape (n, 9).
+    vertex
+        The vertices' numbers, shape (n,).
+    """
+    total = 0.0
+    for k in range(len(vertex)):
+        s = sweeps[k]
+        sweep = (s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], s[8])
+        distance = _sweep_to(walls, rules, vertex[k], sweep)
+        if distance < math.inf:
+            total += distance
+    return total

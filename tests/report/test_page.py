@@ -87,7 +87,8 @@ def test_plan_draws_obstacles_with_holes_branches_and_reasons(world, deployment)
     axes = figure.axes[0]
     labels = {text.get_text() for text in axes.get_legend().get_texts()}
     assert labels == {
-        "level 1", "level 2", "contact", "full_length (1)", "head_on (1)", "not_deployed (1)"
+        "level 1 (1 of 1)", "level 2 (1 of 2)", "contact (1)", "start",
+        "grown in full (1)", "stopped head-on (1)", "never emerged (1)",
     }  # fmt: skip
     codes = [patch.get_path().codes for patch in axes.patches]
     assert any(np.count_nonzero(code == 1) == 2 for code in codes if code is not None)

@@ -7,10 +7,12 @@ import typer
 
 from vinefab.cli.options import DesignIn, Force, JsonOut, PoseIn, Quiet, Voice, pose_from
 from vinefab.core.atomic import ensure_writable, write_bytes
-from vinefab.export.deployment_json import deployment_text
+from vinefab.core.errors import BadInputError
 from vinefab.files.design import read_design
 from vinefab.files.map import read_map
-from vinefab.pipeline.grow import deploy, growth_options
+from vinefab.model.checked import whole
+from vinefab.pipeline.grow import FRAMES, animation_suffix, deploy, growth_options
+from vinefab.pipeline.history import MOST_FRAMES, frames_of, fronts_from
 
 
 def add_to(app: typer.Typer) -> None:
@@ -32,24 +34,44 @@ def grow_command(
     ] = "stop",
     json_out: JsonOut = None,
     svg: Annotated[Path | None, typer.Option("--svg", help="A picture (SVG, or PNG).")] = None,
+    label: Annotated[
+        bool, typer.Option("--label", help="Write branch ids in the picture.")
+    ] = False,
+    history: Annotated[
+        str | None,
+        typer.Option(
+            help="Add to the JSON the shapes at these lengths of the growing front, L1,L2,... in "
+            "mm along the body from the base; a whole number alone: so many equal steps."
+        ),
+    ] = None,
+    animate: Annotated[
+        Path | None, typer.Option(help="The deployment as a moving picture (SVG, or GIF).")
+    ] = None,
+    frames: Annotated[int, typer.Option(help="Frames of the moving picture.")] = FRAMES,
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:
     """Deploy a design on a map and say where every branch ended.
 
-    Example: vinefab grow three_level_tree --map grid.geojson --svg grown.svg
+    Example: vinefab grow three_level_tree --map grid.geojson --svg grown.svg --animate grows.gif
     """
     voice = Voice(quiet=quiet, json_out=json_out, force=force)
-    if svg:
-        ensure_writable(svg, force=force)
+    for path in filter(None, (svg, animate)):
+        ensure_writable(path, force=force)
+    if animate:
+        animation_suffix(animate.suffix)
+        whole("--frames", frames, 1, MOST_FRAMES)
+    if history is not None and json_out is None:
+        raise BadInputError("--history", history, "to be given together with --json")
+    fronts = None if history is None else fronts_from(history)
     options = growth_options(body, head_on_half_angle_deg, children_of_stuck)
     result = deploy(read_design(design), read_map(map_file), pose_from(pose), options)
-    voice.give_json(
-        deployment_text(result.deployment, result.design.name, result.world.name, result.metrics)
-    )
+    voice.give_json(result.text(None if fronts is None else frames_of(result.history, fronts)))
     if svg:
-        write_bytes(svg, result.picture(svg.suffix), force=force)
+        write_bytes(svg, result.picture(svg.suffix, named=label), force=force)
+    if animate:
+        write_bytes(animate, result.animation(animate.suffix, frames), force=force)
     for line in result.summary():
         voice.say(line)
-    if svg:
-        voice.say(f"wrote {svg}")
+    for path in filter(None, (svg, animate)):
+        voice.say(f"wrote {path}")

@@ -1,6 +1,6 @@
 """One growth as JSON: ``vinefab/deployment-1``."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from vinefab.core.jsontext import json_text
 from vinefab.core.units import deg
@@ -11,7 +11,11 @@ SCHEMA = "vinefab/deployment-1"
 
 
 def deployment_text(
-    deployment: Deployment, design_name: str, map_name: str, metrics: Mapping[str, object]
+    deployment: Deployment,
+    design_name: str,
+    map_name: str,
+    metrics: Mapping[str, object],
+    history: Sequence[Mapping[str, object]] | None = None,
 ) -> str:
     """Return a deployment as JSON: lengths in mm, angles in degrees.
 
@@ -23,23 +27,32 @@ def deployment_text(
         Names of what was grown, and where.
     metrics
         Numbers worked out from it (lengths, coverage); plain values.
+    history
+        Earlier shapes, plain values; left out when None.
 
     Raises
     ------
     ValueError
         If a metric is NaN or infinite.
     """
-    names = deployment.tree.ids
+    content = {} if history is None else {"history": list(history)}
     return json_text(
         SCHEMA,
         {
             "design": design_name,
             "map": map_name,
             "pose": pose_content(deployment.pose),
-            "branches": [_branch(deployment, names, index) for index in range(len(names))],
+            "branches": branches_content(deployment),
             "metrics": dict(metrics),
+            **content,
         },
     )
+
+
+def branches_content(deployment: Deployment) -> list[dict[str, object]]:
+    """Return the branches of a deployment as they stand in our JSON files."""
+    names = deployment.tree.ids
+    return [_branch(deployment, names, index) for index in range(len(names))]
 
 
 def pose_content(pose: Pose) -> dict[str, float]:

@@ -1,17 +1,24 @@
 """One deployment: a design on a map from a pose."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg, rad
+from vinefab.export.deployment_json import deployment_text
 from vinefab.growth.grow import grow
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
+from vinefab.pipeline.history import History, history_content
+from vinefab.report.animation import Frame
+
+FRAMES = 40
+"""Frames of an animation unless told otherwise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -22,12 +29,15 @@ class Grown:
     ----------
     design, world, options
         What was grown, where and by which rules.
+    terrain
+        The map made ready for growth.
     deployment
         What became of it.
     """
 
     design: Design
     world: Map
+    terrain: Terrain
     options: GrowthOptions
     deployment: Deployment
 
@@ -63,20 +73,68 @@ class Grown:
             f"grown {grown_mm:.1f} of {tree.total_length_mm:.1f} mm",
         ]
 
-    def picture(self, suffix: str) -> bytes:
+    @property
+    def history(self) -> History:
+        """The deployment at any length of its front."""
+        return History(
+            design=self.design, terrain=self.terrain, options=self.options, final=self.deployment
+        )
+
+    def text(self, frames: Sequence[Frame] | None = None) -> str:
+        """Return the deployment as JSON, ``vinefab/deployment-1``.
+
+        Parameters
+        ----------
+        frames
+            Earlier shapes to put in as ``history``.
+        """
+        names = (self.design.name, self.world.name)
+        history = None if frames is None else history_content(frames)
+        return deployment_text(self.deployment, *names, self.metrics, history)
+
+    def picture(self, suffix: str, *, named: bool = False) -> bytes:
         """Return a plan of the deployment.
 
         Parameters
         ----------
         suffix
             ``.svg`` or ``.png``.
+        named
+            Whether to write every branch's id beside it.
         """
         # matplotlib takes longer to load than the growth to simulate.
         from vinefab.report.figure import png_bytes, svg_bytes  # noqa: PLC0415
         from vinefab.report.plans import deployment_plan  # noqa: PLC0415
 
-        figure = deployment_plan(self.world, self.deployment, self.design.build.widths_mm)
+        widths_mm = self.design.build.widths_mm
+        figure = deployment_plan(self.world, self.deployment, widths_mm, named=named)
         return png_bytes(figure) if suffix == ".png" else svg_bytes(figure)
+
+    def animation(self, suffix: str, frames: int = FRAMES) -> bytes:
+        """Return the deployment as a moving picture.
+
+        Parameters
+        ----------
+        suffix
+            ``.svg`` or ``.gif``.
+        frames
+            Number of steps, equal in length of the front.
+
+        Raises
+        ------
+        BadInputError
+            If the suffix is another one.
+        """
+        kind = animation_suffix(suffix)
+        shapes, widths_mm = self.history.even_steps(frames), self.design.build.widths_mm
+        if kind == ".svg":
+            from vinefab.report.animation_svg import svg_animation  # noqa: PLC0415  as below
+
+            return svg_animation(self.world, shapes, widths_mm)
+        # Pillow is not needed for anything else here.
+        from vinefab.report.animation_gif import gif_animation  # noqa: PLC0415
+
+        return gif_animation(self.world, shapes, widths_mm)
 
 
 def growth_options(
@@ -108,8 +166,24 @@ def deploy(design: Design, world: Map, pose: Pose | None, options: GrowthOptions
         If there is no pose, or it is not in free space.
     """
     pose = pose or first_start(world)
-    deployment = grow(design, Terrain.of(world), pose, options)
-    return Grown(design=design, world=world, options=options, deployment=deployment)
+    terrain = Terrain.of(world)
+    deployment = grow(design, terrain, pose, options)
+    return Grown(
+        design=design, world=world, options=options, terrain=terrain, deployment=deployment
+    )
+
+
+def animation_suffix(suffix: str) -> str:
+    """Return the kind of an animation, ``.svg`` or ``.gif``, from the end of its file's name.
+
+    Raises
+    ------
+    BadInputError
+        If it is neither.
+    """
+    if suffix.lower() not in (".svg", ".gif"):
+        raise BadInputError("--animate", f"*{suffix}", "a file name ending in .svg or .gif")
+    return suffix.lower()
 
 
 def first_start(world: Map) -> Pose:

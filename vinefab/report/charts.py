@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from vinefab.report.figure import LEVEL_COLOURS, SOFT, blank, house_style
+from vinefab.report.colours import LEVEL_COLOURS, SOFT
+from vinefab.report.figure import blank, house_style
 
 
 def fitness_curve(best: ArrayLike, mean: ArrayLike, spread: ArrayLike) -> Figure:

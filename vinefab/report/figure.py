@@ -1,6 +1,7 @@
 """Blank figures and their way into bytes; the only module that knows matplotlib's file side."""
 
 import io
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -10,13 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vinefab.core.jsontext import GENERATOR
-
-INK = "#1d2a30"
-SOFT = "#5c6b73"
-ROCK = "#c9d1d6"
-ROCK_EDGE = "#8b989f"
-LEVEL_COLOURS = ("#0b6e8a", "#d9822b", "#7a5195", "#2e8b57", "#c8553d", "#4c6fbf", "#8a8d3a")
-"""Colour of each level, trunk first; they repeat after the last."""
+from vinefab.report.colours import INK, SOFT
 
 _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "vinefab",
@@ -75,7 +70,12 @@ def svg_bytes(figure: Figure) -> bytes:
         figure.savefig(
             stream, format="svg", bbox_inches="tight", metadata={"Date": None, "Creator": GENERATOR}
         )
-    return stream.getvalue()
+    return re.sub(rb' d="[^"]*"', _shortened, stream.getvalue())
+
+
+def _shortened(path: re.Match[bytes]) -> bytes:
+    """Return a path with its numbers to a hundredth of a point; matplotlib writes six decimals."""
+    return re.sub(rb"(\.\d\d)\d+", rb"\1", path.group())
 
 
 def png_bytes(figure: Figure, dpi: int = 150) -> bytes:

@@ -14,7 +14,7 @@ from shapely import Polygon
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.environments.carve import carved, chamber, passage
-from vinefab.environments.ground import box, start_zone
+from vinefab.environments.ground import box, canonical, start_zone
 from vinefab.environments.network import links, spread_points
 from vinefab.environments.starts import check_starts, lower_starts
 from vinefab.model.checked import Floats, number, positive, whole
@@ -148,11 +148,12 @@ def cave_map(seed: int, options: CaveOptions | None = None) -> Map:
     start = _start(options)
     cave = _cave(child(seed, _STREAM), options, start)
     bounds = box(options.size_mm, options.size_mm)
-    rock = Polygon(bounds.exterior, [cave.exterior])
+    rocks = [Polygon(bounds.exterior, [cave.exterior])]
+    rocks += [Polygon(ring) for ring in cave.interiors]
     return Map(
         name=f"cave_{seed}",
         bounds=bounds,
-        obstacles=(rock, *(Polygon(ring) for ring in cave.interiors)),
+        obstacles=tuple(canonical(rock)[0] for rock in rocks),
         starts=(start,),
         environment="cave",
         seed=seed,

@@ -1,12 +1,15 @@
 """The Corridors environment: a floor plan of halls, rooms and doors."""
 
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.environments.doors import DoorRules, doorways, walls_between
 from vinefab.environments.floor import FloorLimits, Region, floor_plan
-from vinefab.environments.ground import box
+from vinefab.environments.ground import DECIMALS, box
 from vinefab.environments.starts import check_starts, lower_starts
 from vinefab.model.checked import number, positive, whole
 from vinefab.model.map import Map, Start
@@ -24,14 +27,14 @@ class CorridorsOptions:
     width_mm, height_mm
         Size of the floor.
     halls
-        Corridors. Each divides the largest part of the floor that is left; those that meet are
-        open to each other.
+        Corridors. The first runs up from the lower side and begins at the start; each further one
+        divides the largest part of the floor that is left. Halls that meet are open to each other.
     hall_width_mm
         Their width.
     room_min_mm
         Least width and depth of a room.
     room_max_mm
-        Wider or deeper rooms are divided, unless a start stands where the wall would be.
+        Wider or deeper rooms are divided, unless the start stands where the wall would be.
     wall_mm
         Thickness of the walls.
     door_mm
@@ -40,8 +43,8 @@ class CorridorsOptions:
         Share, 0 to 1, of the possible further doors that are open, besides those that make every
         room reachable. These lead to a hall wherever a room has one beside it.
     start_clearance_mm
-        Least distance from every possible starting position to walls; the start is in the middle
-        of the lower side, in a room or in a hall.
+        Least distance from every possible starting position to walls. The start is at the lower
+        end of the first hall; without halls, in the middle of the lower side.
     start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
         Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
 
@@ -54,14 +57,14 @@ class CorridorsOptions:
     width_mm: float = 500.0
     height_mm: float = 500.0
     halls: int = 3
-    hall_width_mm: float = 42.0
+    hall_width_mm: float = 44.0
     room_min_mm: float = 84.0
     room_max_mm: float = 180.0
     wall_mm: float = 6.0
     door_mm: float = 26.0
     loops: float = 0.15
     start_clearance_mm: float = 15.0
-    start_spread_x_mm: float = 10.0
+    start_spread_x_mm: float = 5.0
     start_spread_y_mm: float = 0.0
     start_spread_heading_deg: float = 30.0
 
@@ -82,7 +85,9 @@ class CorridorsOptions:
         if self.width_mm * self.height_mm > _MOST_ROOMS * self.room_min_mm**2:
             least_mm = (self.width_mm * self.height_mm / _MOST_ROOMS) ** 0.5
             raise BadInputError("room_min_mm", self.room_min_mm, f"at least {least_mm:.4g} mm")
-        check_starts(self, (self.width_mm, self.height_mm), 1, 0.5 * self.door_mm)
+        # Walls may go where the start is not, but a hall has to be wide enough for it.
+        wide_mm = self.hall_width_mm if self.halls > 0 else self.width_mm
+        check_starts(self, (wide_mm, self.height_mm), 1, 0.5 * self.door_mm)
 
     @property
     def passage_mm(self) -> float:
@@ -126,32 +131,49 @@ def corridors_map(seed: int, options: CorridorsOptions | None = None) -> Map:
     """
     options = options or CorridorsOptions()
     whole("seed", seed, 0, 2**63 - 1)
-    half_mm = 0.5 * options.door_mm
-    starts = lower_starts(options, options.width_mm, 1, half_mm)
-    limits = FloorLimits(
-        hall_mm=options.hall_width_mm,
-        room_min_mm=options.room_min_mm,
-        room_max_mm=options.room_max_mm,
-        wall_mm=options.wall_mm,
-        keep_out=_around(starts[0], max(options.start_clearance_mm, half_mm)),
-    )
-    floor = Region(0.0, 0.0, options.width_mm, options.height_mm)
     rng = child(seed, _STREAM)
-    regions = floor_plan(rng, floor, options.halls, limits)
+    regions = _regions(rng, options)
     doors = doorways(rng, regions, DoorRules(options.wall_mm, options.door_mm, options.loops))
     bounds = box(options.width_mm, options.height_mm)
     return Map(
         name=f"corridors_{seed}",
         bounds=bounds,
         obstacles=walls_between(bounds, [*regions, *doors]),
-        starts=starts,
+        starts=(_start(_entrance(regions, options), options),),
         environment="corridors",
         seed=seed,
         facts={**asdict(options), "rooms": sum(not region.hall for region in regions)},
     )
 
 
-def _around(start: Start, clear_mm: float) -> Region:
+def _regions(rng: np.random.Generator, options: CorridorsOptions) -> list[Region]:
+    floor = Region(0.0, 0.0, options.width_mm, options.height_mm)
+    limits = FloorLimits(
+        hall_mm=options.hall_width_mm,
+        room_min_mm=options.room_min_mm,
+        room_max_mm=options.room_max_mm,
+        wall_mm=options.wall_mm,
+        keep_out=None if options.halls > 0 else _around(_start(floor, options), options),
+    )
+    return floor_plan(rng, floor, options.halls, limits)
+
+
+def _entrance(regions: Sequence[Region], options: CorridorsOptions) -> Region:
+    """Return the region at whose lower end robots start: the first hall, or the whole floor."""
+    if options.halls == 0:
+        return Region(0.0, 0.0, options.width_mm, options.height_mm)
+    # No other hall reaches from side to side along y; a room may.
+    return next(r for r in regions if r.hall and r.length(1) == options.height_mm)
+
+
+def _start(region: Region, options: CorridorsOptions) -> Start:
+    (start,) = lower_starts(options, region.length(0), 1, 0.5 * options.door_mm)
+    x_mm = round(start.pose.x_mm + region.x_min_mm, DECIMALS)
+    return replace(start, pose=replace(start.pose, x_mm=x_mm))
+
+
+def _around(start: Start, options: CorridorsOptions) -> Region:
+    clear_mm = max(options.start_clearance_mm, 0.5 * options.door_mm)
     half_x_mm, half_y_mm = start.spread_x_mm + clear_mm, start.spread_y_mm + clear_mm
     x_mm, y_mm = start.pose.x_mm, start.pose.y_mm
     return Region(x_mm - half_x_mm, y_mm - half_y_mm, x_mm + half_x_mm, y_mm + half_y_mm)

@@ -62,14 +62,14 @@ class FloorLimits:
     wall_mm
         Thickness of walls.
     keep_out
-        No wall may stand in it.
+        No wall may stand in it, if there is one.
     """
 
     hall_mm: float
     room_min_mm: float
     room_max_mm: float
     wall_mm: float
-    keep_out: Region
+    keep_out: Region | None = None
 
 
 def floor_plan(
@@ -77,7 +77,8 @@ def floor_plan(
 ) -> list[Region]:
     """Return the halls and rooms of a floor.
 
-    Neighbours are exactly a wall apart; no two overlap.
+    Neighbours are exactly a wall apart; no two overlap. The first hall runs along y from side to
+    side, every other one ends on an earlier one or at a side.
 
     Raises
     ------
@@ -85,10 +86,10 @@ def floor_plan(
         If the halls do not fit.
     """
     for _ in range(_PLANS):
-        parts = _with_halls(rng, floor._replace(way=int(rng.integers(2))), halls, limits)
+        parts = _with_halls(rng, floor._replace(way=1), halls, limits)
         if parts is not None:
             return [room for part in parts for room in _rooms(rng, part, limits)]
-    raise BadInputError("halls", halls, "so few that rooms fit beside them and walls clear starts")
+    raise BadInputError("halls", halls, "so few that rooms fit beside them")
 
 
 def _with_halls(
@@ -167,8 +168,9 @@ def _wall_place(
     last = high - limits.room_min_mm - limits.wall_mm - walls_at_mm[-1]
     pieces = [(first, last)]
     across = 1 - axis
-    if _overlap(part.span(across), limits.keep_out.span(across)) > 0.0:
-        near, far = limits.keep_out.span(axis)
+    area = limits.keep_out
+    if area is not None and _overlap(part.span(across), area.span(across)) > 0.0:
+        near, far = area.span(axis)
         for begin in walls_at_mm:
             pieces = _without(pieces, near - begin - limits.wall_mm, far - begin)
     pieces = [(start, end) for start, end in pieces if end >= start]

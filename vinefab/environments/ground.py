@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import shapely
-from shapely import Polygon
+from shapely import MultiPoint, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.model.checked import Floats
@@ -40,7 +40,8 @@ def start_zone(start: Start) -> BaseGeometry:
     corners = [
         (x + sign_x * half_x, y + sign_y * half_y) for sign_x in (-1, 1) for sign_y in (-1, 1)
     ]
-    return shapely.convex_hull(shapely.multipoints(corners))
+    # To 1e-9 mm: the distance to a rectangle a billionth of that high overflows.
+    return shapely.convex_hull(MultiPoint(np.round(corners, 9)))
 
 
 def upward_start(x_mm: float, y_mm: float, spreads: tuple[float, float, float]) -> Start:

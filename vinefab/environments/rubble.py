@@ -69,7 +69,7 @@ class RubbleOptions:
     """
 
     size_mm: float = 500.0
-    cover: float = 0.36
+    cover: float = 0.34
     slab_min_mm: float = 14.0
     slab_max_mm: float = 170.0
     exponent: float = 1.5
@@ -78,8 +78,8 @@ class RubbleOptions:
     raggedness: float = 0.7
     direction_deg: float = 25.0
     direction_spread_deg: float = 30.0
-    leaning: float = 0.5
-    passage_mm: float = 16.0
+    leaning: float = 0.35
+    passage_mm: float = 18.0
     starts: int = 1
     start_clearance_mm: float = 15.0
     start_spread_x_mm: float = 10.0

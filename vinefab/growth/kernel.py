@@ -321,17 +321,22 @@ def _vertex_swept(walls, rules, sweep, skip, reach):
     margin = 2.0 * rules.tolerance_mm
     bottom = min(max(int((min(py, y, zy) - margin - y0) / cell), 0), rows - 1)
     top = min(max(int((max(py, y, zy) + margin - y0) / cell), 0), rows - 1)
+    left = min(max(int((min(px, x, zx) - margin - x0) / cell), 0), columns - 1)
+    right = min(max(int((max(px, x, zx) + margin - x0) / cell), 0), columns - 1)
+    # Under a small triangle it takes longer to leave cells out than to look at them.
+    is_wide = right > left + 1 and top > bottom
     best = (NO_POINT, reach, 0.0)
     for row in range(bottom, top + 1):
-        low, high = y0 + row * cell - margin, y0 + (row + 1) * cell + margin
-        span = (math.inf, -math.inf)
-        span = _band(px, py, x, y, low, high, span)
-        span = _band(x, y, zx, zy, low, high, span)
-        span = _band(zx, zy, px, py, low, high, span)
-        if span[0] > span[1]:
-            continue
-        left = min(max(int((span[0] - margin - x0) / cell), 0), columns - 1)
-        right = min(max(int((span[1] + margin - x0) / cell), 0), columns - 1)
+        if is_wide:
+            low, high = y0 + row * cell - margin, y0 + (row + 1) * cell + margin
+            span = (math.inf, -math.inf)
+            span = _band(px, py, x, y, low, high, span)
+            span = _band(x, y, zx, zy, low, high, span)
+            span = _band(zx, zy, px, py, low, high, span)
+            if span[0] > span[1]:
+                continue
+            left = min(max(int((span[0] - margin - x0) / cell), 0), columns - 1)
+            right = min(max(int((span[1] + margin - x0) / cell), 0), columns - 1)
         for at in range(row * columns + left, row * columns + right + 1):
             best = _first_in_cell(walls, rules, sweep, skip, at, best)
     return best[0], best[1]

@@ -188,7 +188,8 @@ def _outlines(shapes: tuple[Shape, ...], options: AssembleOptions, changes: Chan
         if shape.closed and (points[0] != points[-1]).any():
             points = np.vstack([points, points[:1]])
         line = Line(points_mm=points, where=shape.where)
-        if shape.role is None and (options.wall_mm is not None or not line.closed):
+        encloses = shape.closed or line.closed
+        if shape.role is None and (options.wall_mm is not None or not encloses):
             loose.append(line)
         else:
             rings.append((line, shape))

@@ -41,8 +41,9 @@ class Line:
 def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     """Return lines joined end to end where exactly two ends meet.
 
-    Ends within `SAME_MM` meet. Of the ends that meet nothing, the nearest two are joined in the
-    middle between them, if they are within ``join_mm``, then the next ones.
+    Ends within `SAME_MM` meet. Of the ends that meet nothing, the nearest two are joined, if
+    they are within ``join_mm``, then the next ones: where their lines meet if that is as near, else
+    in the middle.
 
     Parameters
     ----------
@@ -133,12 +134,32 @@ def _bridged(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
         if taken & {one, other} or _too_short(lines, loose[one], loose[other], gaps[order]):
             continue
         taken |= {one, other}
-        middle = 0.5 * (spots[one] + spots[other])
+        corner = _corner(_leg(lines, loose[one]), _leg(lines, loose[other]), join_mm)
         for end in (loose[one], loose[other]):
-            points[end // 2][-1 if end % 2 else 0] = middle
+            points[end // 2][-1 if end % 2 else 0] = corner
         changes.add("gaps_joined")
         changes.most("largest_gap_joined_mm", float(gaps[order]))
     return [Line(points_mm=new, where=line.where) for new, line in zip(points, lines, strict=True)]
+
+
+def _leg(lines: list[Line], end: int) -> Floats:
+    """Return an end and the point before it, shape (2, 2)."""
+    points = lines[end // 2].points_mm
+    return points[[-1, -2]] if end % 2 else points[:2]
+
+
+def _corner(one: Floats, other: Floats, join_mm: float) -> Floats:
+    """Return where two ends are joined: where their lines meet, or in the middle between them."""
+    middle = 0.5 * (one[0] + other[0])
+    along, across = one[0] - one[1], other[0] - other[1]
+    turn = float(along[0] * across[1] - along[1] * across[0])
+    if turn == 0.0:
+        return np.asarray(middle)
+    away = other[0] - one[0]
+    share = float(away[0] * across[1] - away[1] * across[0]) / turn
+    meeting = one[0] + share * along
+    far = max(float(np.hypot(*(meeting - leg[0]))) for leg in (one, other))
+    return np.asarray(meeting if far <= join_mm else middle)
 
 
 def _too_short(lines: list[Line], one: int, other: int, gap_mm: float) -> bool:

@@ -56,11 +56,12 @@ class Arc:
     turn_rad: float = math.tau
 
     def hull(self) -> Floats:
-        """Return the corners of a box around the whole ellipse's arc, sampled and widened."""
+        """Return samples of it, moved out and in by as much as it may bulge between them."""
         turns = np.linspace(self.start_rad, self.start_rad + self.turn_rad, 17)
-        away = self.at(turns) - self.middle
-        # Seventeen samples are at most 22.5 degrees apart: 2 percent covers what is between.
-        return self.middle + away / math.cos(math.pi / 16)
+        bulge = 1.0 - math.cos(self.turn_rad / 32.0)
+        reach = bulge * np.hypot(self.first, self.second)
+        samples = self.at(turns)
+        return np.vstack([samples - reach, samples + reach])
 
     def at(self, turns_rad: Floats) -> Floats:
         """Return the points at some t, shape (n, 2)."""

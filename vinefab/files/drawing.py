@@ -113,6 +113,8 @@ class Item:
             tuple(run_flat(ring.pieces, tolerance) for ring in group)
             for group in (self.rings, self.holes)
         )
+        if not all(np.isfinite(ring).all() for ring in (*rings, *holes)):
+            raise BadInputError(self.where, "a curve that is not finite", "finite numbers")
         return Shape(
             rings=rings,
             where=self.where,

@@ -1,7 +1,7 @@
 """DXF entities as items of a drawing: lines, arcs, curves, hatches, solids."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +9,7 @@ from ezdxf.entities.boundary_paths import ArcEdge, EdgePath, EllipseEdge, LineEd
 from ezdxf.entities.dxfgfx import DXFGraphic
 from ezdxf.lldxf.const import DXFError
 from ezdxf.math import BSpline, ConstructionEllipse, Vec2, Vec3, fit_points_to_cad_cv
+from scipy.interpolate import BSpline as Interpolated
 
 from vinefab.core.errors import BadInputError
 from vinefab.environments.curves import Arc, Piece, Straight, bulge_arc
@@ -17,27 +18,48 @@ from vinefab.model.checked import Floats
 
 FLAT = "flat drawings: equal z all along an entity, seen from straight above or below"
 _SPLINE_FRAME = 16
+_FINEST_SPAN = 4096
 _LEAST_SLOPE = 1e-6
 _EXTRUSION_SLACK = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A B-spline, mirrored in x when -1."""
+    """A B-spline, rational or not, mirrored in x when -1.
+
+    Evaluated here, not by ezdxf: that one runs closed splines over knots at which they have not
+    begun yet.
+    """
 
     spline: BSpline
     mirror: float = 1.0
 
     def hull(self) -> Floats:
         """Return the control points, which hold the curve between them."""
-        return self._flat(self.spline.control_points)
+        points = [(self.mirror * point.x, point.y) for point in self.spline.control_points]
+        return np.array(points)
 
     def flat(self, tolerance: float) -> Floats:
-        """Return points on the curve."""
-        return self._flat(self.spline.flattening(tolerance))
+        """Return points on the curve: every span between knots is halved until it is flat."""
+        knots, order = np.array(self.spline.knots()), self.spline.order
+        inner = np.unique(knots[order - 1 : len(knots) - order + 1])
+        parts = 4
+        while True:
+            share = np.arange(2 * parts) / (2 * parts)
+            params = (inner[:-1, None] + np.diff(inner)[:, None] * share).ravel()
+            points = self._at(np.append(params, inner[-1]))
+            chords, middles = points[::2], points[1::2]
+            off = np.hypot(*(middles - 0.5 * (chords[:-1] + chords[1:])).T)
+            if off.max() <= tolerance or parts >= _FINEST_SPAN:
+                return np.asarray(chords)
+            parts *= 2
 
-    def _flat(self, points: Iterable[Vec3]) -> Floats:
-        return np.array([(self.mirror * point.x, point.y) for point in points])
+    def _at(self, params: Floats) -> Floats:
+        weights = np.array(self.spline.weights() or [1.0] * len(self.spline.control_points))
+        lifted = np.column_stack([self.hull() * weights[:, None], weights])
+        curve = Interpolated(np.array(self.spline.knots()), lifted, self.spline.order - 1)
+        values = np.asarray(curve(params), dtype=np.float64)
+        return np.asarray(values[:, :2] / values[:, 2:])
 
 
 def items_of(entity: DXFGraphic, where: str) -> list[Item]:
@@ -128,13 +150,10 @@ def _elliptic(middle: Floats, major: Floats, ratio: float, params: tuple[float, 
 def _spline(entity: DXFGraphic, where: str) -> list[Item]:
     spline = entity.construction_tool()  # type: ignore[attr-defined]
     _flat_points(where, list(spline.control_points))
-    return [
-        Item(
-            rings=(Ring(pieces=(Curve(spline),)),),
-            where=where,
-            closed=bool(entity.closed),  # type: ignore[attr-defined]
-        )
-    ]
+    curve = Curve(spline)
+    curve.flat(math.inf)  # so that knots that do not fit are found while it is known where
+    closed = bool(entity.closed)  # type: ignore[attr-defined]
+    return [Item(rings=(Ring(pieces=(curve,)),), where=where, closed=closed)]
 
 
 def _lwpolyline(entity: DXFGraphic, where: str) -> list[Item]:

@@ -102,9 +102,13 @@ def _document(path: Path) -> tuple["Document", int]:
     # The reader's warnings go into the one line that the user gets, not beside it.
     logging.getLogger("ezdxf").addHandler(_UNHEARD)
     try:
-        return readfile(path), 0
+        document, mended = readfile(path), 0
     except (OSError, *_BROKEN):
-        return _recovered(path, data)
+        document, mended = _recovered(path, data)
+    if b"$INSUNITS" not in data:
+        # ezdxf takes metres then; the file says nothing.
+        document.header["$INSUNITS"] = 0
+    return document, mended
 
 
 def _recovered(path: Path, data: bytes) -> tuple["Document", int]:

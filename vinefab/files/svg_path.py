@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vinefab.core.errors import BadInputError
-from vinefab.environments.curves import Arc, Bezier, Piece, Straight
+from vinefab.environments.curves import Arc, Bezier, Piece, Straight, run_flat
 from vinefab.model.checked import Floats
 
 _NUMBER = re.compile(r"[\s,]*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)")
@@ -39,6 +39,11 @@ def path_outlines(data: str) -> list[Subpath]:
     [(3, True), (1, False)]
     """
     return _Pen(data).run()
+
+
+def run_points(run: Subpath, tolerance: float) -> Floats:
+    """Return the points of a subpath, shape (n, 2), curves as chords within a tolerance."""
+    return run_flat(tuple(run.pieces), tolerance)
 
 
 class _Pen:

@@ -1,5 +1,6 @@
 """Many growths at once: every one of some designs from every one of some launches."""
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -114,6 +115,21 @@ class Block:
 
     def __len__(self) -> int:
         return len(self.plan)
+
+    @property
+    def terrain(self) -> Ints:
+        """Index of each growth's map, rising, shape (j,)."""
+        return self.launches.terrain[self.launch]
+
+    def by_terrain(self) -> list[tuple[int, int, int]]:
+        """Return the growths ``one .. two - 1`` of each map as (map, one, two)."""
+        terrain = self.terrain
+        edges = np.flatnonzero(np.diff(terrain, prepend=-1, append=-1)).tolist()
+        return [(int(terrain[one]), one, two) for one, two in itertools.pairwise(edges)]
+
+    def planned_mm(self) -> Floats:
+        """Return the planned length of each growth's tree, shape (j,)."""
+        return np.array([plan.tree.total_length_mm for plan in self.plans])[self.plan]
 
     @property
     def deployed(self) -> NDArray[np.bool_]:

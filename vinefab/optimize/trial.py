@@ -1,19 +1,22 @@
 """What one point of the search is worth."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
+from vinefab.growth.atlas import Atlas
+from vinefab.growth.batch import Launches, Over
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.checked import Floats
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.optimize.objective import INVALID_FITNESS, objective
-from vinefab.optimize.settings import EvaluationSettings, RunSettings
+from vinefab.optimize.settings import EvaluationSettings, PartSettings, RunSettings
 from vinefab.optimize.space import Space
-from vinefab.tasks.evaluate import Poses, Site, poses_on, score_design
+from vinefab.tasks.coverage import Coverage
+from vinefab.tasks.evaluate import Poses, Site, poses_on, score_designs
 from vinefab.tasks.registry import make_task
 from vinefab.tasks.task import Task
 
@@ -57,6 +60,8 @@ class Trial:
     ----------
     sites
         The maps.
+    atlas
+        Their walls together.
     space
         What points stand for.
     task
@@ -70,6 +75,7 @@ class Trial:
     """
 
     sites: tuple[Site, ...]
+    atlas: Atlas
     space: Space
     task: Task
     growth: GrowthOptions
@@ -95,10 +101,12 @@ class Trial:
         space = Space(settings.space, settings.build)
         if len(space) == 0:
             raise BadInputError("space", "every variable fixed", "at least one with a range")
+        sites = tuple(Site.of(world) for world in maps)
         return cls(
-            sites=tuple(Site.of(world) for world in maps),
+            sites=sites,
+            atlas=Atlas([site.terrain for site in sites]),
             space=space,
-            task=make_task(settings.task.name, settings.task.parameters),
+            task=_search_task(settings.task),
             growth=settings.growth,
             evaluation=settings.evaluation,
             penalty=penalty if settings.evaluation.fabricable else None,
@@ -112,26 +120,49 @@ class Trial:
         ]
         return poses_on(self.sites, count, seeds)
 
-    def evaluate(self, x: Floats, poses: Poses) -> Candidate:
-        """Return what a point is worth; a point that is no design is a result, not an error.
+    def evaluate(self, x: Floats, poses: Poses, over: Over = map) -> list[Candidate]:
+        """Return what points are worth; a point that is no design is a result, not an error.
 
         Parameters
         ----------
         x
-            The point, shape (d,).
+            The points, shape (m, d).
         poses
             For each map, the poses to grow from.
+        over
+            How to work it off: `map`, or that of a pool of threads. No result depends on it.
         """
+        found = list(over(self._unscored, x))
+        there = [index for index, candidate in enumerate(found) if candidate.design is not None]
+        designs = [candidate.design for candidate in found if candidate.design is not None]
+        launches = Launches.of(self.atlas, poses)
+        scores = score_designs(designs, self.sites, launches, self.task, self.growth, over)
+        for index, score in zip(there, scores, strict=True):
+            found[index] = self._scored(found[index], score)
+        return found
+
+    def _unscored(self, x: Floats) -> Candidate:
+        """Return the design at a point with its penalty, or why there is none."""
         try:
             design = self.space.design(x)
             penalty = 0.0 if self.penalty is None else self.penalty(design)
         except BadInputError as error:
             return Candidate(problem=str(error))
-        score = score_design(design, self.sites, poses, self.task, self.growth)
+        return Candidate(design=design, penalty=penalty)
+
+    def _scored(self, candidate: Candidate, score: Score) -> Candidate:
         fitness = objective(
             score.composite[self.evaluation.composite],
-            penalty,
+            candidate.penalty,
             lowest=min(0.0, self.task.lowest),
             weight=self.evaluation.penalty_weight,
         )
-        return Candidate(design=design, score=score, penalty=penalty, fitness=fitness)
+        return replace(candidate, score=score, fitness=fitness)
+
+
+def _search_task(settings: PartSettings) -> Task:
+    """Return a run's task; it measures areas fast unless the run says how to."""
+    task = make_task(settings.name, settings.parameters)
+    if isinstance(task, Coverage) and "area" not in settings.parameters:
+        return replace(task, area="fast")
+    return task

@@ -29,10 +29,10 @@ def working(trial: Trial, workers: int) -> Iterator[Evaluate]:
     """
     whole("workers", workers, 1, 1024)
     if workers == 1:
-        yield lambda x, poses: [trial.evaluate(point, poses) for point in x]
+        yield trial.evaluate
         return
     with ThreadPoolExecutor(max_workers=workers) as pool:
         try:
-            yield lambda x, poses: list(pool.map(lambda point: trial.evaluate(point, poses), x))
+            yield lambda x, poses: trial.evaluate(x, poses, pool.map)
         finally:
             pool.shutdown(cancel_futures=True)

@@ -1,19 +1,23 @@
 """Sensor coverage: as much seen area as possible from as simple a robot as possible."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+import numpy as np
 import shapely
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.checked import Floats, number, positive, whole
+from vinefab.growth.batch import Block
+from vinefab.model.checked import Floats, Ints, number, positive, whole
 from vinefab.model.deployment import Deployment
 from vinefab.tasks.discs import disc_union, free_disc_areas_mm2
 from vinefab.tasks.ground import Ground
-from vinefab.tasks.task import Outcome
+from vinefab.tasks.task import Outcome, one_by_one
 
 ROUNDING = 1e-12
+TERMS = ("area", "count", "length", "film", "eta")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +44,10 @@ class Coverage:
     clip
         ``free``: only free space is seen and every area above is taken within it. ``none``:
         whole discs, as the paper's words have it.
+    area
+        ``exact``: by polygons, for a score that is reported. ``fast``: by strips of free space
+        (`raster.Raster.covered_mm2` says how exact), a hundred times faster, for searching; taken
+        only where ``clip`` is ``free`` and the map is not too large for such discs.
     """
 
     name: ClassVar[str] = "coverage"
@@ -52,6 +60,7 @@ class Coverage:
     weight_length: float = 0.5
     weight_film: float = 0.1
     clip: Literal["free", "none"] = "free"
+    area: Literal["exact", "fast"] = "exact"
 
     def __post_init__(self) -> None:
         positive("task.radius_mm", self.radius_mm)
@@ -61,6 +70,8 @@ class Coverage:
             number(f"task.weight_{term}", getattr(self, f"weight_{term}"), 0.0, 1e3)
         if self.clip not in ("free", "none"):
             raise BadInputError("task.clip", self.clip, "'free' or 'none'")
+        if self.area not in ("exact", "fast"):
+            raise BadInputError("task.area", self.area, "'exact' or 'fast'")
 
     @property
     def lowest(self) -> float:
@@ -75,36 +86,74 @@ class Coverage:
         """
         tips_mm = deployment.tips_mm
         seen_mm2, summed_mm2 = self._areas_mm2(tips_mm, ground)
-        overlap = 0.0
-        if summed_mm2 > 0.0:
-            overlap = min(1.0, max(0.0, 1.0 - seen_mm2 / summed_mm2))
-        # A union of polygons beside a sum of true discs: what is left at this size is rounding.
-        overlap = overlap if overlap > ROUNDING else 0.0
-        film = min(
-            1.0,
-            deployment.tree.total_length_mm / (self.most_diagonals * ground.diagonal_mm),
+        (outcome,) = self._outcomes(
+            np.array([seen_mm2]),
+            np.array([summed_mm2]),
+            np.array([len(tips_mm)]),
+            np.array([deployment.tree.total_length_mm]),
+            ground,
         )
-        area = min(1.0, seen_mm2 / ground.area_mm2)
-        count = min(1.0, len(tips_mm) / self.most_branches) * overlap
+        return outcome
+
+    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> list[Outcome]:
+        """Return what `evaluate` would for every growth of a block.
+
+        Parameters
+        ----------
+        block
+            Growths, map by map.
+        grounds
+            The maps.
+        """
+        if self.area == "exact" or self.clip == "none":
+            return one_by_one(self, block, grounds)
+        tips_mm, first = block.tips_mm()
+        lengths_mm = block.planned_mm()
+        outcomes: list[Outcome] = []
+        for terrain, one, two in block.by_terrain():
+            raster = grounds[terrain].raster(self.radius_mm)
+            if raster is None:
+                return one_by_one(self, block, grounds)
+            begins = first[one : two + 1] - first[one]
+            seen, summed = raster.covered_mm2(tips_mm[first[one] : first[two]], begins)
+            counts = np.diff(begins)
+            outcomes += self._outcomes(seen, summed, counts, lengths_mm[one:two], grounds[terrain])
+        return outcomes
+
+    def _outcomes(
+        self, seen_mm2: Floats, summed_mm2: Floats, tips: Ints, length_mm: Floats, ground: Ground
+    ) -> list[Outcome]:
+        """Return score and terms for several final states on one map."""
+        overlap = np.zeros_like(seen_mm2)
+        sees = summed_mm2 > 0.0
+        overlap[sees] = np.clip(1.0 - seen_mm2[sees] / summed_mm2[sees], 0.0, 1.0)
+        # A union of polygons beside a sum of true discs: what is left at this size is rounding.
+        overlap[overlap <= ROUNDING] = 0.0
+        film = np.minimum(1.0, length_mm / (self.most_diagonals * ground.diagonal_mm))
+        area = np.minimum(1.0, seen_mm2 / ground.area_mm2)
+        count = np.minimum(1.0, tips / self.most_branches) * overlap
+        length = film * overlap
         score = (
             self.weight_area * area
             - self.weight_count * count
-            - self.weight_length * film * overlap
+            - self.weight_length * length
             - self.weight_film * film
         )
-        terms = {
-            "area": area,
-            "count": count,
-            "length": film * overlap,
-            "film": film,
-            "eta": 1.0 - overlap,
-        }
-        return score, terms
+        columns = (score, area, count, length, film, 1.0 - overlap)
+        return [
+            (row[0], dict(zip(TERMS, row[1:], strict=True)))
+            for row in zip(*(column.tolist() for column in columns), strict=True)
+        ]
 
     def _areas_mm2(self, tips_mm: Floats, ground: Ground) -> tuple[float, float]:
         """Return the area of the union of the discs and the sum of their areas."""
         if len(tips_mm) == 0:
             return 0.0, 0.0
+        if self.area == "fast" and self.clip == "free":
+            raster = ground.raster(self.radius_mm)
+            if raster is not None:
+                seen, summed = raster.covered_mm2(tips_mm, np.array([0, len(tips_mm)]))
+                return float(seen[0]), float(summed[0])
         union = disc_union(tips_mm, self.radius_mm)
         if self.clip == "none":
             return union.area, len(tips_mm) * math.pi * self.radius_mm**2

@@ -1,18 +1,23 @@
-"""Score a design over maps and poses."""
+"""Score designs over maps and poses."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
 
 from vinefab.environments.poses import draw_poses
-from vinefab.growth.grow import grow
+from vinefab.growth.atlas import Atlas
+from vinefab.growth.batch import Batch, Launches, Over
 from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plan
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.score import Evaluation, Score
 from vinefab.tasks.composite import composite
 from vinefab.tasks.ground import Ground
-from vinefab.tasks.task import Task
+from vinefab.tasks.task import Task, outcomes
 
 Poses = tuple[tuple[Pose, ...], ...]
 """For each map, the poses to grow from."""
@@ -30,16 +35,37 @@ class Site:
         Its walls, for growth.
     ground
         Its free space, for tasks.
+    around_starts
+        The same map with the obstacles near its starts only, to draw poses on.
     """
 
     world: Map
     terrain: Terrain
     ground: Ground
+    around_starts: Map
 
     @classmethod
     def of(cls, world: Map) -> "Site":
         """Return the site of a map."""
-        return cls(world=world, terrain=Terrain.of(world), ground=Ground.of(world))
+        terrain = Terrain.of(world)
+        return cls(
+            world=world,
+            terrain=terrain,
+            ground=Ground.of(world, terrain.free_space()),
+            around_starts=_around_starts(world),
+        )
+
+
+def _around_starts(world: Map) -> Map:
+    """Return a map with the obstacles that a pose drawn from its starts could lie in."""
+    boxes = shapely.box(
+        [start.pose.x_mm - start.spread_x_mm for start in world.starts],
+        [start.pose.y_mm - start.spread_y_mm for start in world.starts],
+        [start.pose.x_mm + start.spread_x_mm for start in world.starts],
+        [start.pose.y_mm + start.spread_y_mm for start in world.starts],
+    )
+    near = np.unique(shapely.STRtree(world.obstacles).query(boxes)[1]).tolist()
+    return replace(world, obstacles=tuple(world.obstacles[index] for index in near))
 
 
 def poses_on(sites: Sequence[Site], count: int, seeds: Sequence[int]) -> Poses:
@@ -55,7 +81,7 @@ def poses_on(sites: Sequence[Site], count: int, seeds: Sequence[int]) -> Poses:
         One per map.
     """
     return tuple(
-        draw_poses(site.world, count, seed) for site, seed in zip(sites, seeds, strict=True)
+        draw_poses(site.around_starts, count, seed) for site, seed in zip(sites, seeds, strict=True)
     )
 
 
@@ -86,21 +112,52 @@ def score_design(
     Score
         One evaluation per map and pose, map by map, and their composites.
     """
+    atlas = Atlas([site.terrain for site in sites])
+    (score,) = score_designs([design], sites, Launches.of(atlas, poses), task, options)
+    return score
+
+
+def score_designs(
+    designs: Sequence[Design],
+    sites: Sequence[Site],
+    launches: Launches,
+    task: Task,
+    options: GrowthOptions | None = None,
+    over: Over = map,
+) -> tuple[Score, ...]:
+    """Score several designs as `score_design` does, in batches.
+
+    Parameters
+    ----------
+    designs
+        The designs.
+    sites
+        The maps, those of the launches.
+    launches
+        Where to grow all designs from, map by map.
+    task
+        What a final state is worth.
+    options
+        How to grow; the defaults when None.
+    over
+        How to work off the batch: `map`, or that of a pool of threads. No result depends on it.
+    """
+    if not designs:
+        return ()
     options = options or GrowthOptions()
-    evaluations = tuple(
-        _evaluation(design, site, pose, task, options)
-        for site, places in zip(sites, poses, strict=True)
-        for pose in places
-    )
-    return Score(
-        task=task.name,
-        evaluations=evaluations,
-        composite=composite([evaluation.score for evaluation in evaluations]),
-    )
-
-
-def _evaluation(
-    design: Design, site: Site, pose: Pose, task: Task, options: GrowthOptions
-) -> Evaluation:
-    score, terms = task.evaluate(grow(design, site.terrain, pose, options), site.ground)
-    return Evaluation(map_name=site.world.name, pose=pose, score=score, terms=terms)
+    batch = Batch([Plan.of(design, options) for design in designs], launches, options)
+    grounds = [site.ground for site in sites]
+    blocks = batch.each(lambda block: outcomes(task, block, grounds), over)
+    found = [outcome for block in blocks for outcome in block]
+    names = [sites[terrain].world.name for terrain in launches.terrain.tolist()]
+    scores = []
+    for index in range(len(designs)):
+        evaluations = tuple(
+            Evaluation(map_name=name, pose=pose, score=score, terms=terms)
+            for name, pose, (score, terms) in zip(
+                names, launches.poses, found[index :: len(designs)], strict=True
+            )
+        )
+        weighed = composite([evaluation.score for evaluation in evaluations])
+        scores.append(Score(task=task.name, evaluations=evaluations, composite=weighed))
+    return tuple(scores)

@@ -1,7 +1,7 @@
 """What tasks need of a map, computed once per map."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -10,6 +10,10 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.model.checked import Floats, frozen_floats
 from vinefab.model.map import Map
+from vinefab.tasks.raster import Raster
+
+MOST_RASTERS = 4
+"""Rasters are kept for so many radii, then the oldest is dropped."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -32,17 +36,25 @@ class Ground:
     area_mm2: float
     diagonal_mm: float
     edges_mm: Floats
+    _rasters: dict[float, Raster | None] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, world: Map) -> "Ground":
+    def of(cls, world: Map, free: BaseGeometry | None = None) -> "Ground":
         """Return the ground of a map.
+
+        Parameters
+        ----------
+        world
+            The map.
+        free
+            Its free space if that is at hand; it takes long to find on a large map.
 
         Raises
         ------
         BadInputError
             If the map has no free space.
         """
-        free = world.free_space
+        free = world.free_space if free is None else free
         if not free.area > 0.0:
             raise BadInputError(f"map {world.name}", "no free space", "some free space")
         shapely.prepare(free)
@@ -52,6 +64,14 @@ class Ground:
             diagonal_mm=math.hypot(*world.size_mm),
             edges_mm=_edges_mm(free),
         )
+
+    def raster(self, radius_mm: float) -> Raster | None:
+        """Return the raster for discs of some radius, made once; None if it would be too large."""
+        if radius_mm not in self._rasters:
+            while len(self._rasters) >= MOST_RASTERS:
+                self._rasters.pop(next(iter(self._rasters)))
+            self._rasters[radius_mm] = Raster.of(self.edges_mm, radius_mm)
+        return self._rasters[radius_mm]
 
 
 def _edges_mm(free: BaseGeometry) -> Floats:

@@ -1,8 +1,9 @@
 """What a task is: it looks at one final state and says what it is worth."""
 
-from collections.abc import Mapping
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from typing import Protocol, runtime_checkable
 
+from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment
 from vinefab.tasks.ground import Ground
 
@@ -34,3 +35,36 @@ class Task(Protocol):
             The map that it grew on, prepared.
         """
         ...
+
+
+@runtime_checkable
+class BlockTask(Protocol):
+    """A task that scores many growths at once faster than one by one."""
+
+    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> list[Outcome]:
+        """Return what `Task.evaluate` would for every growth of a block.
+
+        Parameters
+        ----------
+        block
+            The growths.
+        grounds
+            The maps of the block's launches, prepared.
+        """
+        ...
+
+
+def outcomes(task: Task, block: Block, grounds: Sequence[Ground]) -> list[Outcome]:
+    """Return a task's score and terms for every growth of a block."""
+    if isinstance(task, BlockTask):
+        return task.evaluate_block(block, grounds)
+    return one_by_one(task, block, grounds)
+
+
+def one_by_one(task: Task, block: Block, grounds: Sequence[Ground]) -> list[Outcome]:
+    """Return a task's score and terms for every growth of a block, each from its deployment."""
+    terrain = block.terrain.tolist()
+    return [
+        task.evaluate(block.deployment(index), grounds[terrain[index]])
+        for index in range(len(block))
+    ]

@@ -1,0 +1,231 @@
+"""Compiled areas: free space as strips, and what a union of equal discs covers of it.
+
+The second and last compiled file of vinefab. Like `vinefab.growth.kernel` it imports nothing of
+ours, because a compiled file does not notice when another file changes. The arrays are described
+in `vinefab.tasks.raster`.
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+# ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of what it compiles
+# ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+
+NOTHING = -1
+
+
+def compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba dispatcher
+    """Compile a function, without the interpreter lock, keeping the code on disk if possible."""
+    return _jit(function, forceinline=False)
+
+
+def inlined(function: Callable[..., Any]) -> Any:  # noqa: ANN401  as above
+    """Compile a function into its callers."""
+    return _jit(function, forceinline=True)
+
+
+def _jit(function: Callable[..., Any], *, forceinline: bool) -> Any:  # noqa: ANN401  as above
+    # As in the growth kernel: nothing here makes an array, so none need be counted.
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
+    options["forceinline"] = forceinline
+    try:
+        return numba.njit(cache=True, **options)(function)
+    except RuntimeError:
+        return numba.njit(**options)(function)
+
+
+# --- Free space as strips ---------------------------------------------------------------------
+
+
+@compiled
+def fill(edges, box, free, slope):
+    """Write down how much free area each strip has to the left of each abscissa.
+
+    Every piece of an edge that rises by dy, with free space on its left, ends a run of free space
+    there: to its right the strip has ``dy (x - x_piece)`` less of it. Falling pieces begin one.
+
+    Parameters
+    ----------
+    edges
+        Directed edges with the free space on their left, shape (e, 2, 2), mm.
+    box
+        Lower left corner and the side of the cells, mm.
+    free
+        Where the result goes, mm2; zeros, shape (rows, columns + 1).
+    slope
+        Working room of the same shape; zeros.
+    """
+    rows, columns = free.shape[0], free.shape[1] - 1
+    for e in range(len(edges)):
+        _fill_edge(edges[e, 0, 0], edges[e, 0, 1], edges[e, 1, 0], edges[e, 1, 1], box, free, slope)
+    for row in range(rows):
+        run = 0.0
+        for column in range(1, columns + 1):
+            run += slope[row, column - 1]
+            free[row, column] += free[row, column - 1] + run * box[2]
+
+
+@inlined
+def _fill_edge(ax, ay, bx, by, box, free, slope):
+    """Add one edge, row by row."""
+    if ay == by:
+        return
+    rows, side = free.shape[0], box[2]
+    low, high = min(ay, by), max(ay, by)
+    bottom = min(max(int((low - box[1]) / side), 0), rows - 1)
+    top = min(max(int((high - box[1]) / side), 0), rows - 1)
+    per_y = (bx - ax) / (by - ay)
+    for row in range(bottom, top + 1):
+        one = low if row == bottom else box[1] + row * side
+        two = high if row == top else box[1] + (row + 1) * side
+        if two > one:
+            rise = two - one if by > ay else one - two
+            x_one, x_two = ax + (one - ay) * per_y, ax + (two - ay) * per_y
+            _fill_row(min(x_one, x_two), max(x_one, x_two), rise, row, box, free, slope)
+
+
+@inlined
+def _fill_row(left, right, rise, row, box, free, slope):
+    """Add the piece of an edge within one row, cell by cell."""
+    columns, side = free.shape[1] - 1, box[2]
+    first = min(max(int((left - box[0]) / side), 0), columns - 1)
+    last = min(max(int((right - box[0]) / side), 0), columns - 1)
+    for column in range(first, last + 1):
+        one = left if column == first else box[0] + column * side
+        two = right if column == last else box[0] + (column + 1) * side
+        part = rise
+        if last > first:
+            part = rise * (two - one) / (right - left)
+        middle = 0.5 * (one + two)
+        free[row, column + 1] -= part * (box[0] + (column + 1) * side - middle)
+        if column + 1 < columns:
+            slope[row, column + 1] -= part
+
+
+# --- Discs on strips --------------------------------------------------------------------------
+
+
+@inlined
+def _free_to(free, row, x, box):
+    """Return the free area of a strip to the left of x: linear between the cells' sides."""
+    columns = free.shape[1] - 1
+    place = min(max((x - box[0]) / box[2], 0.0), float(columns))
+    column = min(int(place), columns - 1)
+    one = free[row, column]
+    return one + (place - column) * (free[row, column + 1] - one)
+
+
+@inlined
+def _below(half, y):
+    """Return the area of the unit disc below a height, from a table over -1 .. 1."""
+    place = (min(max(y, -1.0), 1.0) + 1.0) * (0.5 * (len(half) - 1))
+    index = min(int(place), len(half) - 2)
+    return half[index] + (place - index) * (half[index + 1] - half[index])
+
+
+@compiled
+def cover(tips, first, radius, half, free, box, work, index, begins, seen, summed):
+    """Write down the free area that equal discs cover together, and the sum of what each covers.
+
+    Strip by strip, a disc is taken for the rectangle of the same area in that strip. Rectangles of
+    a strip overlap in their x alone, so that their union is a matter of sorting.
+
+    Parameters
+    ----------
+    tips
+        Centres of the discs, set after set, mm; shape (m, 2).
+    first
+        Where each set begins, shape (j + 1,).
+    radius
+        Radius of the discs, mm.
+    half
+        Area of the unit disc below each of the heights evenly spaced from -1 to 1.
+    free, box
+        The strips, as `fill` left them.
+    work
+        Working room for the discs of one set: area below the strip, free area to the left of the
+        rectangle and to the right; shape (3, n).
+    index
+        Working room: next disc that begins in the same row, last row, discs of the strip in order;
+        shape (3, n).
+    begins
+        Working room: first disc that begins in each row, shape (rows,).
+    seen, summed
+        Where the results go, mm2; shape (j,).
+    """
+    for j in range(len(seen)):
+        seen[j], summed[j] = _cover_one(
+            tips[first[j] : first[j + 1]], radius, half, free, box, work, index, begins
+        )
+
+
+@inlined
+def _begin(tips, radius, half, free, box, work, index, begins):
+    """Sort discs by the row that they begin in; return the first and last row of all."""
+    following, until = index[0], index[1]
+    rows, lowest, highest = free.shape[0], free.shape[0], -1
+    for row in range(rows):
+        begins[row] = NOTHING
+    for disc in range(len(tips)):
+        y = tips[disc, 1] - box[1]
+        begin = max(int((y - radius) / box[2]), 0)
+        end = min(int((y + radius) / box[2]), rows - 1)
+        if y + radius <= 0.0 or begin > end:
+            continue
+        following[disc], until[disc] = begins[begin], end
+        begins[begin] = disc
+        work[0, disc] = _below(half, (begin * box[2] - y) / radius)
+        lowest, highest = min(lowest, begin), max(highest, end)
+    return lowest, highest
+
+
+@inlined
+def _sort(order, left, count):
+    """Sort discs by their left sides; from strip to strip the order hardly changes."""
+    for k in range(1, count):
+        disc, at = order[k], k
+        while at > 0 and left[order[at - 1]] > left[disc]:
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = disc
+
+
+@inlined
+def _cover_one(tips, radius, half, free, box, work, index, begins):
+    """Return the area that one set of discs covers, and the sum over the discs."""
+    following, until, order = index[0], index[1], index[2]
+    below, left, right = work[0], work[1], work[2]
+    lowest, highest = _begin(tips, radius, half, free, box, work, index, begins)
+    seen, summed, active = 0.0, 0.0, 0
+    scale = radius * radius / (2.0 * box[2])
+    for row in range(lowest, highest + 1):
+        disc = begins[row]
+        while disc != NOTHING:
+            order[active] = disc
+            active += 1
+            disc = following[disc]
+        edge = box[1] + (row + 1) * box[2]
+        kept = 0
+        for k in range(active):
+            disc = order[k]
+            under = _below(half, (edge - tips[disc, 1]) / radius)
+            half_width = scale * (under - below[disc])
+            below[disc] = under
+            left[disc] = _free_to(free, row, tips[disc, 0] - half_width, box)
+            right[disc] = _free_to(free, row, tips[disc, 0] + half_width, box)
+            summed += right[disc] - left[disc]
+        _sort(order, left, active)
+        reached = 0.0
+        for k in range(active):
+            disc = order[k]
+            if right[disc] > reached:
+                seen += right[disc] - max(left[disc], reached)
+                reached = right[disc]
+            if until[disc] > row:
+                order[kept] = disc
+                kept += 1
+        active = kept
+    return seen, summed

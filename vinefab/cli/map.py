@@ -9,6 +9,7 @@ from typing import Annotated, Any, cast
 
 import typer
 
+from vinefab.cli import map_info
 from vinefab.cli.options import Force, Quiet, Voice, pose_from
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.environments.registry import ENVIRONMENTS, Environment
@@ -31,6 +32,7 @@ def add_to(app: typer.Typer) -> None:
     for name, environment in ENVIRONMENTS.items():
         maps.command(name, help=_help(name, environment))(_generator(environment))
     maps.command("import")(import_command)
+    map_info.add_to(maps)
     app.add_typer(maps, name="map")
 
 

@@ -160,14 +160,15 @@ def _inside(shell: Polygon, rest: list[Solid], join_mm: float, changes: Changes)
     BadInputError
         If one lies outside or reaches out by more than ``join_mm``.
     """
-    reach = shapely.buffer(shell, join_mm)
-    shapely.prepare(reach)
+    shapely.prepare(shell)
     for part in rest:
-        if reach.covers(part.polygon):
+        if shell.covers(part.polygon):
             continue
-        spot = shapely.get_coordinates(
-            shapely.point_on_surface(shapely.difference(part.polygon, shell))
-        )[0]
+        beyond = shapely.difference(part.polygon, shell)
+        corners = shapely.points(shapely.get_coordinates(beyond))
+        if float(np.max(shapely.distance(corners, shell), initial=0.0)) <= join_mm:
+            continue
+        spot = shapely.get_coordinates(shapely.point_on_surface(beyond))[0]
         raise BadInputError(
             f"{part.where} at {changes.frame.place(spot)}",
             f"outside of the largest outline ({_box_text(shell, changes)})",

@@ -80,6 +80,8 @@ def painted(rings: list[Polygon]) -> BaseGeometry:
     rings
         Polygons without holes.
     """
+    if len(rings) == 1:
+        return rings[0]
     rings = [ring for ring, again in zip(rings, repeats(rings, 0.0), strict=True) if not again]
     items = np.array(rings, dtype=np.object_)
     around, inside = shapely.STRtree(items).query(items, predicate="covers")

@@ -72,7 +72,7 @@ def _drawing(document: dict[str, Any]) -> Drawing:
         kind = str(geometry.get("type"))
         found = _items(key, geometry, role)
         kinds[kind] += 1
-        unclosed += sum(_unclosed(ring) for item in found for ring in (*item.rings, *item.holes))
+        unclosed += sum(_unclosed(ring) for item in found if item.closed for ring in item.rings)
         items += found
     facts: dict[str, object] = {
         "units": "mm (taken; GeoJSON names none)",

@@ -36,7 +36,7 @@ def path_outlines(data: str) -> list[Subpath]:
     Examples
     --------
     >>> [(len(run.pieces), run.closed) for run in path_outlines("M0 0h9v9z m20 0 l5,5")]
-    [(3, True), (1, False)]
+    [(2, True), (1, False)]
     """
     return _Pen(data).run()
 

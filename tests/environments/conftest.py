@@ -70,17 +70,19 @@ def floors(draw: Draw) -> CorridorsOptions:
     wall, door = draw(st.floats(2.0, 10.0)), draw(st.floats(8.0, 30.0))
     least = door + 2.0 * wall
     room = 2.0 * least + wall + draw(st.floats(0.0, 30.0))
+    start = starts(draw)
+    wide = 2.0 * (max(start["start_clearance_mm"], 0.5 * door) + start["start_spread_x_mm"])
     return CorridorsOptions(
         width_mm=draw(st.floats(400.0, 800.0)),
         height_mm=draw(st.floats(400.0, 800.0)),
         halls=draw(st.integers(0, 2)),
-        hall_width_mm=least + draw(st.floats(0.0, 20.0)),
+        hall_width_mm=max(least, wide) + draw(st.floats(0.0, 20.0)),
         room_min_mm=room,
         room_max_mm=2.0 * room + wall + draw(st.floats(0.0, 100.0)),
         wall_mm=wall,
         door_mm=door,
         loops=draw(SHARE),
-        **starts(draw),
+        **start,
     )
 
 
@@ -108,7 +110,7 @@ def piles(draw: Draw) -> RubbleOptions:
     passage, low = draw(st.floats(2.0, 30.0)), draw(st.floats(10.0, 60.0))
     thin = draw(st.floats(0.05, 0.5))
     return RubbleOptions(
-        cover=draw(st.floats(0.0, 0.35 - 0.009 * passage)),
+        cover=draw(st.floats(0.0, 0.3 - 0.009 * passage)),
         slab_min_mm=low,
         slab_max_mm=low + draw(st.floats(40.0, 150.0)),
         exponent=draw(st.floats(0.0, 3.0)),

@@ -69,7 +69,7 @@ class RubbleOptions:
     """
 
     size_mm: float = 500.0
-    cover: float = 0.34
+    cover: float = 0.28
     slab_min_mm: float = 14.0
     slab_max_mm: float = 170.0
     exponent: float = 1.5

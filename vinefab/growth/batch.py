@@ -20,7 +20,7 @@ from vinefab.model.checked import Floats, Ints
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Pose
 
-BLOCK = 64
+BLOCK = 128
 """Growths in one compiled call: long enough to forget the call, small enough for the caches."""
 
 
@@ -99,6 +99,8 @@ class Block:
         Which design and which launch each is, shape (j,).
     plans, launches
         Those of the batch.
+    lengths_mm
+        Planned length of each plan's tree.
     branch, room
         Where each growth's branches and chain points begin, shape (j + 1,).
     growth
@@ -109,6 +111,7 @@ class Block:
     launch: Ints
     plans: Sequence[Plan]
     launches: Launches
+    lengths_mm: Floats
     branch: Ints
     room: Ints
     growth: Growth
@@ -129,7 +132,7 @@ class Block:
 
     def planned_mm(self) -> Floats:
         """Return the planned length of each growth's tree, shape (j,)."""
-        return np.array([plan.tree.total_length_mm for plan in self.plans])[self.plan]
+        return self.lengths_mm[self.plan]
 
     @property
     def deployed(self) -> NDArray[np.bool_]:
@@ -201,6 +204,7 @@ class Batch:
         self.launches = launches
         self._rules = rules_of(options, 0.0)
         self._trees = TreesArrays.of([plan.arrays() for plan in self.plans])
+        self._lengths_mm = np.array([plan.tree.total_length_mm for plan in self.plans])
         self._spans = _Spans.of(self.plans)
         self._walls = launches.atlas.arrays(self._spans.radii_mm)
         self._page = launches.atlas.pages(self._spans.radii_mm)
@@ -267,6 +271,7 @@ class Batch:
             launch=launch,
             plans=self.plans,
             launches=self.launches,
+            lengths_mm=self._lengths_mm,
             branch=jobs.branch,
             room=jobs.room,
             growth=growth,

@@ -109,21 +109,22 @@ def _fill_row(left, right, rise, row, box, free, slope):
 
 
 @inlined
-def _free_to(free, row, x, box):
-    """Return the free area of a strip to the left of x: linear between the cells' sides."""
+def _free_to(free, row, place):
+    """Return the free area of a strip up to a place in cells: linear between the cells' sides."""
     columns = free.shape[1] - 1
-    place = min(max((x - box[0]) / box[2], 0.0), float(columns))
+    place = min(max(place, 0.0), float(columns))
     column = min(int(place), columns - 1)
     one = free[row, column]
     return one + (place - column) * (free[row, column + 1] - one)
 
 
 @inlined
-def _below(half, y):
-    """Return the area of the unit disc below a height, from a table over -1 .. 1."""
-    place = (min(max(y, -1.0), 1.0) + 1.0) * (0.5 * (len(half) - 1))
+def _below(half, place):
+    """Return the area of the unit disc below a place in a table of heights from -1 to 1."""
+    place = min(max(place, 0.0), float(len(half) - 1))
     index = min(int(place), len(half) - 2)
-    return half[index] + (place - index) * (half[index + 1] - half[index])
+    one = half[index]
+    return one + (place - index) * (half[index + 1] - one)
 
 
 @compiled
@@ -146,8 +147,9 @@ def cover(tips, first, radius, half, free, box, work, index, begins, seen, summe
     free, box
         The strips, as `fill` left them.
     work
-        Working room for the discs of one set: area below the strip, free area to the left of the
-        rectangle and to the right; shape (3, n).
+        Working room for the discs of one set: area of the unit disc below the strip, free area to
+        the left of the rectangle and to the right, x of the centre in cells, place in ``half`` of
+        the lowest strip's lower side; shape (5, n).
     index
         Working room: next disc that begins in the same row, last row, discs of the strip in order;
         shape (3, n).
@@ -158,7 +160,7 @@ def cover(tips, first, radius, half, free, box, work, index, begins, seen, summe
     """
     for j in range(len(seen)):
         seen[j], summed[j] = _cover_one(
-            tips[first[j] : first[j + 1]], radius, half, free, box, work, index, begins
+            tips[first[j] : first[j + 1]], radius / box[2], half, free, box, work, index, begins
         )
 
 
@@ -167,17 +169,20 @@ def _begin(tips, radius, half, free, box, work, index, begins):
     """Sort discs by the row that they begin in; return the first and last row of all."""
     following, until = index[0], index[1]
     rows, lowest, highest = free.shape[0], free.shape[0], -1
+    per_row = 0.5 * (len(half) - 1) / radius
     for row in range(rows):
         begins[row] = NOTHING
     for disc in range(len(tips)):
-        y = tips[disc, 1] - box[1]
-        begin = max(int((y - radius) / box[2]), 0)
-        end = min(int((y + radius) / box[2]), rows - 1)
+        y = (tips[disc, 1] - box[1]) / box[2]
+        begin = max(int(y - radius), 0)
+        end = min(int(y + radius), rows - 1)
         if y + radius <= 0.0 or begin > end:
             continue
         following[disc], until[disc] = begins[begin], end
         begins[begin] = disc
-        work[0, disc] = _below(half, (begin * box[2] - y) / radius)
+        work[3, disc] = (tips[disc, 0] - box[0]) / box[2]
+        work[4, disc] = (radius - y) * per_row
+        work[0, disc] = _below(half, work[4, disc] + begin * per_row)
         lowest, highest = min(lowest, begin), max(highest, end)
     return lowest, highest
 
@@ -187,7 +192,8 @@ def _sort(order, left, count):
     """Sort discs by their left sides; from strip to strip the order hardly changes."""
     for k in range(1, count):
         disc, at = order[k], k
-        while at > 0 and left[order[at - 1]] > left[disc]:
+        key = left[disc]
+        while at > 0 and left[order[at - 1]] > key:
             order[at] = order[at - 1]
             at -= 1
         order[at] = disc
@@ -197,35 +203,32 @@ def _sort(order, left, count):
 def _cover_one(tips, radius, half, free, box, work, index, begins):
     """Return the area that one set of discs covers, and the sum over the discs."""
     following, until, order = index[0], index[1], index[2]
-    below, left, right = work[0], work[1], work[2]
+    below, left, right, x, place = work[0], work[1], work[2], work[3], work[4]
     lowest, highest = _begin(tips, radius, half, free, box, work, index, begins)
     seen, summed, active = 0.0, 0.0, 0
-    scale = radius * radius / (2.0 * box[2])
+    scale, per_row = 0.5 * radius * radius, 0.5 * (len(half) - 1) / radius
     for row in range(lowest, highest + 1):
         disc = begins[row]
         while disc != NOTHING:
             order[active] = disc
             active += 1
             disc = following[disc]
-        edge = box[1] + (row + 1) * box[2]
-        kept = 0
+        above = (row + 1) * per_row
         for k in range(active):
             disc = order[k]
-            under = _below(half, (edge - tips[disc, 1]) / radius)
+            under = _below(half, place[disc] + above)
             half_width = scale * (under - below[disc])
             below[disc] = under
-            left[disc] = _free_to(free, row, tips[disc, 0] - half_width, box)
-            right[disc] = _free_to(free, row, tips[disc, 0] + half_width, box)
+            left[disc] = _free_to(free, row, x[disc] - half_width)
+            right[disc] = _free_to(free, row, x[disc] + half_width)
             summed += right[disc] - left[disc]
         _sort(order, left, active)
-        reached = 0.0
+        reached, kept = 0.0, 0
         for k in range(active):
             disc = order[k]
-            if right[disc] > reached:
-                seen += right[disc] - max(left[disc], reached)
-                reached = right[disc]
-            if until[disc] > row:
-                order[kept] = disc
-                kept += 1
+            seen += max(right[disc] - max(left[disc], reached), 0.0)
+            reached = max(right[disc], reached)
+            order[kept] = disc
+            kept += until[disc] > row
         active = kept
     return seen, summed

@@ -7,7 +7,7 @@ import numpy as np
 
 from vinefab.model.checked import Floats, Ints
 
-STRIPS_PER_RADIUS = 16
+STRIPS_PER_RADIUS = 12
 """Strips, and cells along them, per radius of the discs."""
 
 MOST_CELLS = 4_000_000
@@ -66,10 +66,11 @@ class Raster:
         """Return the free area that discs cover together, and the sum of what each covers.
 
         In each strip a rectangle of the same area stands for a disc. The two differ on less than
-        3 % of the disc, and free area between two sides of a cell is taken as evenly spread, which
-        moves less than 2 %: the result is off by less than 5 % of the sum, whatever the map. That
+        4 % of the disc, and free area between two sides of a cell is taken as evenly spread, which
+        moves less than 3 %: the result is off by less than 7 % of the sum, whatever the map. That
         bound is far from reached, because whole discs are exact and errors arise, with either
-        sign, only where an outline meets a wall or another disc: 0.1 % is not exceeded in tests.
+        sign, only where an outline meets a wall or another disc: in tests on Grid maps the area is
+        within 0.2 % (0.05 % in the mean square) of the exact one.
 
         Parameters
         ----------
@@ -87,7 +88,7 @@ class Raster:
 
         largest = int(np.diff(first).max(initial=1))
         seen, summed = np.zeros((2, len(first) - 1))
-        work = np.empty((3, largest))
+        work = np.empty((5, largest))
         index = np.empty((3, largest), dtype=np.int64)
         begins = np.empty(len(self.free_mm2), dtype=np.int64)
         area_kernel.cover(

@@ -32,9 +32,9 @@ class CaveOptions:
     size_mm
         Width and height of the bounds.
     chambers
-        Wider places that the passages connect.
+        Number of wider places that the passages connect.
     chamber_radius_min_mm, chamber_radius_max_mm
-        Range of their mean radius.
+        Range of a chamber's mean radius.
     passage_width_min_mm, passage_width_max_mm
         Range of a passage's width; no passage is narrower than the first, to 1 mm in 500.
     loops

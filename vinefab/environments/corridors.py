@@ -30,7 +30,7 @@ class CorridorsOptions:
         Corridors. The first runs up from the lower side and begins at the start; each further one
         divides the largest part of the floor that is left. Halls that meet are open to each other.
     hall_width_mm
-        Their width.
+        Width of the halls.
     room_min_mm
         Least width and depth of a room.
     room_max_mm
@@ -40,8 +40,8 @@ class CorridorsOptions:
     door_mm
         Width of the doors. A door keeps ``wall_mm`` to the corners of the room.
     loops
-        Share, 0 to 1, of the possible further doors that are open, besides those that make every
-        room reachable. These lead to a hall wherever a room has one beside it.
+        Share, 0 to 1, of the possible further doors that are open. Without any, every room has
+        just the doors that make all reachable: one to a hall where there is one beside it.
     start_clearance_mm
         Least distance from every possible starting position to walls. The start is at the lower
         end of the first hall; without halls, in the middle of the lower side.

@@ -36,7 +36,7 @@ class PegsOptions:
     diameter_mm
         A peg's diameter; a peg is a regular polygon with its corners on this circle.
     sides
-        Its number of sides.
+        A peg's number of sides.
     filled
         Share, 0 to 1, of the holes that hold a peg, of those that the starts leave free.
     jitter_mm

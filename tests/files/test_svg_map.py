@@ -149,6 +149,18 @@ def test_what_is_not_drawn_is_left_out_and_counted(drawn):
     }
 
 
+def test_the_paper_is_the_bounds_when_nothing_else_is(drawn):
+    body = '<rect width="200" height="100" fill="white"/><circle cx="50" cy="50" r="9"/>'
+    world = drawn(body, frame="")
+    assert world.bounds.area == pytest.approx(20_000)
+    assert len(world.obstacles) == 1
+
+
+def test_points_between_pieces_are_no_repeats(drawn):
+    world = drawn('<path d="M10 10h20v20h-20z"/>')
+    assert "duplicate_points_removed" not in world.facts
+
+
 def test_groups_are_chosen_by_id_or_label(drawn):
     name = 'xmlns:i="http://www.inkscape.org/namespaces/inkscape" i:label="Walls &amp; doors"'
     body = (

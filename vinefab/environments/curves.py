@@ -147,6 +147,8 @@ def run_flat(pieces: tuple[Piece, ...], tolerance: float) -> Floats:
         here = parts[index - 1][-1]
         if math.dist(parts[index][-1], here) < math.dist(parts[index][0], here):
             parts[index] = parts[index][::-1]
+        if len(parts[index]) > 1 and (parts[index][0] == here).all():
+            parts[index] = parts[index][1:]
     return np.concatenate(parts)
 
 

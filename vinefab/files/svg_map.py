@@ -103,6 +103,7 @@ class _Walk:
     names: set[str] = field(default_factory=set)
     by_id: dict[str, Node] = field(default_factory=dict)
     styles: dict[str, dict[str, str]] = field(default_factory=dict)
+    backgrounds: list[Item] = field(default_factory=list)
     seen: int = 0
 
     def items(self) -> list[Item]:
@@ -111,7 +112,8 @@ class _Walk:
             if node.tag == "style":
                 self.styles |= _rules(node.text)
         place = _Place(IDENTITY, (), filled=True)
-        return [item for node in self.root.children for item in self._items(node, place)]
+        found = [item for node in self.root.children for item in self._items(node, place)]
+        return self._without_backgrounds(found)
 
     def _items(self, node: Node, place: _Place) -> Iterator[Item]:
         self.seen += 1
@@ -190,21 +192,37 @@ class _Walk:
         for run in _outlines(node):
             pieces = tuple(moved(piece, place.matrix) for piece in run.pieces)
             ring = Ring(pieces=pieces)
-            if place.filled and style.get("stroke", "none") == "none" and self._is_page(ring):
-                self.ignored["background of the page"] += 1
-                continue
             # Painting fills a path up to the straight line that would close it.
             fills = place.filled and len(ring.hull()) > 2
-            yield Item(
+            item = Item(
                 rings=(ring,),
                 where=node.where,
                 closed=run.closed or fills,
                 role="obstacle" if self.walls and fills else None,
             )
+            if fills and style.get("stroke", "none") == "none" and self._is_page(ring):
+                self.backgrounds.append(item)
+            yield item
+
+    def _without_backgrounds(self, items: list[Item]) -> list[Item]:
+        """Return items without the paper they lie on, if one of them encloses others anyway."""
+        rest = [item for item in items if not any(item is paper for paper in self.backgrounds)]
+        if not self.backgrounds or len(rest) < 2:
+            return items
+        hulls = [item.rings[0].hull() for item in rest]
+        low = np.array([hull.min(axis=0) for hull in hulls])
+        high = np.array([hull.max(axis=0) for hull in hulls])
+        around = (low <= low.min(axis=0)).all(axis=1) & (high >= high.max(axis=0)).all(axis=1)
+        if not around.any():
+            return items
+        self.ignored["background of the page"] += len(self.backgrounds)
+        return rest
 
     def _is_page(self, ring: Ring) -> bool:
-        """Tell whether a shape is as large as the page: paper, not a wall."""
-        points = ring.hull()
+        """Tell whether an outline is the rectangle of the page."""
+        points = np.unique(ring.hull(), axis=0)
+        if len(points) != 4:
+            return False
         corner, size = self.page[:2], self.page[2:]
         slack = 1e-6 * float(size.max())
         low = np.abs(points.min(axis=0) - corner).max()

@@ -137,10 +137,10 @@ def test_what_is_not_drawn_is_left_out_and_counted(drawn):
         '<rect class="gone" x="5" y="5" width="9" height="9"/><text x="9" y="9">plan</text>'
         '<rect style="visibility:hidden" x="5" y="5" width="9" height="9"/>'
         '<defs><rect x="5" y="5" width="9" height="9"/></defs>'
-        '<rect width="200" height="100" fill="white"/>'
+        '<rect width="200" height="100" fill="white"/><circle cx="99" cy="50" r="9"/>'
     )
     world = drawn(body)
-    assert world.obstacles == ()
+    assert len(world.obstacles) == 1
     assert world.facts["ignored"] == {
         "display:none": 2,
         "text": 1,

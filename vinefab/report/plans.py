@@ -126,7 +126,7 @@ def draw_legend(axes: Axes) -> None:
         [labels[i] for i in order],
         loc="upper center",
         bbox_to_anchor=(0.5, -0.09),
-        ncols=max(1, min(4, int(width_in / 1.7))),
+        ncols=max(1, min(4, int(width_in / (0.55 + 0.063 * max(map(len, labels)))))),
         fontsize=8,
     )
 

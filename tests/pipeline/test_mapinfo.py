@@ -10,6 +10,7 @@ from vinefab.environments.cave import cave_map
 from vinefab.environments.grid import grid_map
 from vinefab.model.map import Map, Pose, Start
 from vinefab.pipeline.mapinfo import map_info
+from vinefab.pipeline.mapinfo_text import info_lines, info_text
 
 
 def start_at(x_mm, y_mm):
@@ -81,13 +82,22 @@ def test_starts_without_room_and_maps_without_starts():
     assert info.widest_mm == {0.9: None, 0.5: None}
     assert info.body.share == 0.0
     bare = map_info(Map(name="b", bounds=shapely.box(0, 0, 10, 10)), width_mm=5.0)
-    assert "no start" in bare.summary()[-1]
-    assert json.loads(bare.text())["starts"] == []
+    assert "no start" in list(info_lines(bare))[-1]
+    assert json.loads(info_text(bare))["starts"] == []
+
+
+def test_a_map_without_free_space_is_a_result_too():
+    full = shapely.box(0, 0, 10, 10)
+    info = map_info(
+        Map(name="f", bounds=full, obstacles=(full,), starts=(start_at(5.0, 5.0),)), width_mm=1.0
+    )
+    assert (info.gates, info.regions_mm2, info.body.share) == ((), (), 0.0)
+    assert json.loads(info_text(info))["free_share"] == 0.0
 
 
 def test_json_says_what_was_computed():
     world = cave_map(1)
-    document = json.loads(map_info(world, width_mm=12.0, passages=3).text())
+    document = json.loads(info_text(map_info(world, width_mm=12.0, passages=3)))
     assert document["schema"] == "vinefab/map-info-1"
     assert document["standing"] == "computed"
     assert document["walls"] == world.wall_count

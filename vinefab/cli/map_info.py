@@ -9,6 +9,7 @@ from vinefab.cli.options import Force, JsonOut, Quiet, Voice
 from vinefab.core.atomic import ensure_writable, write_bytes
 from vinefab.files.map import read_map
 from vinefab.pipeline.mapinfo import map_info
+from vinefab.pipeline.mapinfo_text import info_lines, info_text
 
 
 def add_to(maps: typer.Typer) -> None:
@@ -36,10 +37,10 @@ def info_command(
     if svg:
         ensure_writable(svg, force=force)
     info = map_info(read_map(map_file), width_mm=width_mm, passages=passages)
-    voice.give_json(info.text())
+    voice.give_json(info_text(info))
     if svg:
         write_bytes(svg, info.picture(svg.suffix), force=force)
-    for line in info.summary():
+    for line in info_lines(info):
         voice.say(line)
     if svg:
         voice.say(f"wrote {svg}")

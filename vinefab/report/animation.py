@@ -18,6 +18,12 @@ from vinefab.report.view import Box, longer_mm
 LONGEST_PX = 640
 """Longer side of the map in an animation."""
 
+FOOT_PX = 58
+"""Height of the words and the legend below it."""
+
+LEAST_WIDTH_PX = 460
+"""So much the words and the legend take."""
+
 FRAME_S = 0.09
 HOLD_S = 1.8
 """How long each frame stays, and how long the last one does before everything begins anew."""

@@ -11,8 +11,10 @@ from vinefab.model.checked import Floats
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Map, Pose
 from vinefab.report.animation import (
+    FOOT_PX,
     FRAME_S,
     HOLD_S,
+    LEAST_WIDTH_PX,
     Caption,
     Frame,
     Stage,
@@ -26,8 +28,6 @@ from vinefab.report.view import Box, bounds_in, robot_view, rock_in
 SHARPNESS = 2
 """Frames are drawn so many times larger and then reduced: smooth edges."""
 
-FOOT_PX = 58
-LEAST_WIDTH_PX = 460
 COLOURS = 96
 NEAR_TWIN = 10
 BODY_SHADE = 0.35

@@ -14,8 +14,10 @@ from vinefab.model.checked import Floats
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Map, Pose
 from vinefab.report.animation import (
+    FOOT_PX,
     FRAME_S,
     HOLD_S,
+    LEAST_WIDTH_PX,
     Caption,
     Frame,
     Stage,
@@ -27,8 +29,6 @@ from vinefab.report.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
 from vinefab.report.stopwords import STOP_WORDS
 from vinefab.report.view import Box, bounds_in, robot_view, rock_in
 
-FOOT_PX = 58
-LEAST_WIDTH_PX = 460
 _MARKS = {
     Stop.FULL_LENGTH: '<circle id="m0" r="2.6" fill="#fff"/>',
     Stop.HEAD_ON: '<path id="m1" d="M-3.2-3.2L3.2 3.2M-3.2 3.2L3.2-3.2" stroke-width="2"/>',

@@ -12,8 +12,8 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.environments.passages import Passage
 from vinefab.model.map import Map
 from vinefab.report.colours import ALERT, INK, level_colour
+from vinefab.report.drawing import draw_legend, draw_map, draw_pose, fill
 from vinefab.report.figure import house_style, plan_axes
-from vinefab.report.plans import draw_legend, draw_map, draw_pose, fill
 from vinefab.report.view import UNSEEN
 
 ROOM = level_colour(3)

@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.growth.arrays import WallArrays
+from vinefab.growth.freespace import free_space
 from vinefab.growth.index import indexed
 from vinefab.growth.walls import walls_of
 from vinefab.model.checked import Floats
@@ -56,7 +57,7 @@ class Terrain:
     def __init__(self, world: Map) -> None:
         self.world = world
         self.grid_mm = _grid_mm(world)
-        self._free: dict[float, BaseGeometry] = {0.0: _free_space(world, self.grid_mm)}
+        self._free: dict[float, BaseGeometry] = {0.0: _prepared(free_space(world, self.grid_mm))}
         self._walls: dict[float, WallArrays] = {}
 
     @classmethod
@@ -159,12 +160,6 @@ def _grid_mm(world: Map) -> float:
     """Return the step that coordinates are rounded to: a power of two, for exact scaling."""
     largest = max(abs(value) for value in world.bounds.bounds)
     return float(GRID * 2.0 ** math.ceil(math.log2(largest)))
-
-
-def _free_space(world: Map, grid_mm: float) -> BaseGeometry:
-    # Only obstacles that meet are merged one with another: much faster on scattered ones.
-    solid = shapely.disjoint_subset_union_all(list(world.obstacles))
-    return _prepared(shapely.difference(world.bounds, solid, grid_size=grid_mm))
 
 
 def _make_room(kept: dict[float, T]) -> None:

@@ -1,10 +1,11 @@
 """The shape of a deployment at chosen lengths of its front.
 
 The front is where a robot grows: its length is the way along the body from the base to a growing
-tip. Levels deploy one after the other, and the branches of a level grow together, so at front
-length s every branch has the length that is left of s at its base, at most its own. Growth to a
-length passes through the shapes at all smaller lengths (the model has no memory but the shape), so
-the shape at s is the growth of the same tree cut off at s.
+tip. All tips are that far from the base, as if film were fed at one speed everywhere: the children
+of a branch begin together when it has grown, whatever their cousins do (so levels overlap in time
+where the branches of a level differ in length), and at front length s every branch has what is left
+of s at its base, at most its own length. Growth to a length passes through the shapes at all
+smaller lengths, so the shape at s is the growth of the same tree cut off at s.
 """
 
 from collections.abc import Sequence

@@ -7,6 +7,10 @@ not notice when another file changes. The arrays are described in `vinefab.growt
 A wall has its free side on the left: its normal is its tangent turned by +90 degrees. A tip that
 slides with ``sense`` +1 moves along the tangent and the body turns left; with -1, both reverse.
 This follows from the body pressing on the wall, so no small number ever decides a turning sense.
+
+Half of the time goes into branches of the code that the processor cannot foresee. Tests are
+therefore joined with ``|`` and ``&``, which take no branch, where the parts cost little. Numbers
+from the grid index are made unsigned, because signed ones could count from an array's end.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -19,6 +23,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numba
+import numpy as np
 
 FULL_LENGTH = 0
 HEAD_ON = 1
@@ -162,19 +167,19 @@ def _meeting(walls, rules, ox, oy, dx, dy, wall):
     rx, ry = ox - walls.wall[wall, 0], oy - walls.wall[wall, 1]
     height, place = ry * tx - rx * ty, rx * tx + ry * ty
     tolerance = rules.tolerance_mm
-    if facing >= -rules.tolerance_rad or height < -tolerance:
+    # Distances of the wall's ends from the ray's line, so that no ray slips between two walls.
+    to_start = dx * ry - dy * rx
+    to_end = -length * facing - to_start
+    slips = (to_start < -tolerance) | (to_end < -tolerance)
+    behind = (facing >= -rules.tolerance_rad) | (height < -tolerance)
+    if behind | ((height > tolerance) & slips):
         return math.inf, 0.0
     if height <= tolerance and -tolerance <= place <= length + tolerance:
         to_start, to_end = place, length - place
-    elif height <= 0.0:
+    elif (height <= 0.0) | slips:
         return math.inf, 0.0
     else:
-        # Distances of the wall's ends from the ray's line, so that no ray slips between two walls.
-        to_start = dx * ry - dy * rx
-        to_end = -length * facing - to_start
         place -= height / facing * (dx * tx + dy * ty)
-    if to_start < -tolerance or to_end < -tolerance:
-        return math.inf, 0.0
     place = min(max(place, 0.0), length)
     distance = (place * tx - rx) * dx + (place * ty - ry) * dy
     if distance < -tolerance:
@@ -200,15 +205,17 @@ def _nearest_in_cell(walls, rules, ray, skip, cell, best):
     """
     found, nearest, at, gentlest = best
     ox, oy, dx, dy = ray
-    for k in range(walls.wall_first[cell], walls.wall_first[cell + 1]):
-        wall = walls.wall_item[k]
-        start, end = walls.link[wall, 2], walls.link[wall, 3]
-        if start == skip[0] or start == skip[1] or end == skip[0] or end == skip[1]:
+    first, last = np.uint64(walls.wall_first[cell]), np.uint64(walls.wall_first[cell + 1])
+    for k in range(first, last):
+        item = np.uint64(walls.wall_item[k])
+        start, end = walls.link[item, 2], walls.link[item, 3]
+        if (start == skip[0]) | (start == skip[1]) | (end == skip[0]) | (end == skip[1]):
             continue
-        distance, place = _meeting(walls, rules, ox, oy, dx, dy, wall)
+        distance, place = _meeting(walls, rules, ox, oy, dx, dy, item)
+        wall = np.int64(item)
         if distance > nearest + rules.tolerance_mm or wall == found:
             continue
-        facing = dy * walls.wall[wall, 2] - dx * walls.wall[wall, 3]
+        facing = dy * walls.wall[item, 2] - dx * walls.wall[item, 3]
         ties = found != NO_WALL and distance >= nearest - rules.tolerance_mm
         gentler = facing > gentlest or (facing == gentlest and wall < found)
         if (ties and gentler) or (not ties and distance <= nearest):
@@ -235,16 +242,15 @@ def _wall_ahead(walls, rules, ray, skip, reach):
     to_column = (edge_x - ox) / dx if dx != 0.0 else math.inf
     to_row = (edge_y - oy) / dy if dy != 0.0 else math.inf
     best = (NO_WALL, reach, 0.0, 0.0)
-    while 0 <= column < columns and 0 <= row < rows:
+    while (column >= 0) & (column < columns) & (row >= 0) & (row < rows):
         best = _nearest_in_cell(walls, rules, ray, skip, row * columns + column, best)
         if min(to_column, to_row) > best[1] + rules.tolerance_mm:
             break
-        if to_column < to_row:
-            column += right
-            to_column += per_column
-        else:
-            row += up
-            to_row += per_row
+        aside = to_column < to_row
+        column += right if aside else 0
+        row += 0 if aside else up
+        to_column += per_column if aside else 0.0
+        to_row += 0.0 if aside else per_row
     return best[0], best[1], best[2]
 
 
@@ -259,38 +265,42 @@ def _sweep_to(walls, rules, vertex, sweep):
     vx, vy = walls.vertex[vertex, 0] - px, walls.vertex[vertex, 1] - py
     ahead = sense * (ux * vy - uy * vx)
     along = ux * vx + uy * vy
-    if ahead < -rules.tolerance_mm or along <= rules.tolerance_mm:
-        return math.inf
-    if ahead <= rules.tolerance_mm:
-        if along > ux * qx + uy * qy + rules.tolerance_mm:
-            return math.inf
-        solid = sense * (ux * walls.vertex[vertex, 3] - uy * walls.vertex[vertex, 2])
-        return 0.0 if solid > 0.0 else math.inf
     closing = sense * (vx * sy - vy * sx)
     # Beyond the wall's line a vertex is out of the body's reach.
     above = sense * ((vy - qy) * sx - (vx - qx) * sy)
-    if closing <= 0.0 or above <= rules.tolerance_mm:
+    tolerance = rules.tolerance_mm
+    out_of_reach = (closing <= 0.0) | (above <= tolerance)
+    if (ahead < -tolerance) | (along <= tolerance) | ((ahead > tolerance) & out_of_reach):
         return math.inf
+    if ahead <= tolerance:
+        if along > ux * qx + uy * qy + tolerance:
+            return math.inf
+        solid = sense * (ux * walls.vertex[vertex, 3] - uy * walls.vertex[vertex, 2])
+        return 0.0 if solid > 0.0 else math.inf
     return sense * (qx * vy - qy * vx) / closing
 
 
 @inlined
-def _first_in_cell(walls, rules, sweep, skip, cell, best):
-    """Improve on the first vertex met so far, ``best`` = (vertex, distance, along the body).
+def _first_in_cells(walls, rules, sweep, skip, cells, best):
+    """Improve on the first vertex met so far, ``best`` = (vertex, distance, span squared).
 
-    Of vertices met together, the farthest is taken: the body turns about it.
+    ``cells`` is the first and last of some neighbours in a row. Of vertices met together, the
+    farthest from the pivot is taken: the body turns about it.
     """
     found, nearest, farthest = best
-    for k in range(walls.vertex_first[cell], walls.vertex_first[cell + 1]):
-        vertex = walls.vertex_item[k]
-        if walls.vertex_point[vertex] == skip[0] or walls.vertex_point[vertex] == skip[1]:
+    first = np.uint64(walls.vertex_first[cells[0]])
+    last = np.uint64(walls.vertex_first[cells[1] + 1])
+    for k in range(first, last):
+        item = np.uint64(walls.vertex_item[k])
+        if (walls.vertex_point[item] == skip[0]) | (walls.vertex_point[item] == skip[1]):
             continue
-        distance = _sweep_to(walls, rules, vertex, sweep)
+        distance = _sweep_to(walls, rules, item, sweep)
         if distance > nearest:
             continue
-        along = math.hypot(walls.vertex[vertex, 0] - sweep[0], walls.vertex[vertex, 1] - sweep[1])
-        if found == NO_POINT or distance < nearest or along > farthest:
-            found, nearest, farthest = vertex, distance, along
+        vx, vy = walls.vertex[item, 0] - sweep[0], walls.vertex[item, 1] - sweep[1]
+        span = vx * vx + vy * vy
+        if found == NO_POINT or distance < nearest or span > farthest:
+            found, nearest, farthest = np.int64(item), distance, span
     return found, nearest, farthest
 
 
@@ -337,8 +347,8 @@ def _vertex_swept(walls, rules, sweep, skip, reach):
                 continue
             left = min(max(int((span[0] - margin - x0) / cell), 0), columns - 1)
             right = min(max(int((span[1] + margin - x0) / cell), 0), columns - 1)
-        for at in range(row * columns + left, row * columns + right + 1):
-            best = _first_in_cell(walls, rules, sweep, skip, at, best)
+        cells = (row * columns + left, row * columns + right)
+        best = _first_in_cells(walls, rules, sweep, skip, cells, best)
     return best[0], best[1]
 
 

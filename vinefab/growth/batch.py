@@ -73,16 +73,14 @@ class Launches:
             If a pose is inside an obstacle or outside the bounds.
         """
         flat = tuple(pose for places in poses for pose in places)
-        start = [
-            (*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
-            for terrain, places in zip(atlas.terrains, poses, strict=True)
-            for pose in places
-        ]
+        bases = [t.starts_mm(places) for t, places in zip(atlas.terrains, poses, strict=True)]
+        # As `grow` does it: the cosine of numpy differs in the last digit.
+        headings = [(math.cos(pose.heading_rad), math.sin(pose.heading_rad)) for pose in flat]
         return cls(
             atlas=atlas,
             terrain=np.repeat(np.arange(len(poses)), [len(places) for places in poses]),
             poses=flat,
-            start=np.array(start, dtype=np.float64).reshape(-1, 4),
+            start=np.column_stack([np.concatenate(bases), np.reshape(headings, (-1, 2))]),
         )
 
     def __len__(self) -> int:

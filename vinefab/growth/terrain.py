@@ -1,6 +1,7 @@
 """A map made ready for growth: its walls, for the body radii that are asked for."""
 
 import math
+from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -135,6 +136,20 @@ class Terrain:
                 f"a place in the free space of map {self.world.name}",
             )
         return snapped
+
+    def starts_mm(self, poses: Sequence[Pose]) -> Floats:
+        """Return where robots started at some poses stand, shape (n, 2); see `start_mm`.
+
+        Raises
+        ------
+        BadInputError
+            If a pose is inside an obstacle or outside the bounds.
+        """
+        points = np.array([(pose.x_mm, pose.y_mm) for pose in poses]).reshape(-1, 2)
+        inside = shapely.contains_xy(self.free_space(), points)
+        for index in np.flatnonzero(~inside).tolist():
+            points[index] = self.start_mm(poses[index])
+        return points
 
     @property
     def _snap_mm(self) -> float:

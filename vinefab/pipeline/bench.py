@@ -1,0 +1,235 @@
+"""How fast growth is: against other ways to compute it, in size, in threads, and to its floor."""
+
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from vinefab.core.jsontext import json_text
+from vinefab.environments.poses import draw_poses
+from vinefab.growth.batch import Launches, Over
+from vinefab.growth.grow import grow
+from vinefab.growth.terrain import Terrain
+from vinefab.model.map import Pose
+from vinefab.model.tree import branch_tree
+from vinefab.pipeline.bench_case import (
+    OPTIONS,
+    batch_on,
+    events,
+    free_poses,
+    square_map,
+    tree_of_40,
+)
+from vinefab.pipeline.bench_floor import Floor, floor_on
+from vinefab.pipeline.bench_memory import peak_mb
+from vinefab.pipeline.bench_reference import Course, grow_tree, tips_mm
+from vinefab.pipeline.bench_time import least_s
+from vinefab.tasks.coverage import Coverage
+from vinefab.tasks.evaluate import Site, score_designs
+
+SCHEMA = "vinefab/bench-1"
+SIZES = (300, 3_000, 30_000, 300_000)
+MILLION = 1_000_000
+BATCH_SIZES = (1, 8, 64, 128, 512)
+THREADS = (1, 2)
+GROWTHS = 500
+FLOOR_GROWTHS = 100
+"""So many that the processor cannot learn the outcome of their tests by heart."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Size:
+    """One map of the scaling.
+
+    Parameters
+    ----------
+    walls
+        Number of walls.
+    prepare_s
+        Time to make walls and index out of the map.
+    ns_per_event
+        Time of one event of growth, one core.
+    """
+
+    walls: int
+    prepare_s: float
+    ns_per_event: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bench:
+    """Everything that was measured.
+
+    Times are of one core, for poses around the start of the smallest map, if not said otherwise.
+
+    Parameters
+    ----------
+    branches_per_s, evaluations_per_s
+        Branches grown, and trees of 40 branches grown and scored for coverage.
+    reference_branches_per_s, twin_branches_per_s
+        Branches grown by the Shapely reference and by the kernel's readable twin.
+    reference_error_mm
+        Largest distance between a tip of the reference and that of the kernel.
+    evaluation_over_growth
+        Time of a full evaluation over that of growth alone.
+    events_per_branch, ns_per_event
+        Mean number of events, and the time of one.
+    sizes
+        Maps of growing size and the same density, grown on from poses anywhere on them.
+    floor
+        What the tests alone would take.
+    threads
+        Evaluations per second by number of threads, by the clock.
+    batches
+        Growths per second by number of growths in one compiled call.
+    memory
+        Largest memory of the process so far (MB) after numbers of evaluations; empty where the
+        system does not tell.
+    """
+
+    branches_per_s: float
+    evaluations_per_s: float
+    reference_branches_per_s: float
+    reference_error_mm: float
+    twin_branches_per_s: float
+    evaluation_over_growth: float
+    events_per_branch: float
+    ns_per_event: float
+    sizes: tuple[Size, ...]
+    floor: Floor
+    threads: dict[int, float]
+    batches: dict[int, float]
+    memory: dict[int, float]
+
+    @property
+    def speedup(self) -> float:
+        """How many times faster a branch is than with the Shapely reference."""
+        return self.branches_per_s / self.reference_branches_per_s
+
+    @property
+    def over_floor(self) -> float:
+        """Time of an event over its floor."""
+        return self.ns_per_event / self.floor.ns_per_event
+
+    def text(self) -> str:
+        """Return everything as JSON: ``vinefab/bench-1``."""
+        content = asdict(self)
+        content |= {
+            "speedup": self.speedup,
+            "start_ns_per_event": self.ns_per_event,
+            "edges": [size.walls for size in self.sizes],
+            "ns_per_event": [size.ns_per_event for size in self.sizes],
+            "floor_ns_per_event": self.floor.ns_per_event,
+            "over_floor": self.over_floor,
+        }
+        for name in ("threads", "batches", "memory"):
+            content[name] = {str(key): value for key, value in content[name].items()}
+        return json_text(SCHEMA, content)
+
+
+def bench(progress: Callable[[float, str], None], *, million: bool = False) -> Bench:
+    """Measure everything; takes about a minute.
+
+    Parameters
+    ----------
+    progress
+        Called with the share done and a few words.
+    million
+        Measure a map of a million walls too.
+    """
+    walls = (*SIZES, MILLION) if million else SIZES
+    sizes = []
+    for index, count in enumerate(walls):
+        progress(0.6 * index / len(walls), f"{count} walls")
+        sizes.append(_size(count))
+    progress(0.6, "references")
+    site = Site.of(square_map(SIZES[0]))
+    poses = draw_poses(site.world, GROWTHS, 1)
+    batch = batch_on(site.terrain, poses)
+    branches, count = len(batch) * len(batch.plans[0]), events(batch)
+    grown_s = least_s(lambda: events(batch))
+    evaluated_s = least_s(lambda: _evaluate(site, batch.launches))
+    reference, error_mm = _reference(site.terrain, poses[:25])
+    progress(0.8, "threads and batches")
+    return Bench(
+        branches_per_s=branches / grown_s,
+        evaluations_per_s=len(batch) / evaluated_s,
+        reference_branches_per_s=reference,
+        reference_error_mm=error_mm,
+        twin_branches_per_s=_twin(site.terrain, poses[:5]),
+        evaluation_over_growth=evaluated_s / grown_s,
+        events_per_branch=count / branches,
+        ns_per_event=1e9 * grown_s / count,
+        sizes=tuple(sizes),
+        floor=floor_on(site.terrain, poses[:FLOOR_GROWTHS]),
+        threads={count: _threaded(site, poses, count) for count in THREADS},
+        batches={size: _batched(site.terrain, poses, size) for size in BATCH_SIZES},
+        memory=_memory(site, poses),
+    )
+
+
+def _size(walls: int) -> Size:
+    """Measure growth on one map."""
+    world = square_map(walls)
+    began = time.process_time()
+    terrain = Terrain.of(world)
+    count = len(terrain.walls().wall)
+    prepare_s = time.process_time() - began
+    batch = batch_on(terrain, free_poses(terrain, GROWTHS))
+    taken_s = least_s(lambda: events(batch))
+    return Size(walls=count, prepare_s=prepare_s, ns_per_event=1e9 * taken_s / events(batch))
+
+
+def _evaluate(site: Site, launches: Launches, over: Over = map) -> None:
+    score_designs([tree_of_40()], [site], launches, Coverage(area="fast"), OPTIONS, over)
+
+
+def _reference(terrain: Terrain, poses: tuple[Pose, ...]) -> tuple[float, float]:
+    """Return the reference's branches per second, and how far its tips are from the kernel's."""
+    course, tree = Course(terrain.free_space()), branch_tree(tree_of_40())
+    error_mm = 0.0
+    for pose in poses:
+        tips = tips_mm(grow_tree(course, tree, pose, OPTIONS))
+        exact = grow(tree_of_40(), terrain, pose, OPTIONS).tips_mm
+        error_mm = max(error_mm, float(np.abs(tips - exact).max()))
+    taken_s = least_s(lambda: [grow_tree(course, tree, pose, OPTIONS) for pose in poses], 2)
+    return len(poses) * len(tree) / taken_s, error_mm
+
+
+def _twin(terrain: Terrain, poses: tuple[Pose, ...]) -> float:
+    """Return the readable twin's branches per second."""
+    design = tree_of_40()
+    taken_s = least_s(
+        lambda: [grow(design, terrain, pose, OPTIONS, "reference") for pose in poses], 1
+    )
+    return len(poses) * len(branch_tree(design)) / taken_s
+
+
+def _threaded(site: Site, poses: tuple[Pose, ...], threads: int) -> float:
+    """Return evaluations per second on several threads, by the clock."""
+    launches = batch_on(site.terrain, 8 * poses).launches
+    with ThreadPoolExecutor(max_workers=threads) as pool:
+        taken_s = least_s(lambda: _evaluate(site, launches, pool.map), wall_clock=True)
+    return len(launches) / taken_s
+
+
+def _batched(terrain: Terrain, poses: tuple[Pose, ...], size: int) -> float:
+    """Return growths per second with so many growths in one compiled call."""
+    batch = batch_on(terrain, poses)
+    return len(batch) / least_s(lambda: list(batch.each(len, size=size)), 3)
+
+
+def _memory(site: Site, poses: tuple[Pose, ...]) -> dict[int, float]:
+    """Return the process's largest memory after numbers of evaluations."""
+    found, done = {}, 0
+    launches = batch_on(site.terrain, poses).launches
+    for count in (10_000, 100_000):
+        while done < count:
+            _evaluate(site, launches)
+            done += len(poses)
+        peak = peak_mb()
+        if peak is not None:
+            found[count] = peak
+    return found

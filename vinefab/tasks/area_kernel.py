@@ -132,7 +132,7 @@ def cover(tips, first, radius, half, free, box, work, index, begins, seen, summe
     """Write down the free area that equal discs cover together, and the sum of what each covers.
 
     Strip by strip, a disc is taken for the rectangle of the same area in that strip. Rectangles of
-    a strip overlap in their x alone, so that their union is a matter of sorting.
+    a strip overlap in their x alone, so that their union is a matter of joining stretches.
 
     Parameters
     ----------
@@ -147,9 +147,9 @@ def cover(tips, first, radius, half, free, box, work, index, begins, seen, summe
     free, box
         The strips, as `fill` left them.
     work
-        Working room for the discs of one set: area of the unit disc below the strip, free area to
-        the left of the rectangle and to the right, x of the centre in cells, place in ``half`` of
-        the lowest strip's lower side; shape (5, n).
+        Working room for the discs of one set: area of the unit disc below the strip; free area to
+        the left and to the right ends of stretches that rectangles cover; x of the centre in
+        cells; place in ``half`` of the lowest strip's lower side; shape (5, n).
     index
         Working room: next disc that begins in the same row, last row, discs of the strip in order;
         shape (3, n).
@@ -188,47 +188,56 @@ def _begin(tips, radius, half, free, box, work, index, begins):
 
 
 @inlined
-def _sort(order, left, count):
-    """Sort discs by their left sides; from strip to strip the order hardly changes."""
-    for k in range(1, count):
-        disc, at = order[k], k
-        key = left[disc]
-        while at > 0 and left[order[at - 1]] > key:
-            order[at] = order[at - 1]
-            at -= 1
-        order[at] = disc
+def _insert(order, x, active, disc):
+    """Add a disc to those of the strip, which are in the order of their centres' x."""
+    at = active
+    while at > 0 and x[order[at - 1]] > x[disc]:
+        order[at] = order[at - 1]
+        at -= 1
+    order[at] = disc
 
 
 @inlined
 def _cover_one(tips, radius, half, free, box, work, index, begins):
     """Return the area that one set of discs covers, and the sum over the discs."""
     following, until, order = index[0], index[1], index[2]
-    below, left, right, x, place = work[0], work[1], work[2], work[3], work[4]
+    below, x, place = work[0], work[3], work[4]
     lowest, highest = _begin(tips, radius, half, free, box, work, index, begins)
     seen, summed, active = 0.0, 0.0, 0
     scale, per_row = 0.5 * radius * radius, 0.5 * (len(half) - 1) / radius
     for row in range(lowest, highest + 1):
         disc = begins[row]
         while disc != NOTHING:
-            order[active] = disc
+            _insert(order, x, active, disc)
             active += 1
             disc = following[disc]
         above = (row + 1) * per_row
+        kept, runs = 0, 0
         for k in range(active):
             disc = order[k]
             under = _below(half, place[disc] + above)
             half_width = scale * (under - below[disc])
             below[disc] = under
-            left[disc] = _free_to(free, row, x[disc] - half_width)
-            right[disc] = _free_to(free, row, x[disc] + half_width)
-            summed += right[disc] - left[disc]
-        _sort(order, left, active)
-        reached, kept = 0.0, 0
-        for k in range(active):
-            disc = order[k]
-            seen += max(right[disc] - max(left[disc], reached), 0.0)
-            reached = max(right[disc], reached)
+            left = _free_to(free, row, x[disc] - half_width)
+            right = _free_to(free, row, x[disc] + half_width)
+            summed += right - left
+            runs = _join(work[1], work[2], runs, left, right)
             order[kept] = disc
             kept += until[disc] > row
+        for k in range(runs):
+            seen += work[2, k] - work[1, k]
         active = kept
     return seen, summed
+
+
+@inlined
+def _join(left, right, runs, one, two):
+    """Add a stretch to disjoint ones, joined with those that it meets; return their number.
+
+    Stretches come in the order of their middles, so that only the last ones can be met.
+    """
+    while runs > 0 and one <= right[runs - 1]:
+        runs -= 1
+        one, two = min(one, left[runs]), max(two, right[runs])
+    left[runs], right[runs] = one, two
+    return runs + 1

@@ -34,6 +34,7 @@ def test_twins_agree(random_map, random_pose, random_tree, kind):
             assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
             assert_allclose(fast.grown_mm, plain.grown_mm, atol=1e-6)
             assert_allclose(fast.contact_turn_rad, plain.contact_turn_rad, atol=1e-6)
+            assert fast.tight_exit.tolist() == plain.tight_exit.tolist()
 
 
 @pytest.mark.parametrize("kind", ["convex", "star"])

@@ -130,6 +130,9 @@ class Growth(NamedTuple):
         Final heading, a unit vector; shape (n, 2).
     events
         Number of events of each branch; shape (n,).
+    steep
+        Longest straight body, from pivot to tip, with which each branch began to slide at more
+        than 60 degrees to the wall's tangent, mm; shape (n,).
     chain_length, chain_sense
         Working room, shape (p,): length up to a chain point; sense in which the body wrapped it.
     """
@@ -141,6 +144,7 @@ class Growth(NamedTuple):
     turn: Floats
     heading: Floats
     events: Ints
+    steep: Floats
     chain_length: Floats
     chain_sense: Ints
 
@@ -155,6 +159,7 @@ class Growth(NamedTuple):
             turn=np.zeros(branches),
             heading=np.zeros((branches, 2)),
             events=np.zeros(branches, dtype=np.int64),
+            steep=np.zeros(branches),
             chain_length=np.zeros(room),
             chain_sense=np.zeros(room, dtype=np.int64),
         )

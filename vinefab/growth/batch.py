@@ -167,14 +167,16 @@ class Block:
         one, two = self.branch[index], self.branch[index + 1]
         first_point = self.growth.first_point[one + index : two + index + 1].copy()
         room = self.room[index]
+        plan = self.plans[self.plan[index]]
         return Deployment(
-            tree=self.plans[self.plan[index]].tree,
+            tree=plan.tree,
             pose=self.launches.poses[self.launch[index]],
             points_mm=self.growth.points[room : room + first_point[-1]].copy(),
             first_point=first_point,
             stop=self.growth.stop[one:two].copy(),
             grown_mm=self.growth.grown[one:two].copy(),
             contact_turn_rad=self.growth.turn[one:two].copy(),
+            tight_exit=self.growth.steep[one:two] > plan.long_mm,
         )
 
 

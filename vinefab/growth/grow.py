@@ -83,6 +83,7 @@ def grow(
         stop=growth.stop,
         grown_mm=growth.grown,
         contact_turn_rad=growth.turn,
+        tight_exit=growth.steep > plan.long_mm,
     )
 
 

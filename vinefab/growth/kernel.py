@@ -31,6 +31,8 @@ CORNER = 2
 NOT_DEPLOYED = 3
 GROWING = -1
 
+STEEP_COSINE = 0.5
+
 NO_WALL = -1
 NO_POINT = -1
 
@@ -525,6 +527,15 @@ def _slide(walls, rules, growth, tip, base, length):
 
 
 @inlined
+def _steep_body(walls, growth, tip):
+    """Return how long the body from pivot to tip is if it slides steeply, else 0."""
+    qx, qy = tip.x - growth.points[tip.pivot, 0], tip.y - growth.points[tip.pivot, 1]
+    along = tip.sense * (qx * walls.wall[tip.wall, 2] + qy * walls.wall[tip.wall, 3])
+    reach = math.sqrt(qx * qx + qy * qy)
+    return reach if along < STEEP_COSINE * reach else 0.0
+
+
+@inlined
 def _turning(growth, first, last, ux, uy):
     """Return the sum of absolute turns along a chain that was launched along u."""
     total = 0.0
@@ -579,7 +590,7 @@ def _grow_branch(walls, tree, rules, start, growth, branch):
     growth.points[base, 0], growth.points[base, 1] = x, y
     growth.chain_length[base] = 0.0
     tip = Tip(x, y, ux, uy, base, NO_WALL, 0.0, 0.0, NO_POINT, GROWING)
-    events = 0
+    events, steep = 0, 0.0
     while tip.stop == GROWING and events < rules.most_events:
         # A wrap takes one more point, and the tip one after that.
         if tip.pivot + 3 > room:
@@ -587,11 +598,12 @@ def _grow_branch(walls, tree, rules, start, growth, branch):
         if tip.wall == NO_WALL:
             tip = _grow_free(walls, rules, growth, tip, length)
         else:
+            steep = max(steep, _steep_body(walls, growth, tip))
             tip = _slide(walls, rules, growth, tip, base, length)
         events += 1
     if tip.stop == GROWING:
         tip = _stopped(tip, CORNER)
-    growth.events[branch] = events
+    growth.events[branch], growth.steep[branch] = events, steep
     _record(growth, branch, tip, length)
     growth.turn[branch] = _turning(growth, base, tip.pivot + 1, ux, uy)
     return True
@@ -649,7 +661,7 @@ _Rules = namedtuple(
 )
 _Start = namedtuple("_Start", "x y ux uy")
 _Growth = namedtuple(
-    "_Growth", "points first_point stop grown turn heading events chain_length chain_sense"
+    "_Growth", "points first_point stop grown turn heading events steep chain_length chain_sense"
 )
 
 
@@ -692,6 +704,7 @@ def _growth_of(jobs, growth, job):
         growth.turn[first:last],
         growth.heading[first:last],
         growth.events[first:last],
+        growth.steep[first:last],
         growth.chain_length[one:two],
         growth.chain_sense[one:two],
     )

@@ -46,6 +46,8 @@ class Branch:
         The wall that the tip slides on, how far along it, which way; None for free growth.
     corner
         Place that free growth has just left.
+    steep
+        Longest body with which it began to slide at more than 60 degrees to the wall's tangent.
     stop
         Why it stopped.
     """
@@ -61,6 +63,7 @@ class Branch:
     place: float = 0.0
     sense: int = 0
     corner: int = -1
+    steep: float = 0.0
     stop: Stop | None = None
 
     def grow(self) -> int:
@@ -92,6 +95,9 @@ class Branch:
         along = self.sense * self.world.walls[wall].tangent
         ends = self.world.walls[wall].ends
         self.turn_to(self.tip)
+        body = self.tip - self.pivots[-1]
+        if dot(body, along) < math.cos(math.radians(60.0)) * abs(body):
+            self.steep = max(self.steep, abs(body))
         to_length = self.distance_to_length(along)
         to_end = self.world.walls[wall].length - self.place if self.sense > 0 else self.place
         met = wall_ahead(self.world, self.tip, along, ends, min(to_length, to_end))
@@ -286,6 +292,7 @@ def grow_branches(  # noqa: PLR0913, PLR0917  the interface of the compiled kern
         branch = launched(world, tree, start, growth, number)
         launch = branch.u
         growth.events[number] = branch.grow()
+        growth.steep[number] = branch.steep
         if not record(growth, number, branch, launch):
             return number
     return last

@@ -33,6 +33,7 @@ class Scratch:
             turn=held.turn[:branches],
             heading=held.heading[:branches],
             events=held.events[:branches],
+            steep=held.steep[:branches],
             chain_length=held.chain_length[:room],
             chain_sense=held.chain_sense[:room],
         )
@@ -43,6 +44,7 @@ class Scratch:
             part.turn,
             part.heading,
             part.events,
+            part.steep,
         ):
             array.fill(0)
         return part

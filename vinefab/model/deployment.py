@@ -1,6 +1,6 @@
 """What became of a robot: every branch's final shape and why it stopped."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
@@ -47,6 +47,9 @@ class Deployment:
         Grown length of each branch, the length of its chain, shape (n,).
     contact_turn_rad
         Sum of absolute turns at contacts and at the base hinge, shape (n,).
+    tight_exit
+        Whether each branch slid steeply with a long straight body behind its tip, shape (n,): a
+        real body may bow there, which the growth model cannot show. All False if not given.
     """
 
     tree: BranchTree
@@ -56,14 +59,20 @@ class Deployment:
     stop: Ints
     grown_mm: Floats
     contact_turn_rad: Floats
+    tight_exit: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
 
     def __post_init__(self) -> None:
         count = len(self.tree)
         if self.first_point.shape != (count + 1,) or self.first_point[-1] != len(self.points_mm):
             raise BadInputError("first_point", self.first_point.shape, f"({count + 1},), rising")
+        if len(self.tight_exit) not in (0, count):
+            raise BadInputError("tight_exit", self.tight_exit.shape, f"({count},)")
         for array in (self.points_mm, self.first_point, self.stop, self.grown_mm):
             array.setflags(write=False)
+        if len(self.tight_exit) == 0:
+            object.__setattr__(self, "tight_exit", np.zeros(count, dtype=np.bool_))
         self.contact_turn_rad.setflags(write=False)
+        self.tight_exit.setflags(write=False)
 
     def chain_mm(self, branch: int) -> Floats:
         """Return base, contacts and tip of one branch, shape (k, 2); (0, 2) if not deployed."""

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
+import numpy as np
+
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg, rad
 from vinefab.export.deployment_json import deployment_text
@@ -14,6 +16,7 @@ from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
+from vinefab.pipeline.fit import MOST_NAMED, Place, places_text, wedged, without_room
 from vinefab.pipeline.history import History, history_content
 from vinefab.report.animation import Frame
 
@@ -60,6 +63,9 @@ class Grown:
             "head_on_half_angle_deg": deg(self.options.head_on_half_angle_rad),
             "body": self.options.body,
             "children_of_stuck": self.options.children_of_stuck,
+            "tight_exits": int(np.count_nonzero(self.deployment.tight_exit)),
+            "without_room": [place.content() for place in self.without_room],
+            "wedged": [place.content() for place in wedged(self.design, self.deployment)],
         }
 
     def summary(self) -> list[str]:
@@ -71,6 +77,25 @@ class Grown:
             f"{len(tree)} branches: {stops} (simulated, {self.options.body} body, "
             f"head-on half-angle {deg(self.options.head_on_half_angle_rad):g} deg, assumed)",
             f"grown {grown_mm:.1f} of {tree.total_length_mm:.1f} mm",
+            *places_text("no room to start for branch", self.without_room),
+            *places_text("wedged: branch", wedged(self.design, self.deployment)),
+            *self._tight_exits(),
+        ]
+
+    @property
+    def without_room(self) -> tuple[Place, ...]:
+        """The branches that were too wide for the place where they should have started."""
+        return without_room(self.design, self.deployment, self.options)
+
+    def _tight_exits(self) -> list[str]:
+        """Say which branches may bow in reality, if any do."""
+        tight = np.flatnonzero(self.deployment.tight_exit)
+        if len(tight) == 0:
+            return []
+        names = ", ".join(self.deployment.tree.ids[branch] for branch in tight[:MOST_NAMED])
+        return [
+            f"{len(tight)} branches slid steeply with a long straight body behind the tip, where a "
+            f"real one may bow: {names}{', ...' if len(tight) > MOST_NAMED else ''}"
         ]
 
     @property

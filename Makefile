@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test check format bench clean constraints
+.PHONY: demo test check format bench fuzz clean constraints
 
 demo: $(READY)
 	$(BIN)/vinefab demo --out demo
@@ -19,6 +19,12 @@ check: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n 2
+
+bench: $(READY)
+	$(BIN)/vinefab bench --million
+
+fuzz: $(READY)
+	$(BIN)/python tests/growth/fuzz.py
 
 format: $(READY)
 	$(BIN)/ruff format .

@@ -20,6 +20,7 @@ COMMANDS = {
     "fabricate": "Write the fabrication package: laser files, checks, report.",
     "rig": "Write printable obstacles for a test rig.",
     "report": "Write predictions for a design as one HTML page.",
+    "bench": "Measure the speed of the growth simulator on this computer.",
 }
 """Every command, in the order of ``--help``; each lives in the module of its name."""
 

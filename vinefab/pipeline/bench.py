@@ -34,6 +34,7 @@ SIZES = (300, 3_000, 30_000, 300_000)
 MILLION = 1_000_000
 BATCH_SIZES = (1, 8, 64, 128, 512)
 THREADS = (1, 2)
+MEMORY_AFTER = (10_000, 100_000)
 GROWTHS = 500
 FLOOR_GROWTHS = 100
 """So many that the processor cannot learn the outcome of their tests by heart."""
@@ -225,7 +226,7 @@ def _memory(site: Site, poses: tuple[Pose, ...]) -> dict[int, float]:
     """Return the process's largest memory after numbers of evaluations."""
     found, done = {}, 0
     launches = batch_on(site.terrain, poses).launches
-    for count in (10_000, 100_000):
+    for count in MEMORY_AFTER:
         while done < count:
             _evaluate(site, launches)
             done += len(poses)

@@ -1,8 +1,9 @@
 """The compiled growth simulator: event by event, in closed form, without a time step.
 
 `vinefab.growth.reference` is the same model in plain Python, with the same names for the rules.
-Everything compiled is in this file, and it imports nothing of ours, because a compiled file does
-not notice when another file changes. The arrays are described in `vinefab.growth.arrays`.
+Everything compiled of growth is in this file, and it imports nothing of ours, because a compiled
+file does not notice when another file changes. The arrays are described in
+`vinefab.growth.arrays` and `vinefab.growth.batch_arrays`.
 
 A wall has its free side on the left: its normal is its tangent turned by +90 degrees. A tip that
 slides with ``sense`` +1 moves along the tangent and the body turns left; with -1, both reverse.

@@ -140,14 +140,17 @@ def bench(progress: Callable[[float, str], None], *, million: bool = False) -> B
     million
         Measure a map of a million walls too.
     """
-    walls = (*SIZES, MILLION) if million else SIZES
-    sizes = []
-    for index, count in enumerate(walls):
-        progress(0.6 * index / len(walls), f"{count} walls")
-        sizes.append(_size(count))
-    progress(0.6, "references")
     site = Site.of(square_map(SIZES[0]))
     poses = draw_poses(site.world, GROWTHS, 1)
+    progress(0.0, "memory")
+    # First of all, because large maps leave the peak where no evaluation could raise it.
+    memory = _memory(site, poses)
+    walls = (*SIZES, MILLION) if million else SIZES
+    sizes = []
+    for index, wanted in enumerate(walls):
+        progress(0.1 + 0.5 * index / len(walls), f"{wanted} walls")
+        sizes.append(_size(wanted))
+    progress(0.6, "references")
     batch = batch_on(site.terrain, poses)
     branches, count = len(batch) * len(batch.plans[0]), events(batch)
     grown_s = least_s(lambda: events(batch))
@@ -167,7 +170,7 @@ def bench(progress: Callable[[float, str], None], *, million: bool = False) -> B
         floor=floor_on(site.terrain, poses[:FLOOR_GROWTHS]),
         threads={count: _threaded(site, poses, count) for count in THREADS},
         batches={size: _batched(site.terrain, poses, size) for size in BATCH_SIZES},
-        memory=_memory(site, poses),
+        memory=memory,
     )
 
 

@@ -51,7 +51,7 @@ def test_a_failing_write_leaves_the_old_file_whole(tmp_path, monkeypatch):
 
     monkeypatch.setattr(os, "fsync", no_space)
     with pytest.raises(CannotWriteError, match="No space left on device"):
-        write_bytes(path, b"new")
+        write_text(path, OURS + "new")
     assert path.read_text() == OURS + "old"
     assert names(tmp_path) == ["a"]
 
@@ -67,16 +67,16 @@ def test_a_file_in_the_place_of_a_parent_folder_is_refused(tmp_path):
         ensure_writable(tmp_path / "file" / "below.toml")
 
 
-def fill(path: Path, content: str) -> None:
-    with new_folder(path) as folder:
-        (folder / "job.json").write_text(OURS + content)
+def fill(path: Path, content: str, mark: str = "job.json", *, force: bool = False) -> None:
+    with new_folder(path, mark, force=force) as folder:
+        (folder / mark).write_text(OURS + content)
 
 
 def test_a_folder_appears_whole_or_not_at_all(tmp_path):
     fill(tmp_path / "out", "1")
 
     def interrupted() -> None:
-        with new_folder(tmp_path / "out") as folder:
+        with new_folder(tmp_path / "out", "job.json") as folder:
             (folder / "job.json").write_text(OURS + "half")
             raise KeyboardInterrupt
 
@@ -86,15 +86,78 @@ def test_a_folder_appears_whole_or_not_at_all(tmp_path):
     assert names(tmp_path) == ["out"]
 
 
-def test_notes_that_a_user_put_into_our_folder_survive_a_second_run(tmp_path):
-    fill(tmp_path / "out", "1")
-    (tmp_path / "out" / "my notes.txt").write_text("cut at 30 %")
-    (tmp_path / "out" / "stale.svg").write_text(OURS)
-    fill(tmp_path / "out", "2")
-    assert (tmp_path / "out" / "my notes.txt").read_text() == "cut at 30 %"
-    assert (tmp_path / "out" / "job.json").read_text() == OURS + "2"
-    assert not (tmp_path / "out" / "stale.svg").exists()
+def test_what_a_user_put_into_our_folder_survives_a_second_run(tmp_path):
+    out = tmp_path / "out"
+    with new_folder(out, "job.json") as folder:
+        (folder / "job.json").write_text(OURS + "1")
+        (folder / "stale.svg").write_text(OURS)
+    (out / "my notes.txt").write_text("cut at 30 %")
+    (out / "my map.json").write_text(OURS)
+    (out / "photos").mkdir()
+    (out / "link").symlink_to("my notes.txt")
+    fill(out, "2")
+    assert (out / "my notes.txt").read_text() == "cut at 30 %"
+    assert (out / "job.json").read_text() == OURS + "2"
+    kept = ["MANIFEST.sha256", "job.json", "link", "my map.json", "my notes.txt", "photos"]
+    assert names(out) == kept
+    assert (out / "link").readlink() == Path("my notes.txt")
     assert names(tmp_path) == ["out"]
+
+
+def test_a_folder_of_another_kind_is_refused_and_kept_when_forced(tmp_path):
+    out = tmp_path / "out"
+    fill(out, "a rig", mark="rig.json")
+    with pytest.raises(ForeignFileError):
+        fill(out, "a package")
+    assert (out / "rig.json").read_text() == OURS + "a rig"
+
+
+def test_a_folder_that_cannot_be_put_in_place_leaves_the_old_one(tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    fill(out, "1")
+    replace = Path.replace
+
+    def refuse(path, target):
+        if Path(target) == out and path.name != "old":
+            raise OSError(28, "No space left on device")
+        return replace(path, target)
+
+    monkeypatch.setattr(Path, "replace", refuse)
+    with pytest.raises(CannotWriteError, match="No space left"):
+        fill(out, "2")
+    assert (out / "job.json").read_text() == OURS + "1"
+    assert names(tmp_path) == ["out"]
+
+
+def test_the_current_folder_is_refused_even_when_forced(tmp_path, monkeypatch):
+    below = tmp_path / "work" / "deep"
+    below.mkdir(parents=True)
+    monkeypatch.chdir(below)
+    for place in (Path(), Path("..")):
+        with pytest.raises(CannotWriteError, match="a folder of its own"):
+            fill(place, "1", force=True)
+
+
+def test_one_kind_of_our_files_does_not_replace_another(tmp_path):
+    path = tmp_path / "map.geojson"
+    ours = '{"generator": "written by vinefab 0", "schema": "vinefab/map-1"}'
+    write_text(path, ours)
+    with pytest.raises(ForeignFileError, match="another kind"):
+        write_text(path, ours.replace("map-1", "score-1"))
+    assert path.read_text() == ours
+    write_text(path, ours + " ")
+    assert path.read_text() == ours + " "
+
+
+def test_a_link_is_followed_and_a_pipe_is_refused(tmp_path):
+    write_text(tmp_path / "real.toml", OURS + "1")
+    (tmp_path / "link.toml").symlink_to("real.toml")
+    write_text(tmp_path / "link.toml", OURS + "2")
+    assert (tmp_path / "real.toml").read_text() == OURS + "2"
+    assert (tmp_path / "link.toml").is_symlink()
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(CannotWriteError, match="no plain file"):
+        write_text(tmp_path / "pipe", OURS, force=True)
 
 
 def test_somebody_elses_folder_is_refused(tmp_path):
@@ -108,4 +171,4 @@ def test_somebody_elses_folder_is_refused(tmp_path):
 def test_an_empty_folder_is_filled(tmp_path):
     (tmp_path / "out").mkdir()
     fill(tmp_path / "out", "1")
-    assert names(tmp_path / "out") == ["job.json"]
+    assert names(tmp_path / "out") == ["MANIFEST.sha256", "job.json"]

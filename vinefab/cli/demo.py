@@ -10,6 +10,9 @@ from vinefab.cli.options import EXIT_FINDINGS, Force, Quiet, Voice
 from vinefab.core.atomic import ensure_own_folder, new_folder
 from vinefab.pipeline.demo import DemoSettings, run_demo
 
+MARK = "results.json"
+"""The file by which a folder of this command is known again."""
+
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""
@@ -30,10 +33,10 @@ def demo_command(
     Example: vinefab demo --out demo
     """
     voice = Voice(quiet=quiet, force=force)
-    ensure_own_folder(out, force=force)
+    ensure_own_folder(out, MARK, force=force)
     voice.say("vinefab demo: sensor coverage in a Grid environment, a robot that can be cut")
     settings = DemoSettings(seed=seed, generations=generations, population=population)
-    with voice.progress("demo") as show, new_folder(out, force=force) as folder:
+    with voice.progress("demo") as show, new_folder(out, MARK, force=force) as folder:
         demo = run_demo(folder, settings, show)
     table = Table("result", "value", title=f"{demo.result.best.name}, run {demo.result.run_id}")
     for name, value in demo.table():

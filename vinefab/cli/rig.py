@@ -13,6 +13,9 @@ from vinefab.files.shipped import DEFAULT_PRINTER
 from vinefab.pipeline.rig import make_rig
 from vinefab.rig.options import RigOptions
 
+MARK = "rig.json"
+"""The file by which a folder of this command is known again."""
+
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""
@@ -36,10 +39,10 @@ def rig_command(
     Example: vinefab rig grid.geojson --printer generic_220 --out rig
     """
     voice = Voice(quiet=quiet, force=force)
-    ensure_own_folder(out, force=force)
+    ensure_own_folder(out, MARK, force=force)
     options = RigOptions(height_mm=height_mm, scale=scale)
     made = make_rig(read_map(map_file), read_printer(printer), options)
-    with new_folder(out, force=force) as folder:
+    with new_folder(out, MARK, force=force) as folder:
         for name, data in made.files.items():
             write_bytes(folder / name, data)
     for line in made.summary():

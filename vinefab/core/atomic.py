@@ -1,6 +1,7 @@
 """Writing so that a file is either wholly old or wholly new, and nobody else's file is lost."""
 
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -8,19 +9,17 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from vinefab.core.errors import CannotWriteError, ForeignFileError, VinefabError
+from vinefab.core.hashing import sha256_of_file
+from vinefab.core.manifest import MANIFEST_NAME, manifest_text, names_in
 
 OWN_MARK = b"written by vinefab"
-FOLDER_MARKS = ("job.json", "rig.json", "coupons.json", "results.json", "run.sqlite")
 _LOOK_BYTES = 8192
+_SCHEMA = re.compile(rb"vinefab/([a-z-]+)-\d")
 
 
 def is_ours(path: Path) -> bool:
     """Tell whether vinefab wrote a file: its first or last 8 KiB hold the mark."""
-    with path.open("rb") as stream:
-        head = stream.read(_LOOK_BYTES)
-        stream.seek(0, os.SEEK_END)
-        stream.seek(max(0, stream.tell() - _LOOK_BYTES))
-        return OWN_MARK in head or OWN_MARK in stream.read()
+    return OWN_MARK in _ends(path)
 
 
 def ensure_writable(path: Path, *, force: bool = False) -> None:
@@ -38,12 +37,14 @@ def ensure_writable(path: Path, *, force: bool = False) -> None:
     ForeignFileError
         If the file exists and is not ours.
     CannotWriteError
-        If the folder cannot be made or written to, or the path is a folder.
+        If the folder cannot be made or written to, or the path is no plain file.
     """
     with _system_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise CannotWriteError(path, "it is a folder")
+        if path.exists() and not path.is_file():
+            raise CannotWriteError(path, "it is no plain file; --json - writes to the output")
         if path.exists() and not force and not is_ours(path):
             raise ForeignFileError(path)
         if not os.access(path.parent, os.W_OK | os.X_OK):
@@ -53,6 +54,9 @@ def ensure_writable(path: Path, *, force: bool = False) -> None:
 def write_bytes(path: Path, data: bytes, *, force: bool = False) -> Path:
     """Write a file in one step: a temporary name beside it, then a rename.
 
+    A link is followed. What vinefab wrote itself is overwritten by the same kind of file only: a
+    picture does not replace a map.
+
     Parameters
     ----------
     path
@@ -60,7 +64,7 @@ def write_bytes(path: Path, data: bytes, *, force: bool = False) -> Path:
     data
         Its whole content.
     force
-        Overwrite even what vinefab did not write.
+        Overwrite whatever plain file is there.
 
     Returns
     -------
@@ -74,7 +78,10 @@ def write_bytes(path: Path, data: bytes, *, force: bool = False) -> Path:
     """
     ensure_writable(path, force=force)
     with _system_errors(path):
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        if path.exists() and not force and _kind(_ends(path)) != _kind(data[:_LOOK_BYTES]):
+            raise ForeignFileError(path, "is another kind of file")
+        target = path.resolve()
+        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
         temporary = Path(name)
         try:
             with os.fdopen(handle, "wb") as stream:
@@ -82,7 +89,7 @@ def write_bytes(path: Path, data: bytes, *, force: bool = False) -> Path:
                 stream.flush()
                 os.fsync(stream.fileno())
             temporary.chmod(0o666 & ~_umask())
-            temporary.replace(path)
+            temporary.replace(target)
         finally:
             temporary.unlink(missing_ok=True)
     return path
@@ -94,76 +101,124 @@ def write_text(path: Path, text: str, *, force: bool = False) -> Path:
 
 
 @contextmanager
-def new_folder(path: Path, *, force: bool = False) -> Iterator[Path]:
+def new_folder(path: Path, mark: str, *, force: bool = False) -> Iterator[Path]:
     """Fill a folder under a temporary name and put it in place when the block ends well.
 
-    A folder that vinefab filled before (it holds a file named in `FOLDER_MARKS` with our mark) or
-    an empty one is replaced, but files in it that others wrote are kept; any other folder needs
-    ``force``. If the block raises, nothing has changed.
+    A folder that vinefab filled before with the same kind of content is replaced; everything in
+    it that is not in its manifest is kept, links and empty folders too. Any other folder that is
+    not empty needs ``force``, and keeps what is in it as well. If the block raises, nothing has
+    changed.
 
     Parameters
     ----------
     path
         The folder to make.
+    mark
+        The file that tells this kind of folder from others (``job.json``).
     force
-        Replace even a folder that vinefab did not fill.
+        Write even into a folder that vinefab did not fill.
 
     Yields
     ------
     Path
-        The temporary folder to write into.
+        The temporary folder to write into. A manifest is added to it at the end.
 
     Raises
     ------
     ForeignFileError
-        If the folder holds files and is not ours.
+        If the folder holds something and is not of the same kind.
     CannotWriteError
         If the system refuses.
     """
-    ensure_own_folder(path, force=force)
+    ensure_own_folder(path, mark, force=force)
     with _system_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
     try:
         yield temporary
-        _put_in_place(temporary, path)
+        with _system_errors(path):
+            _add_manifest(temporary)
+            _put_in_place(temporary, path)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def ensure_own_folder(path: Path, *, force: bool = False) -> None:
+def ensure_own_folder(path: Path, mark: str, *, force: bool = False) -> None:
     """Check, before any long work, that a folder may be replaced (see `new_folder`)."""
     with _system_errors(path):
+        here = Path.cwd()
+        if path.resolve() in (here, *here.parents):
+            raise CannotWriteError(path, "it holds the current folder; name a folder of its own")
         if not path.exists() or force:
             return
         if not path.is_dir():
             raise ForeignFileError(path)
-        marks = [path / name for name in FOLDER_MARKS if (path / name).is_file()]
-        if any(path.iterdir()) and not any(is_ours(mark) for mark in marks):
+        marked = (path / mark).is_file() and is_ours(path / mark)
+        if any(path.iterdir()) and not (marked and (path / MANIFEST_NAME).is_file()):
             raise ForeignFileError(path)
 
 
+def _add_manifest(folder: Path) -> None:
+    manifest = folder / MANIFEST_NAME
+    if not manifest.exists():
+        paths = sorted(path for path in folder.rglob("*") if path.is_file())
+        digests = {path.relative_to(folder).as_posix(): sha256_of_file(path) for path in paths}
+        manifest.write_text(manifest_text(digests))
+
+
+def _listed(folder: Path) -> set[str]:
+    """Return the names in a folder's manifest, and its own."""
+    manifest = folder / MANIFEST_NAME
+    if not manifest.is_file() or not is_ours(manifest):
+        return set()
+    return {MANIFEST_NAME, *names_in(manifest.read_text())}
+
+
 def _put_in_place(temporary: Path, path: Path) -> None:
-    with _system_errors(path):
-        temporary.chmod(0o777 & ~_umask())
-        if path.is_dir():
-            old = Path(tempfile.mkdtemp(prefix=f".{path.name}.old.", dir=path.parent))
-            path.replace(old / "old")
+    temporary.chmod(0o777 & ~_umask())
+    if not path.is_dir():
+        path.unlink(missing_ok=True)
+        temporary.replace(path)
+        return
+    aside = Path(tempfile.mkdtemp(prefix=f".{path.name}.old.", dir=path.parent))
+    try:
+        path.replace(aside / "old")
+        try:
             temporary.replace(path)
-            _keep_foreign(old / "old", path)
-            shutil.rmtree(old, ignore_errors=True)
-        else:
-            path.unlink(missing_ok=True)
-            temporary.replace(path)
+        except BaseException:
+            (aside / "old").replace(path)
+            raise
+        _keep_others(aside / "old", path)
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
 
 
-def _keep_foreign(old: Path, new: Path) -> None:
-    """Carry over what somebody else put into a folder of ours, unless we wrote the same name."""
-    for path in sorted(old.rglob("*")):
-        target = new / path.relative_to(old)
-        if path.is_file() and not target.exists() and not is_ours(path):
-            target.parent.mkdir(parents=True, exist_ok=True)
-            path.replace(target)
+def _keep_others(old: Path, new: Path) -> None:
+    """Carry over all that the old folder's manifest does not list and the new one has not."""
+    ours = _listed(old)
+    for path in sorted(old.rglob("*"), key=lambda path: len(path.parts)):
+        name = path.relative_to(old)
+        if name.as_posix() in ours or os.path.lexists(new / name):
+            continue
+        if path.is_symlink() or not path.is_dir():
+            (new / name).parent.mkdir(parents=True, exist_ok=True)
+            path.rename(new / name)
+        elif not any(listed.startswith(f"{name.as_posix()}/") for listed in ours):
+            (new / name).mkdir()
+
+
+def _ends(path: Path) -> bytes:
+    with path.open("rb") as stream:
+        head = stream.read(_LOOK_BYTES)
+        stream.seek(0, os.SEEK_END)
+        stream.seek(max(0, stream.tell() - _LOOK_BYTES))
+        return head + stream.read()
+
+
+def _kind(content: bytes) -> bytes:
+    """Return what a file is: the schema that it names, or how it begins."""
+    schema = _SCHEMA.search(content[:_LOOK_BYTES])
+    return schema.group(1) if schema else content[:5]
 
 
 @contextmanager

@@ -85,14 +85,17 @@ class UnknownNameError(VinefabError, KeyError):
 
 
 class ForeignFileError(VinefabError, FileExistsError):
-    """The place to write to is taken by something that vinefab did not write."""
+    """The place to write to is taken by something else."""
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(
+        self, path: str | Path, problem: str = "exists and was not written by vinefab"
+    ) -> None:
         self.path = str(path)
-        super().__init__(path)
+        self.problem = problem
+        super().__init__(path, problem)
 
     def __str__(self) -> str:
-        return f"{self.path}: exists and was not written by vinefab; --force overwrites it"
+        return f"{self.path}: {self.problem}; --force overwrites it"
 
 
 class CannotWriteError(VinefabError, OSError):

@@ -1,22 +1,14 @@
-"""A folder's files in one zip, and the list of their hashes."""
+"""A folder's files in one zip."""
 
 import io
 import zipfile
 from collections.abc import Mapping
 
-from vinefab.core.hashing import sha256_of
 from vinefab.core.jsontext import GENERATOR
 
-MANIFEST_NAME = "MANIFEST.sha256"
 _FIRST_DATE = (1980, 1, 1, 0, 0, 0)
 _UNIX = 3
 _PLAIN_FILE = 0o100644 << 16
-
-
-def manifest_text(files: Mapping[str, bytes]) -> str:
-    """Return the SHA-256 of every file, in the form that ``sha256sum -c`` checks."""
-    lines = [f"# {GENERATOR}", *(f"{sha256_of(data)}  {name}" for name, data in files.items())]
-    return "\n".join(lines) + "\n"
 
 
 def zip_bytes(files: Mapping[str, bytes], folder: str) -> bytes:

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from vinefab.core.errors import ReadBackError
-from vinefab.export.archive import MANIFEST_NAME, manifest_text
+from vinefab.core.hashing import sha256_of
+from vinefab.core.manifest import MANIFEST_NAME, manifest_text
 from vinefab.export.bom import bom_text
 from vinefab.export.colours import DEFAULT, Colours
 from vinefab.export.job_json import job_text
@@ -81,7 +82,8 @@ def package_files(content: PackageContent) -> dict[str, bytes]:
         "report.html": content.report,
         "bom.csv": bom_text(job, profile).encode(),
     }
-    files[MANIFEST_NAME] = manifest_text(files).encode()
+    digests = {name: sha256_of(data) for name, data in files.items()}
+    files[MANIFEST_NAME] = manifest_text(digests).encode()
     return files
 
 

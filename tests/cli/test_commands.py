@@ -114,11 +114,11 @@ def test_check_of_a_design_that_cannot_be_made(vinefab, plain):
 
 def test_fabricate_refuses_an_unconfirmed_recipe_unless_told(vinefab, tmp_path):
     out = tmp_path / "package"
-    code, words, _ = vinefab("fabricate", "three_level_tree", "--out", out)
+    code, _, complaint = vinefab("fabricate", "three_level_tree", "--out", out)
     assert code == 1
-    assert "--allow-uncalibrated" in words
+    assert "--allow-uncalibrated" in complaint
     assert not out.exists()
-    code, words, _ = vinefab(
+    code, _, _ = vinefab(
         "fabricate", "three_level_tree", "--out", out, "--allow-uncalibrated", "--zip"
     )
     assert code == 0

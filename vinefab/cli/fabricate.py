@@ -14,6 +14,9 @@ from vinefab.files.shipped import DEFAULT_RECIPE
 from vinefab.pipeline.check import check_lines
 from vinefab.pipeline.fabricate import package, prepare
 
+MARK = "job.json"
+"""The file by which a folder of this command is known again."""
+
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""
@@ -39,30 +42,25 @@ def fabricate_command(
     Example: vinefab fabricate three_level_tree --out package --allow-uncalibrated
     """
     voice = Voice(quiet=quiet, force=force)
+    ensure_own_folder(out, MARK, force=force)
     archive = out.with_name(f"{out.name}.zip")
-    ensure_own_folder(out, force=force)
     if make_zip:
         ensure_writable(archive, force=force)
     prepared = prepare(read_design(design), read_profile(recipe))
     for line in check_lines(prepared.report):
         voice.say(line)
-    if prepared.report.blocking:
-        voice.say("nothing written: mend the errors, or waive them in the design with a reason")
-        return EXIT_FINDINGS
-    if not prepared.calibrated and not allow_uncalibrated:
-        voice.say(
-            f"nothing written: no coupon has confirmed recipe {prepared.profile.recipe.name};"
-        )
-        voice.say(
-            "--allow-uncalibrated writes the files all the same, for coupons and first trials"
-        )
+    if why := prepared.refusal(allow_uncalibrated=allow_uncalibrated):
+        older = f"; {out} still holds an earlier package, not this design" if out.exists() else ""
+        typer.echo(f"nothing written: {why}{older}", err=True)
         return EXIT_FINDINGS
     files = package(prepared)
-    with new_folder(out, force=force) as folder:
+    with new_folder(out, MARK, force=force) as folder:
         for name, data in files.items():
             write_bytes(folder / name, data)
     if make_zip:
-        write_bytes(archive, zip_bytes(files, out.name), force=force)
+        write_bytes(archive, zip_bytes(files, prepared.design.name), force=force)
         voice.say(f"wrote {archive}")
+    elif archive.exists():
+        voice.say(f"note: {archive} is of an earlier run; --zip writes it anew")
     voice.say(f"wrote {out}/ ({len(files)} files; begin with README.txt)")
     return 0

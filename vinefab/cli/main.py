@@ -1,6 +1,7 @@
 """The program ``vinefab``: finds the command, and turns errors into one line and an exit code."""
 
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 from typing import Annotated, cast
@@ -26,6 +27,7 @@ COMMANDS = {
 
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
+EXIT_BROKEN_PIPE = 141
 
 # typer carries its own click, whose usage errors have this public ancestor.
 UsageProblem: type[Exception] = typer.BadParameter.__mro__[1]
@@ -95,13 +97,20 @@ def main(arguments: Sequence[str]) -> int:
         0 good, 1 findings, 2 bad input, 130 interrupted.
     """
     named = [argument for argument in arguments if not argument.startswith("-")]
-    app = build_app(named[0] if named and named[0] in COMMANDS else None)
     try:
+        app = build_app(named[0] if named and named[0] in COMMANDS else None)
         result = app(list(arguments) or ["--help"], prog_name="vinefab", standalone_mode=False)
+        sys.stdout.flush()
     except UsageProblem as error:
         return _complain(cast("typer.BadParameter", error).format_message(), EXIT_BAD_INPUT)
     except VinefabError as error:
         return _complain(str(error), EXIT_BAD_INPUT)
+    except BrokenPipeError:
+        # Whoever read the output has seen enough; nothing more can be said on it.
+        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  stays open until the end
+        return EXIT_BROKEN_PIPE
+    except OSError as error:
+        return _complain(f"{error.filename or 'output'}: {error.strerror}", EXIT_BAD_INPUT)
     except (KeyboardInterrupt, typer.Abort):
         return _complain("interrupted; what was being written was left as it was", EXIT_INTERRUPTED)
     return result if isinstance(result, int) else 0

@@ -48,4 +48,12 @@ def _finding_line(finding: Finding) -> str:
     sign = "waived" if finding.waived else _SIGNS[finding.severity]
     who = f" [{', '.join(finding.branches[:4])}]" if finding.branches else ""
     why = f" (waived: {finding.reason})" if finding.waived else ""
-    return f"{sign}  {finding.rule}{who}  {finding.message}{why}  #{finding.fingerprint}"
+    words = f"{finding.message}{_numbers(finding)}{why}"
+    return f"{sign}  {finding.rule}{who}  {words}  #{finding.fingerprint}"
+
+
+def _numbers(finding: Finding) -> str:
+    if finding.measured is None or finding.limit is None:
+        return ""
+    unit = f" {finding.unit}" if finding.unit else ""
+    return f" (is {finding.measured:.4g}, limit {finding.limit:.4g}{unit})"

@@ -1,7 +1,7 @@
 """The fabrication package of a design; no simulator is loaded for it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vinefab.checks.run import run_checks
 from vinefab.checks.subject import Subject
@@ -50,16 +50,33 @@ class Prepared:
     job: Job
     report: CheckReport
 
-    @property
-    def calibrated(self) -> bool:
-        """Whether the recipe was ever tried on the machine that it is for."""
-        return self.profile.recipe.status is not RecipeStatus.UNVERIFIED
+    def refusal(self, *, allow_uncalibrated: bool) -> str:
+        """Return why no files may be written, or an empty string.
+
+        Parameters
+        ----------
+        allow_uncalibrated
+            Whether a recipe that no coupon has confirmed will do.
+        """
+        if self.report.blocking:
+            broken = ", ".join(sorted({finding.rule for finding in self.report.blocking}))
+            return f"{broken} forbid it: mend the design, or waive them in it with a reason"
+        recipe = self.profile.recipe
+        if recipe.status is RecipeStatus.UNVERIFIED and not allow_uncalibrated:
+            return (
+                f"no coupon has confirmed recipe {recipe.name}; --allow-uncalibrated writes "
+                "files all the same, for coupons and first trials"
+            )
+        return ""
 
 
 def prepare(
     design: Design, profile: LaserProfile, deployments: Sequence[Deployment] = ()
 ) -> Prepared:
-    """Return a design's job and what every rule says, the written files' own rule included.
+    """Return a design's job and what every rule says.
+
+    When no rule forbids the design, the laser files are written in memory and read back, and the
+    rule about that is applied too.
 
     Parameters
     ----------
@@ -68,12 +85,14 @@ def prepare(
     deployments
         Simulated deployments, for the rules that look at paths.
     """
-    job = laser_job(design, profile)
-    colours = PRESETS[profile.machine.colours]
-    files = laser_files(job, colours, hairline_mm=profile.machine.hairline_mm)
-    problems = laser_file_problems(files, job, colours)
-    subject = Subject.of(design, profile, readback=problems, deployments=tuple(deployments))
-    return Prepared(design=design, profile=profile, job=job, report=run_checks(subject))
+    subject = Subject.of(design, profile, deployments=tuple(deployments))
+    job, report = laser_job(design, profile), run_checks(subject)
+    if not report.blocking:
+        colours = PRESETS[profile.machine.colours]
+        files = laser_files(job, colours, hairline_mm=profile.machine.hairline_mm)
+        problems = laser_file_problems(files, job, colours)
+        report = run_checks(replace(subject, readback=problems))
+    return Prepared(design=design, profile=profile, job=job, report=report)
 
 
 def package(prepared: Prepared) -> dict[str, bytes]:

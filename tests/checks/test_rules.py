@@ -301,9 +301,21 @@ def test_a_child_folded_onto_its_parent_is_found(make: Make) -> None:
 def test_a_fillet_cut_down_by_a_narrow_angle_is_found(make: Make) -> None:
     # 40 degrees: the bare crotch is 35.1 mm long, half of the child 35.5 mm
     findings = found(Subject.of(make((2, 71.0, 40.0), fillet_mm=(6.0,))), "VF-C04")
-    assert [f.severity for f in findings] == [E]
+    assert [f.severity for f in findings] == [E, Severity.INFO]
     assert findings[0].measured is not None
     assert findings[0].measured < 1.0
+    assert findings[1].limit == 6.0
+
+
+@pytest.mark.parametrize(
+    ("fillet_mm", "severities"), [(23.9, []), (24.1, [W]), (47.9, [W]), (48.1, [E])]
+)
+def test_a_fillet_that_swells_its_child_is_found(
+    fillet_mm: float, severities: list[Severity], make: Make
+) -> None:
+    # children are 24 mm wide: once that is a warning, twice an error
+    wide_apart = make((2, 400.0, 150.0), fillet_mm=(fillet_mm,))
+    assert [f.severity for f in found(Subject.of(wide_apart), "VF-C04")] == severities
 
 
 def test_a_pouch_narrower_than_its_branch_is_found(make: Make) -> None:

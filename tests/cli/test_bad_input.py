@@ -217,6 +217,19 @@ def test_a_file_in_the_place_of_the_output_folder(vinefab, tmp_path):
     assert taken.read_text() == "a file"
 
 
+@pytest.mark.parametrize("command", [["check"], ["fabricate", "--out", "OUT"]])
+def test_a_tree_that_no_sheet_could_hold(vinefab, tmp_path, command):
+    path = tmp_path / "forest.toml"
+    path.write_text(
+        DESIGN.replace("branches = 2", "branches = 999").replace(
+            "[build]\nwidths_mm = [20.0, 12.0]",
+            "[[level]]\nbranches = 90\nlength = 5.0\nangle_deg = 10.0",
+        )
+    )
+    name, *options = [tmp_path / "out" if part == "OUT" else part for part in command]
+    assert "90910 branches" in complaint(vinefab, name, path, *options)
+
+
 def test_errors_do_not_stop_at_the_first_command_line_only():
     # The same through the program's real entry point: an exit code, never a traceback.
     assert main(["grow"]) == 2

@@ -28,8 +28,8 @@ def look_built_width(subject: Subject, limits: Limits) -> Looked | NotLooked:
         if breach:
             hits.append(
                 Hit(
-                    message=f"the branch comes out {built_mm:.2f} mm wide: seam and kerf of the "
-                    "paths are not those of the recipe",
+                    message=f"the branch comes out {built_mm:.2f} mm wide in the paths: its "
+                    "joint took its sides, or their seam and kerf are not the recipe's",
                     measured=off_mm,
                     limit=breach.limit,
                     branches=(name,),

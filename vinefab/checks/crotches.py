@@ -9,6 +9,7 @@ from vinefab.checks.rule import Breach, Hit, Limits, Looked, Rule
 from vinefab.checks.subject import Subject
 from vinefab.geometry.crotch import Gap
 from vinefab.geometry.problem import ProblemKind
+from vinefab.model.finding import Severity
 
 
 def look_angle(subject: Subject, limits: Limits) -> Looked:
@@ -67,7 +68,28 @@ def look_fillet(subject: Subject, limits: Limits) -> Looked:
                 "angle if it is drawn smaller than designed"
             )
             hits.append(_hit(subject, (joint, joint.gaps[0]), words, (radius_mm, breach)))
+        hits += _large_fillet(subject, joint, limits)
     return Looked(checked=len(joints), hits=tuple(hits))
+
+
+def _large_fillet(subject: Subject, joint: Joint, limits: Limits) -> list[Hit]:
+    """Return hits about a fillet that swells its child, or that is drawn smaller than designed."""
+    width_mm = subject.design.build.widths_mm[joint.level - 1]
+    designed_mm = subject.design.build.fillet_mm[joint.level - 2]
+    shares = {name: limits[f"most_{name}_share"] * width_mm for name in ("error", "warning")}
+    breach = Limits(shares).most(designed_mm)
+    where = joint, joint.gaps[0]
+    if breach:
+        words = (
+            f"joined with so large a fillet that the child is wider than designed far from the "
+            f"joint: design {breach.limit:.1f} mm or less"
+        )
+        return [_hit(subject, where, words, (designed_mm, breach))]
+    if joint.fillet_mm < designed_mm * (1.0 - 1e-9):
+        less = Breach(severity=Severity.INFO, limit=designed_mm)
+        words = f"joined with a fillet of {joint.fillet_mm:.2f} mm: the angle has no room for more"
+        return [_hit(subject, where, words, (joint.fillet_mm, less))]
+    return []
 
 
 def _hit(
@@ -110,7 +132,14 @@ FILLET = Rule(
     id="VF-C04",
     title="fillet radius",
     unit="mm",
-    limits={"error": 1.0, "warning": 2.0, "share_of_width": 0.25},
-    reason="a sharp crotch is where seams begin to peel; the radius should grow with the child",
+    limits={
+        "error": 1.0,
+        "warning": 2.0,
+        "share_of_width": 0.25,
+        "most_warning_share": 1.0,
+        "most_error_share": 2.0,
+    },
+    reason="a sharp crotch is where seams begin to peel; the radius should grow with the child, "
+    "but a fillet much larger than the child makes it wide where it should be narrow",
     look=look_fillet,
 )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import shapely
 
 from vinefab.checks.shapes import Shapes, shapes_of
+from vinefab.core.errors import BadInputError
 from vinefab.geometry.laser import laser_job
 from vinefab.geometry.layout import FlatLayout, flat_layout
 from vinefab.geometry.outline import BodyOutline, body_outline
@@ -13,6 +14,9 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
+
+MOST_BRANCHES = 5000
+"""Larger trees are not looked at: no sheet holds them, and pairs grow with the square."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,7 +71,16 @@ class Subject:
         ----------
         design, profile, readback, deployments
             As in the class.
+
+        Raises
+        ------
+        BadInputError
+            If the design has more branches than a flat robot could ever hold.
         """
+        if design.branch_count > MOST_BRANCHES:
+            name, count = design.name, design.branch_count
+            allowed = f"at most {MOST_BRANCHES} for checks and laser files"
+            raise BadInputError(f"design {name}", f"{count} branches", allowed)
         layout = flat_layout(design)
         return cls(
             design=design,

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from vinefab.core import atomic
-from vinefab.core.atomic import ensure_writable, is_ours, new_folder, write_bytes, write_text
+from vinefab.core.atomic import ensure_writable, is_ours, new_folder, write_text
 from vinefab.core.errors import CannotWriteError, ForeignFileError
 
 OURS = "# written by vinefab 0\n"

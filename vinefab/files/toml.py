@@ -59,9 +59,15 @@ def check(model: type[M], data: Mapping[str, Any], source: str | Path) -> M:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        # A misspelt key shows up twice, as unknown and as missing: the first is the helpful one.
-        details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
-        raise _as_bad_input(model, details[0], source) from error
+        raise _as_bad_input(model, min(error.errors(), key=_rank), source) from error
+
+
+def _rank(detail: ErrorDetails) -> int:
+    """Return which of several errors to tell first: the smallest."""
+    if detail["loc"][:1] == ("schema",) and detail["type"] != "missing":
+        return 0  # another kind of file: everything else follows from that
+    # A misspelt key shows up twice, as unknown and as missing: the first is the helpful one.
+    return 1 if detail["type"] == "extra_forbidden" else 2
 
 
 def _as_bad_input(

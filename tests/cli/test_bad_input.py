@@ -112,6 +112,13 @@ def test_map_that_is_no_json(vinefab, tmp_path):
     assert "JSON" in complaint(vinefab, "grow", "plain_vine", "--map", path)
 
 
+def test_a_map_is_not_imported_onto_itself(vinefab, grid):
+    before = grid.read_bytes()
+    line = complaint(vinefab, "map", "import", grid, "--out", grid, "--force")
+    assert "another file" in line
+    assert grid.read_bytes() == before
+
+
 @pytest.mark.parametrize("pose", ["1,2", "1,2,3,4", "a,b,c", "nan,1,2", "1e99,0,0", ""])
 def test_bad_poses(vinefab, grid, pose):
     assert "pose" in complaint(vinefab, "grow", "plain_vine", "--map", grid, "--pose", pose)
@@ -155,6 +162,10 @@ OPTIONS = {
     "unknown option": ["check", "plain_vine", "--colour", "red"],
     "missing option": ["grow", "plain_vine"],
     "wrong kind": ["map", "grid", "--seed", "one", "--out", "OUT"],
+    "picture of no kind": ["grow", "plain_vine", "--map", "GRID", "--svg", "OUT"],
+    "infinite size": ["map", "grid", "--size", "inf", "--out", "OUT"],
+    "no room for starts": ["map", "grid", "--starts", "500", "--out", "OUT"],
+    "start out of this world": ["map", "import", "GRID", "--start", "1e9,0,0", "--out", "OUT"],
     "negative seed": ["map", "grid", "--seed", "-1", "--out", "OUT"],
     "size of nothing": ["map", "grid", "--size", "0", "--out", "OUT"],
     "nan size": ["map", "grid", "--size", "nan", "--out", "OUT"],

@@ -243,6 +243,11 @@ def test_numbers_that_yaml_takes_for_words_are_numbers(importing: Import) -> Non
     assert importing(box_world(), resolution="5e-2").bounds.area == pytest.approx(500 * 300)
 
 
+def test_a_scale_that_leaves_nothing_of_a_cell_is_named(importing: Import) -> None:
+    with pytest.raises(BadInputError, match="world.yaml: scale_mm_per_unit is 1e-09"):
+        importing(box_world(), RosOptions(scale_mm_per_unit=1e-9))
+
+
 def test_other_problems_are_one_clear_line(importing: Import, tmp_path: Path) -> None:
     with pytest.raises(UnreadableFileError, match=r"gone.pgm: there is no such file"):
         importing(None, image="gone.pgm")

@@ -54,7 +54,13 @@ def test_ranges_fixed_values_and_single_levels(tmp_path: Path) -> None:
 
 
 def test_map_files_are_found_from_the_run_file(tmp_path: Path) -> None:
-    maps = read_run(written(tmp_path, '[maps]\nfiles = ["a.geojson", "deep/b.geojson"]')).maps
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "a.geojson").touch()
+    path = written(tmp_path, '[maps]\nfiles = ["a.geojson", "deep/b.geojson"]')
+    with pytest.raises(BadInputError, match=r"trial.toml: maps.files\[2\] is 'deep/b.geojson'"):
+        read_run(path)
+    (tmp_path / "deep" / "b.geojson").touch()
+    maps = read_run(path).maps
     assert maps.files == (tmp_path / "a.geojson", tmp_path / "deep" / "b.geojson")
     assert maps.count == 2
 

@@ -5,7 +5,16 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import DesignIn, Force, JsonOut, PoseIn, Quiet, Voice, pose_from
+from vinefab.cli.options import (
+    DesignIn,
+    Force,
+    JsonOut,
+    PoseIn,
+    Quiet,
+    Voice,
+    ensure_picture,
+    pose_from,
+)
 from vinefab.core.atomic import ensure_writable, write_bytes
 from vinefab.core.errors import BadInputError
 from vinefab.files.design import read_design
@@ -56,9 +65,10 @@ def grow_command(
     Example: vinefab grow three_level_tree --map grid.geojson --svg grown.svg --animate grows.gif
     """
     voice = Voice(quiet=quiet, json_out=json_out, force=force)
-    for path in filter(None, (svg, animate)):
-        ensure_writable(path, force=force)
+    if svg:
+        ensure_picture(svg, force=force)
     if animate:
+        ensure_writable(animate, force=force)
         animation_suffix(animate.suffix)
         whole("--frames", frames, 1, MOST_FRAMES)
     if history is not None and json_out is None:

@@ -12,6 +12,8 @@ import typer
 from vinefab.cli import map_info
 from vinefab.cli.options import Force, Quiet, Voice, pose_from
 from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.core.errors import BadInputError
+from vinefab.core.units import deg
 from vinefab.environments.registry import ENVIRONMENTS, Environment
 from vinefab.files.drawing import ImportOptions
 from vinefab.files.imports import IMPORTERS, import_map
@@ -99,6 +101,8 @@ def import_command(
 
     Example: vinefab map import plan.dxf --layer WALLS --wall-mm 120 --out plan.geojson
     """
+    if out.exists() and source.exists() and out.samefile(source):
+        raise BadInputError("--out", str(out), "another file than the one to import")
     ensure_writable(out, force=force)
     options = ImportOptions(
         scale_mm_per_unit=scale_mm_per_unit,
@@ -125,7 +129,7 @@ def _save(world: Map, out: Path, voice: Voice) -> None:
     )
     for start in world.starts[:1]:
         pose = start.pose
-        voice.say(f"start: {pose.x_mm:.1f},{pose.y_mm:.1f},{pose.heading_rad * 57.29578:.1f}")
+        voice.say(f"start: {pose.x_mm:.1f},{pose.y_mm:.1f},{deg(pose.heading_rad):.1f}")
     for key, value in world.facts.items():
         voice.say(f"  {key}: {value}")
     voice.say(f"wrote {out}")

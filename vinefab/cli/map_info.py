@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import Force, JsonOut, Quiet, Voice
-from vinefab.core.atomic import ensure_writable, write_bytes
+from vinefab.cli.options import Force, JsonOut, Quiet, Voice, ensure_picture
+from vinefab.core.atomic import write_bytes
 from vinefab.files.map import read_map
 from vinefab.pipeline.mapinfo import map_info
 from vinefab.pipeline.mapinfo_text import info_lines, info_text
@@ -35,7 +35,7 @@ def info_command(
     """
     voice = Voice(quiet=quiet, json_out=json_out, force=force)
     if svg:
-        ensure_writable(svg, force=force)
+        ensure_picture(svg, force=force)
     info = map_info(read_map(map_file), width_mm=width_mm, passages=passages)
     voice.give_json(info_text(info))
     if svg:

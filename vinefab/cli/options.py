@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from vinefab.core.atomic import write_text
+from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import rad
 from vinefab.model.map import Pose
@@ -94,6 +94,21 @@ class Voice:
             yield lambda share, words: bar.update(task, completed=share, words=words)
 
 
+def ensure_picture(path: Path, *, force: bool, option: str = "--svg") -> None:
+    """Check, before any work, that a picture can be written: its kind, and its place.
+
+    Raises
+    ------
+    BadInputError
+        If the name ends in neither ``.svg`` nor ``.png``.
+    VinefabError
+        As `ensure_writable`.
+    """
+    if path.suffix.lower() not in (".svg", ".png"):
+        raise BadInputError(option, str(path), "a file name ending in .svg or .png")
+    ensure_writable(path, force=force)
+
+
 def pose_from(text: str | None, option: str = "--pose") -> Pose | None:
     """Return a pose from ``X,Y,DEG``, or None.
 
@@ -106,11 +121,12 @@ def pose_from(text: str | None, option: str = "--pose") -> Pose | None:
         return None
     try:
         x_mm, y_mm, heading_deg = (float(part) for part in text.split(","))
-        return Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=rad(heading_deg))
     except ValueError as error:
-        raise BadInputError(
-            option, text, "X,Y,DEG: three finite numbers, mm and degrees"
-        ) from error
+        raise BadInputError(option, text, "X,Y,DEG: three numbers, mm and degrees") from error
+    try:
+        return Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=rad(heading_deg))
+    except BadInputError as error:
+        raise error.at(option) from error
 
 
 def parameters_from(texts: list[str]) -> dict[str, object]:

@@ -44,7 +44,8 @@ def draw_poses(world: Map, count: int, seed: int, *, clearance_mm: float = 0.0) 
     whole("seed", seed, 0, 2**63 - 1)
     number("clearance_mm", clearance_mm, 0.0, 1e6, "mm")
     if not world.starts:
-        raise BadInputError(f"map {world.name!r}: starts", "empty", "at least one start")
+        needed = "at least one start: a Point with role 'start'"
+        raise BadInputError(f"map {world.name!r}: starts", "empty", needed)
     free = world.free_space
     if clearance_mm > 0.0:
         free = shapely.buffer(free, -clearance_mm)

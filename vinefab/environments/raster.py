@@ -18,6 +18,10 @@ from vinefab.environments.trace import Mask, boundary_loops
 from vinefab.model.checked import Floats, number, positive
 from vinefab.model.map import Map, Pose, Start
 
+LEAST_CELL_MM = 0.01
+LARGEST_CELL_MM = 1e6
+"""Cells outside this range are not those of a map in millimetres."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Placement:
@@ -39,7 +43,7 @@ class Placement:
     turn_rad: float = 0.0
 
     def __post_init__(self) -> None:
-        number("cell_mm", self.cell_mm, 0.01, 1e6, "mm")
+        number("cell_mm", self.cell_mm, LEAST_CELL_MM, LARGEST_CELL_MM, "mm")
         number("x_mm", self.x_mm, -1e7, 1e7, "mm")
         number("y_mm", self.y_mm, -1e7, 1e7, "mm")
         number("turn", self.turn_rad, -7.0, 7.0, "rad")

@@ -57,11 +57,11 @@ def check_starts(
     wide_mm = 2.0 * (options.start_spread_x_mm + clear_mm)
     high_mm = 2.0 * (options.start_spread_y_mm + clear_mm)
     if wide_mm > width_mm / count or high_mm > height_mm:
-        raise BadInputError(
-            "start_clearance_mm",
-            options.start_clearance_mm,
-            "so much that the starting places, with their spreads, fit between the sides",
+        allowed = (
+            f"less, or smaller spreads or fewer starts: {count} places of {wide_mm:g} x "
+            f"{high_mm:g} mm have no room side by side in {width_mm:g} x {height_mm:g} mm"
         )
+        raise BadInputError("start_clearance_mm", options.start_clearance_mm, allowed)
 
 
 def lower_starts(

@@ -10,7 +10,13 @@ import yaml
 
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
 from vinefab.core.hashing import sha256_of
-from vinefab.environments.raster import Placement, RasterOptions, raster_map
+from vinefab.environments.raster import (
+    LARGEST_CELL_MM,
+    LEAST_CELL_MM,
+    Placement,
+    RasterOptions,
+    raster_map,
+)
 from vinefab.environments.trace import Mask
 from vinefab.files.ros_image import Values, read_values
 from vinefab.files.shipped import read_bytes, read_text
@@ -139,6 +145,9 @@ def import_ros(path: Path, options: RosOptions | None = None) -> Map:
         "cells_unknown": int(free.size - free.sum() - occupied.sum()),
     }
     scale = options.scale_mm_per_unit
+    if not LEAST_CELL_MM <= source.resolution_m * scale <= LARGEST_CELL_MM:
+        allowed = f"so much that a cell of {source.resolution_m:g} m becomes 0.01 to 1e6 mm"
+        raise BadInputError("scale_mm_per_unit", scale, allowed, path)
     with located(path):
         world = raster_map(
             path.stem,

@@ -65,6 +65,8 @@ def _open(path: Path, data: bytes) -> Image.Image:
             image.load()
     except (Image.DecompressionBombWarning, Image.DecompressionBombError) as error:
         raise UnreadableFileError(path, "is an image of more than 89 million pixels") from error
-    except (UnidentifiedImageError, OSError, ValueError, SyntaxError, EOFError) as error:
+    except UnidentifiedImageError as error:
+        raise UnreadableFileError(path, "is not an image; allowed: PGM, PNG, BMP") from error
+    except (OSError, ValueError, SyntaxError, EOFError) as error:
         raise UnreadableFileError(path, f"is not an image that can be read: {error}") from error
     return image

@@ -202,6 +202,10 @@ def _maps(form: MapsForm, folder: Path) -> MapSettings:
         )
     if not files:
         raise BadInputError("maps.files", files, "at least one map file")
+    for index, name in enumerate(files, start=1):
+        if not (folder / name).is_file():
+            allowed = f"a map file, found from the folder of the run file: {folder / name}"
+            raise BadInputError(f"maps.files[{index}]", name, allowed)
     return MapSettings(count=len(files), files=tuple(folder / name for name in files))
 
 

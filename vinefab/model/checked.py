@@ -30,7 +30,7 @@ def positive(key: str, value: float, high: float = LARGEST_MM, unit: str = "mm")
 
 def whole(key: str, value: int, low: int, high: int) -> int:
     """Return a whole number within ``low .. high``, or raise BadInputError."""
-    if isinstance(value, bool) or int(value) != value or not low <= value <= high:
+    if isinstance(value, bool) or not low <= value <= high or int(value) != value:
         raise BadInputError(key, value, f"a whole number from {low} to {high}")
     return int(value)
 

@@ -38,7 +38,7 @@ class MapSettings:
     files: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
-        whole("maps.count", self.count, 1, 100_000)
+        whole("maps.count", self.count, 1, 1000)
         whole("maps.seed", self.seed, 0, 2**62)
 
 

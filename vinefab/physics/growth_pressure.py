@@ -6,7 +6,7 @@ cost more the later they come.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vinefab.core.errors import BadInputError
 from vinefab.model.laser import Quantity, Standing
@@ -64,6 +64,17 @@ class GrowthConstants:
             friction=self.friction,
         )
 
+    def with_storage(self, storage_kpa: Quantity) -> "GrowthConstants":
+        """Return the constants for film that leaves another kind of store, of the same tube."""
+        return replace(self, storage_kpa=storage_kpa)
+
+    @property
+    def standing(self) -> Standing:
+        """How far a pressure worked out from these constants may be trusted: as its weakest."""
+        numbers = (self.yield_kpa, self.drag_kpa_m, self.storage_kpa, self.friction)
+        assumed = any(number.standing is Standing.ASSUMED for number in numbers)
+        return Standing.ASSUMED if assumed else Standing.COMPUTED
+
 
 def _fitted(value: float) -> Quantity:
     source = "fit to one tube of a published everting vine robot"
@@ -78,13 +89,29 @@ FITTED = GrowthConstants(
 )
 """The published fit. It holds for one tube; treat it as an order of magnitude for any other."""
 
+FITTED_DIAMETER_MM = Quantity(
+    value=25.0,
+    standing=Standing.ASSUMED,
+    source="the fit is quoted without its tube's diameter; tubes of about an inch are usual",
+)
+"""Inflated diameter of the tube that `FITTED` belongs to."""
+
+NO_TENSION = Quantity(
+    value=0.0, standing=Standing.ASSUMED, source="film crumpled loosely behind the base"
+)
+"""Least tension of film that leaves its store: nothing holds it back."""
+
 
 def growth_pressure_kpa(
-    lengths_mm: Sequence[float], turns_rad: Sequence[float], constants: GrowthConstants = FITTED
+    lengths_mm: Sequence[float],
+    turns_rad: Sequence[float],
+    constants: GrowthConstants = FITTED,
+    *,
+    riding_mm: float = 0.0,
 ) -> float:
     """Return the pressure that growth to the end of a path takes.
 
-    tau_0 = T; tau_i = (tau_{i-1} + f l_i) e^(mu |theta_i|); P_grow = Y + tau_{n-1} + f l_n.
+    tau_0 = T + f l_r; tau_i = (tau_{i-1} + f l_i) e^(mu |theta_i|); P_grow = Y + tau_{n-1} + f l_n.
 
     Parameters
     ----------
@@ -94,6 +121,10 @@ def growth_pressure_kpa(
         The n - 1 turns between them (contacts, base hinge, joints); signs do not matter.
     constants
         Y, f, T and mu.
+    riding_mm
+        Film of undeployed descendants that is drawn along behind, l_r: their length times their
+        width over that of the growing branch. It is taken to hang on at the store, behind every
+        turn: no less than its true share.
 
     Raises
     ------
@@ -113,7 +144,7 @@ def growth_pressure_kpa(
     if len(turns_rad) != len(lengths_mm) - 1:
         raise BadInputError("turns_rad", len(turns_rad), f"{len(lengths_mm) - 1} turns")
     drag_kpa_mm = constants.drag_kpa_m.value / 1000.0
-    tension_kpa = constants.storage_kpa.value
+    tension_kpa = constants.storage_kpa.value + drag_kpa_mm * riding_mm
     for length_mm, turn_rad in zip(lengths_mm, turns_rad, strict=False):
         factor = capstan_factor(constants.friction.value, turn_rad)
         tension_kpa = (tension_kpa + drag_kpa_mm * length_mm) * factor

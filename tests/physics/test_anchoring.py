@@ -1,0 +1,74 @@
+import math
+
+import pytest
+
+from vinefab.core.errors import BadInputError
+from vinefab.physics.anchoring import (
+    ASSUMED_FRICTION,
+    Interval,
+    amplification,
+    amplification_interval,
+    branch_force_n,
+    branch_limit_n,
+    film_mass_g,
+    payload_over_mass,
+    pouch_contact_mm2,
+    tip_force_n,
+)
+
+TURN_RAD = math.log(6.86 / 6.0) / 0.3
+"""Mean turn of a branch that makes six of them hold 6.86 times one pouch at mu = 0.3."""
+
+
+def test_the_papers_six_branches() -> None:
+    for engaged, expected in ((6, 6.86), (5, 5.72), (4, 4.57)):
+        assert amplification([TURN_RAD] * engaged, 0.3) == pytest.approx(expected, abs=0.005)
+
+
+def test_the_papers_measurement_lies_in_the_interval_and_not_at_its_value() -> None:
+    found = amplification_interval([TURN_RAD] * 6, 4)
+    assert found.low == pytest.approx(4 * math.exp(0.2 * TURN_RAD))
+    assert found.value == pytest.approx(6.86)
+    assert found.high == pytest.approx(6 * math.exp(0.8 * TURN_RAD))
+    assert found.low < 4.25 / 0.65 < found.value
+
+
+def test_the_low_end_takes_the_branches_that_turned_least() -> None:
+    found = amplification_interval([2.0, 0.0, 1.0], 1, Interval(low=0.1, value=0.2, high=0.3))
+    assert found.low == 1.0
+    assert amplification_interval([2.0, 0.0], 0).low == 0.0
+    with pytest.raises(BadInputError, match="fewest"):
+        amplification_interval([1.0], 2)
+
+
+def test_one_pouch_of_the_paper_holds_065_n() -> None:
+    # 0.65 N per pouch means P A_c mu = 0.325 N
+    assert tip_force_n(20.0, 0.325 / (0.020 * 0.3), 0.3) == pytest.approx(0.65)
+
+
+def test_a_pouch_is_engaged_from_where_it_is_wider_than_the_gap() -> None:
+    touching = 2 * 40.0 / math.pi
+    assert pouch_contact_mm2(30.0, 40.0, touching) == 0.0
+    assert pouch_contact_mm2(30.0, 40.0, 1.001 * touching) == 0.0
+    assert 0.0 < pouch_contact_mm2(30.0, 40.0, 0.999 * touching) < 3.0
+    assert pouch_contact_mm2(30.0, 40.0, 0.0) == 1200.0
+
+
+def test_film_and_seam_cap_a_branch() -> None:
+    # 14 mm: film 27.6 MPa x 0.0375 mm x 28 mm = 29 N, seam 0.446 N/mm x 28 mm = 12.5 N
+    allowed = 0.07 * 20.0 / math.pi
+    assert branch_limit_n(14.0, 0.0375, 27.6, allowed) == pytest.approx(12.48, abs=0.01)
+    assert branch_limit_n(14.0, 0.0375, 27.6, 9.0) == pytest.approx(28.98, abs=0.01)
+    assert branch_force_n(1.0, 20.0, 0.3, 12.48) == 12.48
+    assert branch_force_n(1.0, 2.0, 0.3, 12.48) == pytest.approx(math.exp(0.6))
+
+
+def test_5_g_hold_575_g() -> None:
+    assert payload_over_mass(0.575 * 9.81, 5.0) == pytest.approx(115.0)
+    assert film_mass_g(1e6, 0.0375, 2, 1200.0) == pytest.approx(90.0)
+
+
+def test_intervals_rise() -> None:
+    assert (ASSUMED_FRICTION.low, ASSUMED_FRICTION.high) == (0.2, 0.8)
+    with pytest.raises(BadInputError, match="rising"):
+        Interval(low=1.0, value=0.5, high=2.0)

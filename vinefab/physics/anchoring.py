@@ -1,0 +1,163 @@
+"""What a branched robot holds: pouches jammed in gaps, and bodies wrapped around corners.
+
+One pouch holds F_tip = 2 P A_c mu, a branch that turned by gamma on its way holds
+F_tip e^(mu gamma) (equations 1 and 2 of the paper). Which branches touch, and how well, is not
+known beforehand: of six branches in the paper's test one touched nothing and one hung slack. A
+prediction is therefore an interval over friction and over how many branches are engaged.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vinefab.core.errors import BadInputError
+from vinefab.physics.capstan import capstan_factor
+from vinefab.physics.lumen import inflated_diameter_mm
+from vinefab.physics.pressure import N_MM2_PER_KPA
+
+GRAVITY_M_S2 = 9.81
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interval:
+    """A number that is known within bounds.
+
+    Parameters
+    ----------
+    low, value, high
+        In rising order.
+    """
+
+    low: float
+    value: float
+    high: float
+
+    def __post_init__(self) -> None:
+        if not self.low <= self.value <= self.high:
+            raise BadInputError("interval", [self.low, self.value, self.high], "rising numbers")
+
+
+ASSUMED_FRICTION = Interval(low=0.2, value=0.3, high=0.8)
+"""TPU film on printed plastic [assumed]; measure yours."""
+
+
+def pouch_contact_mm2(length_mm: float, width_mm: float, gap_mm: float) -> float:
+    """Return the area l_p (w_p - pi g / 2) that a pouch presses on each of two parallel walls.
+
+    Parameters
+    ----------
+    length_mm, width_mm
+        Flat size of the pouch, along and across its branch.
+    gap_mm
+        Distance of the walls.
+
+    Returns
+    -------
+    float
+        0 where the inflated pouch, 2 w_p / pi wide, is no wider than the gap.
+
+    Notes
+    -----
+    Standing: computed; the flat circumference 2 w_p less the two half circles across the gap lies
+    on the walls. Ends and hoop strain are neglected.
+
+    Examples
+    --------
+    >>> round(pouch_contact_mm2(30.0, 40.0, 20.0), 1)
+    257.5
+    """
+    if inflated_diameter_mm(width_mm) <= gap_mm:
+        return 0.0
+    return length_mm * (width_mm - math.pi * gap_mm / 2.0)
+
+
+def tip_force_n(pressure_kpa: float, contact_mm2: float, friction: float) -> float:
+    """Return what one pouch holds between two walls: 2 P A_c mu (Eq. 1 of the paper)."""
+    return 2.0 * pressure_kpa * N_MM2_PER_KPA * contact_mm2 * friction
+
+
+def branch_limit_n(
+    width_mm: float, ply_mm: float, strength_mpa: float, allowed_n_mm: float
+) -> float:
+    """Return the most that a branch can be pulled with: the film tears or the seam opens.
+
+    Parameters
+    ----------
+    width_mm
+        Lay-flat lumen width of the branch; its circumference is 2 w.
+    ply_mm, strength_mpa
+        Thickness and strength of the film: it tears at sigma 2 w t.
+    allowed_n_mm
+        Line load that the seam stands, from a burst test; the pull is taken to load the whole
+        circumference evenly and no part of it may carry more than a seam does [assumed].
+    """
+    return 2.0 * width_mm * min(strength_mpa * ply_mm, allowed_n_mm)
+
+
+def branch_force_n(tip_n: float, turn_rad: float, friction: float, limit_n: float) -> float:
+    """Return what a branch holds: F_tip e^(mu gamma) (Eq. 2 of the paper), at most its limit."""
+    return min(limit_n, tip_n * capstan_factor(friction, turn_rad))
+
+
+def amplification(turns_rad: Sequence[float], friction: float) -> float:
+    """Return the force of all branches over that of one pouch without any turn.
+
+    Pressure and contact area cancel where all pouches are alike and no limit is reached.
+
+    Examples
+    --------
+    >>> amplification([0.0, 0.0, 0.0], 0.3)
+    3.0
+    """
+    return math.fsum(capstan_factor(friction, turn) for turn in turns_rad)
+
+
+def amplification_interval(
+    turns_rad: Sequence[float], fewest: int, friction: Interval = ASSUMED_FRICTION
+) -> Interval:
+    """Return the amplification over friction and over which branches are engaged.
+
+    Parameters
+    ----------
+    turns_rad
+        Turn at contacts and base hinges on the way to each engaged branch's tip.
+    fewest
+        How many of them hold at least; the low end takes those that turned least.
+    friction
+        Range of the coefficient.
+
+    Raises
+    ------
+    BadInputError
+        If ``fewest`` is negative or larger than the number of branches.
+    """
+    if not 0 <= fewest <= len(turns_rad):
+        raise BadInputError("fewest", fewest, f"0 to {len(turns_rad)} engaged branches")
+    straightest = sorted(abs(turn) for turn in turns_rad)[:fewest]
+    return Interval(
+        low=amplification(straightest, friction.low),
+        value=amplification(turns_rad, friction.value),
+        high=amplification(turns_rad, friction.high),
+    )
+
+
+def film_mass_g(area_mm2: float, ply_mm: float, plies: int, density_kg_m3: float) -> float:
+    """Return the mass of a flat robot of an area, all plies together.
+
+    Examples
+    --------
+    >>> round(film_mass_g(55_000.0, 0.0375, 2, 1200.0), 2)
+    4.95
+    """
+    return area_mm2 * ply_mm * plies * density_kg_m3 * 1e-6
+
+
+def payload_over_mass(force_n: float, mass_g: float) -> float:
+    """Return how many times its own weight a robot holds.
+
+    Examples
+    --------
+    >>> round(payload_over_mass(575e-3 * GRAVITY_M_S2, 5.0))
+    115
+    """
+    return force_n / (mass_g * 1e-3 * GRAVITY_M_S2)

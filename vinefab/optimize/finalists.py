@@ -1,18 +1,55 @@
 """Choosing the winner: the best of the run, evaluated once more."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.model.checked import Floats
+from vinefab.model.design import Design
 from vinefab.optimize.history import Generation
 from vinefab.optimize.objective import INVALID_FITNESS
+from vinefab.optimize.repair import repaired
 from vinefab.optimize.result import Finalist
 from vinefab.optimize.space import Space
-from vinefab.optimize.trial import Candidate
+from vinefab.optimize.trial import Candidate, Inspector, Trial
 from vinefab.optimize.workers import Evaluate
 from vinefab.tasks.evaluate import Poses
+
+MOST_LOOKS = 200
+"""So many designs of a run are looked at in full at most: a look takes some 50 ms."""
+
+
+def finalist_points(history: Sequence[Generation], trial: Trial, count: int) -> list[Floats]:
+    """Return the points that are judged once more at the end of a run.
+
+    Without a full inspection these are the best of the run. With one, they are the best that
+    pass it; if none does, the best are repaired, and if that fails too they stand as they are.
+
+    Parameters
+    ----------
+    history
+        All generations.
+    trial
+        What the points stand for, and how designs are inspected.
+    count
+        Most points.
+
+    Raises
+    ------
+    BadInputError
+        If no point of the run was a design.
+    """
+    if not isinstance(trial.penalty, Inspector):
+        return best_points(history, trial.space, count)
+    inspector = trial.penalty
+    passing = _passing(history, trial.space, count, inspector.passes)
+    if passing:
+        return passing
+    best = best_points(history, trial.space, count)
+    mended = [repaired(x, trial.space, trial.penalty, inspector.passes) for x in best]
+    return [x for x in mended if x is not None] or best
 
 
 def best_points(history: Sequence[Generation], space: Space, count: int) -> list[Floats]:
@@ -32,28 +69,52 @@ def best_points(history: Sequence[Generation], space: Space, count: int) -> list
     BadInputError
         If no point of the run was a design.
     """
+    found = [x for x, _ in _ranked(history, space, count)]
+    if not found:
+        raise BadInputError("space", "no point of it was a design", "bounds that hold designs")
+    return found
+
+
+def _passing(
+    history: Sequence[Generation], space: Space, count: int, passes: Callable[[Design], bool]
+) -> list[Floats]:
+    """Return the best points whose designs pass a full inspection, best first."""
+    found: list[Floats] = []
+    for x, penalty in _ranked(history, space, MOST_LOOKS):
+        if len(found) == count or penalty > 0.0:
+            break
+        if passes(space.design(x)):
+            found.append(x)
+    return found
+
+
+def _ranked(history: Sequence[Generation], space: Space, count: int) -> list[tuple[Floats, float]]:
+    """Return points and penalties of the best designs, best first, each design once."""
     x = np.concatenate([generation.x for generation in history])
     fitness = np.concatenate([generation.fitness for generation in history])
-    found: dict[object, Floats] = {}
+    penalty = np.concatenate([generation.penalty for generation in history])
+    found: dict[object, tuple[Floats, float]] = {}
     for index in np.argsort(-fitness, kind="stable"):
         if fitness[index] <= INVALID_FITNESS or len(found) == count:
             break
         design = space.design(x[index])
-        found.setdefault((design.trunk_length_mm, design.levels), x[index])
-    if not found:
-        raise BadInputError("space", "no point of it was a design", "bounds that hold designs")
+        key = design.trunk_length_mm, design.levels
+        found.setdefault(key, (x[index], float(penalty[index])))
     return list(found.values())
 
 
-def judged(points: Sequence[Floats], evaluate: Evaluate, poses: Poses) -> tuple[Finalist, ...]:
+def judged(
+    points: Sequence[Floats], evaluate: Evaluate, poses: Poses, trial: Trial
+) -> tuple[Finalist, ...]:
     """Return points evaluated on fresh poses, best first.
 
     In training, the luckiest evaluation of many looks best; here every finalist meets the same
     poses, more of them, and none that it was chosen by. Designs without a penalty come first,
-    because their fitness is above that of all others.
+    because their fitness is above that of all others; one that fails a full inspection counts as
+    penalized.
     """
     found = [
-        _finalist(x, candidate)
+        _inspected(_finalist(x, candidate), trial)
         for x, candidate in zip(points, evaluate(np.array(points), poses), strict=True)
     ]
     # Stable: of equals, the one that was better in training stays first.
@@ -70,3 +131,14 @@ def _finalist(x: Floats, candidate: Candidate) -> Finalist:
         penalty=candidate.penalty,
         fitness=candidate.fitness,
     )
+
+
+def _inspected(finalist: Finalist, trial: Trial) -> Finalist:
+    """Return a finalist with a penalty of 1 if only a full inspection finds it wanting."""
+    inspector = trial.penalty
+    if not isinstance(inspector, Inspector) or finalist.penalty > 0.0:
+        return finalist
+    if inspector.passes(finalist.design):
+        return finalist
+    fitness = trial.fitness(finalist.score, 1.0)
+    return replace(finalist, penalty=1.0, fitness=fitness)

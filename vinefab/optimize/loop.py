@@ -8,7 +8,7 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.model.checked import Floats
 from vinefab.model.map import Map
-from vinefab.optimize.finalists import best_points, judged
+from vinefab.optimize.finalists import finalist_points, judged
 from vinefab.optimize.history import Generation, Progress
 from vinefab.optimize.identity import RunIdentity
 from vinefab.optimize.optimizer import Optimizer
@@ -39,7 +39,8 @@ def optimize(
         The maps to train on.
     penalty
         How far a design is from one that can be made; needed when the settings ask for designs
-        that can be made, not used otherwise.
+        that can be made, not used otherwise. When it is an `Inspector` too, only designs that pass
+        its inspection can win, as long as there is one.
     store
         The record of the run; what it holds already is not done again.
     progress
@@ -159,9 +160,9 @@ def _final(
     """Return the finalists of the record, or judge them now."""
     if store is not None and (kept := store.finalists(trial.space)):
         return kept
-    points = best_points(history, trial.space, settings.evaluation.finalists)
+    points = finalist_points(history, trial, settings.evaluation.finalists)
     count = settings.evaluation.final_poses_per_map
-    return judged(points, evaluate, trial.poses(settings.search.seed, FINAL, 0, count))
+    return judged(points, evaluate, trial.poses(settings.search.seed, FINAL, 0, count), trial)
 
 
 def _progress(history: Sequence[Generation], search: SearchSettings) -> Progress:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
@@ -22,6 +23,16 @@ from vinefab.tasks.task import Task
 
 Penalty = Callable[[Design], float]
 """How far a design is from one that can be made: 0 when it can, else above 0."""
+
+
+@runtime_checkable
+class Inspector(Protocol):
+    """A penalty that can also look at a design in full, which takes longer."""
+
+    def passes(self, design: Design) -> bool:
+        """Return whether no rule at all forbids to make a design."""
+        ...
+
 
 TRAINING, FINAL = 1411, 1412
 """Streams of the seeds that poses are drawn from."""
@@ -151,13 +162,16 @@ class Trial:
         return Candidate(design=design, penalty=penalty)
 
     def _scored(self, candidate: Candidate, score: Score) -> Candidate:
-        fitness = objective(
+        return replace(candidate, score=score, fitness=self.fitness(score, candidate.penalty))
+
+    def fitness(self, score: Score, penalty: float) -> float:
+        """Return what a design with a score and a penalty is worth to the optimizer."""
+        return objective(
             score.composite[self.evaluation.composite],
-            candidate.penalty,
+            penalty,
             lowest=min(0.0, self.task.lowest),
             weight=self.evaluation.penalty_weight,
         )
-        return replace(candidate, score=score, fitness=fitness)
 
 
 def _search_task(settings: PartSettings) -> Task:

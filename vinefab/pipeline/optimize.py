@@ -3,11 +3,9 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from vinefab.checks.penalty import fabrication_penalty
 from vinefab.files.map import read_map
 from vinefab.files.profile import read_profile
 from vinefab.files.shipped import DEFAULT_RECIPE
-from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.optimize.history import Progress
 from vinefab.optimize.identity import RunIdentity
@@ -17,11 +15,9 @@ from vinefab.optimize.settings import RunSettings
 from vinefab.optimize.store import RunStore
 from vinefab.optimize.training import generated_maps
 from vinefab.optimize.trial import Penalty
+from vinefab.pipeline.making import Making
 
 Tell = Callable[[Progress], None]
-
-BED_RESERVE_MM = 10.0
-"""What seam, kerf and the overcut at the mouth may add to the size of a flat robot."""
 
 
 def training_maps(settings: RunSettings) -> tuple[Map, ...]:
@@ -32,21 +28,10 @@ def training_maps(settings: RunSettings) -> tuple[Map, ...]:
 
 
 def penalty_of(settings: RunSettings) -> Penalty | None:
-    """Return how far designs are from being made with a run's recipe, or None if it asks not.
-
-    The flat robot must fit the recipe's bed with room for seam, kerf and the mouth's overcut.
-    """
+    """Return how far designs are from being made with a run's recipe, or None if it asks not."""
     if not settings.evaluation.fabricable:
         return None
-    profile = read_profile(settings.evaluation.recipe or DEFAULT_RECIPE)
-    film_mm = profile.material.plies * profile.material.ply_mm.value
-    width_mm, height_mm = profile.machine.usable_mm
-    sheet_mm = width_mm - BED_RESERVE_MM, height_mm - BED_RESERVE_MM
-
-    def penalty(design: Design) -> float:
-        return fabrication_penalty(design, film_mm=film_mm, sheet_mm=sheet_mm)
-
-    return penalty
+    return Making(profile=read_profile(settings.evaluation.recipe or DEFAULT_RECIPE))
 
 
 def search(
@@ -98,7 +83,7 @@ def result_lines(result: RunResult) -> list[str]:
     """Return how a run ended as lines for the user."""
     best, score = result.best, result.score
     weighed = ", ".join(f"{name} {value:.4f}" for name, value in score.composite.items())
-    made = "passes the cheap rules" if result.fabricable else "breaks rules of making"
+    made = "passes the rules of making" if result.fabricable else "breaks rules of making"
     return [
         f"run {result.run_id}: {len(result.history)} generations, {result.evaluations} designs "
         f"evaluated, stopped by {result.stopped}",

@@ -1,0 +1,49 @@
+"""What a run is told about making robots."""
+
+from dataclasses import replace
+
+import pytest
+
+from vinefab.files.profile import read_profile
+from vinefab.files.shipped import DEFAULT_RECIPE
+from vinefab.model.design import Build, Design, Level, Waiver
+from vinefab.optimize.trial import Inspector
+from vinefab.pipeline.check import check
+from vinefab.pipeline.making import Making
+
+
+@pytest.fixture(scope="module")
+def making() -> Making:
+    return Making(profile=read_profile(DEFAULT_RECIPE))
+
+
+def fork(fan_rad: float, length_mm: float = 200.0) -> Design:
+    level = Level(branches=2, length_mm=length_mm, fan_rad=fan_rad)
+    return Design(name="fork", trunk_length_mm=150.0, levels=(level,), build=Build.standard(2))
+
+
+def test_a_good_design_has_no_penalty_and_passes(making: Making) -> None:
+    assert isinstance(making, Inspector)
+    assert making(fork(1.2)) == 0.0
+    assert making.passes(fork(1.2))
+
+
+def test_the_bed_of_the_recipe_counts(making: Making) -> None:
+    long = fork(1.2, 900.0)
+    assert making(long) > 0.0
+    assert not making.passes(long)
+
+
+def test_a_narrow_fan_is_seen_by_both(making: Making) -> None:
+    assert making(fork(0.1)) > 0.0
+    assert not making.passes(fork(0.1))
+
+
+def test_a_waived_finding_does_not_count_against_a_design(making: Making) -> None:
+    narrow = fork(0.24)
+    waivers = tuple(
+        Waiver(fingerprint=finding.fingerprint, reason="tried")
+        for finding in check(narrow, making.profile).blocking
+    )
+    assert waivers
+    assert making.passes(replace(narrow, waivers=waivers))

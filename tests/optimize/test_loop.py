@@ -8,6 +8,7 @@ import pytest
 from vinefab.core.errors import BadInputError
 from vinefab.model.design import Design
 from vinefab.model.map import Map
+from vinefab.optimize.axes import Axes
 from vinefab.optimize.bounds import Bounds, SpaceSettings
 from vinefab.optimize.history import Generation, Progress
 from vinefab.optimize.loop import optimize, why_stop
@@ -154,8 +155,8 @@ class StrayRecipe:
 
     value: float = math.nan
 
-    def start(self, dimensions: int, population: int, seed: int) -> Optimizer:
-        value = self.value
+    def start(self, axes: Axes, population: int, seed: int) -> Optimizer:
+        dimensions, value = len(axes), self.value
 
         class Stray(RandomSearch):
             def ask(self) -> np.ndarray:
@@ -216,6 +217,11 @@ def test_a_run_stops_for_each_of_its_reasons() -> None:
     assert why_stop(past(0.1, 0.3, 0.2, 0.3), search) == "stall"
     assert why_stop(past(0.1, 0.3, 0.2, 0.31), search) is None
     assert why_stop(past(0.1, seconds=11.0), search) == "wall_time"
+    lenient = SearchSettings(generations=9, stall_generations=2, stall_tolerance=0.1)
+    assert why_stop(past(-0.1, -0.3, -0.095), lenient) == "stall"
+    assert why_stop(past(-0.1, -0.3, -0.08), lenient) is None
+    assert why_stop(past(0.1, 0.2, 0.3), SearchSettings(evaluations=4)) is None
+    assert why_stop(past(0.1, 0.2, 0.3), SearchSettings(evaluations=3)) == "evaluations"
 
 
 def test_settings_that_contradict_are_refused() -> None:

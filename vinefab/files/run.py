@@ -111,6 +111,8 @@ class OptimizerForm(NamedForm):
     generations: int = SearchSettings().generations
     seed: int = SearchSettings().seed
     stall_generations: int = 0
+    stall_tolerance: float = 0.0
+    evaluations: int = 0
     wall_time_s: float = 0.0
 
 

@@ -88,9 +88,12 @@ def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | Non
     """Return why a run with such a history is over, or None when it is not."""
     if len(history) >= search.generations:
         return "generations"
+    if search.evaluations and sum(len(g.fitness) for g in history) >= search.evaluations:
+        return "evaluations"
     if search.stall_generations and len(history) > search.stall_generations:
         best = [float(generation.fitness.max()) for generation in history]
-        if max(best[-search.stall_generations :]) <= max(best[: -search.stall_generations]):
+        before = max(best[: -search.stall_generations])
+        if max(best[-search.stall_generations :]) <= before + search.stall_tolerance * abs(before):
             return "stall"
     if search.wall_time_s and sum(g.seconds for g in history) >= search.wall_time_s:
         return "wall_time"
@@ -99,7 +102,7 @@ def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | Non
 
 def _started(settings: RunSettings, trial: Trial) -> Optimizer:
     recipe = make_recipe(settings.optimizer.name, settings.optimizer.parameters)
-    return recipe.start(len(trial.space), settings.search.population, settings.search.seed)
+    return recipe.start(trial.space.axes, settings.search.population, settings.search.seed)
 
 
 def _generation(

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from vinefab.model.checked import Floats
+from vinefab.optimize.axes import Axes
 
 
 class Optimizer(Protocol):
@@ -14,7 +15,7 @@ class Optimizer(Protocol):
     """
 
     def ask(self) -> Floats:
-        """Return the points of the next generation, shape (m, d), entries 0 to 1.
+        """Return the points of the next generation, shape (m, d), entries 0 to 1; m may vary.
 
         Asking again before telling gives the same points.
         """
@@ -44,16 +45,21 @@ class Optimizer(Protocol):
 class Recipe(Protocol):
     """An optimizer's own parameters: a frozen dataclass whose fields all have defaults."""
 
-    def start(self, dimensions: int, population: int, seed: int) -> Optimizer:
+    def start(self, axes: Axes, population: int, seed: int) -> Optimizer:
         """Return an optimizer before its first generation.
 
         Parameters
         ----------
-        dimensions
-            Length of a point, at least 1.
+        axes
+            The coordinates; ``len(axes)`` is the length of a point.
         population
             Points per generation, at least 1.
         seed
             At least 0.
+
+        Raises
+        ------
+        BadInputError
+            If it cannot work with so few points.
         """
         ...

@@ -16,6 +16,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.model.checked import Floats, Ints, number, whole
+from vinefab.optimize.axes import Axes
 from vinefab.optimize.optimizer import Optimizer
 
 _STREAM = 1401
@@ -37,6 +38,9 @@ class SwarmRecipe:
         Particles, itself included, whose best it knows: the nearest by number, in a ring. 0: all.
     most_speed
         Largest change of a coordinate in one generation, as a share of its range.
+    ignore_inactive
+        Whether the best points of designs without a level pull on that level's coordinates no
+        more: what such points hold there has never been evaluated.
     """
 
     inertia: float = 0.73
@@ -44,6 +48,7 @@ class SwarmRecipe:
     social: float = 1.49
     neighbours: int = 5
     most_speed: float = 0.5
+    ignore_inactive: bool = False
 
     def __post_init__(self) -> None:
         number("optimizer.inertia", self.inertia, 0.0, 2.0)
@@ -54,9 +59,9 @@ class SwarmRecipe:
         if self.neighbours == 1:
             raise BadInputError("optimizer.neighbours", 1, "0 for all, or at least 2")
 
-    def start(self, dimensions: int, population: int, seed: int) -> Optimizer:
+    def start(self, axes: Axes, population: int, seed: int) -> Optimizer:
         """Return a swarm before its first generation."""
-        return ParticleSwarm(self, (population, dimensions), seed)
+        return ParticleSwarm(self, axes, population, seed)
 
 
 class ParticleSwarm:
@@ -68,15 +73,18 @@ class ParticleSwarm:
     ----------
     recipe
         Parameters.
-    shape
-        Particles and dimensions.
+    axes
+        The coordinates.
+    population
+        Particles.
     seed
         At least 0.
     """
 
-    def __init__(self, recipe: SwarmRecipe, shape: tuple[int, int], seed: int) -> None:
+    def __init__(self, recipe: SwarmRecipe, axes: Axes, population: int, seed: int) -> None:
         self._recipe = recipe
-        self._shape = shape
+        self._axes = axes
+        self._shape = shape = (population, len(axes))
         self._seed = seed
         self._generation = 0
         self._bounds = (np.zeros(shape[1]), np.ones(shape[1]))
@@ -104,9 +112,10 @@ class ParticleSwarm:
         self._generation += 1
         with _lent_generator(self._seed, self._generation):
             speed = (-self._recipe.most_speed, self._recipe.most_speed)
-            swarm.velocity = self._topology.compute_velocity(
-                swarm, speed, self._on_speed, self._bounds
-            )
+            with self._inactive_ignored():
+                swarm.velocity = self._topology.compute_velocity(
+                    swarm, speed, self._on_speed, self._bounds
+                )
             swarm.position = self._topology.compute_position(swarm, self._bounds, self._on_bounds)
 
     def state(self) -> Mapping[str, object]:
@@ -123,6 +132,17 @@ class ParticleSwarm:
         if self._generation > 0:
             for name in _ARRAYS:
                 setattr(self._swarm, name, np.array(state[name], dtype=np.float64))
+
+    @contextmanager
+    def _inactive_ignored(self) -> Iterator[None]:
+        """Let a particle's place stand for what a best point says nothing about: no pull."""
+        swarm, own = self._swarm, self._swarm.pbest_pos
+        if self._recipe.ignore_inactive:
+            leaders = np.broadcast_to(swarm.best_pos, own.shape)
+            swarm.pbest_pos = np.where(self._axes.active(own), own, swarm.position)
+            swarm.best_pos = np.where(self._axes.active(leaders), leaders, swarm.position)
+        yield
+        swarm.pbest_pos = own
 
     def _follow_best(self) -> None:
         # Star keeps what was best unless it is beaten: forget it, so that the answer depends on

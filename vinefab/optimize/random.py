@@ -6,6 +6,7 @@ from typing import cast
 
 from vinefab.core.rng import child
 from vinefab.model.checked import Floats
+from vinefab.optimize.axes import Axes
 from vinefab.optimize.optimizer import Optimizer
 
 _STREAM = 1402
@@ -40,6 +41,6 @@ class RandomSearch:
 class RandomRecipe:
     """Random search has no parameters."""
 
-    def start(self, dimensions: int, population: int, seed: int) -> Optimizer:
+    def start(self, axes: Axes, population: int, seed: int) -> Optimizer:
         """Return a random search."""
-        return RandomSearch(dimensions, population, seed)
+        return RandomSearch(len(axes), population, seed)

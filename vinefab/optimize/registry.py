@@ -3,13 +3,23 @@
 from collections.abc import Callable, Mapping
 
 from vinefab.core.registry import Registry
+from vinefab.optimize.cma import CmaRecipe
+from vinefab.optimize.evolution import EvolutionRecipe
+from vinefab.optimize.matlab_swarm import AdaptiveSwarmRecipe
 from vinefab.optimize.optimizer import Recipe
 from vinefab.optimize.pso import SwarmRecipe
 from vinefab.optimize.random import RandomRecipe
 from vinefab.tasks.parameters import with_parameters
 
 OPTIMIZERS: Registry[Callable[..., Recipe]] = Registry(
-    "optimizer", {"pso": SwarmRecipe, "random": RandomRecipe}
+    "optimizer",
+    {
+        "cmaes": CmaRecipe,
+        "evolution": EvolutionRecipe,
+        "particleswarm": AdaptiveSwarmRecipe,
+        "pso": SwarmRecipe,
+        "random": RandomRecipe,
+    },
 )
 
 

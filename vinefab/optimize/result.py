@@ -12,7 +12,7 @@ from vinefab.model.score import Score
 from vinefab.optimize.history import Generation
 from vinefab.optimize.settings import RunSettings
 
-_PACKAGES = ("numba", "numpy", "pyswarms", "shapely")
+_PACKAGES = ("cmaes", "numba", "numpy", "pymoo", "pyswarms", "scipy", "shapely")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,7 +55,7 @@ class RunResult:
     history
         Every generation.
     stopped
-        Why it stopped: ``generations``, ``stall`` or ``wall_time``.
+        Why it stopped: ``generations``, ``evaluations``, ``stall`` or ``wall_time``.
     """
 
     run_id: str

@@ -72,6 +72,10 @@ class SearchSettings:
         Seed of everything random in the run but the maps.
     stall_generations
         Stop when the best fitness has not improved for so many; 0: never.
+    stall_tolerance
+        What counts as an improvement, relative to the best fitness.
+    evaluations
+        Stop after the first generation with which so many designs have been evaluated; 0: never.
     wall_time_s
         Stop after the first generation that ends later than this, all sessions together; 0:
         never. A run that stops by time may stop elsewhere when repeated.
@@ -81,6 +85,8 @@ class SearchSettings:
     generations: int = 15
     seed: int = 1
     stall_generations: int = 0
+    stall_tolerance: float = 0.0
+    evaluations: int = 0
     wall_time_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -88,6 +94,8 @@ class SearchSettings:
         whole("optimizer.generations", self.generations, 1, 1_000_000)
         whole("optimizer.seed", self.seed, 0, 2**62)
         whole("optimizer.stall_generations", self.stall_generations, 0, 1_000_000)
+        number("optimizer.stall_tolerance", self.stall_tolerance, 0.0, 1.0)
+        whole("optimizer.evaluations", self.evaluations, 0, 2**53)
         number("optimizer.wall_time_s", self.wall_time_s, 0.0, MOST_SECONDS, "s")
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from vinefab.core.units import deg, rad
 from vinefab.model.checked import Floats
 from vinefab.model.design import Design, Level
+from vinefab.optimize.axes import Axes
 from vinefab.optimize.bounds import LIMITS, WHOLE, Bounds, BuildSettings, SpaceSettings
 
 DECIMALS = 2
@@ -33,6 +34,11 @@ class Variable:
     bounds: Bounds
 
     @property
+    def choices(self) -> int:
+        """How many whole numbers it stands for; 0 when it is continuous."""
+        return int(self.bounds.high - self.bounds.low) + 1 if self.name in WHOLE else 0
+
+    @property
     def is_fixed(self) -> bool:
         """Whether there is nothing to search."""
         return self.bounds.low == self.bounds.high
@@ -57,7 +63,8 @@ class Space:
     """The map between vectors with entries from 0 to 1 and designs.
 
     Variables with equal bounds are no part of the vector. Variables of levels that a design does
-    not have are, but have no effect: the same design then has many vectors.
+    not have are, but have no effect: the same design then has many vectors (`Axes.settled` gives
+    the one that stands for all of them).
 
     Parameters
     ----------
@@ -88,6 +95,23 @@ class Space:
 
     def __len__(self) -> int:
         return len(self.variables)
+
+    @property
+    def axes(self) -> Axes:
+        """What an optimizer is told about the coordinates.
+
+        Raises
+        ------
+        BadInputError
+            If every variable is fixed.
+        """
+        depths = [index for index, v in enumerate(self.variables) if v.name == "levels"]
+        return Axes(
+            choices=tuple(variable.choices for variable in self.variables),
+            levels=tuple(variable.level for variable in self.variables),
+            depth=depths[0] if depths else None,
+            least_depth=int(self.settings.levels.low),
+        )
 
     def design(self, x: Floats, name: str = "candidate") -> Design:
         """Return the design at a point.

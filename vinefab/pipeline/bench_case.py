@@ -19,6 +19,9 @@ _STREAM = 1901
 CELLS = 7
 """Cells along one side of the smallest map, which has about 300 walls."""
 
+WALLS_PER_CELL = 5.5
+"""What the default Grid has; from its largest maps."""
+
 CELL_MM = 500.0 / CELLS
 
 OPTIONS = GrowthOptions(children_of_stuck="deploy")
@@ -41,7 +44,7 @@ def tree_of_40() -> Design:
 
 def square_map(walls: int) -> Map:
     """Return a Grid map of about so many walls, always with the same density."""
-    cells = round(CELLS * math.sqrt(walls / 300.0))
+    cells = round(math.sqrt(walls / WALLS_PER_CELL))
     options = GridOptions(columns=cells, rows=cells, size_mm=cells * CELL_MM)
     return grid_map(1, options)
 

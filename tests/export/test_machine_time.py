@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.export.machine_time import contour_time_s, machine_time, move_time_s
+from vinefab.export.machine_time import machine_time
+from vinefab.export.motion import contour_time_s, move_time_s, segment_times_s
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, Tool
 from vinefab.model.outline import Contour, Segment
 
 
@@ -68,3 +69,50 @@ def test_an_operation_that_the_recipe_lacks_is_an_error(job: Job, profile: Laser
     poorer = replace(profile, recipe=replace(profile.recipe, operations=without))
     with pytest.raises(BadInputError, match="weld"):
         machine_time(job, poorer)
+
+
+def test_the_head_slows_down_before_an_arc_and_speeds_up_after_it(
+    segment_of: Callable[..., Segment],
+) -> None:
+    # 100 mm straight, a quarter of r = 0.9 mm (at most 30 mm/s at 1000 mm/s2), 100 mm straight.
+    arc = segment_of((100.0, 0.9), 0.9, -90.0, 0.0)
+    ends = [(0.0, 0.0), arc.start_mm, arc.end_mm, (arc.end_mm[0], 100.9)]
+    lines = [Segment(start_mm=a, end_mm=b) for a, b in (ends[:2], ends[2:])]
+    path = Contour.from_segments([lines[0], arc, lines[1]], closed=False)
+    first, middle, last = segment_times_s(path, 50.0, 1000.0)
+    # Up to 50 mm/s in 0.05 s and 1.25 mm, down to 30 in 0.02 s and 0.8 mm.
+    assert first == pytest.approx(0.05 + 0.02 + (100.0 - 1.25 - 0.8) / 50.0)
+    assert middle == pytest.approx(0.9 * math.pi / 2 / 30.0)
+    assert last == pytest.approx(first)
+
+
+def test_times_agree_with_a_step_by_step_integration(segment_of: Callable[..., Segment]) -> None:
+    # Speeds against path length on a fine grid, by brute force: v dv = a ds both ways.
+    arc = segment_of((8.0, 2.0), 2.0, -90.0, 60.0)
+    lead = Segment(start_mm=(0.0, 0.0), end_mm=arc.start_mm)
+    heading = arc.direction_rad(at_end=True)
+    far = arc.end_mm[0] + 5 * math.cos(heading), arc.end_mm[1] + 5 * math.sin(heading)
+    path = Contour.from_segments(
+        [lead, arc, Segment(start_mm=arc.end_mm, end_mm=far)], closed=False
+    )
+    step, accel, top = 1e-4, 2000.0, 120.0
+    caps = np.concatenate(
+        [
+            np.full(round(s.length_mm / step), min(top, math.sqrt(accel * s.radius_mm)))
+            for s in path.segments
+        ]
+    )
+    for order in (1, -1):
+        square, run = 0.0, caps[::order]
+        for at, cap in enumerate(run):
+            square = min(square + 2 * accel * step, cap**2)
+            run[at] = math.sqrt(square)
+    assert contour_time_s(path, top, accel) == pytest.approx(step * np.sum(1 / caps), rel=2e-3)
+
+
+def test_what_a_sealer_does_takes_no_laser_time(job: Job, profile: LaserProfile) -> None:
+    by_hand = replace(profile.settings("weld"), tool=Tool.IMPULSE_SEALER)
+    operations = {**profile.recipe.operations, "weld": by_hand}
+    sealed = replace(profile, recipe=replace(profile.recipe, operations=operations))
+    assert Operation.WELD in machine_time(job, profile).work_s
+    assert Operation.WELD not in machine_time(job, sealed).work_s

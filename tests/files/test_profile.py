@@ -1,11 +1,13 @@
+import math
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
-from vinefab.files.profile import read_profile
+from vinefab.files.profile import read_machine, read_profile
 from vinefab.files.shipped import names, shipped_root
-from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
+from vinefab.model.laser import LaserProfile, RecipeStatus, Standing, Tool
 from vinefab.physics.beam import fluence_j_cm2, line_energy_mj_mm, spot_at_mm
 
 SHIPPED = "co2_60w__stretchlon_200"
@@ -49,16 +51,22 @@ def test_every_shipped_recipe_reads(name: str) -> None:
     assert read_profile(name).recipe.name == name
 
 
-def test_the_shipped_recipe_has_enough_energy_to_cut_and_little_enough_to_mark() -> None:
-    profile = read_profile(SHIPPED)
+LASERED = [name for name in names("recipe") if name.endswith("stretchlon_200")]
+
+
+@pytest.mark.parametrize("name", LASERED)
+def test_shipped_recipes_have_enough_energy_to_cut_and_little_enough_to_mark(name: str) -> None:
+    profile = read_profile(name)
+    assert MELT_J_CM2 < fluence(profile, "weld") < CUT_J_CM2 / 2
     assert CUT_J_CM2 < fluence(profile, "weldcut") < 3 * CUT_J_CM2
     assert fluence(profile, "cut") > CUT_J_CM2
     assert fluence(profile, "mark") < MELT_J_CM2
 
 
-@pytest.mark.parametrize("operation", ["weldcut", "cut", "mark"])
-def test_computed_spots_agree_with_the_machine(operation: str) -> None:
-    profile = read_profile(SHIPPED)
+@pytest.mark.parametrize("name", LASERED)
+@pytest.mark.parametrize("operation", ["weldcut", "weld", "cut", "mark"])
+def test_computed_spots_agree_with_the_machine(name: str, operation: str) -> None:
+    profile = read_profile(name)
     settings = profile.settings(operation)
     spot = spot_at_mm(
         profile.machine.spot_mm.value,
@@ -66,6 +74,80 @@ def test_computed_spots_agree_with_the_machine(operation: str) -> None:
         profile.machine.rayleigh_mm.value,
     )
     assert settings.spot_mm.value == pytest.approx(spot, abs=0.005)
+
+
+@pytest.mark.parametrize("name", names("machine"))
+def test_computed_rayleigh_lengths_follow_from_the_spot(name: str) -> None:
+    machine = read_machine(name)
+    expected = math.pi * (machine.spot_mm.value / 2) ** 2 / 10.6e-3
+    assert machine.rayleigh_mm.value == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("name", [name for name in names("recipe") if name not in LASERED])
+def test_films_that_no_laser_welds_have_a_sealer_in_their_recipe(name: str) -> None:
+    profile = read_profile(name)
+    weld = profile.settings("weld")
+    assert not profile.material.weldable
+    assert weld.tool is Tool.IMPULSE_SEALER
+    assert weld.seam_width_mm.value > 0.0
+    assert weld.temperature_c is not None
+    assert weld.temperature_c.standing is Standing.ASSUMED
+
+
+@pytest.mark.parametrize("kind", ["machine", "material", "recipe"])
+def test_no_shipped_number_claims_to_be_measured(kind: str) -> None:
+    for path in (shipped_root() / "laser_profiles" / f"{kind}s").glob("*.toml"):
+        assert '"measured"' not in path.read_text(encoding="utf-8")
+
+
+def test_what_was_measured_takes_the_materials_place(profiles_folder: Path) -> None:
+    path = profiles_folder / f"recipes/{SHIPPED}.toml"
+    more = """
+[measured]
+friction = { value = 0.41, standing = "measured", source = "incline", uncertainty = 0.02 }
+[growth]
+yield_kpa = { value = 1.0, standing = "measured", source = "fit", uncertainty = 0.1 }
+drag_kpa_m = { value = 0.5, standing = "measured", source = "fit", uncertainty = 0.1 }
+storage_kpa = { value = 4.0, standing = "measured", source = "fit", uncertainty = 0.1 }
+friction = { value = 0.2, standing = "measured", source = "fit", uncertainty = 0.1 }
+width_mm = { value = 40.0, standing = "measured", source = "ruler" }
+"""
+    path.write_text(path.read_text(encoding="utf-8") + more, encoding="utf-8")
+    profile = read_profile(path)
+    assert profile.material.friction.value == 0.41
+    assert profile.material.friction.uncertainty == 0.02
+    assert profile.material.burst_kpa.value == 70.0
+    assert set(profile.recipe.growth) == {
+        "yield_kpa",
+        "drag_kpa_m",
+        "storage_kpa",
+        "friction",
+        "width_mm",
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text.replace("[sealer]", "[operations.weld]"), "no such key"),
+        (lambda text: text[: text.index("[sealer]")], "weldcut, weld or a"),
+    ],
+)
+def test_a_recipe_that_makes_no_seam_is_refused(
+    profiles_folder: Path, change: Callable[[str], str], message: str
+) -> None:
+    path = profiles_folder / "recipes/co2_60w__stretchlon_800.toml"
+    path.write_text(change(path.read_text(encoding="utf-8")), encoding="utf-8")
+    with pytest.raises(BadInputError, match=message):
+        read_profile(path)
+
+
+def test_a_recipe_that_does_not_cut_is_refused(profiles_folder: Path) -> None:
+    path = profiles_folder / f"recipes/{SHIPPED}.toml"
+    before, after = path.read_text(encoding="utf-8").split("[operations.cut]")
+    path.write_text(before + after[after.index("[operations.") :], encoding="utf-8")
+    with pytest.raises(BadInputError, match=r"operations\.cut is missing"):
+        read_profile(path)
 
 
 def test_a_recipe_given_by_path_uses_the_machine_beside_it(profiles_folder: Path) -> None:
@@ -96,12 +178,6 @@ def test_an_unknown_recipe_offers_the_nearest_name() -> None:
         (f"recipes/{SHIPPED}.toml", "value = 12.0", "value = 120.0", "0 to 100"),
         (f"recipes/{SHIPPED}.toml", "value = 60.0", "value = nan", "finite"),
         (f"recipes/{SHIPPED}.toml", "[operations.cut]", "[operations.mark2]", "mark2"),
-        (
-            f"recipes/{SHIPPED}.toml",
-            "[operations.cut]",
-            "[operations.weld]",
-            "operations.cut is missing",
-        ),
         (f"recipes/{SHIPPED}.toml", f'name = "{SHIPPED}"', 'name = "other"', "name of the file"),
         ("machines/co2_60w.toml", ', standing = "assumed"', "", "standing"),
         ("machines/co2_60w.toml", '"assumed"', '"guessed"', "measured"),

@@ -15,6 +15,8 @@ def look_ply(subject: Subject, limits: Limits) -> Looked | NotLooked:
     """VF-L04: the film is one that the recipe's laser can weld."""
     if subject.profile is None:
         return _NO_RECIPE
+    if not all(settings.by_laser for settings in subject.profile.recipe.operations.values()):
+        return NotLooked(reason="an impulse sealer makes the seams of this recipe, not the laser")
     material = subject.profile.material
     breach = limits.most(material.ply_mm.value)
     if material.weldable and not breach:

@@ -19,6 +19,7 @@ COMMANDS = {
     "optimize": "Search for the best design of a run file.",
     "check": "Check a design against the rules of making and deploying it.",
     "fabricate": "Write the fabrication package: laser files, checks, report.",
+    "profiles": "List machines, materials and recipes, or explain one.",
     "rig": "Write printable obstacles for a test rig.",
     "report": "Write predictions for a design as one HTML page.",
     "bench": "Measure the speed of the growth simulator on this computer.",

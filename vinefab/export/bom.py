@@ -142,7 +142,7 @@ def _time_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
     time = machine_time(job, profile)
     standing = weakest(time.inputs)
     shares = [(f"machine time, {op}", seconds) for op, seconds in time.work_s.items()]
-    basis = "lengths, speeds, passes, acceleration; not from the machine's own software"
+    basis = "speed up, along, slow down; full stop at corners, slower in tight arcs; passes"
     return [
         BomLine(item=item, value=seconds, unit="s", standing=standing, basis=basis)
         for item, seconds in [

@@ -126,12 +126,17 @@ def _operation(
     }
     if operation.is_machined:
         settings = profile.settings(operation)
-        content["settings"] = {
-            **_record(settings),
-            "line_energy_mj_mm": _quantity(line_energy_mj_mm(profile.machine, settings)),
-            "fluence_mj_mm2": _quantity(fluence_mj_mm2(profile.machine, settings)),
-        }
+        content["settings"] = {**_record(settings), **_energy(profile.machine, settings)}
     return content
+
+
+def _energy(machine: Machine, settings: OperationSettings) -> dict[str, object]:
+    if not settings.by_laser:
+        return {}
+    return {
+        "line_energy_mj_mm": plain_quantity(line_energy_mj_mm(machine, settings)),
+        "fluence_mj_mm2": plain_quantity(fluence_mj_mm2(machine, settings)),
+    }
 
 
 def _paths(job: Job, colours: Colours) -> list[dict[str, object]]:
@@ -156,12 +161,16 @@ def _record(noun: Machine | Material | OperationSettings) -> Mapping[str, object
 
 
 def _plain(value: object) -> object:
-    return _quantity(value) if isinstance(value, Quantity) else value
+    return plain_quantity(value) if isinstance(value, Quantity) else value
 
 
-def _quantity(quantity: Quantity) -> dict[str, object]:
-    return {
+def plain_quantity(quantity: Quantity) -> dict[str, object]:
+    """Return a number with its standing as plain values."""
+    content: dict[str, object] = {
         "value": quantity.value,
         "standing": str(quantity.standing),
         "source": quantity.source,
     }
+    if quantity.uncertainty is not None:
+        content["uncertainty"] = quantity.uncertainty
+    return content

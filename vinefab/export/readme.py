@@ -10,7 +10,7 @@ from vinefab.export.drawn import left_out, metadata, styled_paths, told_apart
 from vinefab.export.laser_files import DXF_NAME, POLYLINE_NAME, SVG_NAME
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
-from vinefab.model.laser import LaserProfile, Quantity, RecipeStatus
+from vinefab.model.laser import LaserProfile, OperationSettings, Quantity, RecipeStatus
 
 _WIDTH = 96
 
@@ -136,12 +136,24 @@ def _layers(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
 
 def _settings(profile: LaserProfile, operation: Operation) -> str:
     settings = profile.settings(operation)
+    if not settings.by_laser:
+        return _sealer(settings)
     return (
         f"Power {_said(settings.power_percent, '%')}, in corners"
         f" {_said(settings.min_power_percent, '%')}, speed {_said(settings.speed_mm_s, 'mm/s')},"
         f" {settings.passes} pass{'es' if settings.passes > 1 else ''}, focus offset"
         f" {_said(settings.focus_offset_mm, 'mm')}, {_said(settings.frequency_hz, 'Hz')},"
         f" air assist {'on' if settings.air_assist else 'off'}."
+    )
+
+
+def _sealer(settings: OperationSettings) -> str:
+    numbers = [f"seam {_said(settings.seam_width_mm, 'mm')} wide"]
+    if settings.temperature_c is not None and settings.dwell_s is not None:
+        numbers += [_said(settings.temperature_c, "degrees C"), _said(settings.dwell_s, "s")]
+    return (
+        f"NOT FOR THE LASER: switch this layer off and seal along these lines with an impulse"
+        f" sealer: {', '.join(numbers)}."
     )
 
 

@@ -6,7 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from vinefab.core.errors import located
-from vinefab.files.profile import QuantityForm
+from vinefab.files.profile_forms import QuantityForm
 from vinefab.files.shipped import locate
 from vinefab.files.toml import Form, check, read_toml
 from vinefab.model.printer import Printer

@@ -1,12 +1,20 @@
 """Laser profiles: machine, material and recipe files (TOML), each number with its standing."""
 
-from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
-
-from pydantic import AfterValidator, Field
+from typing import Any, TypeVar
 
 from vinefab.core.errors import BadInputError
+from vinefab.files.profile_forms import (
+    MachineForm,
+    MaterialForm,
+    MeasuredForm,
+    NamedForm,
+    OperationForm,
+    QuantityForm,
+    RecipeForm,
+    SealerForm,
+)
 from vinefab.files.shipped import locate
 from vinefab.files.toml import Form, check, read_toml
 from vinefab.model.laser import (
@@ -16,114 +24,11 @@ from vinefab.model.laser import (
     OperationSettings,
     Quantity,
     Recipe,
-    RecipeStatus,
     Standing,
+    Tool,
 )
 
-F = TypeVar("F", bound="NamedForm")
-
-
-class QuantityForm(Form):
-    """Inline table ``{ value, standing, source }``: a number is never without its standing."""
-
-    value: float
-    standing: Annotated[Standing, Field(strict=False)]
-    source: Annotated[str, Field(min_length=1)]
-
-    def noun(self) -> Quantity:
-        """Return the number with its standing."""
-        return Quantity(value=self.value, standing=self.standing, source=self.source)
-
-
-def _within(low: float, high: float) -> Callable[[QuantityForm], QuantityForm]:
-    def check_value(form: QuantityForm) -> QuantityForm:
-        if not low <= form.value <= high:
-            raise ValueError(f"a value from {low:g} to {high:g}")
-        return form
-
-    return check_value
-
-
-Positive = Annotated[QuantityForm, AfterValidator(_within(1e-6, 1e9))]
-NotNegative = Annotated[QuantityForm, AfterValidator(_within(0.0, 1e9))]
-Percent = Annotated[QuantityForm, AfterValidator(_within(0.0, 100.0))]
-Offset = Annotated[QuantityForm, AfterValidator(_within(-1000.0, 1000.0))]
-FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]
-
-
-class NamedForm(Form):
-    """What every profile file has."""
-
-    name: FileName
-    title: str
-
-
-class MachineForm(NamedForm):
-    """A file in ``laser_profiles/machines``."""
-
-    schema_: Literal["vinefab/machine-1"] = Field(alias="schema")
-    colours: str = "default"
-    hairline_mm: Annotated[float, Field(gt=0, le=10)] = 0.01
-    bed_width_mm: Positive
-    bed_height_mm: Positive
-    margin_mm: NotNegative
-    power_w: Positive
-    spot_mm: Positive
-    rayleigh_mm: Positive
-    speed_max_mm_s: Positive
-    acceleration_mm_s2: Positive
-
-
-class MaterialForm(NamedForm):
-    """A file in ``laser_profiles/materials``."""
-
-    schema_: Literal["vinefab/material-1"] = Field(alias="schema")
-    plies: Annotated[int, Field(ge=1, le=10)]
-    weldable: bool
-    ply_mm: Positive
-    roll_width_mm: Positive
-    density_kg_m3: Positive
-    modulus_mpa: Positive
-    strength_mpa: Positive
-    friction: NotNegative
-    burst_kpa: Positive
-    burst_width_mm: Positive
-
-
-class OperationForm(Form):
-    """A table ``[operations.NAME]`` of a recipe."""
-
-    passes: Annotated[int, Field(ge=1, le=100)]
-    air_assist: bool
-    power_percent: Percent
-    min_power_percent: Percent
-    speed_mm_s: Positive
-    focus_offset_mm: Offset
-    frequency_hz: NotNegative
-    spot_mm: Positive
-    kerf_mm: NotNegative
-    seam_width_mm: NotNegative
-    overcut_mm: NotNegative
-
-
-class OperationsForm(Form):
-    """The tables ``[operations.NAME]`` of a recipe."""
-
-    mark: OperationForm | None = None
-    weld: OperationForm | None = None
-    weldcut: OperationForm
-    cut: OperationForm
-
-
-class RecipeForm(NamedForm):
-    """A file in ``laser_profiles/recipes``."""
-
-    schema_: Literal["vinefab/recipe-1"] = Field(alias="schema")
-    machine: FileName
-    material: FileName
-    status: Annotated[RecipeStatus, Field(strict=False)]
-    source: Annotated[str, Field(min_length=1)]
-    operations: OperationsForm
+F = TypeVar("F", bound=NamedForm)
 
 
 def read_profile(recipe: str | Path) -> LaserProfile:
@@ -132,8 +37,9 @@ def read_profile(recipe: str | Path) -> LaserProfile:
     Parameters
     ----------
     recipe
-        Path of a recipe file or the name of a shipped one. Its machine and material are looked
-        for in ``../machines`` and ``../materials`` beside it, then among the shipped ones.
+        Path of a recipe file, or the name of one of the user's own or a shipped one. Its machine
+        and material are looked for in ``../machines`` and ``../materials`` beside it, then by
+        name. What was measured of the film (table ``[measured]``) takes the material's place.
 
     Raises
     ------
@@ -142,16 +48,81 @@ def read_profile(recipe: str | Path) -> LaserProfile:
     """
     path = locate("recipe", recipe)
     form = _read(RecipeForm, path)
+    _ensure_seals(form, path)
+    material = _material(_read(MaterialForm, _beside(path, "material", form.material)))
     return LaserProfile(
         machine=_machine(_read(MachineForm, _beside(path, "machine", form.machine))),
-        material=_material(_read(MaterialForm, _beside(path, "material", form.material))),
+        material=_with_measured(material, form.measured),
         recipe=Recipe(
             name=form.name,
             title=form.title,
             status=form.status,
             source=form.source,
-            operations={name: _operation(given) for name, given in form.operations if given},
+            operations=_operations(form),
+            growth=_nouns(form.growth) if form.growth else {},
         ),
+    )
+
+
+def _with_measured(material: Material, form: MeasuredForm | None) -> Material:
+    """Return a material with the numbers that were measured of it, all others as they are."""
+    found = _nouns(form) if form else {}
+    return replace(
+        material,
+        burst_kpa=found.get("burst_kpa", material.burst_kpa),
+        burst_width_mm=found.get("burst_width_mm", material.burst_width_mm),
+        friction=found.get("friction", material.friction),
+    )
+
+
+def read_machine(name_or_path: str | Path) -> Machine:
+    """Return a machine; errors as in `read_profile`."""
+    return _machine(_read(MachineForm, locate("machine", name_or_path)))
+
+
+def read_material(name_or_path: str | Path) -> Material:
+    """Return a material; errors as in `read_profile`."""
+    return _material(_read(MaterialForm, locate("material", name_or_path)))
+
+
+def _ensure_seals(form: RecipeForm, path: Path) -> None:
+    """Refuse a recipe that makes no seam, or the same seam with two tools."""
+    welded = form.operations.weld is not None
+    if form.sealer is None and not welded and form.operations.weldcut is None:
+        raise BadInputError(
+            "operations", "cut only", "weldcut, weld or a [sealer], for the seam", path
+        )
+    if form.sealer is not None and welded:
+        raise BadInputError("sealer", "given with operations.weld", "one of the two", path)
+
+
+def _operations(form: RecipeForm) -> dict[str, OperationSettings]:
+    """Return the settings by operation; what a sealer does is the ``weld``."""
+    found = {name: _operation(given) for name, given in form.operations if given}
+    if form.sealer is None:
+        return found
+    return {"weld": _sealing(form.sealer), **found}
+
+
+def _sealing(form: SealerForm) -> OperationSettings:
+    none = Quantity(
+        value=0.0, standing=Standing.COMPUTED, source="an impulse sealer makes the seam"
+    )
+    return OperationSettings(
+        power_percent=none,
+        min_power_percent=none,
+        speed_mm_s=none,
+        passes=1,
+        focus_offset_mm=none,
+        frequency_hz=none,
+        air_assist=False,
+        spot_mm=none,
+        kerf_mm=none,
+        overcut_mm=none,
+        tool=Tool.IMPULSE_SEALER,
+        temperature_c=form.temperature_c.noun(),
+        dwell_s=form.dwell_s.noun(),
+        seam_width_mm=form.seam_width_mm.noun(),
     )
 
 
@@ -194,4 +165,5 @@ def _material(form: MaterialForm) -> Material:
 
 
 def _operation(form: OperationForm) -> OperationSettings:
-    return OperationSettings(passes=form.passes, air_assist=form.air_assist, **_nouns(form))
+    numbers: dict[str, Any] = dict(_nouns(form))
+    return OperationSettings(passes=form.passes, air_assist=form.air_assist, **numbers)

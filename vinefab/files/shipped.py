@@ -1,5 +1,12 @@
-"""Designs, machines, materials, recipes and printers by name or by path."""
+"""Designs, machines, materials, recipes and printers by name or by path.
 
+A name is looked for in the user's own folder first, then among the shipped files. The folder is
+``~/.config/vinefab`` (under ``XDG_CONFIG_HOME`` where that is set), or what the environment
+variable ``VINEFAB_PROFILES`` says; it has the same folders inside as the project: ``designs``,
+``laser_profiles/recipes`` and so on.
+"""
+
+import os
 from pathlib import Path
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
@@ -12,6 +19,9 @@ KINDS = {
     "printer": "laser_profiles/printers",
 }
 """Folder of each kind, below the place where shipped files lie."""
+
+USER_VARIABLE = "VINEFAB_PROFILES"
+"""Environment variable that names the user's own folder."""
 
 DEFAULT_RECIPE = "co2_60w__stretchlon_200"
 DEFAULT_PRINTER = "generic_220"
@@ -27,9 +37,27 @@ def shipped_root() -> Path:
     return inside if inside.is_dir() else package.parent
 
 
+def user_root() -> Path:
+    """Return the user's own folder, whether it exists or not."""
+    named = os.environ.get(USER_VARIABLE)
+    if named:
+        return Path(named).expanduser()
+    home = os.environ.get("XDG_CONFIG_HOME")
+    return (Path(home) if home else Path("~/.config").expanduser()) / "vinefab"
+
+
 def names(kind: str) -> tuple[str, ...]:
     """Return the names of all shipped files of one kind (a key of `KINDS`)."""
-    return tuple(sorted(path.stem for path in (shipped_root() / KINDS[kind]).glob("*.toml")))
+    return _names_in(shipped_root(), kind)
+
+
+def user_names(kind: str) -> tuple[str, ...]:
+    """Return the names of the user's own files of one kind."""
+    return _names_in(user_root(), kind)
+
+
+def _names_in(root: Path, kind: str) -> tuple[str, ...]:
+    return tuple(sorted(path.stem for path in (root / KINDS[kind]).glob("*.toml")))
 
 
 def locate(kind: str, name_or_path: str | Path) -> Path:
@@ -41,14 +69,15 @@ def locate(kind: str, name_or_path: str | Path) -> Path:
         A key of `KINDS`.
     name_or_path
         A path, or the name of a shipped file without its suffix. Something that has a folder or
-        a suffix is a path; a bare name is looked up here first, then among the shipped ones.
+        a suffix is a path; a bare name is looked up here first, then in the user's own folder,
+        then among the shipped ones.
 
     Raises
     ------
     UnreadableFileError
         If a path does not lead to a file.
     UnknownNameError
-        If a name is neither a file here nor shipped.
+        If a name is neither a file here, nor the user's own, nor shipped.
     """
     path = Path(name_or_path)
     given = str(name_or_path)
@@ -58,10 +87,11 @@ def locate(kind: str, name_or_path: str | Path) -> Path:
         return existing_file(path)
     if path.is_file():
         return path
-    shipped = shipped_root() / KINDS[kind] / f"{given}.toml"
-    if not shipped.is_file():
-        raise UnknownNameError(kind, given, names(kind))
-    return shipped
+    for root in (user_root(), shipped_root()):
+        found = root / KINDS[kind] / f"{given}.toml"
+        if found.is_file():
+            return found
+    raise UnknownNameError(kind, given, {*names(kind), *user_names(kind)})
 
 
 def existing_file(path: Path) -> Path:

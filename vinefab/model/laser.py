@@ -1,7 +1,7 @@
 """Machines, materials and recipes, every number with its standing."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from vinefab.core.errors import BadInputError
@@ -30,14 +30,19 @@ class Quantity:
         How far it may be trusted.
     source
         Who says so, in words.
+    uncertainty
+        Standard uncertainty in the number's own unit, or None where nobody worked it out.
     """
 
     value: float
     standing: Standing
     source: str = ""
+    uncertainty: float | None = None
 
     def __post_init__(self) -> None:
         number("value", self.value, -1e12, 1e12)
+        if self.uncertainty is not None:
+            number("uncertainty", self.uncertainty, 0.0, 1e12)
 
     def __float__(self) -> float:
         return self.value
@@ -49,6 +54,13 @@ class RecipeStatus(StrEnum):
     UNVERIFIED = "unverified"
     COUPON_OK = "coupon_ok"
     BURST_TESTED = "burst_tested"
+
+
+class Tool(StrEnum):
+    """What runs an operation."""
+
+    LASER = "laser"
+    IMPULSE_SEALER = "impulse_sealer"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,6 +154,11 @@ class OperationSettings:
     spot_mm, kerf_mm, seam_width_mm, overcut_mm
         What they do to the film: spot, width removed, width fused inward of the kerf, overlap
         where a closed path meets its start.
+    tool
+        What runs it. Where that is not the laser, its power and speed are 0 and its paths are
+        lines to seal along by hand.
+    temperature_c, dwell_s
+        Settings of an impulse sealer: jaw temperature and time under heat.
     """
 
     power_percent: Quantity
@@ -155,6 +172,14 @@ class OperationSettings:
     kerf_mm: Quantity
     seam_width_mm: Quantity
     overcut_mm: Quantity
+    tool: Tool = Tool.LASER
+    temperature_c: Quantity | None = None
+    dwell_s: Quantity | None = None
+
+    @property
+    def by_laser(self) -> bool:
+        """Whether the laser runs it."""
+        return self.tool is Tool.LASER
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,6 +196,9 @@ class Recipe:
         Where it comes from.
     operations
         Settings by operation (``weldcut``, ``weld``, ``cut``, ``mark``).
+    growth
+        Growth-pressure constants fitted to the user's own tube (``yield_kpa``, ``drag_kpa_m``,
+        ``storage_kpa``, ``friction``, ``width_mm``); empty where nobody measured them.
     """
 
     name: str
@@ -178,6 +206,7 @@ class Recipe:
     status: RecipeStatus
     source: str
     operations: Mapping[str, OperationSettings]
+    growth: Mapping[str, Quantity] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

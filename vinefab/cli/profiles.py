@@ -1,0 +1,34 @@
+"""``vinefab profiles``: machines, materials and recipes, and what is known of each number."""
+
+from typing import Annotated
+
+import typer
+
+from vinefab.cli.options import Force, JsonOut, Quiet, Voice
+from vinefab.pipeline.profiles import explain, profile_json, profile_list
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("profiles")(profiles_command)
+
+
+def profiles_command(
+    *,
+    name: Annotated[
+        str | None, typer.Argument(help="A machine, material or recipe to explain; default: list.")
+    ] = None,
+    json_out: JsonOut = None,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> int:
+    """List machines, materials and recipes, or explain one: every number with its standing.
+
+    Example: vinefab profiles co2_60w__stretchlon_200
+    """
+    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    lines = profile_list() if name is None else explain(name)
+    voice.give_json(profile_json(name))
+    for line in lines:
+        voice.say(line)
+    return 0

@@ -22,7 +22,8 @@ class WallArrays(NamedTuple):
         Start x, start y, tangent x, tangent y, length, end x, end y; shape (n, 7), mm.
     link
         Wall before and wall after in the same wedge of free space, start point and end point
-        (numbers of distinct places); shape (n, 4).
+        (numbers of distinct places), and 1 if another wall comes so near that a tip sliding on
+        this one could meet it, else 0; shape (n, 5).
     vertex
         Vertices that a body can wrap around, where free space takes more than half the turn:
         x, y and a unit vector into the solid; shape (m, 4).

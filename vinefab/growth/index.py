@@ -27,14 +27,23 @@ class _Grid(NamedTuple):
     rows: int
 
 
-def indexed(walls: Walls) -> WallArrays:
-    """Return the walls with their grid index, all arrays read-only."""
+def indexed(walls: Walls, near_mm: float) -> WallArrays:
+    """Return the walls with their grid index, all arrays read-only.
+
+    Parameters
+    ----------
+    walls
+        The walls.
+    near_mm
+        Walls within this distance of another are marked as crowded; far below a cell's margin.
+    """
     grid = _grid_over(walls.wall)
     wall_first, wall_item = _listed(grid, *_cells_of_walls(grid, walls.wall))
+    crowded = _crowded(walls, wall_item, _lists_at_starts(grid, walls.wall, wall_first), near_mm)
     vertex_first, vertex_item = _listed(grid, *_cells_of_vertices(grid, walls.vertex))
     arrays = WallArrays(
         wall=np.ascontiguousarray(walls.wall),
-        link=np.ascontiguousarray(walls.link),
+        link=np.column_stack([walls.link, crowded]),
         vertex=np.ascontiguousarray(walls.vertex),
         vertex_point=walls.vertex_point,
         box=np.array([grid.x_mm, grid.y_mm, grid.cell_mm]),
@@ -98,6 +107,31 @@ def _heights(grid: _Grid, wall: Floats, column: Ints, margin: float) -> tuple[Fl
     one = np.where(upright, 0.0, np.clip((edge - margin - x) / width, 0.0, 1.0))
     two = np.where(upright, 1.0, np.clip((edge + grid.cell_mm + margin - x) / width, 0.0, 1.0))
     return np.minimum(y + one * dy, y + two * dy), np.maximum(y + one * dy, y + two * dy)
+
+
+def _lists_at_starts(grid: _Grid, wall: Floats, first: Ints32) -> tuple[Ints, Ints]:
+    """Return (wall, place in the list of items) for all walls in the cell of each wall's start."""
+    cell = _row(grid, wall[:, 1]) * grid.columns + _column(grid, wall[:, 0])
+    return _expanded(first[cell].astype(np.int64), first[cell + 1].astype(np.int64) - 1)
+
+
+def _crowded(walls: Walls, item: Ints32, pairs: tuple[Ints, Ints], near_mm: float) -> Ints:
+    """Return 1 for every wall that another comes near to, except where they join.
+
+    Walls do not cross, so what comes nearest is an end of one of the two.
+    """
+    owner, other = pairs[0], item[pairs[1]].astype(np.int64)
+    start, end = walls.link[:, 2], walls.link[:, 3]
+    apart = (start[other] != start[owner]) & (end[other] != start[owner])
+    owner, other = owner[apart], other[apart]
+    r, t = walls.wall[owner, :2] - walls.wall[other, :2], walls.wall[other, 2:4]
+    along = np.sum(r * t, axis=1)
+    aside = np.abs(r[:, 0] * t[:, 1] - r[:, 1] * t[:, 0])
+    near = (aside <= near_mm) & (along >= -near_mm) & (along <= walls.wall[other, 4] + near_mm)
+    crowded = np.zeros(len(start), dtype=np.int64)
+    crowded[other[near]] = 1
+    crowded[np.isin(start, start[owner[near]]) | np.isin(end, start[owner[near]])] = 1
+    return crowded
 
 
 def _expanded(first: Ints, last: Ints) -> tuple[Ints, Ints]:

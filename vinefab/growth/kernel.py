@@ -507,7 +507,10 @@ def _slide(walls, rules, growth, tip, base, length):
     to_end = walls.wall[wall, 4] - tip.place if sense > 0.0 else tip.place
     reach = min(to_length, to_end)
     ends = (walls.link[wall, 2], walls.link[wall, 3])
-    hit, to_hit, _ = _wall_ahead(walls, rules, (tip.x, tip.y, sx, sy), ends, reach)
+    hit, to_hit = NO_WALL, reach
+    # Walls do not cross: only one that another all but touches can be blocked before its end.
+    if walls.link[wall, 4] != 0:
+        hit, to_hit, _ = _wall_ahead(walls, rules, (tip.x, tip.y, sx, sy), ends, reach)
     to_release = _release_distance(growth, tip, base, qx, qy, sx, sy)
     reach = min(reach, to_hit)
     sweep = (px, py, qx, qy, sx, sy, ux, uy, sense)

@@ -95,7 +95,7 @@ def world_of(arrays: WallArrays, rules: Rules) -> World:
             length=length,
             ends=(start, end),
         )
-        for (ax, ay, tx, ty, length, bx, by), (_, _, start, end) in zip(
+        for (ax, ay, tx, ty, length, bx, by), (_, _, start, end, _) in zip(
             arrays.wall.tolist(), arrays.link.tolist(), strict=True
         )
     ]
@@ -105,7 +105,7 @@ def world_of(arrays: WallArrays, rules: Rules) -> World:
             arrays.vertex.tolist(), arrays.vertex_point.tolist(), strict=True
         )
     ]
-    neighbours = [(before, after) for before, after, _, _ in arrays.link.tolist()]
+    neighbours = [(before, after) for before, after, *_ in arrays.link.tolist()]
     return World(walls=walls, vertices=vertices, neighbours=neighbours, rules=rules)
 
 

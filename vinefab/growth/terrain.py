@@ -31,6 +31,10 @@ after it, and touching has one meaning everywhere.
 SNAP = 1e-9
 """A start outside by up to this share of the map's size is put on the wall it was meant for."""
 
+CROWDED = 8.0
+"""Walls nearer to each other than this many steps of the coordinates' grid are crowded: far more
+than rounding, than the tolerance of touching, and than leaving out flat corners can move a wall."""
+
 MOST_RADII = 64
 """Walls are kept for so many radii, then the oldest are dropped: memory stays bounded."""
 
@@ -89,7 +93,8 @@ class Terrain:
         """Return the walls that a body of some radius meets, indexed, read-only."""
         if radius_mm not in self._walls:
             _make_room(self._walls)
-            self._walls[radius_mm] = indexed(walls_of(self.free_space(radius_mm), self.grid_mm))
+            walls = walls_of(self.free_space(radius_mm), self.grid_mm)
+            self._walls[radius_mm] = indexed(walls, CROWDED * self.grid_mm)
         return self._walls[radius_mm]
 
     def contains(self, x_mm: float, y_mm: float, radius_mm: float = 0.0) -> bool:

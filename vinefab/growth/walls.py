@@ -15,7 +15,7 @@ class Walls(NamedTuple):
     Parameters
     ----------
     wall, link
-        The walls and how they hang together.
+        The walls and how they hang together; the last column of ``WallArrays.link`` is not here.
     vertex, vertex_point
         The vertices that a body can wrap around.
     """

@@ -24,7 +24,7 @@ Make = Callable[..., Design]
 Build = Callable[[Make, LaserProfile], Subject]
 E, W = Severity.ERROR, Severity.WARNING
 
-PENDING = {"VF-C05", "VF-P03", "VF-P05", "VF-R01", "VF-R02", "VF-R03", "VF-R04"}
+PENDING = {"VF-C05", "VF-R01", "VF-R02", "VF-R03", "VF-R04"}
 """Rules that this version can only report as skipped."""
 
 
@@ -190,6 +190,14 @@ CASES: Mapping[str, Case] = {
     "VF-P04": Case(
         fires=of(pressure_kpa=44.5), severity=W, branches=("0",), quiet=of(pressure_kpa=44.0)
     ),
+    # Loosely stored film: 91.7 kPa mm / w on the leaf, 778 kPa mm / w allowed on the trunk
+    "VF-P03": Case(
+        fires=of((2, 200.0, 60.0), widths_mm=(100.0, 11.75)),
+        severity=E,
+        branches=("0.0",),
+        quiet=of((2, 200.0, 60.0), widths_mm=(40.0, 23.8)),
+    ),
+    "VF-P05": Case(fires=seam(-0.006), severity=W, branches=("0",), quiet=seam(-0.004)),
     "VF-B01": Case(fires=of(tail_mm=149.0), severity=E, branches=("0",), quiet=of(tail_mm=200.0)),
     "VF-B02": Case(
         fires=of(widths_mm=(101.0,)), severity=E, branches=("0",), quiet=of(widths_mm=(99.0,))
@@ -283,6 +291,8 @@ def test_a_rule_that_cannot_look_says_why(rule: str, make: Make, profile: LaserP
         ("VF-C04", of((2, 200.0, 60.0), fillet_mm=(5.9,))),
         ("VF-C04", of((2, 200.0, 60.0), widths_mm=(20.0, 6.0), fillet_mm=(1.9,))),
         ("VF-C07", pouch(65.95)),
+        ("VF-P03", of((2, 200.0, 60.0), widths_mm=(100.0, 11.83))),
+        ("VF-P03", of((2, 200.0, 60.0), widths_mm=(40.0, 23.6))),
         ("VF-B01", of(tail_mm=199.0)),
         ("VF-B03", of(trunk_mm=2001.0)),
     ],

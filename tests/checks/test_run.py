@@ -113,10 +113,15 @@ def test_more_than_a_hundred_overlaps_are_counted_in_one_finding(make: Make) -> 
     assert "more pairs" in findings[-1].message
 
 
-@pytest.mark.parametrize("name", ["plain_vine", "three_level_tree"])
-def test_hand_made_designs_pass_but_for_the_recipe(name: str, profile: LaserProfile) -> None:
+@pytest.mark.parametrize(
+    ("name", "rules"), [("plain_vine", ["VF-L06"]), ("three_level_tree", ["VF-P03", "VF-L06"])]
+)
+def test_hand_made_designs_pass_but_for_the_recipe_and_tightly_stored_film(
+    name: str, rules: list[str], profile: LaserProfile
+) -> None:
     report = run_checks(Subject.of(read_design(name), profile))
-    assert [finding.rule for finding in report.findings] == ["VF-L06"]
+    assert [finding.rule for finding in report.findings] == rules
+    assert report.blocking == ()
 
 
 @pytest.mark.parametrize("name", names("design"))

@@ -28,6 +28,8 @@ pouch = { shape = "round", radius_mm = 16.0 }
 [[waive]]
 fingerprint = "abc"
 reason = "tested on the bench"
+[limits.VF-C01]
+warning = 6
 [origin]
 run = "r1"
 """
@@ -56,6 +58,10 @@ def test_every_key_arrives_and_the_scale_multiplies_lengths_only(write):
     )
     assert design.waivers == (Waiver(fingerprint="abc", reason="tested on the bench"),)
     assert dict(design.origin) == {"run": "r1"}
+    assert {rule: dict(named) for rule, named in design.limits.items()} == {
+        "VF-C01": {"warning": 6.0}
+    }
+    assert read_design(write(design_text(design))).limits == design.limits
 
 
 def test_a_file_without_build_gets_the_documented_defaults(write):

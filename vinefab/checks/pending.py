@@ -19,18 +19,6 @@ FOREIGN_FILLET = _pending(
     "a fillet that swallows another branch's side changes the robot",
     f"{_LATER}; where a fillet and another branch cross, VF-T02 reports it",
 )
-WINDOW = _pending(
-    "VF-P03",
-    "pressure window not empty, with 20 % margin",
-    "growth through narrow leaves must take less than the wide trunk stands",
-    f"{_LATER}; it needs a simulated or estimated path",
-)
-SEAM_WIDTH = _pending(
-    "VF-P05",
-    "seam width and overcut at least the recipe's",
-    "a narrower seam was never tested",
-    f"{_LATER}; the paths take seam and overcut from the recipe",
-)
 RIG_SOLIDS = _pending(
     "VF-R01",
     "every rig part is a closed, oriented solid with the right volume",

@@ -3,7 +3,7 @@
 from vinefab.checks.marks import mark_branches, middle_mm
 from vinefab.checks.rule import Breach, Hit, Limits, Looked, NotLooked, Rule
 from vinefab.checks.subject import Subject
-from vinefab.model.laser import LaserProfile, Quantity
+from vinefab.model.laser import LaserProfile, Material, Quantity
 from vinefab.physics.pressure import allowed_line_load_n_mm, burst_pressure_kpa, hoop_strain
 
 _NO_RECIPE = NotLooked(reason="needs a recipe, for the film and its seam")
@@ -14,8 +14,8 @@ def look_burst(subject: Subject, limits: Limits) -> Looked | NotLooked:
     if subject.profile is None:
         return _NO_RECIPE
     material = subject.profile.material
-    allowed = allowed_line_load_n_mm(material.burst_kpa.value, material.burst_width_mm.value)
-    width_mm, branch = _widest(subject)
+    allowed = allowed_n_mm(material)
+    width_mm, branch = widest(subject)
     limit_kpa = burst_pressure_kpa(width_mm, allowed) / limits["safety_factor"]
     breach = Limits({"error": limit_kpa}).most(subject.design.build.pressure_kpa)
     basis = _basis(material.burst_kpa, material.burst_width_mm)
@@ -40,7 +40,7 @@ def look_strain(subject: Subject, limits: Limits) -> Looked | NotLooked:
     """VF-P04: the film does not balloon at the working pressure."""
     if subject.profile is None:
         return _NO_RECIPE
-    width_mm, branch = _widest(subject)
+    width_mm, branch = widest(subject)
     strain_percent = 100.0 * _strain(subject.profile, subject.design.build.pressure_kpa, width_mm)
     breach = limits.most(strain_percent)
     words = (
@@ -50,12 +50,17 @@ def look_strain(subject: Subject, limits: Limits) -> Looked | NotLooked:
     return _looked(subject, branch, words, (strain_percent, breach))
 
 
+def allowed_n_mm(material: Material) -> float:
+    """Return the line load that a material's seam stood in its burst test."""
+    return allowed_line_load_n_mm(material.burst_kpa.value, material.burst_width_mm.value)
+
+
 def _strain(profile: LaserProfile, pressure_kpa: float, width_mm: float) -> float:
     material = profile.material
     return hoop_strain(pressure_kpa, width_mm, material.ply_mm.value, material.modulus_mpa.value)
 
 
-def _widest(subject: Subject) -> tuple[float, int]:
+def widest(subject: Subject) -> tuple[float, int]:
     """Return the largest lay-flat width, pouches included, and a branch that has it."""
     layout, pouch = subject.layout, subject.design.build.pouch
     branch = int(layout.width_mm.argmax())

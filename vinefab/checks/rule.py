@@ -107,10 +107,14 @@ class Looked:
         How many things were looked at.
     hits
         What was found.
+    note
+        What the rule could not take into account, or empty: the report shows it, so that no
+        finding does not look like more than it is.
     """
 
     checked: int
     hits: tuple[Hit, ...] = ()
+    note: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

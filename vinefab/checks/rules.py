@@ -11,17 +11,17 @@ from vinefab.checks.pending import (
     OBSTACLE_HEIGHT,
     RIG_SIZE,
     RIG_SOLIDS,
-    SEAM_WIDTH,
-    WINDOW,
 )
 from vinefab.checks.pouches import POUCH
 from vinefab.checks.pressure import BURST, RATING, STRAIN
 from vinefab.checks.recipe import MACHINE, PLY, STATUS
 from vinefab.checks.rule import Rule
+from vinefab.checks.seams import SEAM_WIDTH
 from vinefab.checks.sheet import BED, FILM
 from vinefab.checks.tree import MOUTH, POLYGON, TREE
 from vinefab.checks.turns import TURN
 from vinefab.checks.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
+from vinefab.checks.window import WINDOW
 from vinefab.core.registry import Registry
 
 _BUILTIN = (

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from vinefab.checks.limits import by_rule, changed_limits
 from vinefab.checks.rule import Hit, LimitChanges, Looked, Rule
 from vinefab.checks.rules import RULES
 from vinefab.checks.subject import Subject
@@ -18,21 +19,23 @@ def run_checks(subject: Subject, limits: LimitChanges | None = None) -> CheckRep
     subject
         The design with all that was derived from it.
     limits
-        Limits that replace the defaults.
+        Limits that replace those of the design, which replace those of the recipe, which replace
+        the defaults.
 
     Raises
     ------
     UnknownNameError, BadInputError
-        If ``limits`` names a rule or a limit that does not exist.
+        If ``limits``, the design or the recipe name a rule or a limit that does not exist.
     """
-    changed = {RULES[rule_id].id: values for rule_id, values in (limits or {}).items()}
+    changed = changed_limits(subject.design, subject.profile, limits)
+    values = by_rule(changed)
     run: list[RuleRun] = []
     skipped: list[RuleSkipped] = []
     findings: list[Finding] = []
     for rule in RULES.values():
-        outcome = rule.look(subject, rule.limits_with(changed.get(rule.id, {})))
+        outcome = rule.look(subject, rule.limits_with(values.get(rule.id, {})))
         if isinstance(outcome, Looked):
-            run.append(RuleRun(rule=rule.id, checked=outcome.checked, findings=len(outcome.hits)))
+            run.append(_run(rule, outcome))
             findings.extend(_finding(rule, hit) for hit in outcome.hits)
         else:
             skipped.append(RuleSkipped(rule=rule.id, reason=outcome.reason))
@@ -44,6 +47,16 @@ def run_checks(subject: Subject, limits: LimitChanges | None = None) -> CheckRep
         skipped=tuple(skipped),
         findings=_waived(findings, waivers),
         stale_waivers=_stale(findings, waivers),
+        limits=changed,
+    )
+
+
+def _run(rule: Rule, outcome: Looked) -> RuleRun:
+    return RuleRun(
+        rule=rule.id,
+        checked=outcome.checked,
+        findings=len(outcome.hits),
+        note=outcome.note,
     )
 
 

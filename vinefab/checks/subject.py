@@ -44,6 +44,8 @@ class Subject:
         no file was written.
     deployments
         Simulated deployments, for rules about paths.
+    places
+        What each deployment's map is called; empty if nobody said.
     """
 
     design: Design
@@ -55,6 +57,7 @@ class Subject:
     job: Job | None
     readback: Mapping[str, tuple[str, ...]] | None = None
     deployments: tuple[Deployment, ...] = ()
+    places: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -64,12 +67,13 @@ class Subject:
         *,
         readback: Mapping[str, tuple[str, ...]] | None = None,
         deployments: tuple[Deployment, ...] = (),
+        places: tuple[str, ...] = (),
     ) -> "Subject":
         """Return the subject of a design, with all that follows from it worked out.
 
         Parameters
         ----------
-        design, profile, readback, deployments
+        design, profile, readback, deployments, places
             As in the class.
 
         Raises
@@ -92,12 +96,19 @@ class Subject:
             job=laser_job(design, profile) if profile else None,
             readback=readback,
             deployments=deployments,
+            places=places,
         )
 
     @property
     def body(self) -> shapely.Polygon:
         """The body as a polygon, arcs as chords within 0.01 mm; not always a valid one."""
         return shapely.Polygon(self.outline.contour.flattened_mm())
+
+    @property
+    def place_names(self) -> tuple[str, ...]:
+        """What to call the map of each deployment."""
+        numbered = (f"deployment {number}" for number in range(1, 1 + len(self.deployments)))
+        return self.places or tuple(numbered)
 
     def ids(self, *branches: int) -> tuple[str, ...]:
         """Return the names of branches, by index."""

@@ -1,15 +1,18 @@
 """``vinefab check``: the design rules."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from vinefab.checks.limits import parsed_limits
 from vinefab.cli.options import EXIT_FINDINGS, DesignIn, Force, JsonOut, Quiet, RecipeIn, Voice
 from vinefab.export.checks_json import checks_text
 from vinefab.files.design import read_design
+from vinefab.files.map import read_map
 from vinefab.files.profile import read_profile
 from vinefab.files.shipped import DEFAULT_RECIPE
-from vinefab.pipeline.check import check, check_lines
+from vinefab.pipeline.check import check, check_lines, deploy_from_starts, deployed_lines
 
 
 def add_to(app: typer.Typer) -> None:
@@ -21,6 +24,15 @@ def check_command(
     *,
     design: DesignIn,
     recipe: RecipeIn = DEFAULT_RECIPE,
+    maps: Annotated[
+        list[Path] | None,
+        typer.Option("--map", "--maps", help="Deploy it on this map first; may be repeated."),
+    ] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option("--limit", help="Another limit: VF-C01.warning=6; may be repeated."),
+    ] = None,
+    body: Annotated[str, typer.Option(help="On maps: centerline or inflated.")] = "inflated",
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="List every rule.")] = False,
     json_out: JsonOut = None,
     quiet: Quiet = False,
@@ -28,11 +40,16 @@ def check_command(
 ) -> int:
     """Check a design against the rules; exit code 1 when an error stands in the way of cutting.
 
-    Example: vinefab check three_level_tree --recipe co2_60w__stretchlon_200
+    Rules about paths take the way through each --map from its starts (simulated).
+
+    Example: vinefab check three_level_tree --map cave.geojson --limit VF-C01.warning=6
     """
     voice = Voice(quiet=quiet, json_out=json_out, force=force)
-    report = check(read_design(design), read_profile(recipe))
+    robot, profile, limits = read_design(design), read_profile(recipe), parsed_limits(limit or [])
+    worlds = [read_map(path) for path in maps or []]
+    deployed = deploy_from_starts(robot, worlds, body)
+    report = check(robot, profile, limits, deployed)
     voice.give_json(checks_text(report))
-    for line in check_lines(report, verbose=verbose):
+    for line in [*deployed_lines(deployed), *check_lines(report, verbose=verbose)]:
         voice.say(line)
     return EXIT_FINDINGS if report.blocking else 0

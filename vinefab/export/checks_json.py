@@ -20,9 +20,20 @@ def checks_text(report: CheckReport) -> str:
                 {"id": run.rule, "checked": run.checked, "findings": run.findings}
                 for run in report.run
             ],
+            "notes": [{"id": run.rule, "note": run.note} for run in report.run if run.note],
             "rules_skipped": [{"id": skip.rule, "reason": skip.reason} for skip in report.skipped],
             "findings": [_finding(finding) for finding in report.findings],
             "stale_waivers": list(report.stale_waivers),
+            "limits_changed": [
+                {
+                    "id": limit.rule,
+                    "name": limit.name,
+                    "value": limit.value,
+                    "default": limit.default,
+                    "source": limit.source,
+                }
+                for limit in report.limits
+            ],
         },
     )
 

@@ -86,6 +86,7 @@ class DesignForm(Form):
     build: BuildForm = BuildForm()
     waive: list[WaiveForm] = Field(default_factory=list)
     origin: dict[str, Any] = Field(default_factory=dict)
+    limits: dict[str, dict[str, float]] = Field(default_factory=dict)
 
 
 def read_design(name_or_path: str | Path) -> Design:
@@ -116,6 +117,9 @@ def design_text(design: Design) -> str:
         f"[[waive]]\n{tomli_w.dumps({'fingerprint': w.fingerprint, 'reason': w.reason})}"
         for w in design.waivers
     ]
+    if design.limits:
+        plain = {rule: dict(named) for rule, named in design.limits.items()}
+        blocks.append(tomli_w.dumps({"limits": plain}))
     if design.origin:
         blocks.append(tomli_w.dumps({"origin": dict(design.origin)}))
     return "\n".join(blocks)
@@ -148,6 +152,7 @@ def _design(form: DesignForm) -> Design:
         build=_build(form.build, 1 + len(levels)),
         waivers=tuple(Waiver(fingerprint=w.fingerprint, reason=w.reason) for w in form.waive),
         origin=form.origin,
+        limits=form.limits,
     )
 
 

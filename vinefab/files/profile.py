@@ -60,6 +60,7 @@ def read_profile(recipe: str | Path) -> LaserProfile:
             source=form.source,
             operations=_operations(form),
             growth=_nouns(form.growth) if form.growth else {},
+            limits=form.limits,
         ),
     )
 

@@ -148,3 +148,4 @@ class RecipeForm(NamedForm):
     sealer: SealerForm | None = None
     measured: MeasuredForm | None = None
     growth: GrowthForm | None = None
+    limits: dict[str, dict[str, float]] = Field(default_factory=dict)

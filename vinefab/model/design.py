@@ -200,6 +200,9 @@ class Design:
         Findings that the designer accepts.
     origin
         How the design was made: run id, seed, scores; free-form plain values.
+    limits
+        Limits of design rules that differ for this design: rule id to name to value. They go
+        before the recipe's.
     """
 
     name: str
@@ -208,6 +211,7 @@ class Design:
     build: Build
     waivers: tuple[Waiver, ...] = ()
     origin: Mapping[str, object] = field(default_factory=dict)
+    limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.name or not all(c.isalnum() or c in "_-." for c in self.name):
@@ -228,6 +232,8 @@ class Design:
                 f"{self.depth} widths, one per level with the trunk first",
             )
         object.__setattr__(self, "origin", MappingProxyType(dict(self.origin)))
+        frozen = {rule: MappingProxyType(dict(named)) for rule, named in self.limits.items()}
+        object.__setattr__(self, "limits", MappingProxyType(frozen))
 
     @property
     def depth(self) -> int:

@@ -74,11 +74,14 @@ class RuleRun:
         How many things it looked at (branches, joints, files).
     findings
         How many findings it made.
+    note
+        What the rule could not take into account, or empty.
     """
 
     rule: str
     checked: int
     findings: int
+    note: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,6 +101,27 @@ class RuleSkipped:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ChangedLimit:
+    """A limit that was not the rule's default.
+
+    Parameters
+    ----------
+    rule, name
+        Which limit of which rule.
+    value, default
+        What it was in this check, and what it is otherwise.
+    source
+        Who changed it: the recipe, the design or the command line.
+    """
+
+    rule: str
+    name: str
+    value: float
+    default: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CheckReport:
     """Every rule that was run or skipped, and all findings.
 
@@ -111,6 +135,8 @@ class CheckReport:
         In the order of the rules.
     stale_waivers
         Fingerprints that the design waives and nothing was found for.
+    limits
+        Limits that were not the defaults.
     """
 
     design: str
@@ -119,6 +145,7 @@ class CheckReport:
     skipped: tuple[RuleSkipped, ...]
     findings: tuple[Finding, ...]
     stale_waivers: tuple[str, ...] = ()
+    limits: tuple[ChangedLimit, ...] = ()
 
     @property
     def blocking(self) -> tuple[Finding, ...]:

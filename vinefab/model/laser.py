@@ -199,6 +199,8 @@ class Recipe:
     growth
         Growth-pressure constants fitted to the user's own tube (``yield_kpa``, ``drag_kpa_m``,
         ``storage_kpa``, ``friction``, ``width_mm``); empty where nobody measured them.
+    limits
+        Limits of design rules that differ for this recipe: rule id to name to value.
     """
 
     name: str
@@ -207,6 +209,7 @@ class Recipe:
     source: str
     operations: Mapping[str, OperationSettings]
     growth: Mapping[str, Quantity] = field(default_factory=dict)
+    limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,17 +1,94 @@
-"""The design rules over a design."""
+"""The design rules over a design, and over what becomes of it on maps."""
 
+from collections.abc import Sequence
+
+from vinefab.checks.rule import LimitChanges
 from vinefab.checks.run import run_checks
 from vinefab.checks.subject import Subject
+from vinefab.core.errors import BadInputError
+from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
+from vinefab.model.map import Map
 
 _SIGNS = {Severity.ERROR: "ERROR", Severity.WARNING: "warn ", Severity.INFO: "info "}
 
+Deployed = tuple[tuple[str, Deployment], ...]
+"""Deployments, each with what its map is called."""
 
-def check(design: Design, profile: LaserProfile) -> CheckReport:
-    """Return what every rule says of a design."""
-    return run_checks(Subject.of(design, profile))
+
+def check(
+    design: Design,
+    profile: LaserProfile,
+    limits: LimitChanges | None = None,
+    deployed: Deployed = (),
+) -> CheckReport:
+    """Return what every rule says of a design.
+
+    Parameters
+    ----------
+    design, profile
+        What is to be made, and with what.
+    limits
+        Limits of this one check; they go before the design's and the recipe's.
+    deployed
+        Simulated deployments, for the rules about paths.
+    """
+    return run_checks(subject_of(design, profile, deployed), limits)
+
+
+def subject_of(design: Design, profile: LaserProfile, deployed: Deployed = ()) -> Subject:
+    """Return what the rules look at, deployments with the names of their maps among it."""
+    places, deployments = tuple(name for name, _ in deployed), tuple(d for _, d in deployed)
+    return Subject.of(design, profile, deployments=deployments, places=places)
+
+
+def deploy_from_starts(design: Design, maps: Sequence[Map], body: str = "inflated") -> Deployed:
+    """Return a design's deployments from every start of every map.
+
+    Parameters
+    ----------
+    design, maps
+        What to grow and where. Without maps the simulator is not even imported.
+    body
+        ``inflated``, for a body has a width, or ``centerline``.
+
+    Raises
+    ------
+    BadInputError
+        If a map has no start.
+    """
+    if not maps:
+        return ()
+    for world in maps:
+        if not world.starts:
+            raise BadInputError(f"--map {world.name}", "without a start", "maps with starts")
+    # A check without maps must not wait for the simulator to be compiled.
+    from vinefab.growth.grow import grow  # noqa: PLC0415
+    from vinefab.growth.terrain import Terrain  # noqa: PLC0415
+    from vinefab.pipeline.grow import growth_options  # noqa: PLC0415
+
+    options = growth_options(body)
+    terrains = [(world, Terrain.of(world)) for world in maps]
+    return tuple(
+        (_place(world, number), grow(design, terrain, start.pose, options))
+        for world, terrain in terrains
+        for number, start in enumerate(world.starts, start=1)
+    )
+
+
+def _place(world: Map, number: int) -> str:
+    return world.name if len(world.starts) == 1 else f"{world.name} from start {number}"
+
+
+def deployed_lines(deployed: Deployed) -> list[str]:
+    """Return in words how far each deployment got."""
+    return [
+        f"deployed on {name}: {int(found.deployed.sum())} of {len(found.tree)} branches, "
+        f"{found.grown_mm.sum() / found.tree.total_length_mm:.0%} of their length (simulated)"
+        for name, found in deployed
+    ]
 
 
 def check_lines(report: CheckReport, *, verbose: bool = False) -> list[str]:
@@ -27,9 +104,16 @@ def check_lines(report: CheckReport, *, verbose: bool = False) -> list[str]:
     lines = [_finding_line(finding) for finding in report.findings]
     if verbose:
         lines += [f"ran     {r.rule}  looked at {r.checked}" for r in report.run]
+    lines += [f"note    {r.rule}  {r.note}" for r in report.run if r.note]
+    lines += [
+        f"limit   {limit.rule}.{limit.name} is {limit.value:g} (else {limit.default:g}), "
+        f"from {limit.source}"
+        for limit in report.limits
+    ]
     lines += [f"skipped {skipped.rule}  {skipped.reason}" for skipped in report.skipped]
     lines += [
-        f"stale waiver {name}: nothing of that name was found" for name in report.stale_waivers
+        f"warn    stale waiver {name}: nothing of that name was found; take it out of the design"
+        for name in report.stale_waivers
     ]
     return [*lines, verdict(report)]
 

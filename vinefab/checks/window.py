@@ -1,0 +1,203 @@
+"""The rule about the pressure window: what growth takes must be less than what seams stand.
+
+Narrow leaves at the end of long, winding paths need much pressure to grow; the widest tube bursts
+at the least. Whether anything is left between the two decides whether a robot can be deployed.
+"""
+
+from dataclasses import dataclass
+
+from vinefab.checks.marks import mark_branches, place_mm
+from vinefab.checks.pressure import allowed_n_mm, widest
+from vinefab.checks.rule import Breach, Hit, Limits, Looked, NotLooked, Rule
+from vinefab.checks.subject import Subject
+from vinefab.model.finding import Severity
+from vinefab.model.laser import LaserProfile, Quantity, Standing
+from vinefab.physics.growth_path import GrowthPath, grown_paths, planned_paths, riding_mm
+from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, GrowthConstants
+from vinefab.physics.lumen import inflated_diameter_mm
+from vinefab.physics.pressure import burst_pressure_kpa
+
+_FREE = "no map given: joints only, in free space; contacts on the way add to it"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Worst:
+    """The branch whose growth takes the most pressure.
+
+    Parameters
+    ----------
+    pressure_kpa
+        What it takes.
+    branch
+        Its index.
+    place
+        Where it grows, in words.
+    """
+
+    pressure_kpa: float
+    branch: int
+    place: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """Growth constants for film that is stored loosely and tightly.
+
+    Parameters
+    ----------
+    loose, tight
+        The two; the same where the tension of stored film was measured.
+    diameter_mm
+        Inflated diameter of the tube that they were fitted to.
+    words
+        Where they come from.
+    """
+
+    loose: GrowthConstants
+    tight: GrowthConstants
+    diameter_mm: float
+    words: str
+
+    @classmethod
+    def of(cls, profile: LaserProfile, limits: Limits) -> "Fit":
+        """Return the recipe's own fit, or the published one with the rule's range of tension."""
+        own = dict(profile.recipe.growth)
+        if own:
+            diameter_mm = inflated_diameter_mm(own.pop("width_mm").value)
+            fit = GrowthConstants(**own)
+            words = "fit of the recipe, scaled by 1/D (assumed)"
+            return cls(loose=fit, tight=fit, diameter_mm=diameter_mm, words=words)
+        loose, tight = (
+            FITTED.with_storage(Quantity(value=limits[name], standing=Standing.ASSUMED))
+            for name in ("loose_kpa", "tight_kpa")
+        )
+        return cls(
+            loose=loose,
+            tight=tight,
+            diameter_mm=FITTED_DIAMETER_MM.value,
+            words="published fit, its tube's diameter and scaling by 1/D assumed; from loosely to "
+            "tightly stored film, assumed",
+        )
+
+
+def look_window(subject: Subject, limits: Limits) -> Looked | NotLooked:
+    """VF-P03: growth to the worst tip takes less than the widest tube stands, with a margin.
+
+    Film that leaves its store without tension gives the least pressure that growth can take (an
+    error where even that is too much), a tight spool the most (a warning).
+    """
+    if subject.profile is None:
+        return NotLooked(reason="needs a recipe, for the seam")
+    fit = Fit.of(subject.profile, limits)
+    loose, tight = (worst_growth(subject, c, fit.diameter_mm) for c in (fit.loose, fit.tight))
+    takes = f"{loose.pressure_kpa:.1f} to {tight.pressure_kpa:.1f} kPa ({fit.words})"
+    width_mm, _ = widest(subject)
+    burst_kpa = burst_pressure_kpa(width_mm, allowed_n_mm(subject.profile.material))
+    top_kpa = burst_kpa / limits["safety_factor"]
+    most_kpa = top_kpa / (1.0 + limits["margin_percent"] / 100.0)
+    hits = []
+    if too_much := _too_much((loose, tight), most_kpa):
+        worst, breach = too_much
+        words = (
+            f"growth to this tip {worst.place} takes {takes}, and {width_mm:.1f} mm of lay-flat "
+            f"width stands {top_kpa:.1f} kPa with safety: narrow the widest part, widen the narrow "
+            "branches, or shorten and straighten the way"
+        )
+        hits.append(_hit(subject, worst, words, breach))
+    elif subject.design.build.pressure_kpa < loose.pressure_kpa:
+        working_kpa = subject.design.build.pressure_kpa
+        words = (
+            f"at its working pressure it does not grow to this tip {loose.place}: that takes "
+            f"{takes}; set build.pressure_kpa, to at most {top_kpa:.1f}"
+        )
+        breach = Breach(severity=Severity.WARNING, limit=working_kpa)
+        hits.append(_hit(subject, loose, words, breach, "working"))
+    note = "" if subject.deployments else _FREE
+    return Looked(checked=max(1, len(subject.deployments)), hits=tuple(hits), note=note)
+
+
+def _too_much(worst: tuple[Worst, Worst], most_kpa: float) -> tuple[Worst, Breach] | None:
+    """Return which of loosely and tightly stored film takes too much, and how bad that is."""
+    for one, severity in zip(worst, (Severity.ERROR, Severity.WARNING), strict=True):
+        if Limits({"error": most_kpa}).most(one.pressure_kpa):
+            return one, Breach(severity=severity, limit=most_kpa)
+    return None
+
+
+def worst_growth(subject: Subject, constants: GrowthConstants, fitted_mm: float) -> Worst:
+    """Return which branch takes the most pressure to grow, over all deployments.
+
+    Parameters
+    ----------
+    subject
+        With deployments, or without: then growth in free space is looked at.
+    constants
+        The fit.
+    fitted_mm
+        Inflated diameter of the tube that it belongs to.
+    """
+    build, tree = subject.design.build, subject.layout.tree
+    riding = riding_mm(tree, build.widths_mm).tolist()
+    diameters_mm = [inflated_diameter_mm(width_mm) for width_mm in build.widths_mm]
+    by_level = [constants.at_diameter(diameter_mm, fitted_mm) for diameter_mm in diameters_mm]
+    level = tree.level.tolist()
+    found = [
+        Worst(
+            pressure_kpa=path.pressure_kpa(by_level[level[branch] - 1], riding[branch]),
+            branch=branch,
+            place=place,
+        )
+        for place, paths in _paths(subject)
+        for branch, path in paths.items()
+    ]
+    # Equal tips differ in the last digits only: the first of them stands for all.
+    return max(found, key=lambda worst: round(worst.pressure_kpa, 9))
+
+
+def _paths(subject: Subject) -> list[tuple[str, dict[int, GrowthPath]]]:
+    tree = subject.layout.tree
+    free = ("in free space", dict(enumerate(planned_paths(tree))))
+    grown = [
+        (f"on {name}", grown_paths(deployment))
+        for name, deployment in zip(subject.place_names, subject.deployments, strict=True)
+    ]
+    # A robot that could not even start says nothing about pressure.
+    return [(name, paths) for name, paths in grown if paths] or [free]
+
+
+def _hit(subject: Subject, worst: Worst, words: str, breach: Breach, aspect: str = "") -> Hit:
+    return Hit(
+        message=words,
+        severity=breach.severity,
+        measured=worst.pressure_kpa,
+        limit=breach.limit,
+        branches=subject.ids(worst.branch),
+        at_mm=place_mm(subject.layout, worst.branch, at_tip=True),
+        marker=mark_branches(subject.layout, _way(subject, worst.branch)),
+        aspect=aspect,
+    )
+
+
+def _way(subject: Subject, branch: int) -> list[int]:
+    """Return a branch and all its ancestors."""
+    rows = []
+    while branch >= 0:
+        rows.append(branch)
+        branch = int(subject.layout.tree.parent[branch])
+    return rows
+
+
+WINDOW = Rule(
+    id="VF-P03",
+    title="pressure window not empty: growth takes less than the widest tube stands",
+    unit="kPa",
+    limits={
+        "safety_factor": 1.5,
+        "margin_percent": 20.0,
+        "loose_kpa": 0.0,
+        "tight_kpa": FITTED.storage_kpa.value,
+    },
+    reason="growth through narrow leaves must take less than the wide trunk stands; crumpled film "
+    "may leave its store without any tension, a spool held back 8.32 kPa (published)",
+    look=look_window,
+)

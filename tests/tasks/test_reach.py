@@ -1,14 +1,25 @@
 import math
 from collections.abc import Callable
 
+import numpy as np
 import pytest
+import shapely
 
 from vinefab.core.errors import BadInputError
+from vinefab.environments.grid import GridOptions, grid_map
+from vinefab.environments.poses import draw_poses
+from vinefab.growth.atlas import Atlas
+from vinefab.growth.batch import Batch, Launches
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plan
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import Design
+from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map
+from vinefab.tasks.evaluate import Site
 from vinefab.tasks.ground import Ground
+from vinefab.tasks.raster import STRIPS_PER_RADIUS, Chains
 from vinefab.tasks.reach import Reach
+from vinefab.tasks.task import one_by_one
 
 
 def test_a_straight_body_reaches_a_stadium(
@@ -35,3 +46,63 @@ def test_solid_ground_is_not_reached(
 def test_a_buffer_without_width_is_refused() -> None:
     with pytest.raises(BadInputError, match="buffer_mm"):
         Reach(buffer_mm=0.0)
+
+
+def test_cells_stay_within_the_band_that_is_proven(pillar_room: Map) -> None:
+    """Fast lies between the exact areas for buffers half a cell's diagonal smaller and larger."""
+    ground = Ground.of(pillar_room)
+    rng = np.random.default_rng(6)
+    for buffer_mm in (5.0, 40.0, 90.0):
+        half = buffer_mm / STRIPS_PER_RADIUS / math.sqrt(2.0)
+        raster = ground.raster(buffer_mm)
+        for count in (1, 4, 12):
+            points = rng.uniform((0, 0), (400, 300), (count + 1, 2))
+            ends = np.array([0, count + 1])
+            chains = Chains(points, ends, np.array([0, 1]), ends)
+            (fast,) = raster.reached_mm2(chains).tolist()
+            line = shapely.LineString(points)
+            least, most = (
+                shapely.intersection(line.buffer(buffer_mm + d, quad_segs=64), ground.free).area
+                for d in (-half, half)
+            )
+            assert least - 1e-6 * most < fast < most * (1.0 + 1e-3)
+            exact = shapely.intersection(line.buffer(buffer_mm, quad_segs=64), ground.free).area
+            assert fast == pytest.approx(exact, rel=1e-2)
+
+
+def test_a_body_that_reaches_everything_reaches_the_free_area(
+    fork: Design, ended: Callable[..., Deployment], pillar_room: Map
+) -> None:
+    ground = Ground.of(pillar_room)
+    end = ended(fork, [[(0, 50), (400, 50)], None, None])
+    share, terms = Reach(buffer_mm=1000.0, area="fast").evaluate(end, ground)
+    assert share == pytest.approx(1.0)
+    assert terms["grown_mm"] == 400.0
+
+
+@pytest.mark.parametrize("body", ["centerline", "inflated"])
+def test_blocks_score_as_single_deployments_do(body: str) -> None:
+    fan = Level(branches=3, length_mm=80.0, fan_rad=1.5)
+    designs = [
+        Design(name="a", trunk_length_mm=120.0, levels=(fan, fan), build=Build.standard(3)),
+        Design(name="c", trunk_length_mm=90.0, build=Build.standard(1)),
+    ]
+    options = GrowthOptions(body=body)
+    sites = [Site.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
+    poses = [draw_poses(site.world, 3, 5, clearance_mm=14.0) for site in sites]
+    launches = Launches.of(Atlas([site.terrain for site in sites]), poses)
+    batch = Batch([Plan.of(design, options) for design in designs], launches, options)
+    grounds = [site.ground for site in sites]
+    for task in (Reach(area="fast"), Reach(area="fast", buffer_mm=0.1), Reach()):
+        for size in (1, 5, 100):
+            pairs = batch.each(
+                lambda b, t=task: (t.evaluate_block(b, grounds), one_by_one(t, b, grounds)),
+                size=size,
+            )
+            for together, alone in pairs:
+                assert together == alone
+
+
+def test_an_unknown_way_to_measure_is_refused() -> None:
+    with pytest.raises(BadInputError, match="area"):
+        Reach(area="quick")

@@ -8,7 +8,7 @@ import numpy as np
 from vinefab.growth.arrays import TreeArrays
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.checked import Floats
-from vinefab.model.design import Design
+from vinefab.model.design import Build, Design
 from vinefab.model.tree import BranchTree, branch_tree
 
 LONG_WIDTHS = 5.0
@@ -34,6 +34,8 @@ class Plan:
         Body radius on each of these spans.
     long_mm
         Length from which a straight body counts as long, for each branch, shape (n,).
+    build
+        How the design is built.
     """
 
     tree: BranchTree
@@ -41,6 +43,7 @@ class Plan:
     edges: tuple[int, ...]
     radii_mm: tuple[float, ...]
     long_mm: Floats
+    build: Build
 
     @classmethod
     def of(cls, design: Design, options: GrowthOptions, tree: BranchTree | None = None) -> "Plan":
@@ -64,7 +67,12 @@ class Plan:
             edges = np.searchsorted(tree.level, np.arange(1, design.depth + 2)).tolist()
             radii_mm = [width_mm / math.pi for width_mm in design.build.widths_mm]
         return cls(
-            tree=tree, turn=turn, edges=tuple(edges), radii_mm=tuple(radii_mm), long_mm=long_mm
+            tree=tree,
+            turn=turn,
+            edges=tuple(edges),
+            radii_mm=tuple(radii_mm),
+            long_mm=long_mm,
+            build=design.build,
         )
 
     def __len__(self) -> int:

@@ -18,6 +18,7 @@ from vinefab.optimize.settings import EvaluationSettings, PartSettings, RunSetti
 from vinefab.optimize.space import Space
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import Poses, Site, poses_on, score_designs
+from vinefab.tasks.reach import Reach
 from vinefab.tasks.registry import make_task
 from vinefab.tasks.task import Task
 
@@ -177,6 +178,6 @@ class Trial:
 def _search_task(settings: PartSettings) -> Task:
     """Return a run's task; it measures areas fast unless the run says how to."""
     task = make_task(settings.name, settings.parameters)
-    if isinstance(task, Coverage) and "area" not in settings.parameters:
+    if isinstance(task, Coverage | Reach) and "area" not in settings.parameters:
         return replace(task, area="fast")
     return task

@@ -1,4 +1,4 @@
-"""Compiled areas: free space as strips, and what a union of equal discs covers of it.
+"""Compiled measures of free space: strips, discs and bodies on them, and gaps.
 
 The second and last compiled file of vinefab. Like `vinefab.growth.kernel` it imports nothing of
 ours, because a compiled file does not notice when another file changes. The arrays are described
@@ -9,6 +9,7 @@ in `vinefab.tasks.raster`.
 # ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of what it compiles
 # ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -241,3 +242,143 @@ def _join(left, right, runs, one, two):
         one, two = min(one, left[runs]), max(two, right[runs])
     left[runs], right[runs] = one, two
     return runs + 1
+
+
+# --- Bodies on cells --------------------------------------------------------------------------
+
+
+@compiled
+def reach(points, first_point, branch, room, radius, weight, box, level, mark, out):
+    """Write down the free area within a distance of each of several bodies.
+
+    A cell counts by the distance of its centre: in full up to half a side within the radius, not
+    at all from half a side beyond it, linearly in between.
+
+    Parameters
+    ----------
+    points, first_point, branch, room
+        Chains of several growths as `vinefab.growth.batch.Block` holds them, mm.
+    radius
+        The distance, mm.
+    weight
+        Free area of each cell, mm2; shape (rows, columns).
+    box
+        Lower left corner and the side of the cells, mm.
+    level
+        Working room: how far each cell counts so far; shape (rows, columns).
+    mark
+        Working room: growth that ``level`` is of, counted from 1; zeros, shape (rows, columns).
+    out
+        Where the results go, mm2; shape (j,).
+    """
+    for j in range(len(out)):
+        out[j] = 0.0
+        for k in range(branch[j], branch[j + 1]):
+            for i in range(first_point[k + j], first_point[k + j + 1] - 1):
+                at = room[j] + i
+                out[j] += _reach_from(
+                    (points[at, 0] - box[0]) / box[2] - 0.5,
+                    (points[at, 1] - box[1]) / box[2] - 0.5,
+                    (points[at + 1, 0] - points[at, 0]) / box[2],
+                    (points[at + 1, 1] - points[at, 1]) / box[2],
+                    radius / box[2],
+                    weight,
+                    level,
+                    mark,
+                    j + 1,
+                )
+
+
+@inlined
+def _reach_from(ax, ay, dx, dy, radius, weight, level, mark, stamp):
+    """Add what one straight piece reaches; lengths in cells, centres at whole numbers."""
+    rows, columns = weight.shape
+    outer = radius + 0.5
+    added = 0.0
+    lowest = max(math.ceil(min(ay, ay + dy) - outer), 0)
+    highest = min(math.floor(max(ay, ay + dy) + outer), rows - 1)
+    for row in range(lowest, highest + 1):
+        # The part of the piece that is near enough in y bounds what can be near in x.
+        first, last = 0.0, 1.0
+        if dy != 0.0:
+            one, two = (row - outer - ay) / dy, (row + outer - ay) / dy
+            first, last = max(0.0, min(one, two)), min(1.0, max(one, two))
+        x_one, x_two = ax + first * dx, ax + last * dx
+        left = max(math.ceil(min(x_one, x_two) - outer), 0)
+        right = min(math.floor(max(x_one, x_two) + outer), columns - 1)
+        for column in range(left, right + 1):
+            before = level[row, column] if mark[row, column] == stamp else 0.0
+            if before == 1.0 or weight[row, column] == 0.0:
+                continue
+            now = _nearness(column - ax, row - ay, dx, dy, radius)
+            if now > before:
+                level[row, column], mark[row, column] = now, stamp
+                added += (now - before) * weight[row, column]
+    return added
+
+
+@inlined
+def _nearness(x, y, dx, dy, radius):
+    """Return how far a cell counts whose centre is at x, y from the start of a piece."""
+    square = dx * dx + dy * dy
+    if square > 0.0:
+        along = min(max((x * dx + y * dy) / square, 0.0), 1.0)
+        x, y = x - along * dx, y - along * dy
+    away = x * x + y * y
+    if radius > 0.5 and away <= (radius - 0.5) * (radius - 0.5):
+        return 1.0
+    return min(max(radius + 0.5 - math.sqrt(away), 0.0), 1.0)
+
+
+# --- Gaps -------------------------------------------------------------------------------------
+
+
+@compiled
+def gaps(tips, across, edges, tolerance, out):
+    """Write down how wide free space is at some points, each across some direction.
+
+    Parameters
+    ----------
+    tips
+        The points, in free space or on its border, mm; shape (m, 2).
+    across
+        Unit vectors along which to measure, shape (m, 2).
+    edges
+        Directed edges with the free space on their left, shape (e, 2, 2), mm.
+    tolerance
+        A wall so near counts as touched, mm.
+    out
+        Where the results go, mm; shape (m,).
+    """
+    for k in range(len(tips)):
+        out[k] = _gap(tips[k, 0], tips[k, 1], across[k, 0], across[k, 1], edges, tolerance)
+
+
+@inlined
+def _gap(x, y, ux, uy, edges, tolerance):
+    """Return the free length of a line on both sides of one of its points.
+
+    A wall through the point itself hides the side that it is solid on; between two such walls
+    back to back the sides are added up, as if the point were free.
+    """
+    before, after, turned = math.inf, math.inf, 0
+    for e in range(len(edges)):
+        ax, ay = edges[e, 0, 0] - x, edges[e, 0, 1] - y
+        bx, by = edges[e, 1, 0] - x, edges[e, 1, 1] - y
+        side_a, side_b = ux * ay - uy * ax, ux * by - uy * bx
+        if (side_a > 0.0) == (side_b > 0.0):
+            continue
+        share = side_a / (side_a - side_b)
+        place = ux * (ax + share * (bx - ax)) + uy * (ay + share * (by - ay))
+        if abs(place) <= tolerance:
+            # An edge that crosses the line from left to right has its free side ahead.
+            turned += 1 if side_b < side_a else -1
+        elif place > 0.0:
+            after = min(after, place)
+        else:
+            before = min(before, -place)
+    if turned > 0:
+        return after
+    if turned < 0:
+        return before
+    return before + after

@@ -14,6 +14,8 @@ from vinefab.model.checked import Floats, Ints, number, positive, whole
 from vinefab.model.deployment import Deployment
 from vinefab.tasks.discs import disc_union, free_disc_areas_mm2
 from vinefab.tasks.ground import Ground
+from vinefab.tasks.raster import Raster
+from vinefab.tasks.sight import seen_areas
 from vinefab.tasks.task import Outcome, one_by_one
 
 ROUNDING = 1e-12
@@ -43,11 +45,12 @@ class Coverage:
         The weights of the four terms, at least 0.
     clip
         ``free``: only free space is seen and every area above is taken within it. ``none``:
-        whole discs, as the paper's words have it.
+        whole discs, as the paper's words have it. ``sight``: free space that no wall hides from
+        the sensor.
     area
         ``exact``: by polygons, for a score that is reported. ``fast``: by strips of free space
         (`raster.Raster.covered_mm2` says how exact), a hundred times faster, for searching; taken
-        only where ``clip`` is ``free`` and the map is not too large for such discs.
+        only where ``clip`` is not ``sight`` and the map is not too large for such discs.
     """
 
     name: ClassVar[str] = "coverage"
@@ -59,7 +62,7 @@ class Coverage:
     weight_count: float = 0.5
     weight_length: float = 0.5
     weight_film: float = 0.1
-    clip: Literal["free", "none"] = "free"
+    clip: Literal["free", "none", "sight"] = "free"
     area: Literal["exact", "fast"] = "exact"
 
     def __post_init__(self) -> None:
@@ -68,8 +71,8 @@ class Coverage:
         positive("task.most_diagonals", self.most_diagonals, 1e4, "diagonals")
         for term in ("area", "count", "length", "film"):
             number(f"task.weight_{term}", getattr(self, f"weight_{term}"), 0.0, 1e3)
-        if self.clip not in ("free", "none"):
-            raise BadInputError("task.clip", self.clip, "'free' or 'none'")
+        if self.clip not in ("free", "none", "sight"):
+            raise BadInputError("task.clip", self.clip, "'free', 'none' or 'sight'")
         if self.area not in ("exact", "fast"):
             raise BadInputError("task.area", self.area, "'exact' or 'fast'")
 
@@ -105,13 +108,13 @@ class Coverage:
         grounds
             The maps.
         """
-        if self.area == "exact" or self.clip == "none":
+        if self.area == "exact" or self.clip == "sight":
             return one_by_one(self, block, grounds)
         tips_mm, first = block.tips_mm()
         lengths_mm = block.planned_mm()
         outcomes: list[Outcome] = []
         for terrain, one, two in block.by_terrain():
-            raster = grounds[terrain].raster(self.radius_mm)
+            raster = self._raster(grounds[terrain])
             if raster is None:
                 return one_by_one(self, block, grounds)
             begins = first[one : two + 1] - first[one]
@@ -149,13 +152,21 @@ class Coverage:
         """Return the area of the union of the discs and the sum of their areas."""
         if len(tips_mm) == 0:
             return 0.0, 0.0
-        if self.area == "fast" and self.clip == "free":
-            raster = ground.raster(self.radius_mm)
-            if raster is not None:
-                seen, summed = raster.covered_mm2(tips_mm, np.array([0, len(tips_mm)]))
-                return float(seen[0]), float(summed[0])
+        raster = self._raster(ground) if self.area == "fast" else None
+        if raster is not None:
+            seen, summed = raster.covered_mm2(tips_mm, np.array([0, len(tips_mm)]))
+            return float(seen[0]), float(summed[0])
+        if self.clip == "sight":
+            each_mm2, union = seen_areas(tips_mm, self.radius_mm, ground.edges_mm)
+            return union.area, float(each_mm2.sum())
         union = disc_union(tips_mm, self.radius_mm)
         if self.clip == "none":
             return union.area, len(tips_mm) * math.pi * self.radius_mm**2
         each_mm2 = free_disc_areas_mm2(tips_mm, self.radius_mm, ground.edges_mm)
         return shapely.intersection(union, ground.free).area, float(each_mm2.sum())
+
+    def _raster(self, ground: Ground) -> Raster | None:
+        """Return the strips to measure on, or None where areas are measured by polygons."""
+        if self.clip == "sight":
+            return None
+        return ground.raster(self.radius_mm, walls=self.clip == "free")

@@ -36,7 +36,7 @@ class Ground:
     area_mm2: float
     diagonal_mm: float
     edges_mm: Floats
-    _rasters: dict[float, Raster | None] = field(default_factory=dict)
+    _rasters: dict[tuple[float, bool], Raster | None] = field(default_factory=dict)
 
     @classmethod
     def of(cls, world: Map, free: BaseGeometry | None = None) -> "Ground":
@@ -65,13 +65,30 @@ class Ground:
             edges_mm=_edges_mm(free),
         )
 
-    def raster(self, radius_mm: float) -> Raster | None:
-        """Return the raster for discs of some radius, made once; None if it would be too large."""
-        if radius_mm not in self._rasters:
+    def raster(self, radius_mm: float, *, walls: bool = True) -> Raster | None:
+        """Return the raster for discs of some radius, made once; None if it would be too large.
+
+        Parameters
+        ----------
+        radius_mm
+            Radius of the discs.
+        walls
+            False: all of the plane that discs about points of the map can reach counts as free.
+        """
+        key = radius_mm, walls
+        if key not in self._rasters:
             while len(self._rasters) >= MOST_RASTERS:
                 self._rasters.pop(next(iter(self._rasters)))
-            self._rasters[radius_mm] = Raster.of(self.edges_mm, radius_mm)
-        return self._rasters[radius_mm]
+            edges_mm = self.edges_mm if walls else self._open_edges_mm(radius_mm)
+            self._rasters[key] = Raster.of(edges_mm, radius_mm)
+        return self._rasters[key]
+
+    def _open_edges_mm(self, radius_mm: float) -> Floats:
+        """Return the edges of a box that holds every disc about a point of the map."""
+        x_min, y_min, x_max, y_max = self.free.bounds
+        reach_mm = 1.01 * radius_mm
+        box = (x_min - reach_mm, y_min - reach_mm, x_max + reach_mm, y_max + reach_mm)
+        return _edges_mm(shapely.box(*box))
 
 
 def _edges_mm(free: BaseGeometry) -> Floats:

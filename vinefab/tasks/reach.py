@@ -1,41 +1,114 @@
 """Reachability: how much of the free space lies close to the deployed body."""
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 import shapely
 
-from vinefab.model.checked import positive
+from vinefab.core.errors import BadInputError
+from vinefab.growth.batch import Block
+from vinefab.model.checked import Floats, Ints, positive
 from vinefab.model.deployment import Deployment
 from vinefab.tasks.ground import Ground
-from vinefab.tasks.task import Outcome
+from vinefab.tasks.raster import Chains
+from vinefab.tasks.task import Outcome, one_by_one
+
+QUARTER_SEGMENTS = 32
+"""Sides of the polygon that stands for a quarter of a round end: it has 0.04 % less area."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """Share of the free space within a buffer of the body, by polygons (paper, Fig. 4).
+    """Share of the free space within a buffer of the body (paper, Fig. 4).
 
     Parameters
     ----------
     buffer_mm
         Largest distance from the body's centreline that counts as reached.
+    area
+        ``exact``: by polygons, for a score that is reported. ``fast``: on cells of free space
+        (`raster.Raster.reached_mm2` says how exact), a hundred times faster, for searching; taken
+        only where the map is not too large for such a buffer.
     """
 
     name: ClassVar[str] = "reach"
     lowest: ClassVar[float] = 0.0
 
     buffer_mm: float = 40.0
+    area: Literal["exact", "fast"] = "exact"
 
     def __post_init__(self) -> None:
         positive("task.buffer_mm", self.buffer_mm)
+        if self.area not in ("exact", "fast"):
+            raise BadInputError("task.area", self.area, "'exact' or 'fast'")
 
     def evaluate(self, deployment: Deployment, ground: Ground) -> Outcome:
         """Return the share, 0 to 1, and as terms the reached area and the grown length."""
+        raster = ground.raster(self.buffer_mm) if self.area == "fast" else None
+        if raster is None:
+            reached_mm2 = self._exact_mm2(deployment, ground)
+        else:
+            count, points = len(deployment.tree), len(deployment.points_mm)
+            (reached_mm2,) = raster.reached_mm2(
+                Chains(
+                    deployment.points_mm,
+                    deployment.first_point,
+                    np.array([0, count]),
+                    np.array([0, points]),
+                )
+            ).tolist()
+        return _outcome(reached_mm2, float(deployment.grown_mm.sum()), ground)
+
+    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> list[Outcome]:
+        """Return what `evaluate` would for every growth of a block.
+
+        Parameters
+        ----------
+        block
+            Growths, map by map.
+        grounds
+            The maps.
+        """
+        if self.area == "exact":
+            return one_by_one(self, block, grounds)
+        growth, outcomes = block.growth, list[Outcome]()
+        for terrain, one, two in block.by_terrain():
+            ground = grounds[terrain]
+            raster = ground.raster(self.buffer_mm)
+            if raster is None:
+                return one_by_one(self, block, grounds)
+            first, last = block.branch[one], block.branch[two]
+            chains = Chains(
+                growth.points,
+                growth.first_point[first + one : last + two],
+                block.branch[one : two + 1] - first,
+                block.room[one : two + 1],
+            )
+            reached_mm2 = raster.reached_mm2(chains)
+            grown_mm = _sums(growth.grown, block.branch[one : two + 1])
+            outcomes += [
+                _outcome(area, length, ground)
+                for area, length in zip(reached_mm2.tolist(), grown_mm, strict=True)
+            ]
+        return outcomes
+
+    def _exact_mm2(self, deployment: Deployment, ground: Ground) -> float:
         body = shapely.MultiLineString(_chains(deployment))
-        reached = shapely.intersection(shapely.buffer(body, self.buffer_mm), ground.free)
-        share = min(1.0, reached.area / ground.area_mm2)
-        return share, {"reached_mm2": reached.area, "grown_mm": float(deployment.grown_mm.sum())}
+        reached = shapely.buffer(body, self.buffer_mm, quad_segs=QUARTER_SEGMENTS)
+        return float(shapely.intersection(reached, ground.free).area)
+
+
+def _outcome(reached_mm2: float, grown_mm: float, ground: Ground) -> Outcome:
+    share = min(1.0, reached_mm2 / ground.area_mm2)
+    return share, {"reached_mm2": reached_mm2, "grown_mm": grown_mm}
+
+
+def _sums(values: Floats, first: Ints) -> list[float]:
+    """Return the sum of each stretch, added up as a deployment of its own would be."""
+    return [float(values[one:two].sum()) for one, two in itertools.pairwise(first.tolist())]
 
 
 def _chains(deployment: Deployment) -> list[list[list[float]]]:

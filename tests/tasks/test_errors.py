@@ -1,0 +1,27 @@
+"""A little of `errors.py`, which measures fast scores against exact ones, in every run."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope="module")
+def errors() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("errors", Path(__file__).with_name("errors.py"))
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["errors"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_fast_scores_of_random_deployments_are_near_the_exact_ones(errors: ModuleType) -> None:
+    for task, term in (errors.TASKS["coverage, raw discs"], errors.TASKS["reach"]):
+        share, score, faster = errors.errors(task, term, 40)
+        assert len(share) > 40
+        assert 0.0 < np.abs(share).max() < 0.01
+        assert np.abs(score).max() < 0.005
+        assert faster > 5.0

@@ -19,12 +19,13 @@ from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Quantity, RecipeStatus, Standing
 from vinefab.model.map import Pose
 from vinefab.model.outline import Contour
+from vinefab.model.rigfacts import Corridor, Course, PartFacts, RigFacts
 
 Make = Callable[..., Design]
 Build = Callable[[Make, LaserProfile], Subject]
 E, W = Severity.ERROR, Severity.WARNING
 
-PENDING = {"VF-C05", "VF-R01", "VF-R02", "VF-R03", "VF-R04"}
+PENDING = {"VF-C05"}
 """Rules that this version can only report as skipped."""
 
 
@@ -114,6 +115,39 @@ def path(operation: Operation, points: list[list[float]], *, closed: bool = Fals
 def mark_above(job: Job, away_mm: float) -> tuple[LaserPath, ...]:
     top = max(one.contour.box_mm[3] for one in job.along(Operation.WELDCUT))
     return (path(Operation.MARK, [[300.0, top + away_mm], [310.0, top + away_mm]]), *job.paths)
+
+
+def rigged(
+    height_mm: float = 60.0,
+    size_mm: tuple[float, float, float] = (210.0, 100.0, 63.0),
+    problems: tuple[str, ...] = (),
+) -> Build:
+    """A plain vine and a rig of one part."""
+    part = PartFacts(name="part_01", size_mm=size_mm, problems=problems)
+    rig = RigFacts(
+        name="table",
+        printer="bench",
+        room_mm=(210.0, 210.0, 250.0),
+        height_mm=height_mm,
+        parts=(part,),
+    )
+
+    def build(make: Make, profile: LaserProfile) -> Subject:
+        return replace(Subject.of(make(), profile), rig=rig)
+
+    return build
+
+
+def corridor(width_mm: float) -> Build:
+    """A plain vine, 40 mm wide lay-flat, and a map with a narrow and a wide corridor."""
+    corridors = tuple(Corridor(width_mm=mm, x_mm=1.0, y_mm=2.0) for mm in (width_mm, 90.0))
+
+    def build(make: Make, profile: LaserProfile) -> Subject:
+        return replace(
+            Subject.of(make(), profile), courses=(Course(name="hall", corridors=corridors),)
+        )
+
+    return build
 
 
 def square(low: float, high: float) -> LaserPath:
@@ -242,6 +276,20 @@ CASES: Mapping[str, Case] = {
         branches=(),
         quiet=status(RecipeStatus.COUPON_OK),
     ),
+    "VF-R01": Case(
+        fires=rigged(problems=("is not closed",)), severity=E, branches=(), quiet=rigged()
+    ),
+    "VF-R02": Case(
+        fires=rigged(size_mm=(100.0, 210.01, 63.0)),
+        severity=E,
+        branches=(),
+        quiet=rigged(size_mm=(210.0, 210.0, 250.0)),
+    ),
+    # 40 mm lay-flat inflates to 80 / pi = 25.46 mm; 1.2 times that is 30.56 mm
+    "VF-R03": Case(fires=corridor(25.4), severity=W, branches=(), quiet=corridor(25.5)),
+    "VF-R04": Case(
+        fires=rigged(height_mm=30.5), severity=W, branches=(), quiet=rigged(height_mm=30.6)
+    ),
     "VF-X01": Case(fires=reading("area differs by 3 %"), severity=E, branches=(), quiet=reading()),
 }
 
@@ -277,6 +325,28 @@ def test_a_rule_that_cannot_look_says_why(rule: str, make: Make, profile: LaserP
     outcome = RULES[rule].look(Subject.of(make(), profile), Limits({}))
     assert isinstance(outcome, NotLooked)
     assert len(outcome.reason) > 10
+
+
+@pytest.mark.parametrize("rule", ["VF-R01", "VF-R02", "VF-R03", "VF-R04"])
+def test_rules_about_rigs_say_what_they_miss(rule: str, make: Make) -> None:
+    outcome = RULES[rule].look(Subject.of(make()), Limits({}))
+    assert isinstance(outcome, NotLooked)
+    assert "needs a" in outcome.reason
+
+
+def test_corridors_are_compared_with_every_level(make: Make, profile: LaserProfile) -> None:
+    # 40, 24 mm lay-flat: 25.46 and 15.28 mm inflated
+    subject = Subject.of(make((2, 200.0, 60.0)), profile)
+    wide, narrow = (Corridor(width_mm=mm, x_mm=3.0, y_mm=4.0) for mm in (20.0, 15.0))
+    course = Course(name="hall", corridors=(narrow, wide))
+    findings = found(replace(subject, courses=(course,)), "VF-R03")
+    assert [(f.measured, f.limit) for f in findings] == [
+        (15.0, pytest.approx(80.0 / math.pi)),
+        (15.0, pytest.approx(48.0 / math.pi)),
+    ]
+    assert "all of the 2 narrowest" in findings[0].message
+    assert "1 of the 2 narrowest" in findings[1].message
+    assert "(3.0, 4.0) mm" in findings[1].message
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,13 @@ import shapely
 import trimesh
 from shapely import Polygon, box
 
-from vinefab.core.errors import ReadBackError
 from vinefab.core.hashing import sha256_of
-from vinefab.export.rigfiles import rig_files, stl_name
+from vinefab.export.rigfiles import solid_files, solid_problems, stl_name
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.printer import Printer
-from vinefab.rig.assembled import compare_with_map
-from vinefab.rig.build import build_rig
+from vinefab.pipeline.rig import make_rig
+from vinefab.rig.options import RigOptions
+from vinefab.rig.printing import printing_of
 
 
 def _make():
@@ -32,8 +32,8 @@ def _make():
         name="table", bounds=box(0, 0, 250, 180), obstacles=tuple(obstacles), starts=(start,)
     )
     printer = Printer(name="bench", bed_width_mm=150, bed_depth_mm=120, height_mm=100)
-    rig = build_rig(world, printer)
-    return world, rig, rig_files(rig, world, compare_with_map(rig, world))
+    made = make_rig(world, printer, RigOptions())
+    return world, made.rig, made.files
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +44,13 @@ def made():
 def test_every_part_has_its_file(made):
     _, rig, files = made
     assert len(rig.parts) == 4
-    assert set(files) == {"rig.json", "parts.csv", *(stl_name(part) for part in rig.parts)}
+    stls = {stl_name(part) for part in rig.printed}
+    assert {"scale_cube_20mm.stl", "north_arrow.stl"} < stls
+    assert stls == {name for name in files if name.endswith(".stl")}
+    beds = {bed["file"] for bed in json.loads(files["rig.json"])["beds"]}
+    assert beds == {name for name in files if name.endswith(".3mf")}
     for data in files.values():
-        assert b"written by vinefab" in data[:8192]
+        assert b"written by vinefab" in data[:8192] + data[-8192:]
 
 
 def test_the_files_put_together_by_rig_json_are_the_map(made):
@@ -88,7 +92,8 @@ def test_the_part_list_is_a_table(made):
     _, rig, files = made
     lines = files["parts.csv"].decode().splitlines()
     rows = list(csv.DictReader(lines[1:]))
-    assert [row["file"] for row in rows] == [stl_name(part) for part in rig.parts]
+    assert [row["file"] for row in rows] == [stl_name(part) for part in rig.printed]
+    assert [row["number"] for row in rows] == ["1", "2", "3", "4", "", ""]
     assert float(rows[0]["volume_cm3"]) == pytest.approx(rig.parts[0].volume_mm3 / 1e3, abs=0.01)
 
 
@@ -97,10 +102,14 @@ def test_the_same_map_gives_the_same_bytes(made):
 
 
 def test_a_rig_that_is_not_closed_is_not_handed_out(made):
-    world, rig, _ = made
+    _, rig, _ = made
     broken = replace(rig.parts[1], faces=rig.parts[1].faces[:-1])
-    with pytest.raises(ReadBackError, match=f"{rig.parts[1].name}.stl: .*not closed"):
-        rig_files(replace(rig, parts=(rig.parts[0], broken)), world, compare_with_map(rig, world))
+    bad = replace(rig, parts=(rig.parts[0], broken))
+    printing = printing_of(bad)
+    problems = solid_problems(solid_files(bad, printing), bad, printing)
+    assert problems[rig.parts[0].name] == ()
+    assert len(problems[broken.name]) > 2  # from the STL and from the 3MF
+    assert all("closed" in one or "open" in one or "volume" in one for one in problems[broken.name])
 
 
 ADMESH_ZEROS = (
@@ -129,7 +138,7 @@ def _admesh(admesh, path):
 
 def test_admesh_finds_nothing_to_mend(made, tmp_path, admesh):
     _, rig, files = made
-    for part in rig.parts:
+    for part in rig.printed:
         path = tmp_path / stl_name(part)
         path.write_bytes(files[path.name])
         seen = _admesh(admesh, path)

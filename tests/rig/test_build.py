@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,14 @@ from shapely import Point, Polygon, box
 
 from vinefab.core.errors import BadInputError
 from vinefab.export.stl import check_stl, stl_bytes
+from vinefab.rig.assembled import compare_with_map
 from vinefab.rig.build import build_rig
+from vinefab.rig.engrave import marks_for
 from vinefab.rig.options import RigOptions
 from vinefab.rig.solid import manifold_of
+
+PLAIN = RigOptions(mark_depth_mm=0.0)
+"""Without numbers on the underside: areas and volumes are those of plate and walls alone."""
 
 
 def _problems(rig):
@@ -38,7 +44,9 @@ def _walls(world):
 
 def test_the_volume_of_a_small_rig_is_plate_and_walls(make_map, make_printer):
     world = make_map(box(30, 60, 60, 90), box(120, 70, 150, 130))
-    rig = build_rig(world, make_printer(), RigOptions(border_mm=5.0, entry_width_mm=40.0))
+    rig = build_rig(
+        world, make_printer(), RigOptions(border_mm=5.0, entry_width_mm=40.0, mark_depth_mm=0.0)
+    )
     plate_mm2 = 190.0 * 160.0
     walls_mm2 = 30.0 * 30.0 + 30.0 * 60.0 + (plate_mm2 - 180.0 * 150.0) - 40.0 * 5.0
     assert len(rig.parts) == 1
@@ -59,11 +67,11 @@ def test_transform_puts_the_part_where_the_map_is(make_map, make_printer, faces_
 def test_the_assembled_rig_is_the_map(crooked_map, make_printer, faces_at, bed_mm):
     world = crooked_map(3, 7, 5)
     printer = make_printer(*bed_mm)
-    rig = build_rig(world, printer)
+    rig = build_rig(world, printer, PLAIN)
     walls = _walls(world)
     assert _xor(faces_at(rig, 30.0).intersection(world.bounds), walls) < 1e-4 * walls.area
     assert rig.volume_mm3 == pytest.approx(
-        build_rig(world, make_printer(2000, 2000)).volume_mm3 - rig.joint_gap_mm3, rel=1e-6
+        build_rig(world, make_printer(2000, 2000), PLAIN).volume_mm3 - rig.joint_gap_mm3, rel=1e-6
     )
     for part in rig.parts:
         assert part.size_mm[0] <= printer.bed_width_mm - 10.0 + 1e-3
@@ -86,7 +94,7 @@ def test_parts_do_not_run_into_each_other_and_leave_only_the_gaps(crooked_map, m
 
 
 def test_parts_print_without_supports(crooked_map, make_printer):
-    for part in build_rig(crooked_map(5, 6, 6), make_printer(110.0, 140.0)).parts:
+    for part in build_rig(crooked_map(5, 6, 6), make_printer(110.0, 140.0), PLAIN).parts:
         assert _hanging_mm2(part) < 1e-6
 
 
@@ -161,15 +169,72 @@ def test_slivers_and_slits_are_left_out_and_counted(make_map, make_printer, face
     assert _problems(kept) == []
 
 
-def test_thin_walls_are_reported_and_left(make_map, make_printer):
+def test_thin_walls_are_thickened_and_reported(make_map, make_printer, faces_at):
     dumbbell = shapely.union_all([box(30, 60, 50, 80), box(50, 70, 90, 70.5), box(90, 60, 110, 80)])
-    rig = build_rig(make_map(dumbbell), make_printer(least_wall_mm=0.8), RigOptions(scale=0.9))
+    world, options = make_map(dumbbell), RigOptions(scale=0.9)
+    rig = build_rig(world, make_printer(least_wall_mm=0.8), options)
     (place,) = rig.thin_places
     assert 50 < place.x_mm < 90
     assert place.y_mm == pytest.approx(70.25, abs=0.3)
     assert place.area_mm2 == pytest.approx(0.81 * 40 * 0.5, rel=0.05)
     assert any("thinner than the 0.8 mm" in note for note in rig.notes)
+    wall = faces_at(rig, 30.0 / 0.9).intersection(box(55, 60, 85, 80))
+    thick_mm = 0.9 * wall.area / 30.0
+    assert 0.8 <= thick_mm <= 1.0 + 1e-3
+    assert wall.bounds[1] == pytest.approx(70.25 - 0.5 * thick_mm / 0.9, abs=0.01)
+    assert _problems(rig) == []
+    comparison = compare_with_map(rig, world)
+    assert comparison.share < 1e-4
+    assert comparison.thickened_mm2 == pytest.approx(wall.area * 40 / 30 - 40 * 0.5, rel=0.05)
     assert build_rig(make_map(dumbbell), make_printer(least_wall_mm=0.4)).thin_places == ()
+
+
+def test_numbers_are_grooves_that_a_printer_bridges(crooked_map, make_printer):
+    world, printer = crooked_map(5, 6, 6), make_printer(110.0, 140.0)
+    rig, plain = build_rig(world, printer), build_rig(world, printer, PLAIN)
+    assert rig.counts["unmarked"] == 0
+    assert [part.number for part in rig.parts] == list(range(1, len(rig.parts) + 1))
+    for part, bare in zip(rig.parts, plain.parts, strict=True):
+        roof = [
+            shapely.Polygon(corners[:, :2])
+            for corners in part.vertices_mm[part.faces]
+            if np.abs(corners[:, 2] - 0.4).max() < 1e-6
+        ]
+        groove = shapely.union_all(roof)
+        assert groove.area * 0.4 == pytest.approx(bare.volume_mm3 - part.volume_mm3, rel=1e-3)
+        # One millimetre wide; a little more where strokes meet.
+        assert groove.buffer(-1.2).is_empty
+        assert part.size_mm == pytest.approx(bare.size_mm)
+    assert _problems(rig) == []
+
+
+def test_the_arrow_points_to_north_and_the_number_reads_from_below():
+    marks = shapely.union_all(marks_for(1, box(0, 0, 60, 60)))
+    arrow, digit = sorted(shapely.get_parts(marks), key=lambda piece: -piece.bounds[3])
+    assert arrow.centroid.x > 30 > digit.centroid.x
+    widest = [arrow.intersection(box(0, y, 60, y + 0.5)).area for y in np.arange(24, 37, 1.0)]
+    assert int(np.argmax(widest)) > 6  # the head is above the middle
+    # A 1 has its flag to the left of its stem; mirrored, to the right.
+    top = digit.intersection(box(0, digit.bounds[3] - 2.5, 60, 60))
+    assert top.centroid.x > digit.centroid.x
+
+
+def test_dust_has_no_room_for_a_number():
+    assert len(marks_for(7, box(0, 0, 8, 8))) == 0
+
+
+def test_cube_and_arrow_stand_beside_the_rig(make_map, make_printer):
+    rig = build_rig(make_map(box(30, 60, 60, 90)), make_printer(), RigOptions(scale=0.5))
+    cube, arrow = rig.extras
+    assert cube.size_mm == (20.0, 20.0, 20.0)
+    assert _problems(replace(rig, parts=rig.extras)) == []
+    for part in rig.extras:
+        placed = part.vertices_mm @ part.to_map[:3, :3].T + part.to_map[:3, 3]
+        assert placed[:, 0].min() > rig.plate.bounds[2]
+        assert placed[:, 2].min() == pytest.approx(-3.0 / 0.5)
+    assert np.ptp(cube.vertices_mm @ cube.to_map[:3, :3].T, axis=0) == pytest.approx(40.0)
+    tip = arrow.vertices_mm[arrow.vertices_mm[:, 1].argmax()]
+    assert tip[0] == pytest.approx(0.5 * arrow.size_mm[0])
 
 
 def test_thin_border_is_reported(make_map, make_printer):
@@ -178,7 +243,9 @@ def test_thin_border_is_reported(make_map, make_printer):
 
 
 def test_a_map_without_obstacles_is_a_tray(make_map, make_printer):
-    rig = build_rig(make_map(starts=()), make_printer(), RigOptions(border_mm=5.0))
+    rig = build_rig(
+        make_map(starts=()), make_printer(), RigOptions(border_mm=5.0, mark_depth_mm=0.0)
+    )
     border_mm2 = 190 * 160 - 180 * 150
     assert rig.volume_mm3 == pytest.approx(3.0 * 190 * 160 + 30.0 * border_mm2)
     assert "no start" in rig.notes[0]
@@ -248,7 +315,7 @@ def test_whatever_overlaps_comes_out_closed(make_map, make_printer, seed):
         lattice = 10 * round(x / 10), 10 * round(y / 10)
         obstacles.append(box(*lattice, lattice[0] + 10, lattice[1] + 10))
     bounds = shapely.affinity.rotate(box(10, 20, 190, 170), float(rng.uniform(0, 90)))
-    rig = build_rig(make_map(*obstacles, bounds=bounds), make_printer(100.0, 120.0))
+    rig = build_rig(make_map(*obstacles, bounds=bounds), make_printer(100.0, 120.0), PLAIN)
     assert len(rig.parts) > 1
     assert _problems(rig) == []
     # On a slanted edge, snapping must not leave a solid hanging over its plate.

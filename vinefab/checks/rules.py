@@ -5,16 +5,11 @@ from vinefab.checks.built import BUILT_WIDTH, READBACK
 from vinefab.checks.clearance import CLEARANCE, OVERLAP
 from vinefab.checks.crotches import ANGLE, CROTCH, FILLET
 from vinefab.checks.paths import MARKS, ORDER, PATHS
-from vinefab.checks.pending import (
-    CORRIDORS,
-    FOREIGN_FILLET,
-    OBSTACLE_HEIGHT,
-    RIG_SIZE,
-    RIG_SOLIDS,
-)
+from vinefab.checks.pending import FOREIGN_FILLET
 from vinefab.checks.pouches import POUCH
 from vinefab.checks.pressure import BURST, RATING, STRAIN
 from vinefab.checks.recipe import MACHINE, PLY, STATUS
+from vinefab.checks.rig import CORRIDORS, OBSTACLE_HEIGHT, RIG_SIZE, RIG_SOLIDS
 from vinefab.checks.rule import Rule
 from vinefab.checks.seams import SEAM_WIDTH
 from vinefab.checks.sheet import BED, FILM

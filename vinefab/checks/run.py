@@ -1,9 +1,11 @@
 """Apply every rule to a subject."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from vinefab.checks.limits import by_rule, changed_limits
-from vinefab.checks.rule import Hit, LimitChanges, Looked, Rule
+from vinefab.checks.rig import RIG_LOOKS, Stand
+from vinefab.checks.rule import Hit, LimitChanges, Looked, NotLooked, Rule
 from vinefab.checks.rules import RULES
 from vinefab.checks.subject import Subject
 from vinefab.core.hashing import fingerprint
@@ -29,25 +31,53 @@ def run_checks(subject: Subject, limits: LimitChanges | None = None) -> CheckRep
     """
     changed = changed_limits(subject.design, subject.profile, limits)
     values = by_rule(changed)
+    outcomes = [
+        (rule, rule.look(subject, rule.limits_with(values.get(rule.id, {}))))
+        for rule in RULES.values()
+    ]
+    recipe = subject.profile.recipe.name if subject.profile else ""
+    report = _report(subject.design.name, outcomes, subject.design.waivers)
+    stale = _stale(report.findings, subject.design.waivers)
+    return replace(report, recipe=recipe, limits=changed, stale_waivers=stale)
+
+
+def run_rig_checks(stand: Stand) -> CheckReport:
+    """Return what the rules about test rigs found; the only ones that can do without a design.
+
+    Parameters
+    ----------
+    stand
+        The rig, its corridors, and the robot if there is one, whose limits count then.
+    """
+    changed = changed_limits(stand.design, None, None) if stand.design else ()
+    own = tuple(limit for limit in changed if limit.rule in RIG_LOOKS)
+    values = by_rule(own)
+    outcomes = [
+        (rule, look(stand, rule.limits_with(values.get(rule.id, {}))))
+        for rule, look in RIG_LOOKS.values()
+    ]
+    name, waivers = (stand.design.name, stand.design.waivers) if stand.design else ("", ())
+    return replace(_report(name, outcomes, waivers), limits=own)
+
+
+def _report(
+    name: str, outcomes: list[tuple[Rule, Looked | NotLooked]], waivers: tuple[Waiver, ...]
+) -> CheckReport:
     run: list[RuleRun] = []
     skipped: list[RuleSkipped] = []
     findings: list[Finding] = []
-    for rule in RULES.values():
-        outcome = rule.look(subject, rule.limits_with(values.get(rule.id, {})))
+    for rule, outcome in outcomes:
         if isinstance(outcome, Looked):
             run.append(_run(rule, outcome))
             findings.extend(_finding(rule, hit) for hit in outcome.hits)
         else:
             skipped.append(RuleSkipped(rule=rule.id, reason=outcome.reason))
-    waivers = subject.design.waivers
     return CheckReport(
-        design=subject.design.name,
-        recipe=subject.profile.recipe.name if subject.profile else "",
+        design=name,
+        recipe="",
         run=tuple(run),
         skipped=tuple(skipped),
         findings=_waived(findings, waivers),
-        stale_waivers=_stale(findings, waivers),
-        limits=changed,
     )
 
 
@@ -88,6 +118,6 @@ def _waived(findings: list[Finding], waivers: tuple[Waiver, ...]) -> tuple[Findi
     )
 
 
-def _stale(findings: list[Finding], waivers: tuple[Waiver, ...]) -> tuple[str, ...]:
+def _stale(findings: Sequence[Finding], waivers: tuple[Waiver, ...]) -> tuple[str, ...]:
     found = {finding.fingerprint for finding in findings}
     return tuple(w.fingerprint for w in waivers if w.fingerprint not in found)

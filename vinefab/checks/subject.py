@@ -14,6 +14,7 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
+from vinefab.model.rigfacts import Course, RigFacts
 
 MOST_BRANCHES = 5000
 """Larger trees are not looked at: no sheet holds them, and pairs grow with the square."""
@@ -46,6 +47,10 @@ class Subject:
         Simulated deployments, for rules about paths.
     places
         What each deployment's map is called; empty if nobody said.
+    rig
+        A test rig, for the rules about its parts.
+    courses
+        Maps or rigs with their narrow corridors, for the rule about them.
     """
 
     design: Design
@@ -58,6 +63,8 @@ class Subject:
     readback: Mapping[str, tuple[str, ...]] | None = None
     deployments: tuple[Deployment, ...] = ()
     places: tuple[str, ...] = ()
+    rig: RigFacts | None = None
+    courses: tuple[Course, ...] = ()
 
     @classmethod
     def of(

@@ -5,11 +5,13 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import Force, Quiet, Voice
+from vinefab.cli.options import EXIT_FINDINGS, Force, Quiet, Voice
 from vinefab.core.atomic import ensure_own_folder, new_folder, write_bytes
+from vinefab.files.design import read_design
 from vinefab.files.map import read_map
 from vinefab.files.printer import read_printer
 from vinefab.files.shipped import DEFAULT_PRINTER
+from vinefab.pipeline.check import check_lines
 from vinefab.pipeline.rig import make_rig
 from vinefab.rig.options import RigOptions
 
@@ -29,22 +31,57 @@ def rig_command(
     printer: Annotated[str, typer.Option(help="A printer file, or a shipped one's name.")] = (
         DEFAULT_PRINTER
     ),
+    design: Annotated[
+        str | None, typer.Option(help="The robot, to see whether corridors and heights suit it.")
+    ] = None,
     height_mm: Annotated[float, typer.Option(help="Height of the obstacles.")] = 30.0,
+    plate_mm: Annotated[float, typer.Option(help="Thickness of the base plate.")] = 3.0,
+    border_mm: Annotated[float, typer.Option(help="Thickness of the wall around.")] = 4.0,
+    entry_mm: Annotated[float, typer.Option(help="Width of the entry; 0: none.")] = 40.0,
     scale: Annotated[float, typer.Option(help="Printed size over map size.")] = 1.0,
+    fit_mm: Annotated[
+        float | None, typer.Option(help="Length of the rig's longer side; sets the scale.")
+    ] = None,
+    joint: Annotated[str, typer.Option(help="dovetail, dowel or none.")] = "dovetail",
+    clearance_mm: Annotated[
+        float | None, typer.Option(help="Gap around joints; default: the printer's.")
+    ] = None,
+    most_parts: Annotated[int, typer.Option(help="Refuse a rig of more parts.")] = 100,
+    allow_empty: Annotated[
+        bool, typer.Option("--allow-empty", help="Make a bare tray of a map without obstacles.")
+    ] = False,
     quiet: Quiet = False,
     force: Force = False,
-) -> None:
-    """Write a map as printable solids: one STL per part, and rig.json with where each goes.
+) -> int:
+    """Write a map as printable solids: an STL per part, a 3MF per bed, rig.json with all places.
 
-    Example: vinefab rig grid.geojson --printer generic_220 --out rig
+    Example: vinefab rig grid.geojson --printer generic_220 --fit-mm 400 --out rig
     """
     voice = Voice(quiet=quiet, force=force)
     ensure_own_folder(out, MARK, force=force)
-    options = RigOptions(height_mm=height_mm, scale=scale)
-    made = make_rig(read_map(map_file), read_printer(printer), options)
+    world = read_map(map_file)
+    options = RigOptions(
+        height_mm=height_mm,
+        plate_mm=plate_mm,
+        border_mm=border_mm,
+        entry_width_mm=entry_mm,
+        scale=scale,
+        joint=joint,
+        clearance_mm=clearance_mm,
+        most_parts=most_parts,
+    )
+    if fit_mm is not None:
+        options = options.fitted(world, fit_mm)
+    robot = read_design(design) if design else None
+    made = make_rig(world, read_printer(printer), options, design=robot, allow_empty=allow_empty)
+    if made.report.blocking:
+        for line in check_lines(made.report):
+            voice.say(line)
+        return EXIT_FINDINGS
     with new_folder(out, MARK, force=force) as folder:
         for name, data in made.files.items():
             write_bytes(folder / name, data)
     for line in made.summary():
         voice.say(line)
     voice.say(f"wrote {out}/ ({len(made.files)} files)")
+    return 0

@@ -10,32 +10,31 @@ SCHEMA = "vinefab/checks-1"
 
 def checks_text(report: CheckReport) -> str:
     """Return every rule that was run or skipped, and all findings, waived ones included."""
-    return json_text(
-        SCHEMA,
-        {
-            "design": report.design,
-            "recipe": report.recipe,
-            "units": "mm",
-            "rules_run": [
-                {"id": run.rule, "checked": run.checked, "findings": run.findings}
-                for run in report.run
-            ],
-            "notes": [{"id": run.rule, "note": run.note} for run in report.run if run.note],
-            "rules_skipped": [{"id": skip.rule, "reason": skip.reason} for skip in report.skipped],
-            "findings": [_finding(finding) for finding in report.findings],
-            "stale_waivers": list(report.stale_waivers),
-            "limits_changed": [
-                {
-                    "id": limit.rule,
-                    "name": limit.name,
-                    "value": limit.value,
-                    "default": limit.default,
-                    "source": limit.source,
-                }
-                for limit in report.limits
-            ],
-        },
-    )
+    names = {"design": report.design, "recipe": report.recipe, "units": "mm"}
+    return json_text(SCHEMA, {**names, **checks_content(report)})
+
+
+def checks_content(report: CheckReport) -> dict[str, object]:
+    """Return the same without the names, to be part of another document."""
+    return {
+        "rules_run": [
+            {"id": run.rule, "checked": run.checked, "findings": run.findings} for run in report.run
+        ],
+        "notes": [{"id": run.rule, "note": run.note} for run in report.run if run.note],
+        "rules_skipped": [{"id": skip.rule, "reason": skip.reason} for skip in report.skipped],
+        "findings": [_finding(finding) for finding in report.findings],
+        "stale_waivers": list(report.stale_waivers),
+        "limits_changed": [
+            {
+                "id": limit.rule,
+                "name": limit.name,
+                "value": limit.value,
+                "default": limit.default,
+                "source": limit.source,
+            }
+            for limit in report.limits
+        ],
+    }
 
 
 def _finding(finding: Finding) -> dict[str, object]:

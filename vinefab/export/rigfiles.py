@@ -1,50 +1,58 @@
-"""The files of a rig: one STL per part, rig.json and a part list."""
+"""The files of a rig's printed parts: one STL per part, one 3MF per bed; and both read again."""
 
-import csv
-import io
-from dataclasses import asdict
+import zipfile
+from collections.abc import Mapping
 
-from vinefab.core.errors import ReadBackError
-from vinefab.core.hashing import sha256_of
-from vinefab.core.jsontext import GENERATOR, json_text
-from vinefab.export.stl import check_stl, stl_bytes
-from vinefab.model.map import Map
-from vinefab.model.printer import Printer
-from vinefab.rig.assembled import Comparison
-from vinefab.rig.options import RigOptions
-from vinefab.rig.part import Rig, RigPart, ThinPlace
+import numpy as np
 
-SCHEMA = "vinefab/rig-1"
+from vinefab.export.stl import check_stl, mesh_problems, stl_bytes
+from vinefab.export.threemf import Item, read_threemf, threemf_bytes
+from vinefab.rig.part import Rig, RigPart
+from vinefab.rig.printing import Bed, Printing
+
+_PLACE_MM = 1e-3
 
 
-def rig_files(rig: Rig, world: Map, comparison: Comparison) -> dict[str, bytes]:
-    """Return every file of a rig by name, the STL files already read again and found right.
+def solid_files(rig: Rig, printing: Printing) -> dict[str, bytes]:
+    """Return the STL and 3MF files of a rig by name.
 
     Parameters
     ----------
     rig
         What is printed.
-    world
-        The map that it was made from.
-    comparison
-        How the assembled rig compares with the map (`vinefab.rig.assembled.compare_with_map`).
-
-    Raises
-    ------
-    ReadBackError
-        If an STL file, read again, is not the closed solid that it should be.
+    printing
+        Its beds.
     """
-    files = {}
-    for part in rig.parts:
-        data = stl_bytes(part.vertices_mm, part.faces, part.name)
-        problems = check_stl(data, part)
-        if problems:
-            raise ReadBackError(stl_name(part), "; ".join(problems))
-        files[stl_name(part)] = data
-    digests = {name: sha256_of(data) for name, data in files.items()}
-    files["parts.csv"] = parts_text(rig).encode()
-    files["rig.json"] = rig_text(rig, world, comparison, digests).encode()
+    files = {
+        stl_name(part): stl_bytes(part.vertices_mm, part.faces, part.name) for part in rig.printed
+    }
+    for bed in printing.beds:
+        files[bed_name(bed)] = threemf_bytes(_items(bed, rig), f"{rig.name}, {bed.name}")
     return files
+
+
+def solid_problems(
+    files: Mapping[str, bytes], rig: Rig, printing: Printing
+) -> dict[str, tuple[str, ...]]:
+    """Read STL and 3MF files again and return, by part, what is wrong with them.
+
+    Parameters
+    ----------
+    files
+        As `solid_files` returns them.
+    rig, printing
+        What they were made from.
+
+    Returns
+    -------
+    dict
+        One entry per part, by name; empty tuples when all is right.
+    """
+    problems = {part.name: list(check_stl(files[stl_name(part)], part)) for part in rig.printed}
+    for bed in printing.beds:
+        for name, found in _bed_problems(files[bed_name(bed)], bed, rig).items():
+            problems[name] += [f"({bed_name(bed)}) {problem}" for problem in found]
+    return {name: tuple(found) for name, found in problems.items()}
 
 
 def stl_name(part: RigPart) -> str:
@@ -52,78 +60,27 @@ def stl_name(part: RigPart) -> str:
     return f"{part.name}.stl"
 
 
-def rig_text(rig: Rig, world: Map, comparison: Comparison, digests: dict[str, str]) -> str:
-    """Return rig.json.
-
-    A part's ``transform_to_map`` is a 4 x 4 matrix by rows: applied to a point of its STL file
-    (x, y, z, 1) in printed millimetres it gives map coordinates, z = 0 being the floor.
-
-    Parameters
-    ----------
-    rig, world, comparison
-        As in `rig_files`.
-    digests
-        SHA-256 by file name.
-    """
-    x_mm, y_mm = world.bounds.bounds[:2]
-    content = {
-        "units": "mm",
-        "map": {
-            "name": world.name,
-            "environment": world.environment,
-            "seed": world.seed,
-            "walls": world.wall_count,
-            "lower_left_mm": [x_mm, y_mm],
-            "size_mm": world.size_mm,
-        },
-        "printer": _fields(rig.printer),
-        "options": _fields(rig.options),
-        "parts": [_part_content(part, digests[stl_name(part)]) for part in rig.parts],
-        "volume_mm3": _round(rig.volume_mm3),
-        "joint_gap_mm3": _round(rig.joint_gap_mm3),
-        "counts": dict(rig.counts),
-        "thin_places": [_fields(place) for place in rig.thin_places],
-        "against_map": _fields(comparison),
-        "notes": list(rig.notes),
-    }
-    return json_text(SCHEMA, content)
+def bed_name(bed: Bed) -> str:
+    """Return the name of a bed's file."""
+    return f"{bed.name}.3mf"
 
 
-def parts_text(rig: Rig) -> str:
-    """Return the part list as CSV, our mark in a comment above the column names."""
-    text = io.StringIO()
-    text.write(f"# {GENERATOR}\n")
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(
-        ["number", "file", "row", "column", "x_mm", "y_mm", "z_mm", "volume_cm3", "triangles"]
-    )
-    for number, part in enumerate(rig.parts, 1):
-        sizes = [f"{size:.2f}" for size in part.size_mm]
-        volume = f"{part.volume_mm3 / 1000.0:.2f}"
-        table.writerow(
-            [number, stl_name(part), part.row, part.column, *sizes, volume, len(part.faces)]
-        )
-    return text.getvalue()
+def _items(bed: Bed, rig: Rig) -> list[Item]:
+    parts = rig.printed
+    return [Item(part=parts[at.index], at_mm=(at.x_mm, at.y_mm)) for at in bed.places]
 
 
-def _part_content(part: RigPart, digest: str) -> dict[str, object]:
-    return {
-        "name": part.name,
-        "file": stl_name(part),
-        "sha256": digest,
-        "row": part.row,
-        "column": part.column,
-        "volume_mm3": _round(part.volume_mm3),
-        "size_mm": [_round(size) for size in part.size_mm],
-        "triangles": len(part.faces),
-        "transform_to_map": part.to_map,
-    }
-
-
-def _fields(noun: Printer | RigOptions | ThinPlace | Comparison) -> dict[str, object]:
-    return {name: _round(value) for name, value in asdict(noun).items()}
-
-
-def _round(value: object) -> object:
-    """Round numbers to what they mean, so that files do not differ in a last digit."""
-    return round(value, 6) if isinstance(value, float) else value
+def _bed_problems(data: bytes, bed: Bed, rig: Rig) -> dict[str, tuple[str, ...]]:
+    items = _items(bed, rig)
+    try:
+        read = read_threemf(data)
+    except (ValueError, KeyError, SyntaxError, zipfile.BadZipFile) as error:
+        return {item.part.name: (f"cannot be read: {error}",) for item in items}
+    if [item.part.name for item in items] != [item.name for item in read]:
+        return {items[0].part.name: ("lies among other parts than it should",)}
+    found = {}
+    for item, got in zip(items, read, strict=True):
+        away_mm = np.abs(np.subtract((*item.at_mm, 0.0), got.shift_mm)).max()
+        astray = ("does not lie where it should",) if away_mm > _PLACE_MM else ()
+        found[item.part.name] = (*mesh_problems(got.mesh, item.part), *astray)
+    return found

@@ -1,20 +1,13 @@
-"""Binary STL out, and read again to see whether it says what it should.
+"""Binary STL out, and read again to see whether it says what it should."""
 
-trimesh is imported only when a file is read: it takes over a second.
-"""
-
-import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vinefab.core.jsontext import GENERATOR
+from vinefab.export.mesh import Mesh
 from vinefab.model.checked import Floats, Ints
 from vinefab.rig.part import RigPart
-
-if TYPE_CHECKING:
-    import trimesh
 
 _HEADER_BYTES = 80
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -49,9 +42,6 @@ def stl_bytes(vertices_mm: Floats, faces: Ints, name: str) -> bytes:
 def check_stl(file: Path | bytes, part: RigPart) -> tuple[str, ...]:
     """Read an STL file again and say what is wrong with it.
 
-    trimesh alone is not enough: it reads a truncated file as an empty scene without an error,
-    and flipped triangles still look watertight.
-
     Parameters
     ----------
     file
@@ -65,23 +55,26 @@ def check_stl(file: Path | bytes, part: RigPart) -> tuple[str, ...]:
         Problems, one sentence each; empty when the file is right.
     """
     data = file if isinstance(file, bytes) else file.read_bytes()
-    problem = _form_problem(data)
+    problem = stl_problem(data)
     if problem:
         return (problem,)
-    mesh = _mesh(data)
+    return mesh_problems(read_stl(data), part)
+
+
+def mesh_problems(mesh: Mesh, part: RigPart) -> tuple[str, ...]:
+    """Say what is wrong with the triangles of a file, of whatever format, that holds one part."""
     if len(mesh.faces) != len(part.faces):
-        return (f"holds {len(mesh.faces)} triangles with an area, not {len(part.faces)}",)
-    said = {
-        "is not closed: an edge has not exactly two triangles": mesh.is_watertight,
-        "has triangles that face different ways": mesh.is_winding_consistent,
-        "is no solid: open, or inside out": mesh.is_volume,
-        "is more than one piece": mesh.body_count == 1,
-    }
-    problems = [text for text, holds in said.items() if not holds]
-    return tuple(problems + _size_problems(mesh, part))
+        return (f"holds {len(mesh.faces)} triangles, not {len(part.faces)}",)
+    return (*mesh.form_problems(), *_size_problems(mesh, part))
 
 
-def _form_problem(data: bytes) -> str:
+def read_stl(data: bytes) -> Mesh:
+    """Return what a binary STL file holds; `stl_problem` has found nothing wrong with its form."""
+    corners = np.frombuffer(data, _RECORD, offset=_HEADER_BYTES + 4)["corners"]
+    return Mesh.of_corners(corners.astype(np.float64))
+
+
+def stl_problem(data: bytes) -> str:
     """Return what is wrong with the bytes before any triangle is looked at, or nothing."""
     if len(data) < _HEADER_BYTES + 4:
         return f"is truncated: {len(data)} bytes are less than a header"
@@ -96,19 +89,12 @@ def _form_problem(data: bytes) -> str:
     return "" if count and np.isfinite(corners).all() else "holds no triangles, or no finite ones"
 
 
-def _mesh(data: bytes) -> "trimesh.Trimesh":
-    import trimesh  # noqa: PLC0415  over a second, for a file that most commands never read
-
-    options: dict[str, Any] = {"file_type": "stl", "process": True}
-    return trimesh.load_mesh(io.BytesIO(data), **options)
-
-
-def _size_problems(mesh: "trimesh.Trimesh", part: RigPart) -> list[str]:
+def _size_problems(mesh: Mesh, part: RigPart) -> list[str]:
     problems = []
-    volume_mm3 = float(mesh.volume)
+    volume_mm3 = mesh.volume_mm3
     if abs(volume_mm3 - part.volume_mm3) > _VOLUME_SHARE * part.volume_mm3:
         problems.append(f"has a volume of {volume_mm3:.6g} mm3, not {part.volume_mm3:.6g}")
     box = np.array([part.vertices_mm.min(axis=0), part.vertices_mm.max(axis=0)])
-    if np.abs(np.asarray(mesh.bounds) - box).max() > _BOX_MM:
-        problems.append(f"fills the box {mesh.bounds.tolist()}, not {box.tolist()}")
+    if np.abs(mesh.box_mm - box).max() > _BOX_MM:
+        problems.append(f"fills the box {mesh.box_mm.tolist()}, not {box.tolist()}")
     return problems

@@ -13,7 +13,7 @@ from vinefab.model.printer import Printer
 
 
 class PrinterForm(Form):
-    """A file in ``laser_profiles/printers``."""
+    """A file in ``laser_profiles/printers``; what is for estimates only may be left out."""
 
     schema_: Literal["vinefab/printer-1"] = Field(alias="schema")
     title: str
@@ -23,6 +23,13 @@ class PrinterForm(Form):
     nozzle_mm: QuantityForm
     least_wall_mm: QuantityForm
     clearance_mm: QuantityForm
+    layer_mm: QuantityForm | None = None
+    shell_mm: QuantityForm | None = None
+    infill: QuantityForm | None = None
+    flow_mm3_s: QuantityForm | None = None
+    layer_change_s: QuantityForm | None = None
+    filament_mm: QuantityForm | None = None
+    density_g_cm3: QuantityForm | None = None
 
 
 def read_printer(name_or_path: str | Path) -> Printer:
@@ -46,12 +53,6 @@ def read_printer(name_or_path: str | Path) -> Printer:
     path = locate("printer", name_or_path)
     form = check(PrinterForm, read_toml(path), path)
     with located(path):
-        return Printer(
-            name=path.stem,
-            bed_width_mm=form.bed_width_mm.value,
-            bed_depth_mm=form.bed_depth_mm.value,
-            height_mm=form.height_mm.value,
-            nozzle_mm=form.nozzle_mm.value,
-            least_wall_mm=form.least_wall_mm.value,
-            clearance_mm=form.clearance_mm.value,
-        )
+        values = ((name, getattr(form, name)) for name in PrinterForm.model_fields)
+        given = {name: held.value for name, held in values if isinstance(held, QuantityForm)}
+        return Printer(name=path.stem, **given)

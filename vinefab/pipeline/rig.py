@@ -2,17 +2,33 @@
 
 from dataclasses import dataclass
 
-from vinefab.core.errors import ReadBackError
-from vinefab.export.rigfiles import rig_files
+import shapely
+
+from vinefab.checks.rig import Stand
+from vinefab.checks.run import run_rig_checks
+from vinefab.core.errors import BadInputError, ReadBackError
+from vinefab.core.hashing import sha256_of
+from vinefab.export.rig_json import RigRecord, parts_text, rig_text
+from vinefab.export.rigfiles import solid_files, solid_problems
+from vinefab.model.design import Design
+from vinefab.model.finding import CheckReport
 from vinefab.model.map import Map
 from vinefab.model.printer import Printer
-from vinefab.rig.assembled import compare_with_map
+from vinefab.model.rigfacts import Course, PartFacts, RigFacts
+from vinefab.pipeline.check import check_lines
+from vinefab.pipeline.corridors import corridors_in
+from vinefab.rig.assembled import Comparison, compare_with_map
 from vinefab.rig.build import build_rig
+from vinefab.rig.estimate import Estimate
 from vinefab.rig.options import RigOptions
 from vinefab.rig.part import Rig
+from vinefab.rig.printing import printing_of
+from vinefab.rig.split import usable_mm
 
 MOST_DIFFERENCE = 1e-3
 """Largest share of the walls by which an assembled rig may differ from its map."""
+
+_CONVEX = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -24,40 +40,120 @@ class RigFiles:
     rig
         The rig.
     files
-        Content by file name; every STL file has been read again.
-    difference
-        Share of the walls by which the assembled rig differs from the map.
+        Content by file name, every solid read again; empty when a rule forbids the rig.
+    comparison
+        How the assembled rig differs from the map.
+    report
+        What the rules about rigs say.
+    estimate
+        What printing takes.
     """
 
     rig: Rig
     files: dict[str, bytes]
-    difference: float
+    comparison: Comparison
+    report: CheckReport
+    estimate: Estimate
 
     def summary(self) -> list[str]:
         """Return the rig in a few lines for the user."""
         rig = self.rig
         return [
-            f"{rig.name}: {len(rig.parts)} parts for {rig.printer.name}, "
-            f"{rig.volume_mm3 / 1000:.0f} cm3 (computed)",
-            f"every STL read back closed and oriented; assembled, the walls differ from the map "
-            f"by {100 * self.difference:.4f} %",
+            f"{rig.name}: {len(rig.parts)} parts for {rig.printer.name} at {rig.options.scale:.4g} "
+            f"of the map's size, {rig.volume_mm3 / 1000:.0f} cm3 (computed)",
+            f"printing: {self.estimate.words()} (computed from assumed settings of the printer)",
+            f"every STL and 3MF read back closed and oriented; assembled, the walls differ from "
+            f"the map by {100 * self.comparison.share:.4f} %",
             *(f"note: {note}" for note in rig.notes),
+            *check_lines(self.report)[:-1],
         ]
 
 
-def make_rig(world: Map, printer: Printer, options: RigOptions) -> RigFiles:
+def make_rig(
+    world: Map,
+    printer: Printer,
+    options: RigOptions,
+    *,
+    design: Design | None = None,
+    allow_empty: bool = False,
+) -> RigFiles:
     """Return the files of a map's rig.
+
+    Parameters
+    ----------
+    world, printer, options
+        What is made, on what, how large.
+    design
+        The robot that is to be tried on it, for the rules about corridors and heights.
+    allow_empty
+        Make a bare tray of a map without anything to steer around.
 
     Raises
     ------
     BadInputError
         If the rig cannot be printed.
     ReadBackError
-        If a file, read again, is not what it should be, or the assembled rig is not the map.
+        If the assembled rig is not the map.
     """
+    if not allow_empty:
+        _refuse_empty(world)
     rig = build_rig(world, printer, options)
     comparison = compare_with_map(rig, world)
     if comparison.share > MOST_DIFFERENCE:
         problem = f"assembled, its walls differ from the map by {100 * comparison.share:.3f} %"
         raise ReadBackError(f"rig of {world.name}", problem)
-    return RigFiles(rig=rig, files=rig_files(rig, world, comparison), difference=comparison.share)
+    printing = printing_of(rig)
+    files = solid_files(rig, printing)
+    facts = _facts(rig, solid_problems(files, rig, printing))
+    courses = (_course(rig, world),) if design else ()
+    report = run_rig_checks(Stand(design=design, rig=facts, courses=courses))
+    record = RigRecord(
+        rig=rig, world=world, printing=printing, comparison=comparison, report=report
+    )
+    if report.blocking:
+        files = {}
+    else:
+        files["parts.csv"] = parts_text(rig, printing).encode()
+        digests = {name: sha256_of(data) for name, data in files.items()}
+        files["rig.json"] = rig_text(record, digests).encode()
+    return RigFiles(
+        rig=rig, files=files, comparison=comparison, report=report, estimate=printing.total
+    )
+
+
+def _refuse_empty(world: Map) -> None:
+    """Refuse a map that has nothing to print but a tray.
+
+    Raises
+    ------
+    BadInputError
+        If there is no obstacle in the bounds, and they are convex.
+    """
+    bounds = world.bounds
+    hull_mm2 = bounds.convex_hull.area
+    walled = bounds.area < hull_mm2 * (1.0 - _CONVEX)
+    if walled or any(obstacle.intersects(bounds) for obstacle in world.obstacles):
+        return
+    allowed = "at least one in the bounds, or bounds with a corner to go around; --allow-empty"
+    raise BadInputError(f"map {world.name}: number of obstacles", 0, f"{allowed} makes a bare tray")
+
+
+def _facts(rig: Rig, problems: dict[str, tuple[str, ...]]) -> RigFacts:
+    room_mm = (*usable_mm(rig.printer, rig.options), rig.printer.height_mm)
+    return RigFacts(
+        name=rig.name,
+        printer=rig.printer.name,
+        room_mm=room_mm,
+        height_mm=rig.options.height_mm,
+        parts=tuple(
+            PartFacts(name=part.name, size_mm=part.size_mm, problems=problems[part.name])
+            for part in rig.printed
+        ),
+    )
+
+
+def _course(rig: Rig, world: Map) -> Course:
+    """Return the corridors as they will be printed, thickened walls included."""
+    inside = shapely.Polygon(world.bounds.exterior)
+    free = shapely.difference(inside, rig.walls)
+    return corridors_in(f"the rig of {world.name}", free, rig.options.scale)

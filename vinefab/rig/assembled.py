@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from manifold3d import Manifold
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
@@ -13,8 +14,9 @@ from vinefab.rig.clean import pieces_of
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.solid import manifold_of, outlines_at
 
-_HEIGHTS = (0.02, 0.5, 0.98)
+_HEIGHTS = (0.02, 0.98)
 _LEAST_WALL_SHARE = 0.01
+_RIM_MM = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,27 +28,33 @@ class Comparison:
     wall_mm2
         Area of the map's obstacles within the bounds, in map units.
     excess_mm2, missing_mm2
-        Area of rig where the map is free, and of map where the rig is, within the bounds; the
-        largest over three heights.
+        Area of rig where the map is free, and of map where the rig is, within the bounds.
+    thickened_mm2
+        Area that was added on purpose where walls were too thin to print; it is not part of the
+        excess.
+    leaning_mm2
+        By how much the walls' area differs between mid-height and just below or above it.
     floor_missing_mm2
         Area within the bounds without plate below: gaps of joints, holes of entries.
     share
-        Excess and missing together, over ``wall_mm2`` (but at least over 1 % of the bounds' area,
-        so that an almost empty map is not judged by the rounding of its border).
+        Excess, missing and leaning together, over ``wall_mm2`` (but at least over 1 % of the
+        bounds' area, so that an almost empty map is not judged by the rounding of its border).
     """
 
     wall_mm2: float
     excess_mm2: float
     missing_mm2: float
+    thickened_mm2: float
+    leaning_mm2: float
     floor_missing_mm2: float
     share: float
 
 
 def compare_with_map(rig: Rig, world: Map) -> Comparison:
-    """Move all parts to their places, cut them at three heights and compare with the map.
+    """Move all parts to their places, cut them at half their height and compare with the map.
 
     Works on the parts' triangles and transforms only, not on the plan that they were made from.
-    Since every wall is upright, areas in plan are volumes.
+    Walls are upright, which two more cuts confirm; so a share of areas is one of volumes.
 
     Raises
     ------
@@ -56,19 +64,30 @@ def compare_with_map(rig: Rig, world: Map) -> Comparison:
     options = rig.options
     inside = shapely.Polygon(world.bounds.exterior)
     walls = _areas(shapely.difference(inside, world.free_space))
-    excess_mm2 = missing_mm2 = 0.0
-    for share in _HEIGHTS:
-        cut = _areas(_cut(rig, options.plate_mm + share * options.height_mm).intersection(inside))
-        excess_mm2 = max(excess_mm2, cut.difference(walls).area)
-        missing_mm2 = max(missing_mm2, walls.difference(cut).area)
-    floor = _cut(rig, 0.5 * options.plate_mm)
+    bodies = [_body(part) for part in rig.parts]
+    top_mm = options.height_mm / options.scale
+    middle = _cut(rig, bodies, 0.5 * top_mm).intersection(inside)
+    thickened = _areas(shapely.difference(_areas(rig.thickened), walls))
+    excess = _areas(shapely.difference(_areas(middle), walls))
+    excess_mm2 = shapely.difference(excess, _widened(thickened, _RIM_MM / options.scale)).area
+    missing_mm2 = shapely.difference(walls, _areas(middle)).area
+    leaning_mm2 = _leaning_mm2(rig, bodies)
+    floor = _cut(rig, bodies, -0.25 * options.plate_mm / options.scale)
+    off_mm2 = excess_mm2 + missing_mm2 + leaning_mm2
     return Comparison(
         wall_mm2=walls.area,
         excess_mm2=excess_mm2,
         missing_mm2=missing_mm2,
+        thickened_mm2=thickened.intersection(inside).area,
+        leaning_mm2=leaning_mm2,
         floor_missing_mm2=inside.difference(floor).area,
-        share=(excess_mm2 + missing_mm2) / max(walls.area, _LEAST_WALL_SHARE * inside.area),
+        share=off_mm2 / max(walls.area, _LEAST_WALL_SHARE * inside.area),
     )
+
+
+def _widened(geometry: BaseGeometry, rim: float) -> BaseGeometry:
+    """Grow by less than anything that matters, so that rounding leaves no rims around it."""
+    return shapely.buffer(geometry, rim, join_style="mitre")
 
 
 def _areas(geometry: BaseGeometry) -> BaseGeometry:
@@ -76,17 +95,43 @@ def _areas(geometry: BaseGeometry) -> BaseGeometry:
     return shapely.union_all(pieces_of(geometry))
 
 
-def _cut(rig: Rig, z_mm: float) -> BaseGeometry:
-    return shapely.union_all([_part_cut(part, z_mm) for part in rig.parts])
+def _leaning_mm2(rig: Rig, bodies: list[Manifold]) -> float:
+    """Return how much area the walls gain or lose between top and bottom, in map units."""
+    top_mm = rig.options.height_mm / rig.options.scale
+    areas = [
+        np.array(
+            [
+                body.slice(_height_in(part, share * top_mm)).area()
+                for part, body in zip(rig.parts, bodies, strict=True)
+            ]
+        )
+        for share in (0.5, *_HEIGHTS)
+    ]
+    return float(sum(np.abs(area - areas[0]).sum() for area in areas[1:])) / rig.options.scale**2
 
 
-def _part_cut(part: RigPart, z_mm: float) -> BaseGeometry:
+def _cut(rig: Rig, bodies: list[Manifold], z_mm: float) -> BaseGeometry:
+    cuts = [
+        _moved(part, outlines_at(body, _height_in(part, z_mm)))
+        for part, body in zip(rig.parts, bodies, strict=True)
+    ]
+    return shapely.union_all(cuts)
+
+
+def _height_in(part: RigPart, z_mm: float) -> float:
+    """Return a height above the floor, in map units, as a height of the part as printed."""
+    return float((z_mm - part.to_map[2, 3]) / part.to_map[2, 2])
+
+
+def _body(part: RigPart) -> Manifold:
     body = manifold_of(part.vertices_mm, part.faces)
     if body.is_empty():
         raise BadInputError(f"part {part.name}", body.status().name, "triangles that bound a solid")
+    return body
 
-    def moved(points: Floats) -> Floats:
-        flat = points @ part.to_map[:2, :2].T + part.to_map[:2, 3]
-        return np.asarray(flat, dtype=np.float64)
 
-    return shapely.transform(outlines_at(body, z_mm), moved)
+def _moved(part: RigPart, flat: BaseGeometry) -> BaseGeometry:
+    def move(points: Floats) -> Floats:
+        return np.asarray(points @ part.to_map[:2, :2].T + part.to_map[:2, 3], dtype=np.float64)
+
+    return shapely.transform(flat, move)

@@ -4,17 +4,20 @@ import math
 
 import numpy as np
 import shapely
+from shapely import Polygon
 
 from vinefab.core.errors import BadInputError
 from vinefab.model.checked import Floats
 from vinefab.model.map import Map
 from vinefab.model.printer import Printer
 from vinefab.rig.clean import pieces_of
+from vinefab.rig.engrave import marks_for
+from vinefab.rig.extras import extras_of
 from vinefab.rig.options import RigOptions
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.plan import RigPlan, plan_of
-from vinefab.rig.solid import stacked
-from vinefab.rig.split import Cuts, cuts_of
+from vinefab.rig.solid import Hollow, stacked
+from vinefab.rig.split import Cuts, cuts_of, grid_of
 from vinefab.rig.tiles import Joints, Tile, joints_of, tiles_of
 
 _QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -49,20 +52,25 @@ def build_rig(world: Map, printer: Printer, options: RigOptions | None = None) -
         If the rig is taller than the printer, or needs more parts than allowed.
     """
     options = options or RigOptions()
-    _check_height(printer, options)
+    refuse_early(world, printer, options)
     plan = plan_of(world, printer, options)
     cuts = cuts_of(plan.plate.bounds, plan.solids, printer, options)
-    joints = joints_of(plan, cuts, printer.clearance_mm)
+    joints = joints_of(plan, cuts, options.gap_mm(printer))
     least_mm = options.sliver_mm, 0.5 * printer.nozzle_mm
     tiles = list(tiles_of(plan, cuts, joints, least_mm))
+    parts = [
+        _part(number, len(tiles), tile, (plan, cuts, options))
+        for number, tile in enumerate(tiles, 1)
+    ]
     return Rig(
         name=world.name,
-        parts=tuple(
-            _part(number, len(tiles), tile, (plan, cuts, options))
-            for number, tile in enumerate(tiles, 1)
-        ),
+        parts=tuple(part for part, _ in parts),
         printer=printer,
         options=options,
+        extras=extras_of(plan.plate.bounds, plan.to_map(-options.plate_mm)),
+        plate=plan.on_map(plan.plate),
+        walls=plan.on_map(shapely.MultiPolygon(list(plan.solids))),
+        thickened=plan.on_map(plan.thickened),
         thin_places=plan.thin_places,
         counts={
             "slivers": plan.slivers,
@@ -70,20 +78,41 @@ def build_rig(world: Map, printer: Printer, options: RigOptions | None = None) -
             "bridges": plan.bridges,
             "joints": len(joints.joints),
             "bare_seams": joints.bare_seams,
+            "unmarked": sum(not marked for _, marked in parts) if options.mark_depth_mm else 0,
         },
         joint_gap_mm3=options.plate_mm * sum(joint.gap_mm2 for joint in joints.joints),
         notes=_notes(plan, joints, printer, options),
     )
 
 
-def _part(number: int, count: int, tile: Tile, job: tuple[RigPlan, Cuts, RigOptions]) -> RigPart:
+def refuse_early(world: Map, printer: Printer, options: RigOptions) -> None:
+    """Refuse, before any long work, what the sizes alone show to be impossible.
+
+    Raises
+    ------
+    BadInputError
+        If the rig is taller than the printer, or the plate needs more parts than allowed.
+    """
+    _check_height(printer, options)
+    border_mm = 2.0 * options.border_mm
+    width_mm, depth_mm = (options.scale * side_mm + border_mm for side_mm in world.size_mm)
+    grid_of((width_mm, depth_mm), printer, options)
+
+
+def _part(
+    number: int, count: int, tile: Tile, job: tuple[RigPlan, Cuts, RigOptions]
+) -> tuple[RigPart, bool]:
+    """Return a tile as a solid, and whether its number found room."""
     plan, cuts, options = job
+    depth_mm = options.mark_depth_mm
+    marks = marks_for(number, tile.plate) if depth_mm else pieces_of(Polygon())
     low = np.array([*tile.plate.bounds[:2], 0.0])
-    plate, solids = (
+    plate, solids, grooves = (
         shapely.transform(pieces, lambda points: points - low[:2])
-        for pieces in (pieces_of(tile.plate), tile.solids)
+        for pieces in (pieces_of(tile.plate), tile.solids, marks)
     )
-    vertices, faces = stacked(plate, solids, options.plate_mm, options.height_mm)
+    hollows = [Hollow(pieces=grooves, low_mm=-1.0, high_mm=depth_mm)] if len(marks) else []
+    vertices, faces = stacked(plate, solids, options.plate_mm, options.height_mm, hollows)
     turn, shift = np.eye(3), np.zeros(3)
     if cuts.turned:
         turn, shift[0] = _QUARTER_TURN, tile.plate.bounds[3] - tile.plate.bounds[1]
@@ -91,25 +120,28 @@ def _part(number: int, count: int, tile: Tile, job: tuple[RigPlan, Cuts, RigOpti
         # The sum is rounded once more, to what the file can hold.
         vertices = vertices.astype(np.float32).astype(np.float64)
     row, column = tile.cell
-    return RigPart(
+    part = RigPart(
         name=f"part_{number:0{max(2, len(str(count)))}d}_r{row + 1}c{column + 1}",
+        number=number,
         row=row + 1,
         column=column + 1,
         vertices_mm=vertices,
         faces=faces,
-        to_map=_to_map(turn, low - turn.T @ shift, plan, options),
+        to_map=plan.to_map(-options.plate_mm) @ _back(turn, low - turn.T @ shift),
         volume_mm3=float(
-            tile.plate.area * options.plate_mm + shapely.area(tile.solids).sum() * options.height_mm
+            tile.plate.area * options.plate_mm
+            + shapely.area(tile.solids).sum() * options.height_mm
+            - shapely.area(marks).sum() * depth_mm
         ),
     )
+    return part, len(marks) > 0
 
 
-def _to_map(turn: Floats, low_mm: Floats, plan: RigPlan, options: RigOptions) -> Floats:
-    """Return the transform printed -> plan (turn back, move) -> map (unscale, move)."""
+def _back(turn: Floats, low_mm: Floats) -> Floats:
+    """Return the transform printed -> plan: turn back, move."""
     matrix = np.eye(4)
-    matrix[:3, :3] = turn.T / plan.scale
-    matrix[:3, 3] = (low_mm - (0.0, 0.0, options.plate_mm)) / plan.scale
-    matrix[:2, 3] += plan.origin_mm
+    matrix[:3, :3] = turn.T
+    matrix[:3, 3] = low_mm
     return matrix
 
 
@@ -123,8 +155,8 @@ def _check_height(printer: Printer, options: RigOptions) -> None:
 def _notes(plan: RigPlan, joints: Joints, printer: Printer, options: RigOptions) -> tuple[str, ...]:
     count, least = len(plan.thin_places), printer.least_wall_mm
     said = {
-        f"{count} places are thinner than the {least:g} mm that {printer.name} prints and were "
-        "left as they are": count,
+        f"{count} places were thinner than the {least:g} mm that {printer.name} prints and were "
+        f"thickened to it: {plan.thickened.area:.0f} mm2 of wall added": count,
         f"the border is thinner than the {least:g} mm that {printer.name} prints": (
             options.border_mm < least
         ),

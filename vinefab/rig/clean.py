@@ -101,7 +101,8 @@ def thin_parts(pieces: Pieces, width_mm: float) -> Pieces:
     They are what an opening (shrink, then grow back) loses. Sharp corners lose their tips too:
     what is smaller than twice the width squared is not counted, which is a tip below 12 degrees.
     """
-    half_mm = 0.5 * width_mm
+    # Less a step of the grid: a wall of just the width is thick enough, however it was snapped.
+    half_mm = max(0.5 * width_mm - GRID_MM, 0.25 * width_mm)
     # Growing back a hair more keeps rounding errors along the edges out of the difference.
     opened = shapely.buffer(
         shapely.buffer(pieces, -half_mm, join_style="mitre", mitre_limit=_MITRE_LIMIT),

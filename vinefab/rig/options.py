@@ -1,8 +1,13 @@
 """What a user may choose about a rig."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from vinefab.core.errors import BadInputError
 from vinefab.model.checked import number, positive, whole
+from vinefab.model.map import Map
+from vinefab.model.printer import Printer
+
+JOINTS = ("dovetail", "dowel", "none")
 
 GRID_MM = 1e-3
 """Plans are snapped to this grid: far below what a printer can do, far above what single
@@ -29,6 +34,15 @@ class RigOptions:
         opening in the border; one further away gets a round hole through the plate.
     scale
         Rig millimetres per map millimetre.
+    clearance_mm
+        Gap around what is pushed into each other; the printer's own when None.
+    joint
+        What holds neighbouring tiles together: ``dovetail`` (in the plate), ``dowel`` (round pins
+        from edge to edge, for thick plates) or ``none``.
+    dowel_mm
+        Diameter of the pins.
+    mark_depth_mm
+        Depth of number and north arrow, engraved into the underside of each tile; 0: none.
     bed_margin_mm
         Rim of the printer's bed that stays free.
     sliver_mm
@@ -49,6 +63,10 @@ class RigOptions:
     entry_width_mm: float = 40.0
     entry_reach_mm: float = 60.0
     scale: float = 1.0
+    clearance_mm: float | None = None
+    joint: str = "dovetail"
+    dowel_mm: float = 3.0
+    mark_depth_mm: float = 0.4
     bed_margin_mm: float = 5.0
     sliver_mm: float = 0.05
     most_parts: int = 100
@@ -60,6 +78,33 @@ class RigOptions:
         number("rig.entry_width_mm", self.entry_width_mm, 0.0, 10_000.0, "mm")
         number("rig.entry_reach_mm", self.entry_reach_mm, 0.0, 10_000.0, "mm")
         positive("rig.scale", self.scale, 1e3, "rig mm per map mm")
+        if self.clearance_mm is not None:
+            number("rig.clearance_mm", self.clearance_mm, 0.0, 5.0, "mm")
+        if self.joint not in JOINTS:
+            raise BadInputError("rig.joint", self.joint, f"one of {', '.join(JOINTS)}")
+        number("rig.dowel_mm", self.dowel_mm, 1.0, 20.0, "mm")
+        number("rig.mark_depth_mm", self.mark_depth_mm, 0.0, 5.0, "mm")
+        if self.mark_depth_mm > 0.5 * self.plate_mm:
+            allowed = f"at most half of the plate, {0.5 * self.plate_mm:g} mm"
+            raise BadInputError("rig.mark_depth_mm", self.mark_depth_mm, allowed)
         number("rig.bed_margin_mm", self.bed_margin_mm, 0.0, 1000.0, "mm")
         number("rig.sliver_mm", self.sliver_mm, 0.0, 1.0, "mm")
         whole("rig.most_parts", self.most_parts, 1, 100_000)
+
+    def gap_mm(self, printer: Printer) -> float:
+        """Return the gap around what is pushed into each other."""
+        return printer.clearance_mm if self.clearance_mm is None else self.clearance_mm
+
+    def fitted(self, world: Map, side_mm: float) -> "RigOptions":
+        """Return the options with the scale at which the rig's longer side has some length.
+
+        Raises
+        ------
+        BadInputError
+            If the border alone takes that length.
+        """
+        room_mm = side_mm - 2.0 * self.border_mm
+        if not room_mm > 0.0:
+            allowed = f"more than the border on both sides, {2.0 * self.border_mm:g} mm"
+            raise BadInputError("--fit-mm", side_mm, allowed)
+        return replace(self, scale=room_mm / max(world.size_mm))

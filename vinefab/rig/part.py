@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.model.checked import Floats, Ints, frozen_floats, frozen_ints, positive
@@ -20,8 +22,11 @@ class RigPart:
     ----------
     name
         File name without suffix.
+    number
+        What is engraved into it and written on the assembly drawing; 0 for what has no number.
     row, column
-        Place in the grid of tiles, from 1, row 1 lowest and column 1 leftmost on the map.
+        Place in the grid of tiles, from 1, row 1 lowest and column 1 leftmost on the map; 0 for
+        parts that are no tiles.
     vertices_mm
         Corners, shape (n, 3), each value one that single precision (STL) holds exactly.
     faces
@@ -39,12 +44,13 @@ class RigPart:
     """
 
     name: str
-    row: int
-    column: int
     vertices_mm: Floats
     faces: Ints
     to_map: Floats
     volume_mm3: float
+    number: int = 0
+    row: int = 0
+    column: int = 0
 
     def __post_init__(self) -> None:
         vertices = frozen_floats("part.vertices_mm", self.vertices_mm, 3)
@@ -66,6 +72,13 @@ class RigPart:
         """Width, depth and height of the box around the part as printed."""
         span = np.ptp(self.vertices_mm, axis=0)
         return float(span[0]), float(span[1]), float(span[2])
+
+    @property
+    def area_mm2(self) -> float:
+        """Area of the whole surface."""
+        corners = self.vertices_mm[self.faces]
+        doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return float(0.5 * np.linalg.norm(doubled, axis=1).sum())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,8 +110,16 @@ class Rig:
         Row by row from the map's lower left.
     printer, options
         What they were made for.
+    extras
+        What is printed and stands beside the rig: scale cube, north arrow.
+    plate
+        Outline of the base plate, in map coordinates.
+    walls
+        What stands on it, obstacles and border, in map coordinates.
     thin_places
-        Where walls are thinner than the printer's least wall; they were left as they are.
+        Where walls were thinner than the printer's least wall.
+    thickened
+        What was added there, in map coordinates.
     counts
         What was left out, mended or joined, by name; see `vinefab.rig.build`.
     joint_gap_mm3
@@ -111,6 +132,10 @@ class Rig:
     parts: tuple[RigPart, ...]
     printer: Printer
     options: RigOptions
+    extras: tuple[RigPart, ...] = ()
+    plate: BaseGeometry = field(default_factory=Polygon)
+    walls: BaseGeometry = field(default_factory=Polygon)
+    thickened: BaseGeometry = field(default_factory=Polygon)
     thin_places: tuple[ThinPlace, ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
     joint_gap_mm3: float = 0.0
@@ -120,6 +145,11 @@ class Rig:
         object.__setattr__(self, "counts", MappingProxyType(dict(self.counts)))
 
     @property
+    def printed(self) -> tuple[RigPart, ...]:
+        """Everything to print: the parts, then what stands beside the rig."""
+        return (*self.parts, *self.extras)
+
+    @property
     def volume_mm3(self) -> float:
-        """Designed volume of all parts."""
+        """Designed volume of the parts, without what stands beside the rig."""
         return sum(part.volume_mm3 for part in self.parts)

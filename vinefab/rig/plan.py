@@ -1,13 +1,14 @@
 """A map as the plan of its rig: plate, obstacles and border in millimetres of the rig."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.model.checked import Floats
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.printer import Printer
 from vinefab.rig.clean import (
@@ -15,13 +16,13 @@ from vinefab.rig.clean import (
     bridged,
     pieces_of,
     snapped_union,
-    thin_parts,
     without_slits,
     without_slivers,
 )
 from vinefab.rig.entry import entry_of
 from vinefab.rig.options import GRID_MM, RigOptions
 from vinefab.rig.part import ThinPlace
+from vinefab.rig.thicken import patches_for
 
 _BORDER_MITRE_LIMIT = 2.0
 
@@ -41,7 +42,9 @@ class RigPlan:
     scale
         Plan millimetres per map millimetre.
     thin_places
-        Where solids are thinner than the printer's least wall.
+        Where solids were thinner than the printer's least wall.
+    thickened
+        What was added there.
     slivers, slits, bridges
         Pieces dropped, holes filled, touching corners joined.
     notes
@@ -53,10 +56,27 @@ class RigPlan:
     origin_mm: tuple[float, float]
     scale: float
     thin_places: tuple[ThinPlace, ...] = ()
+    thickened: BaseGeometry = field(default_factory=Polygon)
     slivers: int = 0
     slits: int = 0
     bridges: int = 0
     notes: tuple[str, ...] = ()
+
+    def to_map(self, z_mm: float = 0.0) -> Floats:
+        """Return the transform, shape (4, 4), from the plan into map coordinates.
+
+        Parameters
+        ----------
+        z_mm
+            Height above the floor at which the plan's z is 0, in millimetres of the rig.
+        """
+        matrix = np.diag([1.0 / self.scale] * 3 + [1.0])
+        matrix[:3, 3] = *self.origin_mm, z_mm / self.scale
+        return matrix
+
+    def on_map(self, shape: BaseGeometry) -> BaseGeometry:
+        """Return a shape of the plan in map coordinates."""
+        return shapely.transform(shape, lambda points: points / self.scale + self.origin_mm)
 
 
 def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
@@ -82,13 +102,23 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
     solids, more_slivers = without_slivers(snapped_union(obstacles, border), options.sliver_mm)
     solids, slits = without_slits(solids, options.sliver_mm)
     solids, bridges = bridged(solids, plate, 0.5 * printer.nozzle_mm)
-    thin = thin_parts(solids, printer.least_wall_mm)
+    thin, patches = patches_for(solids, printer.least_wall_mm)
+    thickened: BaseGeometry = Polygon()
+    if len(thin):
+        # Nothing grows over the rim, nor into an entry.
+        room = shapely.union_all([Polygon(bounds.exterior), border])
+        thickened = shapely.intersection(patches, shapely.intersection(plate, room))
+        solids, bridged_again = bridged(
+            snapped_union(solids, thickened), plate, 0.5 * printer.nozzle_mm
+        )
+        bridges += bridged_again
     return RigPlan(
         plate=plate,
         solids=solids,
         origin_mm=origin_mm,
         scale=options.scale,
         thin_places=_thin_places(thin, origin_mm, options.scale),
+        thickened=shapely.union_all(pieces_of(thickened)),
         slivers=slivers + more_slivers,
         slits=slits,
         bridges=bridges,

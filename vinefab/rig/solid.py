@@ -1,5 +1,8 @@
 """Plans into closed solids, by manifold3d."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import shapely
 from manifold3d import CrossSection, FillRule, Manifold, Mesh64
@@ -8,8 +11,29 @@ from vinefab.model.checked import Floats, Ints
 from vinefab.rig.clean import Pieces
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hollow:
+    """A prism to be taken out of a solid.
+
+    Parameters
+    ----------
+    pieces
+        Its outline, in plan.
+    low_mm, high_mm
+        From where to where it reaches up; below 0 to open it downwards.
+    """
+
+    pieces: Pieces
+    low_mm: float
+    high_mm: float
+
+
 def stacked(
-    plate: Pieces, solids: Pieces, plate_mm: float, height_mm: float
+    plate: Pieces,
+    solids: Pieces,
+    plate_mm: float,
+    height_mm: float,
+    hollows: Sequence[Hollow | Manifold] = (),
 ) -> tuple[Floats, Ints]:
     """Return corners and triangles of solids standing on a plate.
 
@@ -22,6 +46,8 @@ def stacked(
         Outlines; the solids lie within the plate.
     plate_mm, height_mm
         Thickness and height above the plate.
+    hollows
+        What is taken out afterwards: prisms, or bodies of manifold3d.
 
     Returns
     -------
@@ -35,6 +61,8 @@ def stacked(
     if len(solids):
         # From the middle of the plate: bodies that overlap join more surely than ones that touch.
         body += _extruded(solids, 0.5 * plate_mm + height_mm).translate((0, 0, 0.5 * plate_mm))
+    for hollow in hollows:
+        body -= hollow if isinstance(hollow, Manifold) else _prism(hollow)
     mesh = body.to_mesh64()
     vertices = np.asarray(mesh.vert_properties[:, :3], dtype=np.float32).astype(np.float64)
     return _sorted(vertices, np.asarray(mesh.tri_verts, dtype=np.int64))
@@ -52,6 +80,11 @@ def outlines_at(body: Manifold, z_mm: float) -> shapely.geometry.base.BaseGeomet
     rings = [shapely.linearrings(ring) for ring in body.slice(z_mm).to_polygons()]
     # Outer rings run counter-clockwise and holes clockwise: crossing counts do not need to know.
     return shapely.build_area(shapely.union_all(rings)) if rings else shapely.Polygon()
+
+
+def _prism(hollow: Hollow) -> Manifold:
+    body = _extruded(hollow.pieces, hollow.high_mm - hollow.low_mm)
+    return body.translate((0.0, 0.0, hollow.low_mm))
 
 
 def _extruded(pieces: Pieces, height_mm: float) -> Manifold:

@@ -63,25 +63,45 @@ def cuts_of(
     BadInputError
         If the bed is too small for tiles, or too many would be needed.
     """
-    width_mm, depth_mm = box_mm[2] - box_mm[0], box_mm[3] - box_mm[1]
-    bed_mm = [
-        side - 2.0 * options.bed_margin_mm for side in (printer.bed_width_mm, printer.bed_depth_mm)
-    ]
-    straight = _count(width_mm, bed_mm[0]), _count(depth_mm, bed_mm[1])
-    turned = _count(width_mm, bed_mm[1]), _count(depth_mm, bed_mm[0])
-    turn = turned[0] * turned[1] < straight[0] * straight[1]
-    columns, rows = turned if turn else straight
-    if columns * rows > options.most_parts:
-        allowed = f"at most {options.most_parts}: a larger bed or a smaller scale"
-        raise BadInputError("rig.parts", columns * rows, allowed)
+    size_mm = box_mm[2] - box_mm[0], box_mm[3] - box_mm[1]
+    columns, rows, turn = grid_of(size_mm, printer, options)
+    bed_mm = usable_mm(printer, options)
     if turn:
-        bed_mm.reverse()
+        bed_mm = bed_mm[1], bed_mm[0]
     edges = Edges.of(solids)
     return Cuts(
         x_mm=_lines((box_mm[0], box_mm[2]), columns, bed_mm[0], edges),
         y_mm=_lines((box_mm[1], box_mm[3]), rows, bed_mm[1], edges.turned()),
         turned=turn,
     )
+
+
+def grid_of(
+    size_mm: tuple[float, float], printer: Printer, options: RigOptions
+) -> tuple[int, int, bool]:
+    """Return how many columns and rows of tiles a plate takes, and whether they lie turned.
+
+    Raises
+    ------
+    BadInputError
+        If the bed is too small for tiles, or too many would be needed.
+    """
+    (width_mm, depth_mm), bed_mm = size_mm, usable_mm(printer, options)
+    straight = _count(width_mm, bed_mm[0]), _count(depth_mm, bed_mm[1])
+    turned = _count(width_mm, bed_mm[1]), _count(depth_mm, bed_mm[0])
+    turn = turned[0] * turned[1] < straight[0] * straight[1]
+    columns, rows = turned if turn else straight
+    if columns * rows > options.most_parts:
+        plate = f"a plate of {width_mm:.0f} x {depth_mm:.0f} mm on {printer.name}"
+        allowed = f"at most {options.most_parts} for {plate}: a larger bed, or a smaller scale"
+        raise BadInputError("rig.parts", columns * rows, allowed)
+    return columns, rows, turn
+
+
+def usable_mm(printer: Printer, options: RigOptions) -> tuple[float, float]:
+    """Return width and depth of the bed inside its margin."""
+    margin_mm = 2.0 * options.bed_margin_mm
+    return printer.bed_width_mm - margin_mm, printer.bed_depth_mm - margin_mm
 
 
 def _count(length_mm: float, bed_mm: float) -> int:

@@ -1,0 +1,153 @@
+"""What a rig says of itself: rig.json and the part list."""
+
+import csv
+import io
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+from vinefab.core.jsontext import GENERATOR, json_text
+from vinefab.export.checks_json import checks_content
+from vinefab.export.rigfiles import bed_name, stl_name
+from vinefab.model.finding import CheckReport
+from vinefab.model.map import Map
+from vinefab.model.printer import Printer
+from vinefab.rig.assembled import Comparison
+from vinefab.rig.estimate import BASIS, Estimate
+from vinefab.rig.options import RigOptions
+from vinefab.rig.part import Rig, RigPart, ThinPlace
+from vinefab.rig.printing import Printing
+
+SCHEMA = "vinefab/rig-1"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RigRecord:
+    """Everything that the texts about a rig draw on.
+
+    Parameters
+    ----------
+    rig, world
+        The rig and its map.
+    printing
+        Its beds.
+    comparison
+        How the assembled rig compares with the map (`vinefab.rig.assembled.compare_with_map`).
+    report
+        What the rules say.
+    """
+
+    rig: Rig
+    world: Map
+    printing: Printing
+    comparison: Comparison
+    report: CheckReport
+
+
+def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
+    """Return rig.json.
+
+    A part's ``transform_to_map`` is a 4 x 4 matrix by rows: applied to a point of its STL file
+    (x, y, z, 1) in printed millimetres it gives map coordinates, z = 0 being the floor.
+
+    Parameters
+    ----------
+    record
+        What to write about.
+    digests
+        SHA-256 by file name.
+    """
+    rig, world, printing = record.rig, record.world, record.printing
+    x_mm, y_mm = world.bounds.bounds[:2]
+    content = {
+        "units": "mm",
+        "map": {
+            "name": world.name,
+            "environment": world.environment,
+            "seed": world.seed,
+            "walls": world.wall_count,
+            "lower_left_mm": [x_mm, y_mm],
+            "size_mm": world.size_mm,
+        },
+        "printer": _fields(rig.printer),
+        "options": _fields(rig.options),
+        "parts": [
+            _part_content(index, part, record, digests) for index, part in enumerate(rig.parts)
+        ],
+        "extras": [
+            _part_content(index, part, record, digests)
+            for index, part in enumerate(rig.extras, len(rig.parts))
+        ],
+        "beds": [
+            {
+                "file": bed_name(bed),
+                "sha256": digests[bed_name(bed)],
+                "parts": [rig.printed[at.index].name for at in bed.places],
+                "estimate": _fields(bed.estimate),
+            }
+            for bed in printing.beds
+        ],
+        "estimate": {"basis": BASIS, **_fields(printing.total)},
+        "volume_mm3": _round(rig.volume_mm3),
+        "joint_gap_mm3": _round(rig.joint_gap_mm3),
+        "counts": dict(rig.counts),
+        "thin_places": [_fields(place) for place in rig.thin_places],
+        "against_map": _fields(record.comparison),
+        "checks": checks_content(record.report),
+        "notes": list(rig.notes),
+    }
+    return json_text(SCHEMA, content)
+
+
+def parts_text(rig: Rig, printing: Printing) -> str:
+    """Return the part list as CSV, our mark in a comment above the column names."""
+    text = io.StringIO()
+    text.write(f"# {GENERATOR}\n")
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(
+        [
+            "number",
+            "file",
+            "bed",
+            "row",
+            "column",
+            "x_mm",
+            "y_mm",
+            "z_mm",
+            "volume_cm3",
+            "triangles",
+        ]
+    )
+    for index, part in enumerate(rig.printed):
+        sizes = [f"{size:.2f}" for size in part.size_mm]
+        volume = f"{part.volume_mm3 / 1000.0:.2f}"
+        bed = bed_name(printing.bed_of(index))
+        cells = [part.number or "", stl_name(part), bed, part.row or "", part.column or ""]
+        table.writerow([*cells, *sizes, volume, len(part.faces)])
+    return text.getvalue()
+
+
+def _part_content(
+    index: int, part: RigPart, record: RigRecord, digests: Mapping[str, str]
+) -> dict[str, object]:
+    return {
+        "name": part.name,
+        "number": part.number,
+        "file": stl_name(part),
+        "sha256": digests[stl_name(part)],
+        "bed": bed_name(record.printing.bed_of(index)),
+        "row": part.row,
+        "column": part.column,
+        "volume_mm3": _round(part.volume_mm3),
+        "size_mm": [_round(size) for size in part.size_mm],
+        "triangles": len(part.faces),
+        "transform_to_map": part.to_map,
+    }
+
+
+def _fields(noun: Printer | RigOptions | ThinPlace | Comparison | Estimate) -> dict[str, object]:
+    return {name: _round(value) for name, value in asdict(noun).items()}
+
+
+def _round(value: object) -> object:
+    """Round numbers to what they mean, so that files do not differ in a last digit."""
+    return round(value, 6) if isinstance(value, float) else value

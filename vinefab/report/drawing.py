@@ -26,10 +26,14 @@ MANY_TIPS = 100
 
 
 def draw_map(axes: Axes, world: Map, box: Box | None = None) -> None:
-    """Draw the bounds and the obstacles of a map, or those in and around a box of it."""
+    """Draw the bounds and the obstacles of a map, or those in and around a box of it.
+
+    Axes without limits of their own are set to show it.
+    """
     box = box or world.bounds.bounds
     fill(axes, rock_in(world, box), face=ROCK, edge=ROCK_EDGE)
     fill(axes, [bounds_in(world, box)], face="none", edge=INK)
+    axes.autoscale_view()
 
 
 def draw_deployment(axes: Axes, deployment: Deployment, widths_mm: tuple[float, ...]) -> None:

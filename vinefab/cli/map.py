@@ -187,5 +187,5 @@ def _described(options: type) -> dict[str, str]:
     for names, words in re.findall(
         r"^(\w[\w, ]*)\n((?:[ \t]+.*\n?|\n)+)", block.group(1) if block else "", re.MULTILINE
     ):
-        found |= dict.fromkeys(names.split(", "), " ".join(words.split()))
+        found |= dict.fromkeys(names.split(", "), " ".join(words.replace("``", "").split()))
     return found

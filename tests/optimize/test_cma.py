@@ -3,7 +3,7 @@ import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.optimize.axes import Axes
-from vinefab.optimize.cma import Cma, CmaRecipe
+from vinefab.optimize.cma import Cma, CmaRecipe, _whole_numbers
 
 MIXED = Axes(choices=(4, 0, 2, 0, 0, 0), levels=(0, 0, 0, 3, 3, 3), depth=0, least_depth=1)
 
@@ -53,3 +53,15 @@ def test_too_few_points_are_refused() -> None:
         CmaRecipe().start(MIXED, population=3, seed=1)
     with pytest.raises(BadInputError, match="spread"):
         CmaRecipe(spread=0.0)
+
+
+def test_whole_numbers_are_found_as_the_package_finds_them() -> None:
+    axes = Axes(choices=(4, 3, 7), levels=(0, 0, 0))
+    search = CmaRecipe().start(axes, population=8, seed=1)
+    assert isinstance(search, Cma)
+    values, limits = search._search._z_space, search._search._z_lim
+    rng = np.random.default_rng(1)
+    drawn = rng.uniform(-1.0, 8.0, (300, 3))
+    for v in [*drawn, *np.round(2.0 * drawn) / 2.0]:
+        expected = type(search._search)._discretization(search._search, v)
+        np.testing.assert_array_equal(_whole_numbers(v, values, limits), expected)

@@ -1,4 +1,3 @@
-import json
 import logging
 import os
 import subprocess
@@ -12,6 +11,7 @@ from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.optimize.axes import Axes
 from vinefab.optimize.optimizer import Optimizer
 from vinefab.optimize.registry import OPTIMIZERS, make_recipe
+from vinefab.optimize.rows import state_from_text, state_to_text
 
 TARGET = np.linspace(0.2, 0.8, 6)
 MIXED = Axes(choices=(3, 0, 2, 4, 0, 0), levels=(0, 0, 2, 2, 3, 3), depth=0, least_depth=1)
@@ -73,7 +73,7 @@ def test_a_restored_state_goes_on_bit_for_bit(part: tuple[str, dict[str, object]
     for stop in (0, 1, 5, 11):
         first = started(part)
         steps(first, stop)
-        kept = json.loads(json.dumps(first.state(), allow_nan=False))
+        kept = state_from_text(state_to_text(first.state()))
         second = started(part)
         second.restore(kept)
         assert same(steps(second, 12 - stop), undisturbed[stop:])

@@ -17,9 +17,10 @@ from vinefab.model.map import Map
 from vinefab.optimize.history import Progress
 from vinefab.optimize.identity import RunIdentity
 from vinefab.optimize.loop import optimize
+from vinefab.optimize.reading import FILE_NAME
 from vinefab.optimize.result import RunResult
 from vinefab.optimize.settings import RunSettings
-from vinefab.optimize.store import FILE_NAME, RunStore
+from vinefab.optimize.store import RunStore
 
 Maps = tuple[Map, ...]
 Penalty = Callable[[Design], float]
@@ -52,6 +53,7 @@ def content(folder: Path) -> dict[str, list[tuple[object, ...]]]:
     """Everything that a record holds but times."""
     questions = {
         "run": "SELECT * FROM run ORDER BY 1",
+        "map": "SELECT * FROM map ORDER BY 1",
         "generation": "SELECT number, x, fitness, composite, penalty FROM generation ORDER BY 1",
         "term": "SELECT * FROM term ORDER BY 1, 2",
         "optimizer": "SELECT * FROM optimizer",

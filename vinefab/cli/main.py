@@ -17,6 +17,7 @@ COMMANDS = {
     "grow": "Deploy a design on a map.",
     "score": "Score a design on a task over maps and poses.",
     "optimize": "Search for the best design of a run file.",
+    "runs": "List the records of runs, or rebuild their files.",
     "check": "Check a design against the rules of making and deploying it.",
     "fabricate": "Write the fabrication package: laser files, checks, report.",
     "profiles": "List machines, materials and recipes, or explain one.",

@@ -5,12 +5,12 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import Force, Quiet, Voice
+from vinefab.cli.options import Force, JsonOut, Quiet, Voice
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.files.design import design_text
 from vinefab.files.run import read_run
 from vinefab.optimize.history import Progress
-from vinefab.pipeline.optimize import progress_words, result_lines, search
+from vinefab.pipeline.optimize import progress_words, result_json, result_lines, search
 
 
 def add_to(app: typer.Typer) -> None:
@@ -24,6 +24,7 @@ def optimize_command(
     out: Annotated[Path, typer.Option("--out", help="Folder for the record and best.toml.")],
     workers: Annotated[int, typer.Option(min=1, help="Threads; results do not depend on it.")] = 1,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out.")] = False,
+    json_out: JsonOut = None,
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:
@@ -31,7 +32,7 @@ def optimize_command(
 
     Example: vinefab optimize examples/grid_coverage.toml --out run
     """
-    voice = Voice(quiet=quiet, force=force)
+    voice = Voice(quiet=quiet, json_out=json_out, force=force)
     settings = read_run(run_file)
     ensure_writable(out / "best.toml", force=force)
 
@@ -44,4 +45,5 @@ def optimize_command(
     write_text(out / "best.toml", design_text(result.best), force=force)
     for line in result_lines(result):
         voice.say(line)
+    voice.give_json(result_json(result))
     voice.say(f"wrote {out / 'best.toml'} and {out / 'run.sqlite'}")

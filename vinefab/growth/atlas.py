@@ -1,5 +1,6 @@
 """Several maps together, as one set of arrays per set of body radii."""
 
+import threading
 from collections.abc import Sequence
 
 import numpy as np
@@ -21,21 +22,26 @@ class Atlas:
         At least one.
     """
 
-    __slots__ = ("_kept", "terrains")
+    __slots__ = ("_kept", "_making", "terrains")
 
     def __init__(self, terrains: Sequence[Terrain]) -> None:
         self.terrains = tuple(terrains)
         self._kept: dict[tuple[float, ...], AtlasArrays] = {}
+        self._making = threading.Lock()
 
     def arrays(self, radii_mm: tuple[float, ...]) -> AtlasArrays:
-        """Return the walls of all terrains for some body radii: one page for each pair."""
-        if radii_mm not in self._kept:
-            pages = [terrain.walls(radius) for terrain in self.terrains for radius in radii_mm]
-            tolerances = np.repeat([t.tolerance_mm for t in self.terrains], len(radii_mm))
-            while len(self._kept) >= MOST_KEPT:
-                self._kept.pop(next(iter(self._kept)))
-            self._kept[radii_mm] = AtlasArrays.of(pages, tolerances.tolist())
-        return self._kept[radii_mm]
+        """Return the walls of all terrains for some body radii: one page for each pair.
+
+        Several threads may ask at once.
+        """
+        with self._making:
+            if radii_mm not in self._kept:
+                pages = [terrain.walls(radius) for terrain in self.terrains for radius in radii_mm]
+                tolerances = np.repeat([t.tolerance_mm for t in self.terrains], len(radii_mm))
+                while len(self._kept) >= MOST_KEPT:
+                    self._kept.pop(next(iter(self._kept)))
+                self._kept[radii_mm] = AtlasArrays.of(pages, tolerances.tolist())
+            return self._kept[radii_mm]
 
     def pages(self, radii_mm: tuple[float, ...]) -> Ints:
         """Return the page of each terrain and radius, shape (terrains, radii)."""

@@ -70,12 +70,28 @@ def fan_offsets_rad(level: Level) -> Floats:
     """
     if level.branches == 1:
         return np.zeros(1)
-    return np.linspace(-level.fan_rad / 2, level.fan_rad / 2, level.branches)
+    return _evenly(-level.fan_rad / 2, level.fan_rad / 2, level.branches)
 
 
 def child_lengths_mm(level: Level) -> Floats:
     """Return the lengths of one fan's children, shape (branches,): linear from first to last."""
-    return level.length_mm * np.linspace(1.0, level.growth, level.branches)
+    return level.length_mm * _evenly(1.0, level.growth, level.branches)
+
+
+def _evenly(first: float, last: float, count: int) -> Floats:
+    """Return what `numpy.linspace` does, in a third of the time."""
+    if count == 1:
+        return np.array([first])
+    values: Floats = np.arange(count, dtype=np.float64)
+    values *= (last - first) / (count - 1)
+    values += first
+    values[-1] = last
+    return values
+
+
+def _repeated(values: Floats, count: int) -> Floats:
+    """Return values over and over, as `numpy.tile` does."""
+    return np.broadcast_to(values, (count, len(values))).ravel()
 
 
 def branch_tree(design: Design) -> BranchTree:
@@ -95,9 +111,9 @@ def branch_tree(design: Design) -> BranchTree:
     offsets, lengths = [np.zeros(1)], [np.array([design.trunk_length_mm])]
     first, count = 0, 1
     for number, level in enumerate(design.levels, start=2):
-        parents.append(np.repeat(np.arange(first, first + count), level.branches))
-        offsets.append(np.tile(fan_offsets_rad(level), count))
-        lengths.append(np.tile(child_lengths_mm(level), count))
+        parents.append(np.arange(first, first + count).repeat(level.branches))
+        offsets.append(_repeated(fan_offsets_rad(level), count))
+        lengths.append(_repeated(child_lengths_mm(level), count))
         first, count = first + count, count * level.branches
         levels.append(np.full(count, number))
     return BranchTree(

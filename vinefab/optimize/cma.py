@@ -113,12 +113,12 @@ class Cma:
         self._generation += 1
 
     def state(self) -> Mapping[str, object]:
-        """Return the distribution as lists; before the first generation nothing is to be kept."""
+        """Return the distribution; before the first generation nothing is to be kept."""
         if self._generation == 0:
             return {"generation": 0}
         kept: dict[str, object] = {"generation": self._generation}
         known = vars(self._search)
-        kept |= {name: np.asarray(known[name]).tolist() for name in _ARRAYS if name in known}
+        kept |= {name: np.array(known[name], dtype=float) for name in _ARRAYS if name in known}
         kept |= {name: _plain(known[name]) for name in _NUMBERS if name in known}
         return kept
 
@@ -138,7 +138,7 @@ class Cma:
         whole = self._counts[self._whole]
         ranges = np.concatenate([np.ones(len(self._real)), whole])
         middles = np.concatenate([np.full(len(self._real), 0.5), (whole - 1.0) / 2.0])
-        return CatCMAwM(
+        search = CatCMAwM(
             x_space=[[0.0, 1.0]] * len(self._real) or None,
             z_space=[list(range(count)) for count in whole.tolist()] or None,
             c_space=[2] * len(self._binary) or None,
@@ -146,6 +146,27 @@ class Cma:
             mean=middles if len(middles) else None,
             cov=np.diag((recipe.spread * ranges) ** 2) if len(ranges) else None,
         )
+        if len(whole):
+            # The package looks at one number at a time, which takes most of its time.
+            search._discretization = lambda v: _whole_numbers(v, search._z_space, search._z_lim)
+        return search
+
+
+def _whole_numbers(v: Floats, values: Floats, limits: Floats) -> Floats:
+    """Return the value of each row that a number stands for, shape (n,).
+
+    Parameters
+    ----------
+    v
+        The numbers, shape (n,).
+    values
+        Rising values of each row, shape (n, k).
+    limits
+        Where one value ends and the next begins, shape (n, k - 1).
+    """
+    places = np.count_nonzero(v[:, None] > limits, axis=1)
+    found: Floats = values[np.arange(len(values)), places]
+    return found
 
 
 def _plain(value: Any) -> object:  # noqa: ANN401 - as above

@@ -91,8 +91,8 @@ class Evolution:
         """Return the survivors and what they are worth."""
         return {
             "generation": self._generation,
-            "parents": self._parents.tolist(),
-            "fitness": self._fitness.tolist(),
+            "parents": self._parents.copy(),
+            "fitness": self._fitness.copy(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -119,14 +119,13 @@ class Evolution:
         return Population.new(X=rows)
 
     def _points(self, individuals: Any) -> Floats:  # noqa: ANN401 - pymoo has no types
-        rows = [
-            [
-                (one.X[axis] + 0.5) / choices if choices else float(one.X[axis])
-                for axis, choices in enumerate(self._axes.choices)
-            ]
-            for one in individuals
-        ]
-        return np.array(rows, dtype=np.float64).reshape(-1, len(self._axes))
+        axes = range(len(self._axes))
+        held = [one.X for one in individuals]
+        values = np.array([[row[axis] for axis in axes] for row in held], dtype=np.float64)
+        values = values.reshape(-1, len(self._axes))
+        counts = np.maximum(np.array(self._axes.choices), 1)
+        points: Floats = np.where(self._axes.whole, (values + 0.5) / counts, values)
+        return points
 
     def _same_designs(self) -> Any:  # noqa: ANN401 - pymoo has no types
         """Return what drops children that stand for the same design as another."""

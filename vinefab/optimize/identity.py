@@ -1,7 +1,7 @@
 """What makes two runs the same run."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, is_dataclass
 from typing import Any, cast
 
 from vinefab.core.errors import BadInputError
@@ -9,6 +9,7 @@ from vinefab.core.hashing import fingerprint
 from vinefab.model.map import Map
 from vinefab.optimize.result import package_versions
 from vinefab.optimize.settings import RunSettings, plain_settings
+from vinefab.optimize.trial import Penalty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,10 +31,23 @@ class RunIdentity:
     versions: Mapping[str, str]
 
     @classmethod
-    def of(cls, settings: RunSettings, maps: Sequence[Map]) -> "RunIdentity":
-        """Return the identity of a run."""
+    def of(
+        cls, settings: RunSettings, maps: Sequence[Map], penalty: Penalty | None = None
+    ) -> "RunIdentity":
+        """Return the identity of a run.
+
+        Parameters
+        ----------
+        settings, maps
+            The run.
+        penalty
+            What decides which designs can be made; if it is a dataclass, its content counts.
+        """
+        plain = cast("dict[str, Any]", plain_settings(settings))
+        if is_dataclass(penalty):
+            plain["making"] = plain_settings(penalty)
         return cls(
-            settings=cast("dict[str, Any]", plain_settings(settings)),
+            settings=plain,
             maps=tuple(map_fingerprint(world) for world in maps),
             versions=package_versions(),
         )
@@ -48,6 +62,14 @@ class RunIdentity:
         """The settings without where map files lie: what is in them counts instead."""
         maps = {key: value for key, value in self.settings["maps"].items() if key != "files"}
         return {**self.settings, "maps": maps}
+
+    def drift(self, recorded: "RunIdentity") -> list[str]:
+        """Return which packages have another version than a record, as words for the user."""
+        return [
+            f"{name} {recorded.versions.get(name, 'none')} then, {number} now"
+            for name, number in self.versions.items()
+            if recorded.versions.get(name) != number
+        ]
 
     def differs_from(self, recorded: "RunIdentity") -> BadInputError | None:
         """Return what keeps this run from going on with a record, or None.

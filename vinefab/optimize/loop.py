@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,8 +17,10 @@ from vinefab.optimize.registry import make_recipe
 from vinefab.optimize.result import Finalist, RunResult, with_origin
 from vinefab.optimize.settings import RunSettings, SearchSettings
 from vinefab.optimize.store import RunStore
+from vinefab.optimize.timing import Ledger
 from vinefab.optimize.trial import FINAL, TRAINING, Candidate, Penalty, Trial
-from vinefab.optimize.workers import Evaluate, working
+from vinefab.optimize.workers import Evaluate, Threads, Workforce
+from vinefab.tasks.evaluate import Poses
 
 
 def optimize(
@@ -27,7 +30,7 @@ def optimize(
     penalty: Penalty | None = None,
     store: RunStore | None = None,
     progress: Callable[[Progress], None] | None = None,
-    workers: int = 1,
+    workers: int | Workforce = 1,
 ) -> RunResult:
     """Search for the best design.
 
@@ -46,7 +49,7 @@ def optimize(
     progress
         Called after every generation.
     workers
-        Threads; no result depends on their number.
+        Threads, or who else evaluates; no result depends on it.
 
     Raises
     ------
@@ -56,32 +59,138 @@ def optimize(
     CannotWriteError
         If the record cannot be written; what it held is kept.
     """
-    trial = Trial.of(settings, maps, penalty)
-    optimizer = _started(settings, trial)
-    history: list[Generation] = []
-    if store is not None:
-        history = store.generations()
-        if history:
-            optimizer.restore(store.optimizer_state())
-    with working(trial, workers) as evaluate:
-        while (stopped := why_stop(history, settings.search)) is None:
-            generation = _generation(settings, trial, optimizer, evaluate, len(history))
-            history.append(generation)
-            if store is not None:
-                store.add(generation, optimizer.state())
-            if progress is not None:
-                progress(_progress(history, settings.search))
-        finalists = _final(settings, trial, evaluate, history, store)
-    identity = store.identity if store is not None else RunIdentity.of(settings, maps)
-    if store is not None:
-        store.finish(finalists, stopped)
-    return RunResult(
-        run_id=identity.run_id,
-        best=with_origin(finalists[0], settings, identity.run_id, identity.versions),
-        finalists=finalists,
-        history=tuple(history),
-        stopped=stopped,
-    )
+    search = Search.of(settings, maps, penalty)
+    return search.run(store=store, progress=progress, workers=workers)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Search:
+    """A run that is ready to go: all that it was given has been found usable.
+
+    Parameters
+    ----------
+    settings, maps
+        The run.
+    trial
+        What a point is worth.
+    optimizer
+        Before its first generation.
+    """
+
+    settings: RunSettings
+    maps: tuple[Map, ...]
+    trial: Trial
+    optimizer: Optimizer
+
+    @classmethod
+    def of(cls, settings: RunSettings, maps: Sequence[Map], penalty: Penalty | None) -> "Search":
+        """Return the search of a run, before anything is evaluated or written.
+
+        Raises
+        ------
+        BadInputError
+            If the settings or the maps cannot be used: no poses on a map, nothing to search, too
+            small a population, and so on.
+        """
+        trial = Trial.of(settings, maps, penalty)
+        recipe = make_recipe(settings.optimizer.name, settings.optimizer.parameters)
+        seed, population = settings.search.seed, settings.search.population
+        optimizer = recipe.start(trial.space.axes, population, seed)
+        search = cls(settings=settings, maps=tuple(maps), trial=trial, optimizer=optimizer)
+        trial.launches(search.poses(0))
+        return search
+
+    def run(
+        self,
+        *,
+        store: RunStore | None = None,
+        progress: Callable[[Progress], None] | None = None,
+        workers: int | Workforce = 1,
+    ) -> RunResult:
+        """Search; see `optimize`."""
+        settings, history = self.settings, list[Generation]()
+        if store is not None:
+            history = store.generations()
+            if history:
+                self.optimizer.restore(store.optimizer_state())
+        crew = Threads(workers) if isinstance(workers, int) else workers
+        ledger = Ledger(crew.count)
+        with crew.hired(self.trial, ledger) as evaluate:
+            while (stopped := why_stop(history, settings.search)) is None:
+                history.append(self._generation(len(history), evaluate, ledger))
+                with ledger.spending("store"):
+                    if store is not None:
+                        store.add(history[-1], self.optimizer.state(), ledger.split())
+                if progress is not None:
+                    progress(_progress(history, settings.search))
+            finalists = self._final(history, store, evaluate, ledger)
+        identity = store.identity if store is not None else RunIdentity.of(settings, self.maps)
+        if store is not None:
+            with ledger.spending("store"):
+                store.finish(finalists, stopped, ledger.split())
+        return RunResult(
+            run_id=identity.run_id,
+            best=with_origin(finalists[0], settings, identity.run_id, identity.versions),
+            finalists=finalists,
+            history=tuple(history),
+            stopped=stopped,
+            times=ledger.split(),
+        )
+
+    def poses(self, number: int) -> Poses:
+        """Return the poses that all points of a generation meet."""
+        draw = number if self.settings.evaluation.redraw else 0
+        count = self.settings.evaluation.poses_per_map
+        return self.trial.poses(self.settings.search.seed, TRAINING, draw, count)
+
+    def _generation(self, number: int, evaluate: Evaluate, ledger: Ledger) -> Generation:
+        """Ask, evaluate and tell."""
+        began = time.perf_counter()
+        with ledger.spending("optimizer"):
+            x = self.optimizer.ask()
+        self._check(x)
+        poses = self.poses(number)
+        with ledger.spending("evaluating"):
+            candidates = evaluate(x, poses)
+        fitness = np.array([candidate.fitness for candidate in candidates])
+        with ledger.spending("optimizer"):
+            self.optimizer.tell(x, fitness)
+        weighed = [
+            np.nan if c.score is None else c.score.composite[self.settings.evaluation.composite]
+            for c in candidates
+        ]
+        return Generation(
+            number=number,
+            x=x,
+            fitness=fitness,
+            composite=np.array(weighed),
+            penalty=np.array([candidate.penalty for candidate in candidates]),
+            terms=_mean_terms(candidates),
+            seconds=time.perf_counter() - began,
+        )
+
+    def _check(self, x: Floats) -> None:
+        shaped = x.ndim == 2 and len(x) > 0 and x.shape[1] == len(self.trial.space)
+        if not (shaped and ((x >= 0.0) & (x <= 1.0)).all()):
+            name = self.settings.optimizer.name
+            wanted = "numbers from 0 to 1"
+            raise BadInputError(f"optimizer {name}", "points outside the space", wanted)
+
+    def _final(
+        self,
+        history: Sequence[Generation],
+        store: RunStore | None,
+        evaluate: Evaluate,
+        ledger: Ledger,
+    ) -> tuple[Finalist, ...]:
+        """Return the finalists of the record, or judge them now."""
+        if store is not None and (kept := store.finalists(self.trial.space)):
+            return kept
+        points = finalist_points(history, self.trial, self.settings.evaluation.finalists)
+        count = self.settings.evaluation.final_poses_per_map
+        poses = self.trial.poses(self.settings.search.seed, FINAL, 0, count)
+        with ledger.spending("evaluating"):
+            return judged(points, evaluate, poses, self.trial)
 
 
 def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | None:
@@ -100,72 +209,16 @@ def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | Non
     return None
 
 
-def _started(settings: RunSettings, trial: Trial) -> Optimizer:
-    recipe = make_recipe(settings.optimizer.name, settings.optimizer.parameters)
-    return recipe.start(trial.space.axes, settings.search.population, settings.search.seed)
-
-
-def _generation(
-    settings: RunSettings,
-    trial: Trial,
-    optimizer: Optimizer,
-    evaluate: Evaluate,
-    number: int,
-) -> Generation:
-    """Ask, evaluate and tell."""
-    began = time.perf_counter()
-    x = optimizer.ask()
-    if not (x.ndim == 2 and x.shape[1] == len(trial.space) and ((x >= 0.0) & (x <= 1.0)).all()):
-        name = settings.optimizer.name
-        raise BadInputError(f"optimizer {name}", "points outside the space", "numbers from 0 to 1")
-    draw = number if settings.evaluation.redraw else 0
-    poses = trial.poses(settings.search.seed, TRAINING, draw, settings.evaluation.poses_per_map)
-    candidates = evaluate(x, poses)
-    fitness = np.array([candidate.fitness for candidate in candidates])
-    optimizer.tell(x, fitness)
-    weighed = [
-        np.nan if c.score is None else c.score.composite[settings.evaluation.composite]
-        for c in candidates
-    ]
-    return Generation(
-        number=number,
-        x=x,
-        fitness=fitness,
-        composite=np.array(weighed),
-        penalty=np.array([candidate.penalty for candidate in candidates]),
-        terms=_mean_terms(candidates),
-        seconds=time.perf_counter() - began,
-    )
-
-
 def _mean_terms(candidates: Sequence[Candidate]) -> dict[str, Floats]:
     """Return each term's mean over the evaluations, per candidate; NaN without a design."""
-    tables = [
-        [] if candidate.score is None else [e.terms for e in candidate.score.evaluations]
-        for candidate in candidates
-    ]
-    names = next((tuple(table[0]) for table in tables if table), ())
-    return {
-        name: np.array(
-            [np.mean([terms[name] for terms in table]) if table else np.nan for table in tables]
-        )
-        for name in names
-    }
-
-
-def _final(
-    settings: RunSettings,
-    trial: Trial,
-    evaluate: Evaluate,
-    history: Sequence[Generation],
-    store: RunStore | None,
-) -> tuple[Finalist, ...]:
-    """Return the finalists of the record, or judge them now."""
-    if store is not None and (kept := store.finalists(trial.space)):
-        return kept
-    points = finalist_points(history, trial, settings.evaluation.finalists)
-    count = settings.evaluation.final_poses_per_map
-    return judged(points, evaluate, trial.poses(settings.search.seed, FINAL, 0, count), trial)
+    scored = [(row, c.score.evaluations) for row, c in enumerate(candidates) if c.score is not None]
+    if not scored:
+        return {}
+    names = tuple(scored[0][1][0].terms)
+    table = np.array([[[e.terms[name] for name in names] for e in one] for _, one in scored])
+    means = np.full((len(names), len(candidates)), np.nan)
+    means[:, [row for row, _ in scored]] = table.mean(axis=1).T
+    return dict(zip(names, means, strict=True))
 
 
 def _progress(history: Sequence[Generation], search: SearchSettings) -> Progress:

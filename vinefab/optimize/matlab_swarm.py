@@ -112,10 +112,10 @@ class AdaptiveSwarm:
         self._move()
 
     def state(self) -> Mapping[str, object]:
-        """Return the swarm as lists; before the first generation there is nothing to keep."""
+        """Return the swarm; before the first generation there is nothing to keep."""
         if self.generation == 0:
             return {"generation": 0}
-        arrays = {name: getattr(self, name).tolist() for name in _ARRAYS}
+        arrays = {name: getattr(self, name).copy() for name in _ARRAYS}
         return {**{name: getattr(self, name) for name in _NUMBERS}, **arrays}
 
     def restore(self, state: Mapping[str, Any]) -> None:

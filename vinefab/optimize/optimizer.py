@@ -34,7 +34,7 @@ class Optimizer(Protocol):
         ...
 
     def state(self) -> Mapping[str, object]:
-        """Return everything that is needed to go on, as plain values that JSON can hold."""
+        """Return everything that is needed to go on: plain values, lists of them, float arrays."""
         ...
 
     def restore(self, state: Mapping[str, object]) -> None:

@@ -119,10 +119,10 @@ class ParticleSwarm:
             swarm.position = self._topology.compute_position(swarm, self._bounds, self._on_bounds)
 
     def state(self) -> Mapping[str, object]:
-        """Return the swarm as lists; before the first generation there is nothing to keep."""
+        """Return the swarm; before the first generation there is nothing to keep."""
         if self._generation == 0:
             return {"generation": 0}
-        arrays = {name: getattr(self._swarm, name).tolist() for name in _ARRAYS}
+        arrays = {name: getattr(self._swarm, name).copy() for name in _ARRAYS}
         return {"generation": self._generation, **arrays}
 
     def restore(self, state: Mapping[str, Any]) -> None:

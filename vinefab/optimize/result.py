@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 
 from vinefab import __version__
@@ -11,6 +11,7 @@ from vinefab.model.design import Design
 from vinefab.model.score import Score
 from vinefab.optimize.history import Generation
 from vinefab.optimize.settings import RunSettings
+from vinefab.optimize.timing import TimeSplit
 
 _PACKAGES = ("cmaes", "numba", "numpy", "pymoo", "pyswarms", "scipy", "shapely")
 
@@ -56,6 +57,8 @@ class RunResult:
         Every generation.
     stopped
         Why it stopped: ``generations``, ``evaluations``, ``stall`` or ``wall_time``.
+    times
+        Where the time of this session went.
     """
 
     run_id: str
@@ -63,6 +66,7 @@ class RunResult:
     finalists: tuple[Finalist, ...]
     history: tuple[Generation, ...]
     stopped: str
+    times: TimeSplit = field(default_factory=TimeSplit)
 
     @property
     def score(self) -> Score:
@@ -103,6 +107,6 @@ def with_origin(
         "penalty": finalist.penalty,
         "evaluations_of_score": len(finalist.score.evaluations),
         **{f"score_{name}": value for name, value in finalist.score.composite.items()},
-        "versions": ", ".join(f"{name} {number}" for name, number in versions.items()),
+        "versions": ", ".join(f"{name} {number}" for name, number in sorted(versions.items())),
     }
     return replace(finalist.design, name=settings.name, origin=origin)

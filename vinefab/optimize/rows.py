@@ -1,7 +1,10 @@
 """How what a run records is written into rows, without losing a bit of any number."""
 
+import base64
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +23,27 @@ def from_blob(data: bytes, rows: int | None = None) -> Floats:
     """Return the numbers of `to_blob`, shape (n,), or (rows, n / rows)."""
     values = np.frombuffer(data, dtype="<f8").astype(np.float64)
     return values if rows is None else values.reshape(rows, -1)
+
+
+def state_to_text(state: Mapping[str, object]) -> str:
+    """Return an optimizer's state as JSON, arrays of floats as the bits that they are made of."""
+    plain = {
+        name: {"shape": value.shape, "bits": base64.b64encode(to_blob(value)).decode()}
+        if isinstance(value, np.ndarray)
+        else value
+        for name, value in state.items()
+    }
+    return json.dumps(plain, allow_nan=False)
+
+
+def state_from_text(text: str) -> dict[str, Any]:
+    """Return the state of `state_to_text`; arrays are arrays of floats again."""
+    return {
+        name: from_blob(base64.b64decode(value["bits"])).reshape(value["shape"])
+        if isinstance(value, dict)
+        else value
+        for name, value in json.loads(text).items()
+    }
 
 
 def score_to_text(score: Score) -> str:

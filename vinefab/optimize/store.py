@@ -6,28 +6,32 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, cast
 
-from vinefab.core.errors import (
-    BadInputError,
-    CannotWriteError,
-    UnreadableFileError,
-    VinefabError,
-)
+from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.jsontext import GENERATOR
+from vinefab.model.map import Map
 from vinefab.optimize.history import Generation
 from vinefab.optimize.identity import RunIdentity
+from vinefab.optimize.plain import map_to_text
+from vinefab.optimize.reading import (
+    FILE_NAME,
+    SCHEMA,
+    read_finalists,
+    read_generations,
+    recorded_identity,
+    system_errors,
+)
 from vinefab.optimize.result import Finalist
-from vinefab.optimize.rows import from_blob, score_from_text, score_to_text, to_blob
+from vinefab.optimize.rows import score_to_text, state_from_text, state_to_text, to_blob
 from vinefab.optimize.space import Space
-
-FILE_NAME = "run.sqlite"
-SCHEMA = "vinefab/run-store-1"
+from vinefab.optimize.timing import TimeSplit
 
 # SQLite keeps these texts in the file's first page: the mark in them makes the file known as ours.
 _TABLES = (
     f"CREATE TABLE run (/* {GENERATOR} */ key TEXT PRIMARY KEY, value TEXT NOT NULL)",
-    "CREATE TABLE session (number INTEGER PRIMARY KEY, began_utc TEXT NOT NULL)",
+    "CREATE TABLE map (place INTEGER PRIMARY KEY, content TEXT NOT NULL)",
+    "CREATE TABLE session (number INTEGER PRIMARY KEY, began_utc TEXT NOT NULL, "
+    "versions TEXT NOT NULL, seconds TEXT NOT NULL)",
     "CREATE TABLE generation (number INTEGER PRIMARY KEY, x BLOB NOT NULL, fitness BLOB NOT NULL, "
     "composite BLOB NOT NULL, penalty BLOB NOT NULL, seconds REAL NOT NULL)",
     "CREATE TABLE term (generation INTEGER NOT NULL, name TEXT NOT NULL, value BLOB NOT NULL, "
@@ -52,15 +56,29 @@ class RunStore:
         An open connection to it.
     identity
         What the record is of.
+
+    Attributes
+    ----------
+    drift
+        Packages that have another version now than when the run began, in words.
     """
 
     def __init__(self, path: Path, connection: sqlite3.Connection, identity: RunIdentity) -> None:
         self.path = path
         self.identity = identity
+        self.drift: tuple[str, ...] = ()
         self._connection = connection
+        self._session = 0
 
     @classmethod
-    def open(cls, folder: Path, identity: RunIdentity, *, resume: bool = False) -> "RunStore":
+    def open(
+        cls,
+        folder: Path,
+        identity: RunIdentity,
+        *,
+        maps: Sequence[Map] = (),
+        resume: bool = False,
+    ) -> "RunStore":
         """Open the record in a folder, a new one unless there is one to resume.
 
         Parameters
@@ -69,6 +87,8 @@ class RunStore:
             Made when missing.
         identity
             What the run is; a record to resume must be of the same.
+        maps
+            What it trains on, to be kept in a new record.
         resume
             Go on with the run that the folder holds; when it holds none, begin one.
 
@@ -84,12 +104,12 @@ class RunStore:
         path = folder / FILE_NAME
         if path.exists() and not resume:
             raise BadInputError("--out", str(folder), "a folder without a run, or --resume")
-        with _system_errors(path):
+        with system_errors(path):
             folder.mkdir(parents=True, exist_ok=True)
             connection = sqlite3.connect(path, isolation_level=None)
         try:
             store = cls(path, connection, identity)
-            store._begin()
+            store._begin(maps)
         except BaseException:
             connection.close()
             raise
@@ -97,22 +117,33 @@ class RunStore:
 
     def generations(self) -> list[Generation]:
         """Return every generation recorded, in order."""
-        with _system_errors(self.path):
-            rows = self._connection.execute(
-                "SELECT number, x, fitness, composite, penalty, seconds FROM generation ORDER BY 1"
-            ).fetchall()
-            return [self._generation(row) for row in rows]
+        with system_errors(self.path):
+            return read_generations(self._connection)
 
     def optimizer_state(self) -> Mapping[str, object]:
         """Return the optimizer's state after the last generation recorded."""
-        with _system_errors(self.path):
+        with system_errors(self.path):
             row = self._connection.execute("SELECT state FROM optimizer").fetchone()
         if row is None:
             raise UnreadableFileError(self.path, "the optimizer's state is missing")
-        return cast("dict[str, object]", json.loads(row[0]))
+        return state_from_text(row[0])
 
-    def add(self, generation: Generation, state: Mapping[str, object]) -> None:
-        """Record a generation and the optimizer's state after it.
+    def add(
+        self,
+        generation: Generation,
+        state: Mapping[str, object],
+        times: TimeSplit | None = None,
+    ) -> None:
+        """Record a generation and the optimizer's state after it, all or nothing.
+
+        Parameters
+        ----------
+        generation
+            What happened.
+        state
+            The optimizer's state.
+        times
+            Where the time of this session has gone so far.
 
         Raises
         ------
@@ -127,10 +158,13 @@ class RunStore:
             connection.executemany("INSERT INTO term VALUES (?, ?, ?)", terms)
             connection.execute(
                 "INSERT OR REPLACE INTO optimizer VALUES (1, ?)",
-                (json.dumps(state, allow_nan=False),),
+                (state_to_text(state),),
             )
+            self._note(times)
 
-    def finish(self, finalists: Sequence[Finalist], stopped: str) -> None:
+    def finish(
+        self, finalists: Sequence[Finalist], stopped: str, times: TimeSplit | None = None
+    ) -> None:
         """Record how the run ended; doing so again changes nothing."""
         rows = [
             (place, to_blob(f.x), f.penalty, f.fitness, score_to_text(f.score))
@@ -140,6 +174,7 @@ class RunStore:
             connection.execute("DELETE FROM finalist")
             connection.executemany("INSERT INTO finalist VALUES (?, ?, ?, ?, ?)", rows)
             connection.execute("INSERT OR REPLACE INTO run VALUES ('stopped', ?)", (stopped,))
+            self._note(times)
 
     def finalists(self, space: Space) -> tuple[Finalist, ...]:
         """Return the finalists of a run that has ended, best first; none before.
@@ -149,20 +184,8 @@ class RunStore:
         space
             What their points stand for.
         """
-        with _system_errors(self.path):
-            rows = self._connection.execute(
-                "SELECT x, penalty, fitness, score FROM finalist ORDER BY place"
-            ).fetchall()
-        return tuple(
-            Finalist(
-                x=from_blob(x),
-                design=space.design(from_blob(x)),
-                score=score_from_text(score),
-                penalty=penalty,
-                fitness=fitness,
-            )
-            for x, penalty, fitness, score in rows
-        )
+        with system_errors(self.path):
+            return read_finalists(self._connection, space)
 
     def close(self) -> None:
         """Close the file."""
@@ -174,29 +197,41 @@ class RunStore:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _begin(self) -> None:
+    def _note(self, times: TimeSplit | None) -> None:
+        if times is not None:
+            self._connection.execute(
+                "UPDATE session SET seconds = ? WHERE number = ?",
+                (json.dumps(times.plain()), self._session),
+            )
+
+    def _begin(self, maps: Sequence[Map]) -> None:
         """Make the tables, or check those that are there; record the session."""
-        with _system_errors(self.path):
+        with system_errors(self.path):
             self._connection.execute("PRAGMA journal_mode = WAL")
             self._connection.execute("PRAGMA synchronous = FULL")
             names = self._connection.execute("SELECT name FROM sqlite_master").fetchall()
         if not names:
-            self._create()
+            self._create(maps)
         elif ("run",) not in names:
             raise UnreadableFileError(self.path, "is not the record of a run")
-        else:
+        row = (datetime.now(UTC).isoformat(), json.dumps(dict(self.identity.versions)), "{}")
+        if names:
             self._compare()
         with self._transaction() as connection:
-            now = datetime.now(UTC).isoformat(timespec="seconds")
-            connection.execute("INSERT INTO session (began_utc) VALUES (?)", (now,))
+            made = connection.execute(
+                "INSERT INTO session (began_utc, versions, seconds) VALUES (?, ?, ?)", row
+            )
+            self._session = made.lastrowid or 0
 
-    def _create(self) -> None:
+    def _create(self, maps: Sequence[Map]) -> None:
         record = {"schema": SCHEMA, "run_id": self.identity.run_id, **self._identity_texts()}
         with self._transaction() as connection:
             for table in _TABLES:
                 connection.execute(table)
             connection.executemany("INSERT INTO run VALUES (?, ?)", record.items())
-        with _system_errors(self.path):
+            texts = enumerate(map(map_to_text, maps))
+            connection.executemany("INSERT INTO map VALUES (?, ?)", texts)
+        with system_errors(self.path):
             # Into the file itself, so that it is known as ours while the run goes on.
             self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
@@ -211,39 +246,19 @@ class RunStore:
 
     def _compare(self) -> None:
         """Raise unless the record is of this very run."""
-        with _system_errors(self.path):
+        with system_errors(self.path):
             kept = dict(self._connection.execute("SELECT key, value FROM run").fetchall())
-        if kept.get("schema") != SCHEMA:
-            raise UnreadableFileError(
-                self.path, f"is of form {kept.get('schema')}; this vinefab reads {SCHEMA}"
-            )
-        recorded = RunIdentity(
-            settings=json.loads(kept["settings"]),
-            maps=tuple(json.loads(kept["maps"])),
-            versions=json.loads(kept["versions"]),
-        )
+        recorded = recorded_identity(kept, self.path)
         if problem := self.identity.differs_from(recorded):
             raise problem.at(self.path)
-
-    def _generation(self, row: tuple[Any, ...]) -> Generation:
-        number, x, fitness, composite, penalty, seconds = row
-        terms = self._connection.execute(
-            "SELECT name, value FROM term WHERE generation = ? ORDER BY rowid", (number,)
-        ).fetchall()
-        return Generation(
-            number=number,
-            x=from_blob(x, rows=len(from_blob(fitness))),
-            fitness=from_blob(fitness),
-            composite=from_blob(composite),
-            penalty=from_blob(penalty),
-            terms={name: from_blob(value) for name, value in terms},
-            seconds=seconds,
-        )
+        self.drift = tuple(self.identity.drift(recorded))
+        # What the winner is said to come from is what the run began with.
+        self.identity = recorded
 
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
         """All or nothing."""
-        with _system_errors(self.path):
+        with system_errors(self.path):
             self._connection.execute("BEGIN IMMEDIATE")
             try:
                 yield self._connection
@@ -253,21 +268,3 @@ class RunStore:
                 if self._connection.in_transaction:
                     self._connection.execute("ROLLBACK")
                 raise
-
-
-@contextmanager
-def _system_errors(path: Path) -> Iterator[None]:
-    """Turn what SQLite and the system say into errors of ours."""
-    try:
-        yield
-    except VinefabError:
-        raise
-    except sqlite3.IntegrityError as error:
-        problem = "another process is going on with the same run"
-        raise CannotWriteError(path, problem) from error
-    except sqlite3.OperationalError as error:
-        raise CannotWriteError(path, str(error)) from error
-    except sqlite3.DatabaseError as error:
-        raise UnreadableFileError(path, str(error)) from error
-    except OSError as error:
-        raise CannotWriteError(path, error.strerror or str(error)) from error

@@ -7,20 +7,23 @@ from typing import Protocol, runtime_checkable
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.growth.atlas import Atlas
-from vinefab.growth.batch import Launches, Over
+from vinefab.growth.batch import Block, Launches
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.checked import Floats
+from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.optimize.objective import INVALID_FITNESS, objective
 from vinefab.optimize.settings import EvaluationSettings, PartSettings, RunSettings
 from vinefab.optimize.space import Space
+from vinefab.optimize.timing import Stopwatch, Work
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import Poses, Site, poses_on, score_designs
+from vinefab.tasks.ground import Ground
 from vinefab.tasks.reach import Reach
 from vinefab.tasks.registry import make_task
-from vinefab.tasks.task import Task
+from vinefab.tasks.task import Outcome, Task, outcomes
 
 Penalty = Callable[[Design], float]
 """How far a design is from one that can be made: 0 when it can, else above 0."""
@@ -132,8 +135,11 @@ class Trial:
         ]
         return poses_on(self.sites, count, seeds)
 
-    def evaluate(self, x: Floats, poses: Poses, over: Over = map) -> list[Candidate]:
+    def evaluate(self, x: Floats, poses: Poses) -> tuple[list[Candidate], Work]:
         """Return what points are worth; a point that is no design is a result, not an error.
+
+        Points do not influence each other: whoever evaluates them, in whatever parts, finds the
+        same.
 
         Parameters
         ----------
@@ -141,17 +147,37 @@ class Trial:
             The points, shape (m, d).
         poses
             For each map, the poses to grow from.
-        over
-            How to work it off: `map`, or that of a pool of threads. No result depends on it.
+
+        Returns
+        -------
+        candidates
+            In the order of the points.
+        work
+            The processor time that it took.
         """
-        found = list(over(self._unscored, x))
+        watch = Stopwatch()
+        found = [self._unscored(row) for row in x]
         there = [index for index, candidate in enumerate(found) if candidate.design is not None]
         designs = [candidate.design for candidate in found if candidate.design is not None]
-        launches = Launches.of(self.atlas, poses)
-        scores = score_designs(designs, self.sites, launches, self.task, self.growth, over)
+        making_s = watch.lap_s()
+        task = TimedTask(self.task)
+        launches = self.launches(poses)
+        scores = score_designs(designs, self.sites, launches, task, self.growth)
+        grown_s = watch.lap_s()
         for index, score in zip(there, scores, strict=True):
             found[index] = self._scored(found[index], score)
-        return found
+        scoring_s = task.spent_s + watch.lap_s()
+        return found, Work(making_s, grown_s - task.spent_s, scoring_s)
+
+    def launches(self, poses: Poses) -> Launches:
+        """Return the places that robots grow from.
+
+        Raises
+        ------
+        BadInputError
+            If a pose is inside an obstacle or outside the bounds.
+        """
+        return Launches.of(self.atlas, poses)
 
     def _unscored(self, x: Floats) -> Candidate:
         """Return the design at a point with its penalty, or why there is none."""
@@ -173,6 +199,44 @@ class Trial:
             lowest=min(0.0, self.task.lowest),
             weight=self.evaluation.penalty_weight,
         )
+
+
+class TimedTask:
+    """A task that counts the processor time it takes; not for several threads.
+
+    Parameters
+    ----------
+    task
+        The task.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        self.spent_s = 0.0
+
+    @property
+    def name(self) -> str:
+        """The task's name."""
+        return self.task.name
+
+    @property
+    def lowest(self) -> float:
+        """The task's lowest score."""
+        return self.task.lowest
+
+    def evaluate(self, deployment: Deployment, ground: Ground) -> Outcome:
+        """Return what the task finds."""
+        watch = Stopwatch()
+        found = self.task.evaluate(deployment, ground)
+        self.spent_s += watch.lap_s()
+        return found
+
+    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> list[Outcome]:
+        """Return what the task finds for every growth of a block."""
+        watch = Stopwatch()
+        found = outcomes(self.task, block, grounds)
+        self.spent_s += watch.lap_s()
+        return found
 
 
 def _search_task(settings: PartSettings) -> Task:

@@ -3,18 +3,22 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
+from vinefab.core.jsontext import json_text
 from vinefab.files.map import read_map
 from vinefab.files.profile import read_profile
 from vinefab.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map
 from vinefab.optimize.history import Progress
 from vinefab.optimize.identity import RunIdentity
-from vinefab.optimize.loop import optimize
+from vinefab.optimize.loop import Search
 from vinefab.optimize.result import RunResult
 from vinefab.optimize.settings import RunSettings
 from vinefab.optimize.store import RunStore
 from vinefab.optimize.training import generated_maps
 from vinefab.optimize.trial import Penalty
+from vinefab.optimize.workers import Workforce
 from vinefab.pipeline.making import Making
 
 Tell = Callable[[Progress], None]
@@ -39,7 +43,7 @@ def search(
     folder: Path,
     *,
     resume: bool = False,
-    workers: int = 1,
+    workers: int | Workforce = 1,
     tell: Tell | None = None,
 ) -> RunResult:
     """Run the optimizer and keep its record in a folder.
@@ -53,21 +57,22 @@ def search(
     resume
         Go on with the run that the folder holds.
     workers
-        Threads; no result depends on their number.
+        Threads, or who else evaluates; no result depends on it.
     tell
         Called after every generation.
 
     Raises
     ------
     BadInputError, UnreadableFileError, CannotWriteError
-        If the settings, the maps or the folder cannot be used; the record stays whole.
+        If the settings, the maps or the folder cannot be used; the record stays whole, and none
+        is begun for a run that cannot go.
     """
     maps = training_maps(settings)
     penalty = penalty_of(settings)
-    with RunStore.open(folder, RunIdentity.of(settings, maps), resume=resume) as store:
-        return optimize(
-            settings, maps, penalty=penalty, store=store, progress=tell, workers=workers
-        )
+    job = Search.of(settings, maps, penalty)
+    identity = RunIdentity.of(settings, maps, penalty)
+    with RunStore.open(folder, identity, maps=maps, resume=resume) as store:
+        return job.run(store=store, progress=tell, workers=workers)
 
 
 def progress_words(progress: Progress) -> str:
@@ -89,4 +94,33 @@ def result_lines(result: RunResult) -> list[str]:
         f"evaluated, stopped by {result.stopped}",
         f"winner {best.name}: {best.branch_count} branches on {best.depth} levels; {made}",
         f"on {len(score.evaluations)} fresh poses on the training maps (simulated): {weighed}",
+        result.times.words,
     ]
+
+
+def result_json(result: RunResult) -> str:
+    """Return how a run ended as JSON: ``vinefab/run-result-1``."""
+    content = {
+        "run": result.run_id,
+        "winner": result.best.name,
+        "stopped": result.stopped,
+        "evaluations": result.evaluations,
+        "fabricable": result.fabricable,
+        "composite": dict(result.score.composite),
+        "finalists": [
+            {"fitness": f.fitness, "penalty": f.penalty, "composite": dict(f.score.composite)}
+            for f in result.finalists
+        ],
+        "generations": [
+            {
+                "best": float(g.fitness.max()),
+                "mean": float(np.nanmean(g.composite)) if g.terms else None,
+                "spread": float(np.nanstd(g.composite)) if g.terms else None,
+                "fabricable_share": g.fabricable_share,
+                "seconds": g.seconds,
+            }
+            for g in result.history
+        ],
+        "times": {**result.times.plain(), "shares": result.times.shares},
+    }
+    return json_text("vinefab/run-result-1", content)

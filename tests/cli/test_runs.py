@@ -1,0 +1,74 @@
+import json
+import sqlite3
+
+import pytest
+
+
+@pytest.fixture
+def ended(vinefab, run_file, tmp_path):
+    """A run's folder."""
+    out = tmp_path / "runs" / "first"
+    code, _, complaint = vinefab("optimize", run_file, "--out", out, "-q")
+    assert (code, complaint) == (0, "")
+    return out
+
+
+def test_the_end_of_a_run_says_where_the_time_went(vinefab, run_file, tmp_path):
+    code, output, words = vinefab(
+        "optimize", run_file, "--out", tmp_path / "run", "--workers", 2, "--json", "-"
+    )
+    document = json.loads(output)
+    assert code == 0
+    assert document["schema"] == "vinefab/run-result-1"
+    assert document["evaluations"] == 6
+    times = document["times"]
+    whole = sum(times["shares"][key] for key in ("evaluating", "optimizer", "store", "other"))
+    assert whole == pytest.approx(1.0)
+    assert times["workers"] == 2
+    assert 0.0 < times["growth_s"] + times["scoring_s"] <= times["processor_s"]
+    assert "2 workers were busy growing" in words
+
+
+def test_runs_are_listed_with_those_that_cannot_be_read(vinefab, ended, tmp_path):
+    other = tmp_path / "runs" / "foreign"
+    other.mkdir()
+    connection = sqlite3.connect(other / "run.sqlite")
+    connection.execute("CREATE TABLE theirs (a)")
+    connection.close()
+    code, output, words = vinefab("runs", tmp_path / "runs", "--json", "-")
+    document = json.loads(output)
+    assert code == 0
+    assert document["schema"] == "vinefab/runs-1"
+    (row,) = document["runs"]
+    assert (row["name"], row["generations"], row["stopped"]) == ("tiny", 2, "generations")
+    assert "not the record of a run" in document["broken"][0]
+    assert f"{ended}: tiny (pso, seed 1, run {row['run']}): 2/2 generations" in words
+    assert "stopped by generations" in words
+
+
+def test_a_record_alone_gives_the_files_again(vinefab, ended, tmp_path):
+    best = (ended / "best.toml").read_bytes()
+    again = tmp_path / "again"
+    code, words, complaint = vinefab("runs", ended, "--rebuild", again)
+    assert (code, complaint) == (0, "")
+    assert (again / "best.toml").read_bytes() == best
+    assert (again / "history.svg").read_bytes().startswith(b"<?xml")
+    assert (again / "map_grid_1.svg").exists()
+    assert str(again / "best.toml") in words.replace("\n", "")
+
+
+def test_a_folder_without_records_is_named(vinefab, tmp_path):
+    code, _, complaint = vinefab("runs", tmp_path)
+    assert code == 2
+    assert "a folder with a run.sqlite in it or below" in complaint
+    assert vinefab("runs", tmp_path / "none")[0] == 2
+
+
+def test_no_record_is_begun_for_a_run_that_cannot_go(vinefab, tmp_path):
+    text = 'schema = "vinefab/run-1"\n[optimizer]\nname = "cmaes"\npopulation = 3\n'
+    (tmp_path / "few.toml").write_text(text)
+    out = tmp_path / "out"
+    code, _, complaint = vinefab("optimize", tmp_path / "few.toml", "--out", out)
+    assert code == 2
+    assert "optimizer.population is 3; allowed: at least 4" in complaint
+    assert not (out / "run.sqlite").exists()

@@ -1,0 +1,41 @@
+"""``vinefab runs``: what the records of runs say."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vinefab.cli.options import Force, JsonOut, Quiet, Voice
+from vinefab.pipeline.runs import list_runs, rebuild, run_words
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("runs")(runs_command)
+
+
+def runs_command(
+    *,
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run's folder, or one above.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--rebuild", help="Write best.toml and pictures of the run in DIR here."),
+    ] = None,
+    json_out: JsonOut = None,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
+    """List the records of runs in a folder and below; --rebuild writes files from a record alone.
+
+    Example: vinefab runs . --json -
+    """
+    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    listing = list_runs(folder)
+    if out is not None:
+        for path in rebuild(folder, out, force=force):
+            voice.say(f"wrote {path}")
+    for row in listing.rows:
+        voice.say(run_words(row))
+    for line in listing.broken:
+        voice.say(f"not read: {line}")
+    voice.give_json(listing.json())

@@ -1,0 +1,157 @@
+"""Where the time of a run goes."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
+from typing import NamedTuple
+
+
+class Work(NamedTuple):
+    """Processor time that some evaluations took, s.
+
+    Parameters
+    ----------
+    making_s
+        Turning points into designs, and finding how far those are from being made.
+    growth_s
+        Planning and growing.
+    scoring_s
+        What the task thinks of the final states, and composing that.
+    """
+
+    making_s: float = 0.0
+    growth_s: float = 0.0
+    scoring_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeSplit:
+    """Where the time of one session went, all in seconds.
+
+    Parameters
+    ----------
+    workers
+        How many evaluated at once.
+    evaluating_s, optimizer_s, store_s, other_s
+        Parts of the session's time: evaluating points, asking and telling, recording, the rest.
+    making_s, growth_s, scoring_s
+        Processor time of all workers together while evaluating (see `Work`).
+    processor_s
+        Processor time of this process for everything.
+    """
+
+    workers: int = 1
+    evaluating_s: float = 0.0
+    optimizer_s: float = 0.0
+    store_s: float = 0.0
+    other_s: float = 0.0
+    making_s: float = 0.0
+    growth_s: float = 0.0
+    scoring_s: float = 0.0
+    processor_s: float = 0.0
+
+    @property
+    def total_s(self) -> float:
+        """How long the session was."""
+        return self.evaluating_s + self.optimizer_s + self.store_s + self.other_s
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Shares of the session's time: what the loop did, and what the workers did meanwhile.
+
+        ``busy`` is the processor time of growing and scoring over that of all workers together
+        while points were evaluated; ``making`` is that of designs and their penalties. On a
+        computer that others use too, workers wait for processors and are less busy; ``useful`` is
+        the share of growing and scoring in the processor time that this process got.
+        """
+        total_s = max(self.total_s, 1e-9)
+        room_s = max(self.workers * self.evaluating_s, 1e-9)
+        return {
+            "evaluating": self.evaluating_s / total_s,
+            "optimizer": self.optimizer_s / total_s,
+            "store": self.store_s / total_s,
+            "other": self.other_s / total_s,
+            "busy": (self.growth_s + self.scoring_s) / room_s,
+            "growth": self.growth_s / room_s,
+            "scoring": self.scoring_s / room_s,
+            "making": self.making_s / room_s,
+            "useful": (self.growth_s + self.scoring_s) / max(self.processor_s, 1e-9),
+        }
+
+    @classmethod
+    def from_plain(cls, values: dict[str, float]) -> "TimeSplit":
+        """Return the split of `plain`; what it does not name is 0."""
+        known = {field.name for field in fields(cls)}
+        return cls(**{key: value for key, value in values.items() if key in known})  # type: ignore[arg-type]
+
+    @property
+    def words(self) -> str:
+        """The split as one line for the user."""
+        shares = {name: f"{100 * share:.0f} %" for name, share in self.shares.items()}
+        return (
+            f"time: {self.total_s:.1f} s, of which evaluating {shares['evaluating']}, optimizer "
+            f"{shares['optimizer']}, record {shares['store']}; meanwhile {self.workers} workers "
+            f"were busy growing {shares['growth']}, scoring {shares['scoring']}, "
+            f"making designs {shares['making']}"
+        )
+
+    def plain(self) -> dict[str, float]:
+        """Return the seconds by name."""
+        return asdict(self)
+
+
+class Ledger:
+    """Collects where time goes while a session runs.
+
+    Parameters
+    ----------
+    workers
+        How many evaluate at once.
+    """
+
+    def __init__(self, workers: int) -> None:
+        self.workers = workers
+        self._began_s = time.perf_counter()
+        self._process_s = time.process_time()
+        self._spent_s = {"evaluating_s": 0.0, "optimizer_s": 0.0, "store_s": 0.0}
+        self._work = Work()
+
+    @contextmanager
+    def spending(self, part: str) -> Iterator[None]:
+        """Count the time of a block as ``evaluating``, ``optimizer`` or ``store``."""
+        began_s = time.perf_counter()
+        try:
+            yield
+        finally:
+            self._spent_s[f"{part}_s"] += time.perf_counter() - began_s
+
+    def add(self, work: Work) -> None:
+        """Count what workers did."""
+        pairs = zip(self._work, work, strict=True)
+        self._work = Work(*(total + more for total, more in pairs))
+
+    def split(self) -> TimeSplit:
+        """Return where the time has gone so far."""
+        total_s = time.perf_counter() - self._began_s
+        other_s = max(0.0, total_s - sum(self._spent_s.values()))
+        work = self._work._asdict()
+        return TimeSplit(
+            workers=self.workers,
+            other_s=other_s,
+            processor_s=time.process_time() - self._process_s,
+            **self._spent_s,
+            **work,
+        )
+
+
+class Stopwatch:
+    """Processor time of the thread that it is used in."""
+
+    def __init__(self) -> None:
+        self._mark_s = time.thread_time()
+
+    def lap_s(self) -> float:
+        """Return the processor time since the last lap, or since the watch was made."""
+        before_s, self._mark_s = self._mark_s, time.thread_time()
+        return self._mark_s - before_s

@@ -37,7 +37,7 @@ def demo_command(
     voice.say("vinefab demo: sensor coverage in a Grid environment, a robot that can be cut")
     settings = DemoSettings(seed=seed, generations=generations, population=population)
     with voice.progress("demo") as show, new_folder(out, MARK, force=force) as folder:
-        demo = run_demo(folder, settings, show)
+        demo = run_demo(folder, settings, show, voice.say)
     table = Table("result", "value", title=f"{demo.result.best.name}, run {demo.result.run_id}")
     for name, value in demo.table():
         table.add_row(name, value)

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
@@ -50,11 +50,12 @@ class Voice:
     quiet: bool = False
     json_out: str | None = None
     force: bool = False
+    console: Console = field(init=False)
+    """For words and progress; one, so that words printed meanwhile stand above the bar."""
 
-    @property
-    def console(self) -> Console:
-        """The console for words and progress."""
-        return Console(stderr=self.json_out == "-", quiet=self.quiet, highlight=False)
+    def __post_init__(self) -> None:
+        console = Console(stderr=self.json_out == "-", quiet=self.quiet, highlight=False)
+        object.__setattr__(self, "console", console)
 
     def say(self, text: str = "") -> None:
         """Print a line for the user."""

@@ -142,7 +142,9 @@ class Demo:
         )
 
 
-def run_demo(folder: Path, settings: DemoSettings, tell: Tell) -> Demo:
+def run_demo(
+    folder: Path, settings: DemoSettings, tell: Tell, announce: Callable[[str], None]
+) -> Demo:
     """Run the main job and write everything into a folder.
 
     Parameters
@@ -153,14 +155,19 @@ def run_demo(folder: Path, settings: DemoSettings, tell: Tell) -> Demo:
         How large.
     tell
         Called as the work goes on.
+    announce
+        Called with a line about each step that begins.
 
     Raises
     ------
     ReadBackError, CannotWriteError
         If a file is not what it should be or cannot be written.
     """
-    tell(0.0, "generating maps")
     run = settings.run()
+    announce(
+        f"training on {run.maps.count} generated maps: {run.search.generations} generations "
+        f"of {run.search.population} designs"
+    )
     unseen = tuple(
         grid_map(_FIRST_UNSEEN + settings.seed + index, GridOptions())
         for index in range(settings.unseen)
@@ -171,6 +178,7 @@ def run_demo(folder: Path, settings: DemoSettings, tell: Tell) -> Demo:
 
     result = search(run, folder / "run", workers=settings.workers, tell=tell_search)
     tell(0.6, "testing the winner on unseen maps")
+    announce(f"testing the winner on {len(unseen)} maps that it never saw")
     scores = _scores(result.best, run, unseen)
     predicted = predict(
         result.best,
@@ -181,8 +189,10 @@ def run_demo(folder: Path, settings: DemoSettings, tell: Tell) -> Demo:
         options=run.growth,
     )
     tell(0.7, "making the rig")
+    announce(f"making the printable rig of {unseen[0].name}")
     rig = make_rig(unseen[0], read_printer(DEFAULT_PRINTER), RigOptions())
     tell(0.8, "writing the package and the report")
+    announce("writing the fabrication package and the report")
     demo = Demo(result=result, predicted=predicted, rig=rig, files=(), **scores)
     return replace(demo, files=_write(folder, demo, run, unseen))
 

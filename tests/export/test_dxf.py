@@ -16,6 +16,7 @@ import shapely
 from vinefab.core.atomic import OWN_MARK
 from vinefab.export import dxf
 from vinefab.export.dxf import dxf_text
+from vinefab.export.readback import compare, read_dxf
 from vinefab.model.job import Job, Operation
 from vinefab.model.outline import Contour, Segment
 
@@ -193,3 +194,18 @@ def test_ogr_sees_the_layers_lengths_and_boxes(
         boxes = np.array([path.contour.box_mm for path in job.along(operation)])
         assert sum(s.length for s in shapes) == pytest.approx(job.length_mm(operation), rel=1e-5)
         assert np.allclose(shapely.bounds(shapes), boxes, atol=1e-3)
+
+
+def test_release_12_has_the_same_paths_as_old_polylines(job: Job) -> None:
+    document = ezdxf.read(io.StringIO(dxf_text(job, r12=True)))
+    assert document.dxfversion == "AC1009"
+    assert "$INSUNITS" not in document.header
+    polylines = list(document.modelspace())
+    assert {polyline.dxftype() for polyline in polylines} == {"POLYLINE"}
+    for polyline, path in zip(polylines, job.paths, strict=True):
+        rows = [(*v.dxf.location.vec2, v.dxf.get("bulge", 0.0)) for v in polyline.vertices]
+        assert np.allclose(np.array(rows)[:, :2], path.contour.points_mm, atol=1e-9)
+        assert np.allclose(np.array(rows)[: len(path.contour), 2], path.contour.bulges)
+        assert polyline.is_closed is path.contour.closed
+        assert polyline.dxf.layer == path.operation.layer
+    assert compare(job, read_dxf(dxf_text(job, r12=True))) == ()

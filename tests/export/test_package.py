@@ -26,6 +26,8 @@ NAMES = [
     "outline.dxf",
     "outline_polyline.dxf",
     "outline.svg",
+    "outline.lbrn2",
+    "recipe.clb",
     "preview.png",
     "checks.json",
     "report.html",

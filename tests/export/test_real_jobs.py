@@ -59,7 +59,7 @@ def test_a_shipped_design_makes_a_whole_package() -> None:
         report=b"",
         colours=PRESETS[profile.machine.colours],
     )
-    assert len(package_files(content)) == 10
+    assert len(package_files(content)) == 12
 
 
 def test_a_fact_cannot_hide_who_wrote_the_file(job: Job) -> None:

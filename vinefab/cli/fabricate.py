@@ -34,6 +34,9 @@ def fabricate_command(
     allow_uncalibrated: Annotated[
         bool, typer.Option(help="Write files for a recipe that no coupon has confirmed.")
     ] = False,
+    r12: Annotated[
+        bool, typer.Option("--r12", help="Also write a DXF of release 12, which knows no unit.")
+    ] = False,
     quiet: Quiet = False,
     force: Force = False,
 ) -> int:
@@ -46,7 +49,7 @@ def fabricate_command(
     archive = out.with_name(f"{out.name}.zip")
     if make_zip:
         ensure_writable(archive, force=force)
-    prepared = prepare(read_design(design), read_profile(recipe))
+    prepared = prepare(read_design(design), read_profile(recipe), r12=r12)
     for line in check_lines(prepared.report):
         voice.say(line)
     if why := prepared.refusal(allow_uncalibrated=allow_uncalibrated):

@@ -67,6 +67,13 @@ class Colours:
 BLACK, BLUE, MAGENTA, RED = ("#000000", 7), ("#0000FF", 5), ("#FF00FF", 6), ("#FF0000", 1)
 ORANGE, SKY = ("#F36926", 30), ("#0C96D9", 140)
 
+VARIANT_COLOURS = (
+    *(("#00E000", 3), ("#FF8000", 30), ("#00E0E0", 4), ("#A00000", 12)),
+    *(("#0000A0", 172), ("#D0D000", 2), ("#A000A0", 212), ("#00A000", 92)),
+    *(("#00A0FF", 150), ("#C08000", 42), ("#A0A000", 52), ("#B4B4B4", 9)),
+)
+"""Colours of LightBurn's palette for settings that differ from the recipe's, with near indices."""
+
 
 def _styles(colours: Mapping[Operation, tuple[str, int]]) -> dict[Operation, Style]:
     return {op: Style(layer=op.layer, rgb=rgb, aci=aci) for op, (rgb, aci) in colours.items()}

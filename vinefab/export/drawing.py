@@ -11,6 +11,7 @@ class Format(StrEnum):
 
     DXF = "dxf"
     SVG = "svg"
+    LIGHTBURN = "lightburn"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -22,7 +23,7 @@ class DrawnPath:
     layer
         The layer it is on.
     colour
-        ``#RRGGBB`` from an SVG, a colour index in digits from a DXF.
+        ``#RRGGBB`` from an SVG or a LightBurn project, a colour index in digits from a DXF.
     contour
         Its lines and arcs, y up, in the file's unit.
     """
@@ -43,7 +44,7 @@ class Drawing:
     unit
         ``mm``, or in words what the file says instead.
     sheet
-        Width and height in the file's unit.
+        Width and height in the file's unit; None where the format has no sheet.
     paths
         In the order of the file.
     layer_colours
@@ -54,7 +55,7 @@ class Drawing:
 
     format: Format
     unit: str
-    sheet: tuple[float, float]
+    sheet: tuple[float, float] | None
     paths: tuple[DrawnPath, ...]
     layer_colours: dict[str, str]
     oddities: tuple[str, ...] = ()

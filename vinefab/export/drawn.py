@@ -1,10 +1,12 @@
 """What of a job goes into a laser file, whatever the file's format."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR, plain
-from vinefab.export.colours import Colours, Style
+from vinefab.export.colours import VARIANT_COLOURS, Colours, Style
 from vinefab.model.job import Job, LaserPath, Operation
 
 
@@ -28,13 +30,26 @@ def styled_paths(job: Job, colours: Colours) -> tuple[StyledPath, ...]:
     """Return the paths that a preset writes, in process order.
 
     Paths of one operation keep the job's order, which puts inner contours before outer ones.
+    Every variant of an operation has a layer and a colour of its own, whatever the preset.
     """
+    names = dict.fromkeys(path.variant for path in job.paths if path.variant)
+    variants = dict(zip(names, VARIANT_COLOURS, strict=False))
+    if len(variants) < len(names):
+        raise BadInputError("variants", len(names), f"at most {len(VARIANT_COLOURS)} in one file")
     return tuple(
-        StyledPath(path=path, style=colours.styles[operation])
+        StyledPath(path=path, style=_style(path, colours, variants))
         for operation in Operation
         if operation in colours.styles
         for path in job.along(operation)
     )
+
+
+def _style(path: LaserPath, colours: Colours, variants: Mapping[str, tuple[str, int]]) -> Style:
+    style = colours.styles[path.operation]
+    if not path.variant:
+        return style
+    rgb, aci = variants[path.variant]
+    return Style(layer=f"{path.operation.layer}_{path.variant}", rgb=rgb, aci=aci)
 
 
 def left_out(job: Job, colours: Colours) -> tuple[Operation, ...]:

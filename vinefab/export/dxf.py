@@ -16,11 +16,17 @@ from vinefab.model.job import Job
 from vinefab.model.outline import FLATTEN_MM, Contour
 
 VERSION = "R2010"
+RELEASE_12 = "R12"
+AC1009 = "AC1009"
+"""What a file of release 12 calls its version."""
+
 MILLIMETRES = 4
 METRIC = 1
 
 
-def dxf_text(job: Job, colours: Colours = DEFAULT, *, polyline: bool = False) -> str:
+def dxf_text(
+    job: Job, colours: Colours = DEFAULT, *, polyline: bool = False, r12: bool = False
+) -> str:
     """Return a job as the text of a DXF file, to be encoded as UTF-8.
 
     Every path is one LWPOLYLINE; arcs are bulges with exactly the radius of the model. Layer and
@@ -35,6 +41,8 @@ def dxf_text(job: Job, colours: Colours = DEFAULT, *, polyline: bool = False) ->
         Layers and colours.
     polyline
         Flatten arcs to chords at most 0.01 mm away, for programs that ignore bulges.
+    r12
+        Write release 12: POLYLINE instead of LWPOLYLINE, and no unit, for it knows none.
 
     Returns
     -------
@@ -42,7 +50,7 @@ def dxf_text(job: Job, colours: Colours = DEFAULT, *, polyline: bool = False) ->
         The same entities for the same job; the bytes are those of the ezdxf in use.
     """
     with _fixed_metadata():
-        document = new(VERSION, units=MILLIMETRES)
+        document = new(RELEASE_12 if r12 else VERSION, units=MILLIMETRES)
         _describe(document, job, colours)
         for styled in styled_paths(job, colours):
             _add(document, styled, polyline=polyline)
@@ -80,7 +88,10 @@ def _add(document: Drawing, styled: StyledPath, *, polyline: bool) -> None:
     if not contour.closed:
         bulges.append(0.0)
     points = contour.points_mm.tolist()
-    document.modelspace().add_lwpolyline(
+    space = document.modelspace()
+    # LWPOLYLINE came after release 12.
+    add = space.add_polyline2d if document.dxfversion == AC1009 else space.add_lwpolyline
+    add(
         [(x, y, bulge) for (x, y), bulge in zip(points, bulges, strict=True)],
         format="xyb",
         close=contour.closed,

@@ -58,9 +58,9 @@ def machine_time(job: Job, profile: LaserProfile) -> MachineTime:
     inputs = [machine.acceleration_mm_s2, machine.speed_max_mm_s]
     travel, head = 0.0, (0.0, 0.0)
     for operation in work:
-        settings = profile.settings(operation)
-        inputs.append(settings.speed_mm_s)
         for path in job.along(operation):
+            settings = path.settings_in(profile)
+            inputs.append(settings.speed_mm_s)
             start, end = _ends(path)
             work[operation] += _path_time_s(path, settings, acceleration)
             hops = [(head, start)] + [(end, start)] * (settings.passes - 1)
@@ -81,7 +81,9 @@ def lasered(job: Job, profile: LaserProfile) -> tuple[Operation, ...]:
         If the recipe lacks an operation of the job.
     """
     machined = (op for op in Operation if op.is_machined and job.along(op))
-    return tuple(op for op in machined if profile.settings(op).by_laser)
+    return tuple(
+        op for op in machined if all(p.settings_in(profile).by_laser for p in job.along(op))
+    )
 
 
 def _path_time_s(path: LaserPath, settings: OperationSettings, acceleration: float) -> float:

@@ -10,9 +10,6 @@ from vinefab.export.bom import bom_text
 from vinefab.export.colours import DEFAULT, Colours
 from vinefab.export.job_json import job_text
 from vinefab.export.laser_files import (
-    DXF_NAME,
-    POLYLINE_NAME,
-    SVG_NAME,
     laser_file_problems,
     laser_files,
 )
@@ -20,6 +17,8 @@ from vinefab.export.readme import readme_text
 from vinefab.model.design import Design
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
+
+ANIMATION_NAME = "animation.svg"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,8 +39,12 @@ class PackageContent:
         A picture of the job, PNG.
     report
         The report, HTML.
+    animation
+        The laser's path in motion, SVG; empty for none.
     colours
         Layers and colours.
+    laser
+        Laser files that were read again and found right; None to write them here.
     """
 
     design: Design
@@ -50,7 +53,9 @@ class PackageContent:
     checks: str
     preview: bytes
     report: bytes
+    animation: bytes = b""
     colours: Colours = DEFAULT
+    laser: Mapping[str, bytes] | None = None
 
 
 def package_files(content: PackageContent) -> dict[str, bytes]:
@@ -69,15 +74,13 @@ def package_files(content: PackageContent) -> dict[str, bytes]:
         If the recipe lacks an operation of the job.
     """
     job, profile, colours = content.job, content.profile, content.colours
-    laser = laser_files(job, colours, hairline_mm=profile.machine.hairline_mm)
-    _ensure_right(laser, job, colours)
+    laser = _laser(content) if content.laser is None else content.laser
     files = {
         "README.txt": readme_text(content.design, job, profile, colours).encode(),
         "job.json": job_text(content.design, job, profile, colours).encode(),
-        DXF_NAME: laser[DXF_NAME],
-        POLYLINE_NAME: laser[POLYLINE_NAME],
-        SVG_NAME: laser[SVG_NAME],
+        **laser,
         "preview.png": content.preview,
+        **({ANIMATION_NAME: content.animation} if content.animation else {}),
         "checks.json": content.checks.encode(),
         "report.html": content.report,
         "bom.csv": bom_text(job, profile).encode(),
@@ -87,7 +90,16 @@ def package_files(content: PackageContent) -> dict[str, bytes]:
     return files
 
 
-def _ensure_right(laser: Mapping[str, bytes], job: Job, colours: Colours) -> None:
-    for name, problems in laser_file_problems(laser, job, colours).items():
-        if problems:
-            raise ReadBackError(name, "; ".join(problems))
+def _laser(content: PackageContent) -> dict[str, bytes]:
+    job, profile, colours = content.job, content.profile, content.colours
+    hairline_mm = profile.machine.hairline_mm
+    files = laser_files(job, colours, hairline_mm=hairline_mm, profile=profile)
+    ensure_right(laser_file_problems(files, job, colours, profile))
+    return files
+
+
+def ensure_right(problems: Mapping[str, tuple[str, ...]]) -> None:
+    """Raise ReadBackError if any laser file, read again, is not what the job says."""
+    for name, found in problems.items():
+        if found:
+            raise ReadBackError(name, "; ".join(found))

@@ -22,6 +22,12 @@ DXF_TOLERANCE_MM = 1e-6
 SVG_TOLERANCE_MM = 2e-3
 """Three decimals: 0.0007 mm at a vertex, twice that in the middle of an arc."""
 
+TOLERANCES_MM = {
+    Format.DXF: DXF_TOLERANCE_MM,
+    Format.SVG: SVG_TOLERANCE_MM,
+    Format.LIGHTBURN: 1e-4,  # four decimals
+}
+
 
 def compare(
     job: Job,
@@ -73,7 +79,7 @@ def compare(
 
 
 def _own_tolerance_mm(drawing: Drawing) -> float:
-    return SVG_TOLERANCE_MM if drawing.format is Format.SVG else DXF_TOLERANCE_MM
+    return TOLERANCES_MM[drawing.format]
 
 
 def _frame_problems(
@@ -82,7 +88,7 @@ def _frame_problems(
     if drawing.unit != "mm":
         yield f"the unit is {drawing.unit}, not mm"
     sheet = job.sheet_width_mm, job.sheet_height_mm
-    if not np.allclose(drawing.sheet, sheet, rtol=0.0, atol=tolerance_mm):
+    if drawing.sheet and not np.allclose(drawing.sheet, sheet, rtol=0.0, atol=tolerance_mm):
         yield f"the sheet is {_listed(drawing.sheet)}, not {_listed(sheet)}"
     if not meant:
         yield "there is nothing to draw: the job has no path that this preset writes"

@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 from ezdxf.document import Drawing as DxfDocument
 from ezdxf.entities.lwpolyline import LWPolyline
+from ezdxf.entities.polyline import Polyline
 from ezdxf.filemanagement import read
 from ezdxf.lldxf.const import DXFError
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.export.drawing import Drawing, DrawnPath, Format
-from vinefab.export.dxf import METRIC, MILLIMETRES
+from vinefab.export.dxf import AC1009, METRIC, MILLIMETRES
 from vinefab.model.outline import Contour, Part
 
 
@@ -42,7 +43,8 @@ def read_dxf(source: Path | str) -> Drawing:
 
 def _drawing(document: DxfDocument) -> Drawing:
     entities = list(document.modelspace())
-    polylines = [entity for entity in entities if isinstance(entity, LWPolyline)]
+    own = Polyline if document.dxfversion == AC1009 else LWPolyline
+    polylines = [entity for entity in entities if isinstance(entity, own)]
     limit = document.header.get("$LIMMAX", (0.0, 0.0))
     return Drawing(
         format=Format.DXF,
@@ -53,21 +55,27 @@ def _drawing(document: DxfDocument) -> Drawing:
         oddities=tuple(
             f"{count} entities of kind {kind}"
             for kind, count in Counter(entity.dxftype() for entity in entities).items()
-            if kind != "LWPOLYLINE"
+            if kind != own.DXFTYPE
         ),
     )
 
 
 def _unit(document: DxfDocument) -> str:
+    if document.dxfversion == AC1009:
+        return "mm"  # the only one that we write; the format has no place to say so
     said = document.header.get("$INSUNITS", 0), document.header.get("$MEASUREMENT", 0)
     if said == (MILLIMETRES, METRIC):
         return "mm"
     return f"$INSUNITS {said[0]} with $MEASUREMENT {said[1]}"
 
 
-def _path(polyline: LWPolyline) -> DrawnPath:
-    points = np.array(polyline.get_points("xyb"), dtype=np.float64).reshape(-1, 3)
-    closed = bool(polyline.closed)
+def _path(polyline: LWPolyline | Polyline) -> DrawnPath:
+    if isinstance(polyline, Polyline):
+        rows = [(*v.dxf.location.vec2, v.dxf.get("bulge", 0.0)) for v in polyline.vertices]
+        points, closed = np.array(rows, dtype=np.float64), bool(polyline.is_closed)
+    else:
+        points, closed = np.array(polyline.get_points("xyb")), bool(polyline.closed)
+    points = points.reshape(-1, 3)
     count = len(points) if closed else len(points) - 1
     return DrawnPath(
         layer=polyline.dxf.layer,

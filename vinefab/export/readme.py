@@ -7,7 +7,13 @@ from vinefab.core.jsontext import GENERATOR
 from vinefab.export.bom import film_piece_mm
 from vinefab.export.colours import Colours
 from vinefab.export.drawn import left_out, metadata, styled_paths, told_apart
-from vinefab.export.laser_files import DXF_NAME, POLYLINE_NAME, SVG_NAME
+from vinefab.export.laser_files import (
+    DXF_NAME,
+    LIBRARY_NAME,
+    POLYLINE_NAME,
+    PROJECT_NAME,
+    SVG_NAME,
+)
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile, OperationSettings, Quantity, RecipeStatus
@@ -105,6 +111,9 @@ def _file(job: Job, colours: Colours) -> list[str]:
     steps = [
         f"Open {DXF_NAME} (true arcs) or {SVG_NAME}. Use {POLYLINE_NAME} only where arcs are"
         " missing after import: some programs ignore them without a word.",
+        f"LightBurn: {PROJECT_NAME} has the layers of section 4 with their settings, {LIBRARY_NAME}"
+        " the settings alone. LightBurn's formats are not published: compare power, speed and size"
+        f" with section 4 before you run it, and use {SVG_NAME} if anything differs.",
         "If the program asks for a unit, it is millimetres; scale 100 %.",
         f"Check after import: the bed is {size}; all paths together measure"
         f" {x1 - x0:.2f} x {y1 - y0:.2f} mm and begin {x0:.2f} mm from the bed's left and"

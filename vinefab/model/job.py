@@ -6,6 +6,7 @@ from enum import StrEnum
 from types import MappingProxyType
 
 from vinefab.model.checked import positive
+from vinefab.model.laser import LaserProfile, OperationSettings
 from vinefab.model.outline import Contour
 
 
@@ -52,11 +53,28 @@ class LaserPath:
         Where the beam's centre goes: seam and kerf offsets are already applied.
     label
         What it is, for the technician (``outline of six_branch_anchor``).
+    variant
+        A short name for settings of its own; empty for those of the recipe. Paths of one
+        operation and variant share a layer.
+    settings
+        These settings, where there is a variant.
     """
 
     operation: Operation
     contour: Contour
     label: str = ""
+    variant: str = ""
+    settings: OperationSettings | None = None
+
+    def settings_in(self, profile: LaserProfile) -> OperationSettings:
+        """Return how the path is run: its own settings, or else the recipe's.
+
+        Raises
+        ------
+        BadInputError
+            If it has none of its own and the recipe lacks its operation.
+        """
+        return profile.settings(self.operation) if self.settings is None else self.settings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

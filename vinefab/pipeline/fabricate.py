@@ -1,7 +1,7 @@
 """The fabrication package of a design; no simulator is loaded for it."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from vinefab.checks.run import run_checks
 from vinefab.checks.subject import Subject
@@ -9,7 +9,7 @@ from vinefab.export.bom import bill_of_materials
 from vinefab.export.checks_json import checks_text
 from vinefab.export.colours import PRESETS
 from vinefab.export.laser_files import laser_file_problems, laser_files
-from vinefab.export.package import PackageContent, package_files
+from vinefab.export.package import PackageContent, ensure_right, package_files
 from vinefab.geometry.laser import laser_job
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
@@ -43,12 +43,18 @@ class Prepared:
         The paths for the laser.
     report
         Every rule's outcome.
+    laser
+        The laser files by name, empty when a rule forbids the design.
+    readback
+        What was wrong with each of them when it was read again.
     """
 
     design: Design
     profile: LaserProfile
     job: Job
     report: CheckReport
+    laser: Mapping[str, bytes] = field(default_factory=dict)
+    readback: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def refusal(self, *, allow_uncalibrated: bool) -> str:
         """Return why no files may be written, or an empty string.
@@ -71,7 +77,11 @@ class Prepared:
 
 
 def prepare(
-    design: Design, profile: LaserProfile, deployments: Sequence[Deployment] = ()
+    design: Design,
+    profile: LaserProfile,
+    deployments: Sequence[Deployment] = (),
+    *,
+    r12: bool = False,
 ) -> Prepared:
     """Return a design's job and what every rule says.
 
@@ -84,15 +94,28 @@ def prepare(
         What is made, and with what.
     deployments
         Simulated deployments, for the rules that look at paths.
+    r12
+        Write a DXF of release 12 too.
     """
     subject = Subject.of(design, profile, deployments=tuple(deployments))
-    job, report = laser_job(design, profile), run_checks(subject)
+    job = laser_job(design, profile) if subject.job is None else subject.job
+    report = run_checks(subject)
+    files: dict[str, bytes] = {}
+    problems: dict[str, tuple[str, ...]] = {}
     if not report.blocking:
         colours = PRESETS[profile.machine.colours]
-        files = laser_files(job, colours, hairline_mm=profile.machine.hairline_mm)
-        problems = laser_file_problems(files, job, colours)
+        hairline_mm = profile.machine.hairline_mm
+        files = laser_files(job, colours, hairline_mm=hairline_mm, profile=profile, r12=r12)
+        problems = laser_file_problems(files, job, colours, profile)
         report = run_checks(replace(subject, readback=problems))
-    return Prepared(design=design, profile=profile, job=job, report=report)
+    return Prepared(
+        design=design,
+        profile=profile,
+        job=job,
+        report=report,
+        laser=files,
+        readback=problems,
+    )
 
 
 def package(prepared: Prepared) -> dict[str, bytes]:
@@ -101,8 +124,9 @@ def package(prepared: Prepared) -> dict[str, bytes]:
     Raises
     ------
     ReadBackError
-        If a laser file, read again, is not what the job says.
+        If a laser file, read again, is not what the job says, even where that is waived.
     """
+    ensure_right(prepared.readback)
     content = PackageContent(
         design=prepared.design,
         profile=prepared.profile,
@@ -111,6 +135,7 @@ def package(prepared: Prepared) -> dict[str, bytes]:
         preview=png_bytes(job_plan(prepared.job, prepared.report.findings)),
         report=page_html(page_content(prepared)).encode(),
         colours=PRESETS[prepared.profile.machine.colours],
+        laser=prepared.laser or None,
     )
     return package_files(content)
 

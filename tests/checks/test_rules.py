@@ -13,7 +13,7 @@ from vinefab.checks.run import run_checks
 from vinefab.checks.subject import Subject
 from vinefab.geometry.laser import laser_job
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import Design, Pouch
+from vinefab.model.design import Collar, Design, Pouch
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Quantity, RecipeStatus, Standing
@@ -401,6 +401,46 @@ def test_a_fillet_that_swells_its_child_is_found(
 def test_a_pouch_narrower_than_its_branch_is_found(make: Make) -> None:
     subject = Subject.of(make((2, 200.0, 60.0), pouch=Pouch(shape="round", radius_mm=11.9)))
     assert [f.measured for f in found(subject, "VF-C07")] == [23.8]
+
+
+@pytest.mark.parametrize(
+    ("length_mm", "rules"),
+    [(4.9, {"VF-W01", "VF-C07"}), (23.9, {"VF-C07"}), (24.1, set())],
+)
+def test_a_rectangular_pouch_of_senseless_length_is_found(
+    length_mm: float, rules: set[str], make: Make
+) -> None:
+    rim = Pouch(shape="rectangle", length_mm=length_mm, width_mm=36.0)
+    report = run_checks(Subject.of(make((2, 200.0, 60.0), pouch=rim)))
+    assert {f.rule for f in report.findings if f.rule in ("VF-W01", "VF-C07")} == rules
+
+
+@pytest.mark.parametrize(
+    ("collar", "errors"),
+    [
+        (Collar(clamp_diameter_mm=70.0), 0),
+        (Collar(clamp_diameter_mm=70.0, length_mm=180.0, flare_mm=40.0), 1),
+        (Collar(clamp_diameter_mm=70.0, flare_mm=10.0), 1),
+    ],
+)
+def test_a_collar_fits_clamp_and_tail(collar: Collar, errors: int, make: Make) -> None:
+    # 110 mm wide at the clamp: too wide without a collar, right with one
+    findings = found(Subject.of(make((2, 200.0, 60.0), collar=collar)), "VF-B02")
+    assert [f.severity for f in findings] == [E] * errors
+
+
+def test_widths_of_tapered_branches_count_where_they_end(make: Make) -> None:
+    narrow = make((2, 200.0, 60.0), widths_mm=(30.0, 16.0), taper=(1.0, 0.3))
+    assert [f.measured for f in found(Subject.of(narrow), "VF-W01")] == pytest.approx([4.8])
+    close = make((2, 200.0, 60.0), widths_mm=(30.0, 16.0), taper=(0.6, 1.0))
+    assert [f.measured for f in found(Subject.of(close), "VF-W02")] == pytest.approx([18 / 16])
+
+
+def test_taper_is_no_fault_of_the_width_as_built(make: Make, profile: LaserProfile) -> None:
+    tapered = make((3, 200.0, 120.0), taper=(0.9, 0.6))
+    assert found(Subject.of(tapered, profile), "VF-W04") == ()
+    even = replace(Subject.of(make((3, 200.0, 120.0)), profile), job=laser_job(tapered, profile))
+    assert {f.branches[0] for f in found(even, "VF-W04")} == {"0", "0.0", "0.1", "0.2"}
 
 
 def test_a_wide_pouch_limits_the_pressure(make: Make, profile: LaserProfile) -> None:

@@ -70,6 +70,7 @@ def test_crossing_tells_how_far_the_nearest_end_runs_past() -> None:
         start_mm=np.array([[0.0, 0.0], [70.0, -40.0], [0.0, 5.0]]),
         end_mm=np.array([[100.0, 0.0], [70.0, 60.0], [60.0, 5.0]]),
         half_mm=np.full(3, 10.0),
+        end_half_mm=np.full(3, 10.0),
         branch=np.arange(3),
         pouch=np.zeros(3, dtype=bool),
         parent=np.array([-1, 5, 6]),

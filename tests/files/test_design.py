@@ -6,7 +6,7 @@ from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileE
 from vinefab.core.units import rad
 from vinefab.files.design import design_text, read_design
 from vinefab.files.shipped import names
-from vinefab.model.design import Build, Design, Level, Pouch, Waiver
+from vinefab.model.design import Build, Collar, Design, Level, Pouch, Waiver
 
 EXAMPLE = """
 schema = "vinefab/design-1"
@@ -76,7 +76,21 @@ def test_width_ratio_and_fillet_ratio_stand_for_lists(write):
     assert (build.widths_mm, build.fillet_mm) == ((30.0, 15.0), (6.0,))
 
 
+def test_taper_and_collar_arrive_and_are_written_again(write, tmp_path):
+    more = "taper = [1.0, 0.7]\ncollar = { clamp_diameter_mm = 50.0, flare_mm = 45 }\n[[waive]]"
+    design = read_design(write(EXAMPLE.replace("[[waive]]", more)))
+    assert design.build.end_widths_mm == pytest.approx((40.0, 16.8))
+    assert design.build.collar == Collar(clamp_diameter_mm=50.0, length_mm=30.0, flare_mm=45.0)
+    assert design.build.mouth_width_mm == pytest.approx(78.54, abs=0.01)
+    path = tmp_path / "again.toml"
+    path.write_text(design_text(design))
+    assert read_design(path).build == design.build
+
+
 BAD = {
+    "taper for too few levels": ("[build]", "[build]\ntaper = [0.9]", "build.taper is [0.9]"),
+    "branches that widen": ("[build]", "[build]\ntaper = [1.2, 1.0]", "build.taper[1] is 1.2"),
+    "collar without clamp": ("[build]", "[build]\ncollar = {}", "collar.clamp_diameter_mm"),
     "unknown key": ("branches = 3", "branchs = 3", "did you mean 'branches'"),
     "wrong unit suffix": ("tail_mm = 250.0", "tail_cm = 25.0", "did you mean 'tail_mm'"),
     "fraction of a branch": ("branches = 3", "branches = 3.5", "level[1].branches is 3.5"),

@@ -11,8 +11,8 @@ from shapely import Point, Polygon, affinity
 from shapely.geometry import box
 
 from vinefab.geometry.layout import flat_layout
-from vinefab.geometry.tip import corner_radii_mm
-from vinefab.model.design import Build, Design, Level, Pouch
+from vinefab.geometry.tip import Leaf, corner_radii_mm
+from vinefab.model.design import Build, Collar, Design, Level, Pouch
 from vinefab.model.laser import (
     LaserProfile,
     Machine,
@@ -31,10 +31,10 @@ def fan(branches, length_mm, angle_deg, growth=1.0):
     )
 
 
-def plan(widths, fillets=None, levels=(), *, trunk=120.0, tail=60.0, pouch=None):
+def plan(widths, fillets=None, levels=(), *, trunk=120.0, tail=60.0, **build):
     if fillets is None:
         fillets = tuple(max(2.0, width / 4) for width in widths[1:])
-    build = Build(widths_mm=widths, fillet_mm=fillets, tail_mm=tail, pouch=pouch)
+    build = Build(widths_mm=widths, fillet_mm=fillets, tail_mm=tail, **build)
     return Design(name="plan", trunk_length_mm=trunk, levels=tuple(levels), build=build)
 
 
@@ -62,6 +62,38 @@ NAMED_DESIGNS = {
         levels=[fan(2, 110, 90)],
         pouch=Pouch(shape="rectangle", length_mm=30.0, width_mm=26.0),
     ),
+    "tapered_tree": plan(
+        (40.0, 22.0, 12.0),
+        levels=[fan(3, 120, 110), fan(2, 70, 70, 0.7)],
+        taper=(0.9, 0.8, 0.6),
+    ),
+    "tapered_backward_pair": plan(
+        (40.0, 16.0), levels=[fan(2, 150, 270)], trunk=200.0, taper=(0.8, 0.7)
+    ),
+    "tapered_with_round_pouches": plan(
+        (40.0, 20.0),
+        levels=[fan(3, 110, 120, 0.6)],
+        pouch=Pouch(shape="round", radius_mm=18.0),
+        taper=(1.0, 0.7),
+    ),
+    "tapered_with_rectangular_pouches": plan(
+        (40.0, 20.0),
+        levels=[fan(2, 110, 90, 0.8)],
+        pouch=Pouch(shape="rectangle", length_mm=40.0, width_mm=34.0),
+        taper=(0.95, 0.7),
+    ),
+    "wide_collar": plan(
+        (30.0, 16.0),
+        levels=[fan(2, 110, 90)],
+        tail=100.0,
+        collar=Collar(clamp_diameter_mm=30.0, length_mm=25.0, flare_mm=30.0),
+    ),
+    "narrow_collar_without_a_straight_part": plan(
+        (40.0,), tail=100.0, collar=Collar(clamp_diameter_mm=20.0, length_mm=0.0, flare_mm=40.0)
+    ),
+    "tapered_trunk_with_a_collar": plan(
+        (40.0,), tail=100.0, taper=(0.5,), collar=Collar(clamp_diameter_mm=32.0)
+    ),
 }
 
 
@@ -79,7 +111,8 @@ class Twin:
     def body(self, beyond_mm: float = 0.0) -> Polygon:
         """The lumen; with ``beyond_mm`` its tail is drawn out so far beyond the mouth."""
         layout = self.layout
-        parts = [self.branch(branch, beyond_mm) for branch in range(len(layout.tree))]
+        parts = [self.tail(beyond_mm)]
+        parts += [self.branch(branch) for branch in range(len(layout.tree))]
         for leaf in np.flatnonzero(layout.is_leaf):
             parts += self.pouch(int(leaf))
         for joint in np.flatnonzero(~layout.is_leaf):
@@ -87,17 +120,48 @@ class Twin:
         parts = [piece for part in parts for piece in shapely.get_parts(part) if piece.area > 0]
         return without_crumbs(union_on_a_grid(parts))
 
-    def branch(self, branch, beyond_mm):
-        """A strip with a round end, unless a pouch takes the end's place."""
+    def tail(self, beyond_mm):
+        """A strip from the mouth to the trunk's base, and the collar."""
+        back, half = self.layout.tail_mm, self.layout.width_mm[0] / 2
+        parts = [box(-back - (0.0 if self.design.build.collar else beyond_mm), -half, 0.0, half)]
+        collar = self.design.build.collar
+        if collar is None:
+            return parts[0]
+        wide, x = collar.flat_width_mm / 2, collar.length_mm - back
+        rise = wide - half
+        # Circles of one radius, one tangent to each of the two sides, that touch halfway.
+        radius = (collar.flare_mm**2 / abs(rise) + abs(rise)) / 4
+        turn = math.copysign(2 * math.atan(abs(rise) / collar.flare_mm), rise)
+        angles = turn * np.linspace(0, 1, 4 * self.quad_segs(radius))
+        out = math.copysign(1.0, rise)
+        first = np.column_stack([np.sin(abs(angles)), out * (np.cos(angles) - 1)]) * radius
+        first += [x, wide]
+        second = [x + collar.flare_mm, half] + (first[0] - first[::-1])
+        edge = np.vstack([[-back - beyond_mm, wide], first, second[1:]])
+        flare = Polygon(np.vstack([edge, edge[::-1] * [1, -1]]))
+        if rise < 0:
+            # Narrower than the trunk: it takes the strip's place.
+            strip = box(x + collar.flare_mm, -half, 0.0, half)
+            return strip.union(flare)
+        return parts[0].union(flare)
+
+    def branch(self, branch):
+        """The hull of a disc at both ends; at a pouch the second is cut to what it covers."""
         layout = self.layout
-        half, length = layout.width_mm[branch] / 2, layout.tree.length_mm[branch]
-        back = layout.tail_mm + beyond_mm if branch == 0 else 0.0
-        shape = box(-length - back, -half, 0.0, half)
-        if self.design.build.pouch is None or not layout.is_leaf[branch]:
-            shape = shape.union(self.disc(half))
+        half, end_half = layout.width_mm[branch] / 2, layout.end_width_mm[branch] / 2
+        length = layout.tree.length_mm[branch]
+        lean = self.lean(branch)
+        out = np.array([math.sin(lean), math.cos(lean)])
+        low, high = half * out - [length, 0.0], end_half * out
+        # Between the points where the sides touch the discs; a hull of chords would be too small.
+        sides = Polygon([low, high, high * [1, -1], low * [1, -1]])
+        shape = shapely.union_all([sides, self.disc(half, (-length, 0.0)), self.disc(end_half)])
+        if self.design.build.pouch is not None and layout.is_leaf[branch]:
+            # A pouch takes the round end's place, also where it is shorter than that.
+            shape = shape.intersection(box(-1e4, -1e4, 0.0, 1e4))
         if branch == 0:
             # A round end may be larger than trunk and tail together: the mouth still cuts it off.
-            shape = shape.intersection(box(-length - back, -half, half, half))
+            shape = shape.intersection(box(-length - layout.tail_mm, -1e4, 1e4, 1e4))
         return self.at(shape, layout.end_mm[branch], layout.heading_rad[branch])
 
     def disc(self, radius_mm, place=(0.0, 0.0)):
@@ -135,17 +199,19 @@ class Twin:
         pouch, layout = self.design.build.pouch, self.layout
         if pouch is None:
             return []
-        half, radius = layout.width_mm[leaf] / 2, layout.fillet_mm[leaf]
+        half, radius = layout.end_width_mm[leaf] / 2, layout.fillet_mm[leaf]
+        lean = self.lean(leaf)
         shapes = []
         if pouch.shape == "round":
             shapes.append(self.disc(pouch.radius_mm))
             for side in (1, -1):
-                strip = ("strip", math.pi, half, side)
+                strip = ("strip", math.pi + side * lean, half, side)
                 shapes.append(self.between(strip, ("disc", pouch.radius_mm), radius))
         else:
             length, width = pouch.length_mm, pouch.width_mm
             # Which radii share the shoulder is a rule of its own, and is tested on its own.
-            radius, corner = corner_radii_mm(pouch, half, radius)
+            end = Leaf(half_mm=half, lean_rad=lean, fillet_mm=radius)
+            radius, corner = corner_radii_mm(pouch, end)
             core = (
                 corner - length / 2,
                 corner - width / 2,
@@ -154,9 +220,13 @@ class Twin:
             )
             shapes.append(box(*core).buffer(corner, quad_segs=self.quad_segs(corner)))
             for side in (1, -1):
-                back = -length / 2 - radius
-                center = np.array([back, side * (half + radius)])
-                shapes.append(self.wedge(center, (back + radius, center[1]), (back, side * half)))
+                back = -length / 2
+                # A ball that touches the branch's side and stands behind the pouch's edge.
+                outer = ("strip", math.pi + side * lean, half, side)
+                normal, rise = outward(outer), half + radius
+                x = back - radius
+                center = np.array([x, (rise - normal[0] * x) / normal[1]])
+                shapes.append(self.wedge(center, (back, center[1]), touching(outer, center)))
         if leaf == 0:
             # A pouch may be larger than trunk and tail together: the mouth still cuts it off.
             back = layout.tree.length_mm[0] + layout.tail_mm
@@ -168,24 +238,29 @@ class Twin:
         layout = self.layout
         children = np.flatnonzero(layout.tree.parent == joint)
         half, heading = layout.width_mm / 2, layout.heading_rad
-        around = [(heading[joint] - math.pi, half[joint], joint)]
-        around += [(heading[child], half[child], child) for child in children]
-        around += [(heading[joint] + math.pi, half[joint], joint)]
+        end, tilt = layout.end_width_mm[joint] / 2, self.lean(joint)
+        # Direction away from the joint, lean of the sides that way, half width, branch.
+        around = [(heading[joint] - math.pi, -tilt, end, joint)]
+        around += [(heading[child], self.lean(child), half[child], child) for child in children]
+        around += [(heading[joint] + math.pi, -tilt, end, joint)]
         shapes = []
-        for first, second in itertools.pairwise(around):
+        for one, two in itertools.pairwise(around):
+            first = (one[0] - one[1], *one[2:])
+            second = (two[0] + two[1], *two[2:])
             shapes += self.crotch(joint, first, second, layout.fillet_mm[children[0]])
         return [affinity.translate(shape, *layout.end_mm[joint]) for shape in shapes]
 
     def crotch(self, joint, first, second, designed_mm):
         """Fill between any two things around the joint that a ball in the gap can rest on."""
-        half, back = self.layout.width_mm[joint] / 2, self.layout.heading_rad[joint] + math.pi
+        half, back = self.layout.end_width_mm[joint] / 2, self.layout.heading_rad[joint] + math.pi
+        tilt = self.lean(joint)
         one, two = ("strip", *first[:2], 1), ("strip", *second[:2], -1)
         # All parents of a level are treated alike, by the shortest of them.
         shorter = min(self.shortest(first[2], joint), self.shortest(second[2], joint))
         radius = min(designed_mm, largest_radius(one, two, max(shorter / 2, half)))
         if radius <= 0:
             return []
-        core = [("disc", half), ("strip", back, half, 1), ("strip", back, half, -1)]
+        core = [("disc", half), ("strip", back + tilt, half, 1), ("strip", back - tilt, half, -1)]
         pairs = [(one, two)] if first[2] != joint and second[2] != joint else []
         pairs += [(one, rest) for rest in core if first[2] != joint]
         pairs += [(two, rest) for rest in core if second[2] != joint]
@@ -195,6 +270,12 @@ class Twin:
             for pair in pairs
             if comes_to_rest(pair, radius, solids) and between_directions(pair, radius, one, two)
         ]
+
+    def lean(self, branch):
+        """By how much a branch's sides lean towards its axis: from the hull of its two discs."""
+        layout = self.layout
+        narrower = (layout.width_mm[branch] - layout.end_width_mm[branch]) / 2
+        return math.asin(narrower / layout.tree.length_mm[branch])
 
     def shortest(self, branch, joint):
         layout = self.layout

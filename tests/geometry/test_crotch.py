@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vinefab.geometry.core import Core
 from vinefab.geometry.crotch import Strip, crotch_reach_mm, largest_fillet_mm
 from vinefab.geometry.gap import solve_gap
 from vinefab.geometry.neck import neck
@@ -58,8 +59,8 @@ def test_side_that_touches_its_disc_needs_no_fillet():
 
 
 def test_narrow_gap_has_one_fillet_and_a_wide_one_shows_the_disc():
-    narrow = solve_gap(child(-25), child(25, owner=2), 20.0, 5.0)
-    wide = solve_gap(child(-60), child(60, owner=2), 20.0, 5.0)
+    narrow = solve_gap(child(-25), child(25, owner=2), Core(radius_mm=20.0), 5.0)
+    wide = solve_gap(child(-60), child(60, owner=2), Core(radius_mm=20.0), 5.0)
     assert [piece.part for piece in narrow.run.pieces] == [Part.FILLET]
     assert [piece.part for piece in wide.run.pieces] == [Part.FILLET, Part.JOINT, Part.FILLET]
     assert wide.reach_mm == 20.0
@@ -69,8 +70,10 @@ def test_narrow_gap_has_one_fillet_and_a_wide_one_shows_the_disc():
 def test_disc_that_would_barely_show_is_passed_over_and_the_error_is_told():
     # Where a ball of 5 mm rests on side and disc: its angle from the strip's axis.
     angle = math.degrees(math.asin(15 / 25))
-    barely = solve_gap(child(-angle - 0.05), child(angle + 0.05, owner=2), 20.0, 5.0)
-    clearly = solve_gap(child(-angle - 0.1), child(angle + 0.1, owner=2), 20.0, 5.0)
+    barely = solve_gap(
+        child(-angle - 0.05), child(angle + 0.05, owner=2), Core(radius_mm=20.0), 5.0
+    )
+    clearly = solve_gap(child(-angle - 0.1), child(angle + 0.1, owner=2), Core(radius_mm=20.0), 5.0)
     assert [(piece.part, barely.radius_mm) for piece in barely.run.pieces] == [(Part.FILLET, 5.0)]
     assert 0.01 < barely.error_mm < 0.05
     assert barely.error_mm == pytest.approx(20.0 - barely.reach_mm)
@@ -80,7 +83,7 @@ def test_disc_that_would_barely_show_is_passed_over_and_the_error_is_told():
 
 def test_bare_corner_over_a_disc_that_barely_shows_says_how_far_off_it_is():
     angle = math.degrees(math.asin(10 / 20))
-    gap = solve_gap(child(-angle - 0.05), child(angle + 0.05, owner=2), 20.0, 0.0)
+    gap = solve_gap(child(-angle - 0.05), child(angle + 0.05, owner=2), Core(radius_mm=20.0), 0.0)
     assert gap.run.pieces == ()
     assert gap.error_mm == pytest.approx(20.0 - gap.reach_mm)
     assert 0.01 < gap.error_mm < 0.05
@@ -88,7 +91,7 @@ def test_bare_corner_over_a_disc_that_barely_shows_says_how_far_off_it_is():
 
 @pytest.mark.parametrize("angle_deg", [-100, -120, -150])
 def test_fillet_beside_the_parent_is_tangent_to_both(angle_deg):
-    gap = solve_gap(parent(-180), child(angle_deg), 20.0, 4.0)
+    gap = solve_gap(parent(-180), child(angle_deg), Core(radius_mm=20.0), 4.0)
     (fillet,) = (piece for piece in gap.run.pieces if piece.part is Part.FILLET)
     turn = 4 * math.atan(fillet.bulge)
     # From the parent's side, along +x, to the child's direction.
@@ -98,8 +101,8 @@ def test_fillet_beside_the_parent_is_tangent_to_both(angle_deg):
 
 @given(st.floats(-170, -15), st.floats(2, 19), st.sampled_from([0.0, 1.0, 5.0]))
 def test_gaps_on_both_sides_of_a_joint_mirror_each_other(angle_deg, half_mm, fillet_mm):
-    right = solve_gap(parent(-180), child(angle_deg, half_mm), 20.0, fillet_mm)
-    left = solve_gap(child(-angle_deg, half_mm), parent(180), 20.0, fillet_mm)
+    right = solve_gap(parent(-180), child(angle_deg, half_mm), Core(radius_mm=20.0), fillet_mm)
+    left = solve_gap(child(-angle_deg, half_mm), parent(180), Core(radius_mm=20.0), fillet_mm)
     assert right.second_used_mm == pytest.approx(left.first_used_mm)
     assert right.first_used_mm == pytest.approx(left.second_used_mm)
     last = right.run.pieces[-1].end_mm if right.run.pieces else right.run.start_mm

@@ -9,7 +9,7 @@ from shapely import LineString, Polygon
 from vinefab.geometry.layout import flat_layout
 from vinefab.geometry.outline import body_outline
 from vinefab.geometry.problem import ProblemKind
-from vinefab.model.design import Pouch
+from vinefab.model.design import Collar, Pouch
 from vinefab.model.outline import Part
 
 FINE_MM = 1e-4
@@ -50,14 +50,14 @@ def test_every_point_of_an_offset_is_that_far_from_the_lumen(sound_design, twin,
     assert outline.problems == ()
     assert flat(outline.contour).is_valid
     assert np.abs(distances - abs(offset_mm)).max() < 1e-3
-    assert outline.contour.points_mm[[0, -1], 0].tolist() == [-60.0, -60.0]
+    assert outline.contour.points_mm[[0, -1], 0].tolist() == [-sound_design.build.tail_mm] * 2
 
 
 def test_offset_for_seam_and_kerf_equals_the_buffer_of_the_lumen(sound_design, twin):
     lumen = twin(sound_design, FINE_MM).body(beyond_mm=50.0)
     x0, y0, x1, y1 = lumen.buffer(5.0).bounds
     buffered = lumen.buffer(0.55, quad_segs=256)
-    buffered = buffered.intersection(shapely.box(max(x0, -60.0), y0, x1, y1))
+    buffered = buffered.intersection(shapely.box(max(x0, -sound_design.build.tail_mm), y0, x1, y1))
     offset = flat(body_outline(sound_design, 0.55).contour)
     assert hausdorff_mm(offset, buffered) <= 0.01
     assert offset.area == pytest.approx(buffered.area, rel=1e-4)
@@ -97,15 +97,15 @@ def test_radii_are_the_designed_ones(make_plan, make_fan):
 def test_fillets_turn_clockwise_and_everything_else_counter_clockwise(sound_design):
     for arc in body_outline(sound_design).contour.segments:
         if arc.bulge:
-            assert (arc.bulge < 0.0) == (arc.part is Part.FILLET)
+            assert (arc.bulge < 0.0) == (arc.part is Part.FILLET) or arc.part is Part.COLLAR
 
 
 def test_contour_runs_from_mouth_corner_to_mouth_corner(sound_design):
     contour = body_outline(sound_design).contour
-    half = sound_design.build.widths_mm[0] / 2
+    half, mouth = sound_design.build.mouth_width_mm / 2, -sound_design.build.tail_mm
     assert not contour.closed
-    assert contour.points_mm[0].tolist() == [-60.0, -half]
-    assert contour.points_mm[-1].tolist() == [-60.0, half]
+    assert contour.points_mm[0].tolist() == [mouth, -half]
+    assert contour.points_mm[-1].tolist() == [mouth, half]
     assert contour.signed_area_mm2 > 0.0
 
 
@@ -119,7 +119,8 @@ def test_segments_lie_on_the_branch_that_they_name(sound_design):
         if segment.part is Part.SIDE:
             axis = layout.start_mm[branch], layout.end_mm[branch]
             away = LineString(axis).distance(LineString([segment.start_mm, segment.end_mm]))
-            assert away == pytest.approx(layout.width_mm[branch] / 2, abs=1e-6)
+            half, end_half = layout.width_mm[branch] / 2, layout.end_width_mm[branch] / 2
+            assert min(half, end_half) - 1e-6 <= away <= max(half, end_half) + 1e-6
         if segment.part in (Part.TIP, Part.POUCH) and sound_design.build.pouch is None:
             assert segment.center_mm == pytest.approx(layout.end_mm[branch], abs=1e-6)
         if segment.part is Part.TAIL:
@@ -156,6 +157,41 @@ def test_fillet_is_capped_so_that_the_crotch_ends_at_half_the_shorter_child(make
     assert [fillet.radius_mm for fillet in between] == pytest.approx([cap])
     near = math.dist(between[0].center_mm, (120.0, 0.0)) - cap
     assert near == pytest.approx(0.5 * 0.8 * 150)
+
+
+def test_collar_has_the_clamps_width_and_arcs_of_one_radius(make_plan):
+    collar = Collar(clamp_diameter_mm=30.0, length_mm=20.0, flare_mm=40.0)
+    design = make_plan((30.0,), tail=120.0, collar=collar)
+    contour = body_outline(design).contour
+    mouth = math.dist(contour.points_mm[0], contour.points_mm[-1])
+    assert mouth == pytest.approx(math.pi * 30.0 / 2)
+    arcs = [s for s in contour.segments if s.part is Part.COLLAR]
+    rise = (mouth - 30.0) / 2
+    assert [arc.radius_mm for arc in arcs] == pytest.approx([(40**2 / rise + rise) / 4] * 4)
+    assert {round(arc.start_mm[0], 9) for arc in arcs} >= {-100.0, -80.0}
+    straight = [s for s in contour.segments if s.part is Part.TAIL]
+    assert sorted(round(s.length_mm, 9) for s in straight) == [20.0, 20.0, 60.0, 60.0]
+
+
+@pytest.mark.parametrize(
+    ("collar", "kind"),
+    [
+        (Collar(clamp_diameter_mm=30.0, length_mm=30.0, flare_mm=30.0), ProblemKind.COLLAR),
+        (Collar(clamp_diameter_mm=60.0, length_mm=5.0, flare_mm=1.0), ProblemKind.COLLAR_FLARE),
+    ],
+)
+def test_collar_that_cannot_be_drawn_is_named(make_plan, collar, kind):
+    assert kind in kinds(body_outline(make_plan((30.0,), tail=60.0, collar=collar), 0.55))
+
+
+def test_tapered_sides_touch_the_discs_at_both_ends(make_plan):
+    contour = body_outline(make_plan((40.0,), taper=(0.5,))).contour
+    lean = math.asin((20.0 - 10.0) / 120.0)
+    sides = [s for s in contour.segments if s.part is Part.SIDE]
+    assert [s.length_mm for s in sides] == pytest.approx([120.0 * math.cos(lean)] * 2)
+    assert [abs(s.direction_rad()) for s in sides] == pytest.approx([lean, math.pi - lean])
+    tips = [s for s in contour.segments if s.part is Part.TIP]
+    assert sum(s.turn_rad for s in tips) == pytest.approx(math.pi - 2 * lean)
 
 
 def test_outward_offset_beyond_the_fillet_leaves_an_exact_corner(make_plan, make_fan):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from shapely import LineString, Polygon
 
 from vinefab.geometry.outline import body_outline
-from vinefab.model.design import Build, Design, Level, Pouch
+from vinefab.model.design import Build, Collar, Design, Level, Pouch
 
 FINE_MM = 1e-4
 MOST_BRANCHES = 40
@@ -50,6 +50,15 @@ def pouches(draw, width_mm):
     return Pouch(shape="rectangle", length_mm=along, width_mm=across)
 
 
+tapers = st.integers(40, 100).map(lambda percent: percent / 100)
+collars = st.builds(
+    Collar,
+    clamp_diameter_mm=lengths(8, 60),
+    length_mm=lengths(0, 40),
+    flare_mm=lengths(1, 60),
+)
+
+
 @st.composite
 def designs(draw, *, fans_deg, branches, ratios, fillets):
     """Trees within the bounds of the paper's Table 1 and, if wanted, far outside."""
@@ -63,6 +72,8 @@ def designs(draw, *, fans_deg, branches, ratios, fillets):
         fillet_mm=radii or tuple(max(2.0, width / 4) for width in widths[1:]),
         tail_mm=draw(st.sampled_from([0.0, 60.0, 200.0])),
         pouch=draw(pouches(widths[-1])),
+        taper=draw(st.just(()) | st.tuples(*[tapers] * len(widths))),
+        collar=draw(st.none() | collars),
     )
     return Design(name="any", trunk_length_mm=draw(lengths(10, 205)), levels=tree, build=build)
 

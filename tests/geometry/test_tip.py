@@ -3,6 +3,7 @@ import math
 import pytest
 
 from vinefab.geometry.tip import (
+    Leaf,
     corner_radii_mm,
     least_convex_radius_mm,
     pouch_tip,
@@ -14,6 +15,10 @@ from vinefab.model.outline import Part
 
 def rectangle(length_mm, width_mm):
     return Pouch(shape="rectangle", length_mm=length_mm, width_mm=width_mm)
+
+
+def leaf(half_mm, fillet_mm, lean_rad=0.0):
+    return Leaf(half_mm=half_mm, lean_rad=lean_rad, fillet_mm=fillet_mm)
 
 
 def corners(tip):
@@ -28,18 +33,19 @@ def test_round_tip_is_half_a_circle_around_the_branchs_end():
     assert sum(4 * math.atan(piece.bulge) for piece in tip.run.pieces) == pytest.approx(math.pi)
 
 
+@pytest.mark.parametrize("lean_rad", [0.0, 0.04])
 @pytest.mark.parametrize("offset_mm", [0.0, 0.55, 12.0, -2.0])
 @pytest.mark.parametrize(
     "pouch", [Pouch(shape="round", radius_mm=16.0), rectangle(50.0, 44.0), rectangle(20.0, 27.0)]
 )
-def test_left_side_mirrors_the_right_side(pouch, offset_mm):
-    points = corners(pouch_tip(pouch, 10.0, 5.0, offset_mm))
+def test_left_side_mirrors_the_right_side(pouch, offset_mm, lean_rad):
+    points = corners(pouch_tip(pouch, leaf(10.0, 5.0, lean_rad), offset_mm))
     for right, left in zip(points, reversed(points), strict=True):
         assert left == pytest.approx((right[0], -right[1]), abs=1e-9)
 
 
 def test_round_pouch_is_centred_on_the_end_and_its_neck_is_tangent():
-    tip = pouch_tip(Pouch(shape="round", radius_mm=16.0), 10.0, 5.0, 0.0)
+    tip = pouch_tip(Pouch(shape="round", radius_mm=16.0), leaf(10.0, 5.0), 0.0)
     for piece in tip.run.pieces:
         if piece.part is Part.POUCH:
             assert math.hypot(*piece.end_mm) == pytest.approx(16.0)
@@ -47,7 +53,7 @@ def test_round_pouch_is_centred_on_the_end_and_its_neck_is_tangent():
 
 
 def test_rectangle_has_its_size_and_lies_half_beyond_the_end():
-    points = corners(pouch_tip(rectangle(50.0, 44.0), 10.0, 5.0, 0.0))
+    points = corners(pouch_tip(rectangle(50.0, 44.0), leaf(10.0, 5.0), 0.0))
     assert max(x for x, _ in points) == pytest.approx(25.0)
     assert min(y for _, y in points) == pytest.approx(-22.0)
     # The branch's side ends where the neck's fillet begins: one radius before the pouch.
@@ -64,7 +70,7 @@ def test_rectangle_has_its_size_and_lies_half_beyond_the_end():
     ],
 )
 def test_shoulder_is_shared_by_neck_and_corner(length, width, fillet, radii):
-    assert corner_radii_mm(rectangle(length, width), 10.0, fillet) == pytest.approx(radii)
+    assert corner_radii_mm(rectangle(length, width), leaf(10.0, fillet)) == pytest.approx(radii)
 
 
 @pytest.mark.parametrize(
@@ -77,14 +83,14 @@ def test_shoulder_is_shared_by_neck_and_corner(length, width, fillet, radii):
     ],
 )
 def test_shoulder_has_no_straight_piece_too_short_to_draw(pouch, radii, straight):
-    inner, outer = corner_radii_mm(pouch, 10.0, 5.0)
+    inner, outer = corner_radii_mm(pouch, leaf(10.0, 5.0))
     assert (inner, outer) == pytest.approx(radii)
     assert pouch.width_mm / 2 - 10.0 - inner - outer == pytest.approx(straight, abs=1e-9)
 
 
 def test_offset_past_neck_and_shoulder_ends_in_a_corner_on_the_arc():
     # Neck and corner of 1.5 mm share a 3 mm shoulder: 12 mm outside, the side cuts the arc.
-    tip = pouch_tip(rectangle(50.0, 26.0), 10.0, 5.0, 12.0)
+    tip = pouch_tip(rectangle(50.0, 26.0), leaf(10.0, 5.0), 12.0)
     assert Part.FILLET not in [piece.part for piece in tip.run.pieces]
     center = (-25.0 + 1.5, -13.0 + 1.5)
     assert math.dist(tip.run.start_mm, center) == pytest.approx(1.5 + 12.0)

@@ -1,10 +1,14 @@
 """Rules about the base: the tail that is inverted and clamped, and the reach of the robot."""
 
+import math
+
 import numpy as np
 
 from vinefab.checks.marks import mark_branches, mark_line, place_mm
+from vinefab.checks.problems import problem_hits
 from vinefab.checks.rule import Hit, Limits, Looked, Rule
 from vinefab.checks.subject import Subject
+from vinefab.geometry.problem import ProblemKind
 from vinefab.model.outline import Part
 
 _STRAIGHT_MM = 1e-6
@@ -29,23 +33,33 @@ def look_tail(subject: Subject, limits: Limits) -> Looked:
 
 
 def look_clamp(subject: Subject, limits: Limits) -> Looked:
-    """VF-B02: the tail is straight all along and its width fits the clamp of the base."""
-    hits = []
-    width_mm = subject.design.build.widths_mm[0]
-    breach = limits.most(width_mm)
+    """VF-B02: the tail is straight all along and its mouth fits the clamp of the base.
+
+    With a collar the outline's mouth must be as wide as a tube that fits the clamp; without one it
+    must be no wider than a common clamp. The collar's transition is the only bend allowed.
+    """
+    contour = subject.outline.contour
+    mouth_mm = math.dist(contour.points_mm[0], contour.points_mm[-1])
+    hits = list(problem_hits(subject, frozenset({ProblemKind.COLLAR, ProblemKind.COLLAR_FLARE})))
+    collar = subject.design.build.collar
+    breach = limits.most(mouth_mm)
+    off_mm = 0.0 if collar is None else abs(mouth_mm - collar.flat_width_mm)
+    if collar is not None:
+        breach = limits.most(off_mm, "fit")
     if breach:
+        words = "wider than the clamp of the base: narrow the trunk or give it a collar"
         hits.append(
             Hit(
-                message="the tail is wider than the clamp of the base: narrow the trunk",
+                message=f"the tail is {words}" if collar is None else "the collar misses the clamp",
                 severity=breach.severity,
-                measured=width_mm,
+                measured=mouth_mm if collar is None else off_mm,
                 limit=breach.limit,
                 branches=subject.ids(0),
                 at_mm=place_mm(subject.layout, 0),
                 aspect="clamp",
             )
         )
-    tail = [s for s in subject.outline.contour.segments if s.part is Part.TAIL]
+    tail = [s for s in contour.segments if s.part is Part.TAIL]
     bent = [s for s in tail if s.bulge or abs(s.start_mm[1] - s.end_mm[1]) > _STRAIGHT_MM]
     if bent:
         hits.append(
@@ -93,10 +107,10 @@ TAIL = Rule(
 )
 CLAMP = Rule(
     id="VF-B02",
-    title="tail straight and within the clamp's width",
+    title="tail straight, its mouth fits the clamp",
     unit="mm",
-    limits={"error": 100.0},
-    reason="a clamp seals a straight tube only; 100 mm is assumed, set your clamp's width",
+    limits={"error": 100.0, "fit_error": 0.1},
+    reason="a clamp seals a straight tube only; without a collar 100 mm is assumed",
     look=look_clamp,
 )
 REACH = Rule(

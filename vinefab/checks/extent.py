@@ -24,11 +24,11 @@ def excess_mm(shapes: Shapes, sheet_mm: tuple[float, float]) -> float:
     """
     turns = np.arange(_TURNS) * np.pi / _TURNS
     across = np.stack([np.cos(turns), np.sin(turns)])
-    half = shapes.half_mm[:, None]
+    half, end_half = shapes.half_mm[:, None], shapes.end_half_mm[:, None]
     corners = shapes.start_mm[0] + np.array([[0.0, 1.0], [0.0, -1.0]]) * shapes.half_mm[0]
     ends, starts = shapes.end_mm @ across, shapes.start_mm[1:] @ across
-    high = np.concatenate([ends + half, starts + half[1:], corners @ across]).max(axis=0)
-    low = np.concatenate([ends - half, starts - half[1:], corners @ across]).min(axis=0)
+    high = np.concatenate([ends + end_half, starts + half[1:], corners @ across]).max(axis=0)
+    low = np.concatenate([ends - end_half, starts - half[1:], corners @ across]).min(axis=0)
     wide = high - low
     # Turning by a right angle swaps width and height.
     tall = np.roll(wide, -_TURNS // 2)

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from vinefab.geometry.crotch import Gap, crotch_reach_mm
-from vinefab.geometry.joint import joint_of
+from vinefab.geometry.joint import joint_of, level_tapers_rad
 from vinefab.model.design import Design
 
 PARALLEL_RAD = 1e-6
@@ -88,6 +88,8 @@ def share_in_crotch(gap: Gap) -> float:
 def bare_gaps(design: Design) -> list[tuple[float, float]]:
     """Return angle and share in the crotch of every kind of gap, without working out fillets.
 
+    Parents that taper count with the side that leans most, children that do as if they were even.
+
     For each level the gap beside the parent and, between children, the one between the two
     shortest neighbours, in closed form. Fillets are drawn no larger than the crotch allows, so
     these shares are above one half exactly when those of `share_in_crotch` are.
@@ -98,13 +100,14 @@ def bare_gaps(design: Design) -> list[tuple[float, float]]:
         Angle in radians; share as in `share_in_crotch`, for crotches without fillets.
     """
     found = []
-    widths_mm, above_mm = design.build.widths_mm, design.trunk_length_mm
+    widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
+    above_mm = design.trunk_length_mm
     for number, level in enumerate(design.levels, start=1):
-        wide, narrow = widths_mm[number - 1] / 2.0, widths_mm[number] / 2.0
+        wide, narrow = ends_mm[number - 1] / 2.0, widths_mm[number] / 2.0
         shortest_mm = level.length_mm * min(1.0, level.growth)
         fan = level.fan_rad if level.branches > 1 else 0.0
         disc = max(wide, narrow)
-        beside = math.pi - fan / 2.0
+        beside = math.pi - fan / 2.0 - max(level_tapers_rad(design, number))
         reach = _bare_reach_mm(beside, (wide, narrow), disc)
         length_mm = shortest_mm if reach <= disc else min(shortest_mm, above_mm)
         found.append((beside, reach / length_mm))

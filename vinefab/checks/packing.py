@@ -17,7 +17,8 @@ def occupancies(design: Design, film_mm: float, packing: float = PACKING) -> tup
 
         occupancy_i = max over j > i of  n_ij w_j film / packing / (w_i^2 / pi)
 
-    with n_ij descendants of level j per branch of level i. The branch's own inverted wall is not
+    with n_ij descendants of level j per branch of level i. Where a level tapers, w_i is its width
+    at the end and w_j at the beginning. The branch's own inverted wall is not
     counted. The formula is vinefab's and uncalibrated; it neglects that levels of uneven branch
     lengths overlap.
 
@@ -35,12 +36,12 @@ def occupancies(design: Design, film_mm: float, packing: float = PACKING) -> tup
     tuple of float
         Ratios, trunk first; one entry fewer than there are levels.
     """
-    widths_mm = design.build.widths_mm
+    widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
     shares = []
     for above in range(len(design.levels)):
         count, most_mm = 1, 0.0
         for below in range(above, len(design.levels)):
             count *= design.levels[below].branches
             most_mm = max(most_mm, count * widths_mm[below + 1])
-        shares.append(most_mm * film_mm / packing / lumen_area_mm2(widths_mm[above]))
+        shares.append(most_mm * film_mm / packing / lumen_area_mm2(ends_mm[above]))
     return tuple(shares)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable
-from itertools import pairwise
 
 import numpy as np
 
@@ -88,9 +87,9 @@ def _over(values: Iterable[float], limit: float) -> float:
 
 
 def _widths(design: Design, changed: LimitChanges) -> float:
-    widths_mm = design.build.widths_mm
-    ratios = (wide / narrow for wide, narrow in pairwise(widths_mm))
-    narrow = _short_of(widths_mm, _limit(LEAST_WIDTH, changed))
+    widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
+    ratios = (wide / narrow for wide, narrow in zip(ends_mm, widths_mm[1:], strict=False))
+    narrow = _short_of(ends_mm, _limit(LEAST_WIDTH, changed))
     return narrow + _short_of(ratios, _limit(WIDTH_RATIO, changed))
 
 
@@ -129,7 +128,7 @@ def _too_near(shapes: Shapes, clearance_mm: float) -> float:
     1 to 2, by how far the nearer end would have to be drawn back.
     """
     found = spacing(shapes, clearance_mm)
-    room_mm = clearance_mm + shapes.half_mm[found.first] + shapes.half_mm[found.second]
+    room_mm = clearance_mm + shapes.most_half_mm[found.first] + shapes.most_half_mm[found.second]
     near = np.maximum(0.0, (clearance_mm - found.gap_mm) / room_mm)
     crossing = found.crossing_mm / (found.crossing_mm + room_mm)
     return float(near.sum() + crossing.sum())

@@ -2,6 +2,7 @@
 
 import math
 
+from vinefab.geometry.joint import level_lengths_mm, level_tapers_rad
 from vinefab.geometry.layout import level_fillets_mm
 from vinefab.model.design import Design
 
@@ -22,21 +23,37 @@ def rooms_mm(design: Design) -> list[Pair]:
     ends = [*(_joint(design, level) for level in range(1, design.depth))]
     bases_mm = [0.0, *(child_mm for _, child_mm in ends)]
     tips_mm = [*(parent_mm for parent_mm, _ in ends), _tip_mm(design)]
-    lengths_mm = [design.trunk_length_mm + design.build.tail_mm]
-    lengths_mm += [level.length_mm * min(1.0, level.growth) for level in design.levels]
+    lengths_mm = [_trunk_mm(design)]
+    for number in range(2, design.depth + 1):
+        leans, all_mm = level_tapers_rad(design, number), level_lengths_mm(design, number)
+        shortest = min(range(len(all_mm)), key=all_mm.__getitem__)
+        lengths_mm.append(all_mm[shortest] * math.cos(leans[shortest]))
     return [
         (length - base - tip, length)
         for length, base, tip in zip(lengths_mm, bases_mm, tips_mm, strict=True)
     ]
 
 
+def _trunk_mm(design: Design) -> float:
+    """Return the length of the trunk's side; that of an even one goes on along the tail."""
+    lean = level_tapers_rad(design, 1)[0]
+    if lean:
+        return design.trunk_length_mm * math.cos(lean)
+    collar = design.build.collar
+    even_mm = design.build.tail_mm - (collar.reach_mm if collar else 0.0)
+    return design.trunk_length_mm + even_mm
+
+
 def _joint(design: Design, number: int) -> Pair:
     """Return how much of parent and child the joint below level ``number`` takes."""
-    level, widths_mm = design.levels[number - 1], design.build.widths_mm
-    wide, narrow = widths_mm[number - 1] / 2.0, widths_mm[number] / 2.0
+    level = design.levels[number - 1]
+    wide = design.build.end_widths_mm[number - 1] / 2.0
+    narrow = design.build.widths_mm[number] / 2.0
     radius = design.build.fillet_mm[number - 1]
     fan = level.fan_rad if level.branches > 1 else 0.0
-    parent, child = _gap(math.pi - fan / 2.0, (wide, narrow), radius)
+    parent, child = _gap(
+        math.pi - fan / 2.0 - max(level_tapers_rad(design, number)), (wide, narrow), radius
+    )
     if level.branches > 1:
         child = max(child, _gap(fan / (level.branches - 1), (narrow, narrow), radius, wide)[0])
     return parent, child
@@ -63,7 +80,7 @@ def _neck_mm(half_mm: float, disc_mm: float, radius_mm: float) -> float:
 
 def _tip_mm(design: Design) -> float:
     """Return how much of a leaf its pouch takes, before the end of its planned length."""
-    pouch, half_mm = design.build.pouch, design.build.widths_mm[-1] / 2.0
+    pouch, half_mm = design.build.pouch, design.build.end_widths_mm[-1] / 2.0
     radius_mm = level_fillets_mm(design)[-1]
     if pouch is None or pouch.flat_width_mm <= 2.0 * half_mm:
         return 0.0

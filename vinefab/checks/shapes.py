@@ -1,8 +1,9 @@
 """The flat robot as plain shapes: one capsule per branch, more for its pouch.
 
-A capsule is a segment with a half width around it. Clearances between capsules are exact for
-straight branches with rounded ends, and cheap enough for the optimizer. Fillets are not part of
-the shapes: they lie in the crotch of their own joint, where clearance does not count.
+A capsule is a segment with a half width around it, or the hull of two discs where a branch tapers.
+Clearances between capsules are exact for straight branches with rounded ends, and cheap enough for
+the optimizer. Fillets are not part of the shapes: they lie in the crotch of their own joint, where
+clearance does not count.
 """
 
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.geometry.layout import FlatLayout
-from vinefab.geometry.tip import corner_radii_mm
+from vinefab.geometry.tip import Leaf, corner_radii_mm
 from vinefab.model.checked import Floats, Ints
 from vinefab.model.design import Build
 
@@ -26,8 +27,8 @@ class Shapes:
     ----------
     start_mm, end_mm
         Ends of their segments, shape (m, 2). The trunk's includes the tail.
-    half_mm
-        Half widths, shape (m,).
+    half_mm, end_half_mm
+        Half widths at the start and at the end, shape (m,).
     branch
         Index of the branch that each belongs to, shape (m,).
     pouch
@@ -39,12 +40,18 @@ class Shapes:
     start_mm: Floats
     end_mm: Floats
     half_mm: Floats
+    end_half_mm: Floats
     branch: Ints
     pouch: NDArray[np.bool_]
     parent: Ints
 
     def __len__(self) -> int:
         return len(self.branch)
+
+    @property
+    def most_half_mm(self) -> Floats:
+        """The larger half width of each, shape (m,)."""
+        return np.maximum(self.half_mm, self.end_half_mm)
 
 
 def shapes_of(layout: FlatLayout, build: Build) -> Shapes:
@@ -57,23 +64,49 @@ def shapes_of(layout: FlatLayout, build: Build) -> Shapes:
     start = layout.start_mm.copy()
     start[0, 0] -= layout.tail_mm
     rows = np.arange(len(layout.tree), dtype=np.int64)
+    end_half = layout.end_width_mm / 2.0
     starts, ends = [start], [layout.end_mm]
-    halves, branches = [layout.width_mm / 2.0], [rows]
+    halves, end_halves, branches = [layout.width_mm / 2.0], [end_half], [rows]
+    for low_mm, high_mm, half_mm in _tail_capsules(layout, build):
+        starts.append(np.array([low_mm]))
+        ends.append(np.array([high_mm]))
+        halves.append(np.array([half_mm]))
+        end_halves.append(halves[-1])
+        branches.append(rows[:1])
+    tails = sum(map(len, branches))
     leaves = rows[layout.is_leaf]
     for low_mm, high_mm, half_mm in _pouch_capsules(layout, build):
         starts.append(_at_tips(layout, leaves, low_mm))
         ends.append(_at_tips(layout, leaves, high_mm))
         halves.append(np.full(len(leaves), half_mm))
+        end_halves.append(halves[-1])
         branches.append(leaves)
     branch = np.concatenate(branches)
     return Shapes(
         start_mm=np.concatenate(starts),
         end_mm=np.concatenate(ends),
         half_mm=np.concatenate(halves),
+        end_half_mm=np.concatenate(end_halves),
         branch=branch,
-        pouch=np.arange(len(branch)) >= len(rows),
+        pouch=np.arange(len(branch)) >= tails,
         parent=layout.tree.parent,
     )
+
+
+def _tail_capsules(layout: FlatLayout, build: Build) -> list[tuple[Point, Point, float]]:
+    """Return ends and half widths of what the trunk's own capsule leaves out of tail and collar.
+
+    They begin so far from the mouth that their round ends do not reach beyond it. A collar's
+    transition counts as if it were as wide as the mouth.
+    """
+    half, wide = build.widths_mm[0] / 2.0, build.mouth_width_mm / 2.0
+    found = []
+    if build.taper and build.taper[0] < 1.0:
+        found.append(((min(0.0, half - layout.tail_mm), 0.0), (0.0, 0.0), half))
+    if build.collar is not None and wide > half:
+        end_mm = min(0.0, build.collar.reach_mm - layout.tail_mm)
+        found.append(((min(end_mm, wide - layout.tail_mm), 0.0), (end_mm, 0.0), wide))
+    return found
 
 
 def _pouch_capsules(layout: FlatLayout, build: Build) -> list[tuple[Point, Point, float]]:
@@ -83,8 +116,10 @@ def _pouch_capsules(layout: FlatLayout, build: Build) -> list[tuple[Point, Point
         return []
     if pouch.shape == "round":
         return [((0.0, 0.0), (0.0, 0.0), pouch.radius_mm or 0.0)]
-    leaf_half_mm = build.widths_mm[-1] / 2.0
-    _, corner_mm = corner_radii_mm(pouch, leaf_half_mm, float(layout.fillet_mm[-1]))
+    leaf = Leaf(
+        half_mm=build.end_widths_mm[-1] / 2.0, lean_rad=0.0, fillet_mm=float(layout.fillet_mm[-1])
+    )
+    _, corner_mm = corner_radii_mm(pouch, leaf)
     corner_mm = max(0.0, corner_mm)
     x, y = (pouch.length_mm or 0.0) / 2.0 - corner_mm, (pouch.width_mm or 0.0) / 2.0 - corner_mm
     corners = [(x, y), (-x, y), (-x, -y), (x, -y)]

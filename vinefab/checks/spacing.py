@@ -7,6 +7,7 @@ import shapely
 from numpy.typing import NDArray
 
 from vinefab.checks.closest import closest
+from vinefab.checks.hulls import Hulls, hull_gap_mm
 from vinefab.checks.shapes import Shapes
 from vinefab.model.checked import Floats, Ints
 
@@ -76,7 +77,7 @@ def spacing(shapes: Shapes, reach_mm: float) -> Spacing:
     return Spacing(
         first=first,
         second=second,
-        gap_mm=near.distance_mm - shapes.half_mm[first] - shapes.half_mm[second],
+        gap_mm=_gap_mm(shapes, first, second, near.distance_mm),
         crossing_mm=crossing,
         first_mm=shapes.start_mm[first] + near.along_a[:, None] * run_a,
         second_mm=shapes.start_mm[second] + near.along_b[:, None] * run_b,
@@ -86,9 +87,34 @@ def spacing(shapes: Shapes, reach_mm: float) -> Spacing:
     )
 
 
+def _gap_mm(shapes: Shapes, first: Ints, second: Ints, distance_mm: Floats) -> Floats:
+    """Return the free distance between pairs of capsules, shape (k,).
+
+    Between even capsules that is the distance of their segments less both half widths. Where one
+    is tapered, it is the least distance of two places on the segments less the half widths there:
+    a convex function of the two places, so that a search along one segment finds it when the other
+    place is the best for it.
+    """
+    gap = distance_mm - shapes.half_mm[first] - shapes.half_mm[second]
+    even = shapes.half_mm == shapes.end_half_mm
+    rows = np.flatnonzero(~(even[first] & even[second]))
+    if len(rows):
+        gap[rows] = hull_gap_mm(_hulls(shapes, first[rows]), _hulls(shapes, second[rows]))
+    return gap
+
+
+def _hulls(shapes: Shapes, rows: Ints) -> Hulls:
+    return Hulls(
+        start_mm=shapes.start_mm[rows],
+        run_mm=shapes.end_mm[rows] - shapes.start_mm[rows],
+        half_mm=shapes.half_mm[rows],
+        growth_mm=shapes.end_half_mm[rows] - shapes.half_mm[rows],
+    )
+
+
 def _near(shapes: Shapes, reach_mm: float) -> tuple[Ints, Ints, bool]:
     """Return pairs (first < second) whose boxes come within the reach, and whether all are."""
-    grown = shapes.half_mm[:, None] + reach_mm / 2
+    grown = shapes.most_half_mm[:, None] + reach_mm / 2
     low = np.minimum(shapes.start_mm, shapes.end_mm) - grown
     high = np.maximum(shapes.start_mm, shapes.end_mm) + grown
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])

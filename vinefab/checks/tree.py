@@ -87,7 +87,7 @@ def _nearest(subject: Subject, at_mm: tuple[float, float]) -> tuple[str, ...]:
     """Return the ids of the two branches nearest to a place, as far as there are two."""
     shapes = subject.shapes
     lines = shapely.linestrings(np.stack([shapes.start_mm, shapes.end_mm], axis=1))
-    far = shapely.distance(lines, shapely.Point(at_mm)) - shapes.half_mm
+    far = shapely.distance(lines, shapely.Point(at_mm)) - shapes.most_half_mm
     _, first = np.unique(shapes.branch[np.argsort(far, kind="stable")], return_index=True)
     order = shapes.branch[np.argsort(far, kind="stable")][np.sort(first)]
     return subject.ids(*sorted(order[:2].tolist()))

@@ -1,6 +1,6 @@
 """Rules about the lay-flat widths of the levels."""
 
-from itertools import pairwise
+from dataclasses import replace
 
 from vinefab.checks.marks import mark_branches, middle_mm
 from vinefab.checks.packing import occupancies
@@ -12,7 +12,8 @@ from vinefab.geometry.problem import ProblemKind
 
 def look_least_width(subject: Subject, limits: Limits) -> Looked:
     """VF-W01: no level is too narrow to be inflated and turned inside out."""
-    widths_mm = subject.design.build.widths_mm
+    build = subject.design.build
+    widths_mm = build.end_widths_mm
     hits = [
         level_hit(
             subject,
@@ -24,13 +25,26 @@ def look_least_width(subject: Subject, limits: Limits) -> Looked:
         if (breach := limits.least(width_mm))
     ]
     more = problem_hits(subject, frozenset({ProblemKind.VANISHED}), tuple(hits))
-    return Looked(checked=len(widths_mm), hits=(*hits, *more))
+    short = _short_pouch(subject, limits)
+    return Looked(checked=len(widths_mm), hits=(*hits, *more, *short))
+
+
+def _short_pouch(subject: Subject, limits: Limits) -> tuple[Hit, ...]:
+    """Return a hit if a rectangular pouch is too short along the branch to be a lumen."""
+    pouch = subject.design.build.pouch
+    breach = limits.least(pouch.length_mm) if pouch and pouch.length_mm else None
+    if pouch is None or breach is None:
+        return ()
+    words = "the pouch is too short along its branch to be inflated: lengthen it"
+    hit = level_hit(subject, subject.design.depth, words, (pouch.length_mm or 0.0, breach))
+    return (replace(hit, aspect="pouch"),)
 
 
 def look_width_ratio(subject: Subject, limits: Limits) -> Looked:
     """VF-W02: a parent is much wider than its children."""
     widths_mm = subject.design.build.widths_mm
-    ratios = [wide / narrow for wide, narrow in pairwise(widths_mm)]
+    ends_mm = subject.design.build.end_widths_mm
+    ratios = [wide / narrow for wide, narrow in zip(ends_mm, widths_mm[1:], strict=False)]
     hits = [
         level_hit(
             subject,

@@ -101,13 +101,20 @@ def _design(design: Design) -> dict[str, object]:
 
 
 def _build(build: Build) -> dict[str, object]:
-    pouch = build.pouch
+    pouch, collar = build.pouch, build.collar
     return {
         "widths_mm": list(build.widths_mm),
+        "end_widths_mm": list(build.end_widths_mm),
         "fillet_mm": list(build.fillet_mm),
         "tail_mm": build.tail_mm,
         "pressure_kpa": build.pressure_kpa,
         "pouch": None if pouch is None else {f.name: getattr(pouch, f.name) for f in fields(pouch)},
+        "collar": None
+        if collar is None
+        else {
+            **{f.name: getattr(collar, f.name) for f in fields(collar)},
+            "flat_width_mm": collar.flat_width_mm,
+        },
     }
 
 

@@ -19,6 +19,7 @@ from vinefab.model.design import (
     DEFAULT_TRUNK_WIDTH_MM,
     DEFAULT_WIDTH_RATIO,
     Build,
+    Collar,
     Design,
     Level,
     Pouch,
@@ -29,6 +30,7 @@ from vinefab.model.design import (
 SCHEMA = "vinefab/design-1"
 Positive = Annotated[float, Field(gt=0, le=LARGEST_MM)]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST_MM)]
+Taper = Annotated[float, Field(ge=0.01, le=1)]
 
 
 class TrunkForm(Form):
@@ -55,17 +57,27 @@ class PouchForm(Form):
     width_mm: Positive | None = None
 
 
+class CollarForm(Form):
+    """Inline table ``collar``."""
+
+    clamp_diameter_mm: Positive
+    length_mm: NotNegative = 30.0
+    flare_mm: Positive = 40.0
+
+
 class BuildForm(Form):
     """Table ``[build]``: every key may be left out."""
 
     widths_mm: list[Positive] | None = None
     trunk_width_mm: Positive | None = None
     width_ratio: Annotated[float, Field(gt=0, le=1)] | None = None
+    taper: list[Taper] | None = None
     fillet_mm: list[NotNegative] | None = None
     fillet_ratio: Annotated[float, Field(ge=0, le=10)] | None = None
     tail_mm: NotNegative = DEFAULT_TAIL_MM
     pressure_kpa: Annotated[float, Field(ge=0, le=10_000)] = DEFAULT_PRESSURE_KPA
     pouch: PouchForm | None = None
+    collar: CollarForm | None = None
 
 
 class WaiveForm(Form):
@@ -170,6 +182,8 @@ def _build(form: BuildForm, depth: int) -> Build:
         tail_mm=form.tail_mm,
         pressure_kpa=form.pressure_kpa,
         pouch=pouch,
+        taper=() if form.taper is None else tuple(form.taper),
+        collar=None if form.collar is None else Collar(**form.collar.model_dump()),
     )
 
 
@@ -197,6 +211,11 @@ def _build_table(build: Build) -> dict[str, Any]:
         "tail_mm": build.tail_mm,
         "pressure_kpa": build.pressure_kpa,
     }
+    if build.taper:
+        table["taper"] = list(build.taper)
+    if build.collar is not None:
+        names = ("clamp_diameter_mm", "length_mm", "flare_mm")
+        table["collar"] = {name: getattr(build.collar, name) for name in names}
     if build.pouch is not None:
         pouch = build.pouch
         sizes = {name: getattr(pouch, name) for name in ("radius_mm", "length_mm", "width_mm")}

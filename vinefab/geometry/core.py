@@ -2,23 +2,51 @@
 
 All of it happens in the joint's frame: the joint is the origin and the parent's heading is +x. The
 core is the parent with a rounded end: a disc of its half width R and, behind the disc, its two
-sides. The walk round the core comes along the parent's right side (y = -R), around the disc and
-back along its left side (y = R). Children stick out of the core; one that bends backwards sticks
-out of the parent's side, and behind it that side shows again.
+sides. The walk round the core comes along the parent's right side, around the disc and back along
+its left side. The sides of an even parent are y = -R and y = R; those of a tapered one touch the
+disc a little further ahead and lean by the tilt. Children stick out of the core; one that bends
+backwards sticks out of the parent's side, and behind it that side shows again.
 """
 
 import math
 from dataclasses import dataclass
 
-from vinefab.geometry.crotch import Strip
+from vinefab.geometry.crotch import LEFT, RIGHT, Strip
 from vinefab.geometry.neck import neck
 from vinefab.geometry.stroke import LEAST_SEGMENT_MM, Point, polar, turned
 
-LEFT, RIGHT = 1, -1
-"""Sides of a strip, seen along its direction away from the joint; and of the core."""
-
 DISC = 0
 """The core's rounded end."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Core:
+    """A parent with a rounded end.
+
+    Parameters
+    ----------
+    radius_mm
+        Radius of its end.
+    tilt_rad
+        Angle by which its sides lean towards its axis, along its heading.
+    """
+
+    radius_mm: float
+    tilt_rad: float = 0.0
+
+    @property
+    def side_rad(self) -> float:
+        """Direction out of the left side; the right side's is its negative."""
+        return math.pi / 2 - self.tilt_rad
+
+    def corner_mm(self, zone: int) -> Point:
+        """Return where a side touches the disc."""
+        return polar(self.radius_mm, zone * self.side_rad)
+
+    def depth_mm(self, point: Point) -> float:
+        """Return how far inside a point lies, negative outside."""
+        x, y = turned((point[0], abs(point[1])), self.tilt_rad)
+        return self.radius_mm - (math.hypot(x, y) if x > 0.0 else y)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,8 +71,12 @@ class Contact:
         The ball's radius, 0 for a bare corner.
     turn_rad
         Angle that the walk turns clockwise around the ball, not negative.
+    along_mm
+        How far ahead of where the parent's side touches the disc the point is, along that side;
+        0 on the disc.
     position_mm
-        How far around the core the point is: 0 at (0, -R), rising counter-clockwise.
+        How far around the core the point is: 0 where its right side touches the disc, rising
+        counter-clockwise.
     """
 
     side: int
@@ -55,6 +87,7 @@ class Contact:
     normal_rad: float
     radius_mm: float
     turn_rad: float
+    along_mm: float
     position_mm: float
 
     @property
@@ -64,7 +97,7 @@ class Contact:
 
 
 def contact(
-    strip: Strip, side: int, radii_mm: tuple[float, float], *, tolerance_mm: float
+    strip: Strip, side: int, core: Core, radius_mm: float, *, tolerance_mm: float
 ) -> Contact:
     """Return where a ball that rolls down a child's side rests on the core.
 
@@ -72,53 +105,65 @@ def contact(
     ----------
     strip, side
         The child, and which of its sides.
-    radii_mm
-        Of the core's disc and of the ball.
+    core
+        The parent.
+    radius_mm
+        The ball's radius.
     tolerance_mm
-        Where the disc ends, at x = 0, and the parent's side begins, a ball that would touch the
-        disc at a smaller x than this counts as touching the side.
+        Where the disc ends and the parent's side begins, a ball that would touch the disc less
+        than this ahead of it counts as touching the side.
     """
-    core, radius = radii_mm
-    found = neck(strip.half_mm, core, radius)
-    normal = math.remainder(strip.angle_rad + side * found.angle_rad, math.tau)
-    touched = polar(core, normal)
-    if touched[0] < tolerance_mm and abs(math.sin(strip.angle_rad)) > 1e-9:
-        return _on_parent(strip, side, radii_mm)
+    found = neck(strip.half_mm, core.radius_mm, radius_mm)
+    normal = strip.angle_rad + side * found.angle_rad
+    zone = LEFT if normal > 0.0 else RIGHT
+    past = min(abs(normal) - core.side_rad, math.pi / 2)
+    leans = zone * math.sin(strip.angle_rad + zone * core.tilt_rad)
+    if -core.radius_mm * math.sin(past) < tolerance_mm and leans > 1e-9:
+        return _on_parent((strip, side, zone), core, radius_mm)
     return Contact(
         side=side,
         used_mm=found.used_mm,
         side_mm=turned((found.used_mm, side * strip.half_mm), strip.angle_rad),
-        core_mm=touched,
+        core_mm=polar(core.radius_mm, normal),
         zone=DISC,
         normal_rad=normal,
         radius_mm=found.radius_mm,
         turn_rad=found.turn_rad,
-        position_mm=(normal + math.pi / 2) * core,
+        along_mm=0.0,
+        position_mm=(normal + core.side_rad) * core.radius_mm,
     )
 
 
-def _on_parent(strip: Strip, side: int, radii_mm: tuple[float, float]) -> Contact:
-    """Return where the ball rests on one of the parent's straight sides."""
-    core, radius = radii_mm
-    sin, cos = math.sin(strip.angle_rad), math.cos(strip.angle_rad)
-    zone = LEFT if sin > 0.0 else RIGHT
+def _on_parent(child: tuple[Strip, int, int], core: Core, radius_mm: float) -> Contact:
+    """Return where the ball rests on one of the parent's straight sides.
+
+    Worked out in a frame that is turned so that this side of the parent runs along x.
+    """
+    strip, side, zone = child
+    back = -zone * core.tilt_rad
+    angle = strip.angle_rad - back
+    sin, cos = math.sin(angle), math.cos(angle)
+    radius = radius_mm
     # In front of the child it closes the angle between child and parent, behind the child the
     # rest of the half turn.
-    turn = abs(strip.angle_rad) if side == zone else math.pi - abs(strip.angle_rad)
+    turn = math.remainder(zone * angle, math.tau)
+    turn = turn if side == zone else math.pi - turn
     if radius * turn < LEAST_SEGMENT_MM:
         radius = 0.0
-    used = (zone * (core + radius) - side * (strip.half_mm + radius) * cos) / sin
+    used = (zone * (core.radius_mm + radius) - side * (strip.half_mm + radius) * cos) / sin
     # Almost parallel to the parent they never part: a named problem, drawn where the child ends.
-    used = min(used, 2.0 * strip.length_mm + core)
-    x = turned((used, side * (strip.half_mm + radius)), strip.angle_rad)[0]
+    used = min(used, 2.0 * strip.length_mm + core.radius_mm)
+    x = turned((used, side * (strip.half_mm + radius)), angle)[0]
+    around = 2.0 * core.side_rad * core.radius_mm
     return Contact(
         side=side,
         used_mm=used,
         side_mm=turned((used, side * strip.half_mm), strip.angle_rad),
-        core_mm=(x, zone * core),
+        core_mm=turned((x, zone * core.radius_mm), back),
         zone=zone,
-        normal_rad=zone * math.pi / 2,
+        normal_rad=zone * core.side_rad,
         radius_mm=radius,
         turn_rad=turn,
-        position_mm=x if zone == RIGHT else math.pi * core - x,
+        along_mm=x,
+        position_mm=x if zone == RIGHT else around - x,
     )

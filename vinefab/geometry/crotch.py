@@ -5,17 +5,24 @@ from dataclasses import dataclass
 
 from vinefab.geometry.stroke import Point, Run
 
+LEFT, RIGHT = 1, -1
+"""Sides of a strip, seen along its direction away from the joint; and of the core."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Strip:
-    """One branch as its joint sees it.
+    """One side of a branch as its joint sees it.
+
+    A tapered branch is the hull of two discs: its sides touch the disc at the joint and lean
+    against its axis. Seen from the joint, such a side is the side of an even strip of the disc's
+    half width whose axis leans as the side does.
 
     Parameters
     ----------
     angle_rad
-        Direction away from the joint, relative to the parent's heading.
+        Direction of the side away from the joint, relative to the parent's heading.
     half_mm
-        Half its width.
+        Its distance from the joint.
     length_mm
         Its planned length.
     owner
@@ -26,6 +33,50 @@ class Strip:
     half_mm: float
     length_mm: float
     owner: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Branch:
+    """One branch as its joint sees it.
+
+    Parameters
+    ----------
+    angle_rad
+        Direction of its axis away from the joint, relative to the parent's heading.
+    half_mm
+        Half its width at the joint.
+    length_mm
+        Its planned length.
+    owner
+        0 for the parent, 1, 2, ... for the children.
+    narrowing_rad
+        Angle by which its sides lean towards its axis, away from the joint; negative for a
+        parent that is narrower here than at its base.
+    """
+
+    angle_rad: float
+    half_mm: float
+    length_mm: float
+    owner: int
+    narrowing_rad: float = 0.0
+
+    def side(self, side: int) -> Strip:
+        """Return its left or right side."""
+        return Strip(
+            angle_rad=self.angle_rad - side * self.narrowing_rad,
+            half_mm=self.half_mm,
+            length_mm=self.length_mm,
+            owner=self.owner,
+        )
+
+
+def taper_rad(base_half_mm: float, end_half_mm: float, length_mm: float) -> float:
+    """Return the angle by which a branch's sides lean towards its axis: 0 for an even one.
+
+    The hull of two discs of radii a and b, a length l apart, has sides that lean by
+    asin((a - b) / l); discs that hide each other have none, and give what is left of a right angle.
+    """
+    return math.asin(max(-0.99, min(0.99, (base_half_mm - end_half_mm) / length_mm)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

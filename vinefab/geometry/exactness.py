@@ -1,11 +1,17 @@
 """Where a design has no exact outline, found on the patterns that the walk repeats."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
-from vinefab.geometry.crotch import Gap, crotch_reach_mm
-from vinefab.geometry.joint import Joint, allowed_reach_mm
+from vinefab.geometry.crotch import crotch_reach_mm
+from vinefab.geometry.joint import (
+    Joint,
+    allowed_reach_mm,
+    level_lengths_mm,
+    level_tapers_rad,
+)
 from vinefab.geometry.layout import FlatLayout
 from vinefab.geometry.pattern import Pattern
 from vinefab.geometry.problem import OutlineProblem, ProblemKind
@@ -14,10 +20,12 @@ from vinefab.geometry.tip import least_convex_radius_mm
 from vinefab.model.checked import LARGEST_MM
 from vinefab.model.design import Design
 from vinefab.model.outline import Contour
-from vinefab.model.tree import child_lengths_mm
 
 LEAST_STEP_MM = 0.1
 """A child must be narrower than its parent, and a pouch wider than its branch, by this much."""
+
+LEAST_COLLAR_RADIUS_MM = 1.0
+"""The arcs that lead from a collar to the trunk's width keep at least this radius (assumed)."""
 
 WORST_ERROR_MM = 0.002
 """An arc too short to draw may become a corner that is this far from the exact shape."""
@@ -92,6 +100,14 @@ _WORDS = {
         "The offset leaves {names} a half width or corner radius of {found:.3g} mm, at least "
         "{limit:.3g} mm are needed."
     ),
+    ProblemKind.COLLAR: (
+        "The collar leaves {found:.3g} mm of straight tail before the trunk of {names}, "
+        "{limit:.3g} mm are needed: lengthen build.tail_mm or shorten the collar."
+    ),
+    ProblemKind.COLLAR_FLARE: (
+        "The collar of {names} goes over into the tail within {found:.3g} mm, at least "
+        "{limit:.3g} mm are needed: lengthen its flare_mm."
+    ),
     ProblemKind.SHORT_SEGMENT: (
         "Near {names} the outline has a detail of {found:.2g} mm, too short to draw exactly "
         "({limit:.2g} mm): change the fillet radius or the angle a little."
@@ -113,10 +129,12 @@ def pattern_problems(
     """
     places = _Places(layout)
     found = [*_widths(design, places, pattern.offset_mm)]
-    for joint in pattern.joints:
-        for number, gap in enumerate(joint.gaps):
-            found += _gap_problems(places, joint, number, gap, pattern.offset_mm)
-    return (*found, *_rooms(design, places, pattern))
+    for kinds in pattern.joints:
+        for number in range(len(kinds[0].gaps)):
+            # Joints that differ by the taper of their parents' sides only have one problem at most.
+            each = (_gap_problems(places, joint, number, pattern.offset_mm) for joint in kinds)
+            found += next(filter(None, map(list, each)), [])
+    return (*found, *_tail(design, places, pattern), *_rooms(design, places, pattern))
 
 
 def drawing_problems(
@@ -133,7 +151,7 @@ def drawing_problems(
     """
     shortest = min(contour.segments, key=lambda segment: segment.length_mm)
     # The mouth's width, the tip's arcs: anything here comes from a design of microscopic size.
-    if shortest.length_mm >= LEAST_SEGMENT_MM * (1.0 - 1e-6) and pattern.mouth_half_mm > 0.0:
+    if shortest.length_mm >= LEAST_SEGMENT_MM * (1.0 - 1e-6) and pattern.tail.start_mm[1] < 0.0:
         return ()
     level = int(layout.tree.level[layout.tree.ids.index(shortest.branch)])
     found = (shortest.length_mm, LEAST_SEGMENT_MM)
@@ -143,16 +161,17 @@ def drawing_problems(
 
 def _widths(design: Design, places: _Places, offset_mm: float) -> Iterator[OutlineProblem]:
     widths, pouch = design.build.widths_mm, design.build.pouch
-    for level, width in enumerate(widths, start=1):
+    ends = design.build.end_widths_mm
+    for level, width in enumerate(ends, start=1):
         name = places.ids[places.first[level]]
         if width / 2 + offset_mm < LEAST_SEGMENT_MM:
             found = (width / 2 + offset_mm, LEAST_SEGMENT_MM)
             yield places.problem(ProblemKind.VANISHED, level, (name,), found)
-        limit = widths[level - 2] - LEAST_STEP_MM
-        if level > 1 and width > limit:
+        found = (widths[level - 1], ends[level - 2] - LEAST_STEP_MM)
+        if level > 1 and found[0] > found[1]:
             parent = places.ids[places.first[level - 1]]
-            yield places.problem(ProblemKind.CHILD_WIDTH, level - 1, (parent, name), (width, limit))
-    limit = widths[-1] + LEAST_STEP_MM
+            yield places.problem(ProblemKind.CHILD_WIDTH, level - 1, (parent, name), found)
+    limit = ends[-1] + LEAST_STEP_MM
     name = places.ids[places.first[design.depth]]
     if pouch is not None and pouch.flat_width_mm < limit:
         found = (pouch.flat_width_mm, limit)
@@ -163,8 +182,9 @@ def _widths(design: Design, places: _Places, offset_mm: float) -> Iterator[Outli
 
 
 def _gap_problems(
-    places: _Places, joint: Joint, number: int, gap: Gap, offset_mm: float
+    places: _Places, joint: Joint, number: int, offset_mm: float
 ) -> Iterator[OutlineProblem]:
+    gap = joint.gaps[number]
     names = (places.branch(joint, gap.first.owner), places.branch(joint, gap.second.owner))
     if joint.allowed_mm[number] < 0.0:
         halves = gap.first.half_mm - offset_mm, gap.second.half_mm - offset_mm
@@ -178,27 +198,61 @@ def _gap_problems(
         yield places.problem(ProblemKind.SHORT_SEGMENT, joint.level, names, found)
 
 
+def _tail(design: Design, places: _Places, pattern: Pattern) -> Iterator[OutlineProblem]:
+    """Check that a collar leaves some of the tail, and its arcs some radius."""
+    collar, tail = design.build.collar, pattern.tail
+    if collar is None:
+        return
+    room = tail.base_mm[0] - tail.even_mm
+    if room < LEAST_SEGMENT_MM:
+        yield places.problem(ProblemKind.COLLAR, 1, ("0",), (room, LEAST_SEGMENT_MM))
+    rise = abs(collar.flat_width_mm - design.build.widths_mm[0]) / 2
+    # Arcs that turn by more than a right angle run back; a radius r takes a flare of
+    # sqrt((4 r - rise) rise).
+    radius = LEAST_COLLAR_RADIUS_MM + abs(pattern.offset_mm)
+    least = max(rise, math.sqrt(max(0.0, (4.0 * radius - rise) * rise)))
+    if collar.flare_mm < least:
+        yield places.problem(ProblemKind.COLLAR_FLARE, 1, ("0",), (collar.flare_mm, least))
+    if -tail.start_mm[1] < LEAST_SEGMENT_MM:
+        found = (-tail.start_mm[1], LEAST_SEGMENT_MM)
+        yield places.problem(ProblemKind.VANISHED, 1, ("0",), found)
+
+
 def _rooms(design: Design, places: _Places, pattern: Pattern) -> Iterator[OutlineProblem]:
     """Check the straight side that is left between the two ends of every kind of branch."""
-    trunk = design.trunk_length_mm + design.build.tail_mm
-    yield from _room(places, pattern, 1, "0", (trunk, 0.0, 0.0))
-    for joint in pattern.joints:
-        lengths = child_lengths_mm(design.levels[joint.level - 1]).tolist()
-        for child, length in enumerate(lengths):
-            right = joint.gaps[child].second_used_mm
-            left = joint.gaps[child + 1].first_used_mm
-            name = places.branch(joint, child + 1)
-            yield from _room(places, pattern, joint.level + 1, name, (length, right, left))
+    trunk = design.trunk_length_mm
+    if pattern.tail.bend:
+        # The side of a tapered trunk ends where the tail's begins.
+        trunk = _side_mm(design, 1, 0)
+    else:
+        trunk -= pattern.tail.even_mm
+    yield from _room(places, pattern, (1, 0), (trunk, 0.0, 0.0))
+    for kinds in pattern.joints:
+        level = kinds[0].level + 1
+        for child in range(design.levels[level - 2].branches):
+            right = max(joint.gaps[child].second_used_mm for joint in kinds)
+            left = max(joint.gaps[child + 1].first_used_mm for joint in kinds)
+            base = (_side_mm(design, level, child), right, left)
+            yield from _room(places, pattern, (level, child), base)
+
+
+def _side_mm(design: Design, level: int, child: int) -> float:
+    """Return the length of a branch's side between the discs at its ends."""
+    lean = level_tapers_rad(design, level)[child]
+    return level_lengths_mm(design, level)[child] * math.cos(lean)
 
 
 def _room(
-    places: _Places, pattern: Pattern, level: int, name: str, base: tuple[float, float, float]
+    places: _Places, pattern: Pattern, branch: tuple[int, int], base: tuple[float, float, float]
 ) -> Iterator[OutlineProblem]:
     """Check one branch: ``base`` holds its length and what its base takes, right and left."""
-    right = left = pattern.tip.used_mm
+    level, child = branch
     if level <= len(pattern.joints):
-        gaps = pattern.joints[level - 1].gaps
+        gaps = pattern.joint(level, child).gaps
         right, left = gaps[0].first_used_mm, gaps[-1].second_used_mm
+    else:
+        right = left = pattern.tip(child).used_mm
     room = base[0] - max(base[1] + right, base[2] + left)
     if room < LEAST_SEGMENT_MM:
+        name = places.ids[places.first[level] + child]
         yield places.problem(ProblemKind.NO_ROOM, level, (name,), (room, LEAST_SEGMENT_MM))

@@ -8,8 +8,8 @@ rest behind the second, a ball between the two never reaches the core: it rests 
 import math
 from dataclasses import dataclass
 
-from vinefab.geometry.core import DISC, LEFT, RIGHT, Contact, contact
-from vinefab.geometry.crotch import Gap, Strip
+from vinefab.geometry.core import DISC, Contact, Core, contact
+from vinefab.geometry.crotch import LEFT, RIGHT, Gap, Strip
 from vinefab.geometry.stroke import LEAST_SEGMENT_MM, Piece, Point, Run, arc, turned
 from vinefab.model.outline import Part
 
@@ -18,14 +18,14 @@ PARENT = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Radii:
-    """Radius of the core's disc, and of the fillet asked for."""
+class _Given:
+    """The core, and the fillet radius asked for."""
 
-    core_mm: float
+    core: Core
     fillet_mm: float
 
 
-def solve_gap(first: Strip, second: Strip, core_mm: float, fillet_mm: float) -> Gap:
+def solve_gap(first: Strip, second: Strip, core: Core, fillet_mm: float) -> Gap:
     """Return the walk between two neighbours at a joint.
 
     Between two fillets the core shows for at least the shortest segment, or not at all. Where it
@@ -35,32 +35,32 @@ def solve_gap(first: Strip, second: Strip, core_mm: float, fillet_mm: float) -> 
     Parameters
     ----------
     first, second
-        The neighbours, counter-clockwise; the parent comes first or last.
-    core_mm
-        Radius of the joint's disc and half width of its parent, at least that of any child.
+        Left side of one neighbour, right side of the next one counter-clockwise; the parent comes
+        first or last.
+    core
+        The parent with the joint's disc, which is at least as wide as any child.
     fillet_mm
         Fillet radius.
     """
-    radii = _Radii(core_mm=core_mm, fillet_mm=fillet_mm)
-    one, two = _contacts(first, second, radii)
+    given = _Given(core=core, fillet_mm=fillet_mm)
+    one, two = _contacts(first, second, given)
     hidden = one is not None and two is not None and _shown_mm(one, two) < LEAST_SEGMENT_MM
     if hidden:
-        return _between_children(first, second, radii)
-    return _past_core((first, second), (one, two), radii)
+        return _between_children(first, second, given)
+    return _past_core((first, second), (one, two), given)
 
 
-def _contacts(first: Strip, second: Strip, radii: _Radii) -> tuple[Contact | None, Contact | None]:
+def _contacts(first: Strip, second: Strip, given: _Given) -> tuple[Contact | None, Contact | None]:
     """Return where the ball rests on the core at both ends of the gap; None for the parent.
 
     Where the way begins or ends on the parent's side, no arc may follow that is too short: then a
     ball just past the disc's end counts as resting on the side too. The error is of second order.
     """
-    both = radii.core_mm, radii.fillet_mm
 
     def rest(strip: Strip, side: int, tolerance_mm: float) -> Contact | None:
         if strip.owner == PARENT:
             return None
-        return contact(strip, side, both, tolerance_mm=tolerance_mm)
+        return contact(strip, side, given.core, given.fillet_mm, tolerance_mm=tolerance_mm)
 
     one, two = (
         rest(strip, side, -LEAST_SEGMENT_MM) for strip, side in ((first, LEFT), (second, RIGHT))
@@ -78,11 +78,11 @@ def _shown_mm(one: Contact, two: Contact) -> float:
 
 
 def _past_core(
-    strips: tuple[Strip, Strip], contacts: tuple[Contact | None, Contact | None], radii: _Radii
+    strips: tuple[Strip, Strip], contacts: tuple[Contact | None, Contact | None], given: _Given
 ) -> Gap:
     """Return the walk along one side, along the core and along the other side."""
     one, two = contacts
-    core = _along_core(one, two, radii.core_mm)
+    core = _along_core(one, two, given.core)
     start, pieces = core.start_mm, list(core.pieces)
     if one is not None:
         start = one.side_mm
@@ -97,8 +97,8 @@ def _past_core(
         first_used_mm=_used_mm(one, two),
         second_used_mm=_used_mm(two, one),
         radius_mm=min(end.radius_mm for end in ends),
-        reach_mm=_reach_mm(one, two, radii.core_mm),
-        error_mm=max(_lost_mm(radii.fillet_mm - end.radius_mm, end.turn_rad) for end in ends),
+        reach_mm=_reach_mm(one, two, given.core.radius_mm),
+        error_mm=max(_lost_mm(given.fillet_mm - end.radius_mm, end.turn_rad) for end in ends),
     )
 
 
@@ -108,21 +108,21 @@ def _fillet(end: Contact, to: Point, owner: int) -> list[Piece]:
     return [Piece(to, end.bulge, Part.FILLET, owner)]
 
 
-def _along_core(one: Contact | None, two: Contact | None, core_mm: float) -> Run:
+def _along_core(one: Contact | None, two: Contact | None, core: Core) -> Run:
     """Return the walk along the core between two contacts, or from or to the parent's sides."""
     begins = RIGHT if one is None else one.zone
     ends = LEFT if two is None else two.zone
-    corner = (0.0, -core_mm)
     if begins == RIGHT and ends == RIGHT and two is not None:
         start = two.core_mm if one is None else one.core_mm
         return Run(start, (Piece(two.core_mm, 0.0, Part.SIDE, PARENT),))
     if begins == LEFT and one is not None:
         to = one.core_mm if two is None else two.core_mm
         return Run(one.core_mm, (Piece(to, 0.0, Part.SIDE, PARENT),))
+    corner = core.corner_mm(RIGHT)
     start = corner if one is None else one.core_mm
     on_disc = one.core_mm if one is not None and begins == DISC else corner
-    from_rad = one.normal_rad if one is not None and begins == DISC else -math.pi / 2
-    to_rad = two.normal_rad if two is not None and ends == DISC else math.pi / 2
+    from_rad = one.normal_rad if one is not None and begins == DISC else -core.side_rad
+    to_rad = two.normal_rad if two is not None and ends == DISC else core.side_rad
     pieces = [Piece(corner, 0.0, Part.SIDE, PARENT)] if begins == RIGHT else []
     pieces += arc((0.0, 0.0), on_disc, to_rad - from_rad, Part.JOINT, PARENT)
     if two is not None and ends == LEFT:
@@ -136,7 +136,7 @@ def _used_mm(own: Contact | None, other: Contact | None) -> float:
         return own.used_mm
     if other is None or other.zone == DISC:
         return 0.0
-    return max(0.0, -other.core_mm[0])
+    return max(0.0, -other.along_mm)
 
 
 def _reach_mm(one: Contact | None, two: Contact | None, core_mm: float) -> float:
@@ -150,10 +150,9 @@ def _reach_mm(one: Contact | None, two: Contact | None, core_mm: float) -> float
     nearest = two if begins == RIGHT else one
     if nearest is None:
         return core_mm
-    x, y = nearest.core_mm
     if one is not None and two is not None:
-        return math.hypot(x, y)
-    center = math.hypot(x, core_mm + nearest.radius_mm)
+        return math.hypot(*nearest.core_mm)
+    center = math.hypot(nearest.along_mm, core_mm + nearest.radius_mm)
     return max(core_mm, center - nearest.radius_mm)
 
 
@@ -162,11 +161,11 @@ def _lost_mm(radius_mm: float, turn_rad: float) -> float:
     return radius_mm * (1.0 / max(math.cos(turn_rad / 2), 1e-3) - 1.0)
 
 
-def _between_children(first: Strip, second: Strip, radii: _Radii) -> Gap:
+def _between_children(first: Strip, second: Strip, given: _Given) -> Gap:
     """Return the walk from one side straight to the other, around a ball that rests on both."""
     gap = second.angle_rad - first.angle_rad
     turn = math.pi - gap
-    radius = radii.fillet_mm if radii.fillet_mm * turn >= LEAST_SEGMENT_MM else 0.0
+    radius = given.fillet_mm if given.fillet_mm * turn >= LEAST_SEGMENT_MM else 0.0
     one, two = _rests_mm(first, second, radius)
     start = turned((one, first.half_mm), first.angle_rad)
     end = turned((two, -second.half_mm), second.angle_rad)
@@ -175,8 +174,8 @@ def _between_children(first: Strip, second: Strip, radii: _Radii) -> Gap:
         pieces = (Piece(end, -math.tan(turn / 4), Part.FILLET, first.owner),)
     center = turned((one, first.half_mm + radius), first.angle_rad)
     away = math.hypot(*center)
-    x, y = (part * (1.0 - radius / away) for part in center)
-    depth = radii.core_mm - (math.hypot(x, y) if x > 0.0 else abs(y))
+    near = 1.0 - radius / away
+    depth = given.core.depth_mm((center[0] * near, center[1] * near))
     return Gap(
         first=first,
         second=second,
@@ -185,7 +184,7 @@ def _between_children(first: Strip, second: Strip, radii: _Radii) -> Gap:
         second_used_mm=two,
         radius_mm=radius,
         reach_mm=away - radius,
-        error_mm=max(depth, _lost_mm(radii.fillet_mm - radius, turn), 0.0),
+        error_mm=max(depth, _lost_mm(given.fillet_mm - radius, turn), 0.0),
     )
 
 

@@ -1,12 +1,17 @@
-"""The joints of a design: one for each level, since every branch of a level sprouts alike."""
+"""The joints of a design: every branch of a level sprouts alike, or every n-th child does.
+
+Branches of one level that taper from the same width to the same width over different lengths lean
+differently: then there is one kind of joint for each child of a fan.
+"""
 
 import math
 from dataclasses import dataclass
 from itertools import pairwise
 
-from vinefab.geometry.crotch import Gap, Strip, largest_fillet_mm
+from vinefab.geometry.core import Core
+from vinefab.geometry.crotch import LEFT, RIGHT, Branch, Gap, Strip, largest_fillet_mm, taper_rad
 from vinefab.geometry.gap import solve_gap
-from vinefab.model.design import Design
+from vinefab.model.design import Design, Level
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 
 
@@ -37,8 +42,8 @@ class Joint:
     allowed_mm: tuple[float, ...]
 
 
-def joint_of(design: Design, level: int, offset_mm: float) -> Joint:
-    """Return the joint at the ends of all branches of one level.
+def joint_of(design: Design, level: int, offset_mm: float, sibling: int = 0) -> Joint:
+    """Return the joint at the ends of the branches of one level.
 
     Fillet radii are capped on the lumen itself, so that every offset has the same fillet centres.
 
@@ -50,23 +55,26 @@ def joint_of(design: Design, level: int, offset_mm: float) -> Joint:
         Level of the parents, 1 for the trunk.
     offset_mm
         How far outside the lumen's edge the outline runs.
+    sibling
+        Which child of its fan the parent is; it matters only where the level tapers.
     """
-    strips = _strips(design, level)
+    around = _around(design, level, sibling)
     # The joint's disc is the parent's; a child that is wider is a problem of its own, and the
     # larger disc at least draws it as it would be.
-    disc = max(strip.half_mm for strip in strips)
+    disc = max(branch.half_mm for branch in around)
+    tilt = -around[0].narrowing_rad
     designed = design.build.fillet_mm[level - 1]
     gaps, allowed = [], []
-    for first, second in pairwise(strips):
+    for one, two in pairwise(around):
+        first, second = one.side(LEFT), two.side(RIGHT)
         angle, halves = second.angle_rad - first.angle_rad, (first.half_mm, second.half_mm)
         most = largest_fillet_mm(angle, halves, allowed_reach_mm(first, second, disc))
         radius = max(0.0, min(designed, most))
         # Beyond its own radius an outward offset turns a fillet into a corner: exactly what
         # rolling a ball around the body gives.
         drawn = max(0.0, radius - offset_mm)
-        gaps.append(
-            solve_gap(_wider(first, offset_mm), _wider(second, offset_mm), disc + offset_mm, drawn)
-        )
+        core = Core(radius_mm=disc + offset_mm, tilt_rad=tilt)
+        gaps.append(solve_gap(_wider(first, offset_mm), _wider(second, offset_mm), core, drawn))
         allowed.append(most)
     return Joint(
         level=level,
@@ -85,20 +93,53 @@ def allowed_reach_mm(first: Strip, second: Strip, disc_mm: float) -> float:
     return max(0.5 * min(first.length_mm, second.length_mm), disc_mm)
 
 
-def _strips(design: Design, level: int) -> tuple[Strip, ...]:
+def level_tapers_rad(design: Design, level: int) -> tuple[float, ...]:
+    """Return by how much the sides of a level's branches lean, one per child of a fan.
+
+    Parameters
+    ----------
+    design
+        The design.
+    level
+        1 for the trunk, which tapers from its base on; the tail is even.
+    """
+    base, end = design.build.widths_mm[level - 1] / 2, design.build.end_widths_mm[level - 1] / 2
+    return tuple(taper_rad(base, end, length) for length in level_lengths_mm(design, level))
+
+
+def level_lengths_mm(design: Design, level: int) -> tuple[float, ...]:
+    """Return the lengths of a level's branches, one per child of a fan; 1 is the trunk."""
+    if level == 1:
+        return (design.trunk_length_mm,)
+    return tuple(child_lengths_mm(design.levels[level - 2]).tolist())
+
+
+def _around(design: Design, level: int, sibling: int) -> tuple[Branch, ...]:
     """Return the parent, the children and the parent again, counter-clockwise."""
-    below = design.levels[level - 1]
-    widths = design.build.widths_mm
+    below: Level = design.levels[level - 1]
     # Branches of one level may differ in length; the shortest parent caps the fillets of all.
-    above = design.levels[level - 2] if level > 1 else None
-    parent = min(child_lengths_mm(above).tolist()) if above else design.trunk_length_mm
+    parent = min(level_lengths_mm(design, level))
+    end_half, tilt = design.build.end_widths_mm[level - 1] / 2, level_tapers_rad(design, level)
     angles, lengths = fan_offsets_rad(below).tolist(), child_lengths_mm(below).tolist()
+    leans = level_tapers_rad(design, level + 1)
     children = [
-        Strip(angle_rad=angle, half_mm=widths[level] / 2, length_mm=length, owner=owner)
-        for owner, (angle, length) in enumerate(zip(angles, lengths, strict=True), start=1)
+        Branch(
+            angle_rad=angles[child],
+            half_mm=design.build.widths_mm[level] / 2,
+            length_mm=lengths[child],
+            owner=child + 1,
+            narrowing_rad=leans[child],
+        )
+        for child in range(below.branches)
     ]
     ends = [
-        Strip(angle_rad=angle, half_mm=widths[level - 1] / 2, length_mm=parent, owner=0)
+        Branch(
+            angle_rad=angle,
+            half_mm=end_half,
+            length_mm=parent,
+            owner=0,
+            narrowing_rad=-tilt[sibling],
+        )
         for angle in (-math.pi, math.pi)
     ]
     return (ends[0], *children, ends[1])

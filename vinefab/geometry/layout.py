@@ -24,8 +24,8 @@ class FlatLayout:
         Joint where each branch begins and joint or tip where it ends, shape (n, 2).
     heading_rad
         Direction of each branch, counter-clockwise from +x, shape (n,).
-    width_mm
-        Lay-flat lumen width, shape (n,).
+    width_mm, end_width_mm
+        Lay-flat lumen width where each branch begins and where it ends, shape (n,).
     fillet_mm
         Designed fillet radius where each branch sprouts, and of its pouch's neck, shape (n,). The
         trunk sprouts from nothing: its value is the default radius for its width.
@@ -40,6 +40,7 @@ class FlatLayout:
     end_mm: Floats
     heading_rad: Floats
     width_mm: Floats
+    end_width_mm: Floats
     fillet_mm: Floats
     is_leaf: NDArray[np.bool_]
     tail_mm: float
@@ -82,6 +83,9 @@ def flat_layout(design: Design) -> FlatLayout:
         end_mm=frozen_floats("end_mm", end, 2),
         heading_rad=frozen_floats("heading_rad", heading),
         width_mm=frozen_floats("width_mm", np.array(design.build.widths_mm)[tree.level - 1]),
+        end_width_mm=frozen_floats(
+            "end_width_mm", np.array(design.build.end_widths_mm)[tree.level - 1]
+        ),
         fillet_mm=frozen_floats("fillet_mm", np.array(level_fillets_mm(design))[tree.level - 1]),
         is_leaf=is_leaf,
         tail_mm=design.build.tail_mm,

@@ -76,27 +76,36 @@ class _Walk:
         self.level = layout.tree.level.tolist()
         self.ends: list[Point] = [(x, y) for x, y in layout.end_mm.tolist()]
         self.heading = layout.heading_rad.tolist()
-        self.tail_mm = layout.tail_mm
+        self.sibling = [0] * len(self.ids)
         self.children: list[list[int]] = [[] for _ in self.ids]
         for branch, parent in enumerate(layout.tree.parent.tolist()):
             if parent >= 0:
+                self.sibling[branch] = len(self.children[parent])
                 self.children[parent].append(branch)
-        self.pen = Pen([(-self.tail_mm, -pattern.mouth_half_mm)])
+        self.pen = Pen([pattern.tail.start_mm])
 
     def contour(self) -> Contour:
         """Walk from one corner of the mouth to the other."""
+        tail, name = self.pattern.tail, self.ids[0]
+        for piece in tail.pieces:
+            self.pen.go_to(piece.end_mm, piece.part, name, piece.bulge)
         self._around(0)
-        self._side((-self.tail_mm, self.pattern.mouth_half_mm), 0)
+        # The left side mirrors the right one.
+        ends = [tail.start_mm, *(piece.end_mm for piece in tail.pieces)]
+        self._side(_mirrored(ends[-1]), 0)
+        for piece, end in zip(reversed(tail.pieces), reversed(ends[:-1]), strict=True):
+            self.pen.go_to(_mirrored(end), piece.part, name, piece.bulge)
         return self.pen.contour()
 
     def _around(self, branch: int) -> None:
         """Walk from the base of a branch's right side to the end of its left side."""
         if not self.children[branch]:
             frame = Frame(self.ends[branch], self.heading[branch])
-            self._side(placed(self.pattern.tip.run.start_mm, frame), branch)
-            self.pen.pieces(self.pattern.tip.run, frame, (self.ids[branch],))
+            tip = self.pattern.tip(self.sibling[branch])
+            self._side(placed(tip.run.start_mm, frame), branch)
+            self.pen.pieces(tip.run, frame, (self.ids[branch],))
             return
-        joint = self.pattern.joints[self.level[branch] - 1]
+        joint = self.pattern.joint(self.level[branch], self.sibling[branch])
         self._gap(joint, 0, branch, branch)
         for number, child in enumerate(self.children[branch], start=1):
             self._around(child)
@@ -115,17 +124,37 @@ class _Walk:
         if branch > 0:
             self.pen.go_to(point, Part.SIDE, self.ids[branch])
             return
-        base = (0.0, math.copysign(self.pattern.mouth_half_mm, point[1]))
-        if self._base_between(self.pen.points[-1], base, point):
-            self.pen.go_to(base, self._trunk_part(base), self.ids[0])
+        here = self.pen.points[-1]
+        for end, bulge in self._base(here, point):
+            part = Part.JOINT if bulge else self._trunk_part(end)
+            self.pen.go_to(end, part, self.ids[0], bulge)
         self.pen.go_to(point, self._trunk_part(point), self.ids[0])
 
-    def _base_between(self, here: Point, base: Point, point: Point) -> bool:
-        """Whether the trunk's base divides a straight way into two that can both be drawn."""
-        crosses = (here[0] < 0.0) != (point[0] < 0.0)
-        return crosses and min(math.dist(here, base), math.dist(base, point)) >= LEAST_SEGMENT_MM
+    def _base(self, here: Point, point: Point) -> list[tuple[Point, float]]:
+        """Return the way past the trunk's base, as far as a straight way passes it.
+
+        An even trunk has its base there only where it divides the way into two that can both be
+        drawn.
+        """
+        tail = self.pattern.tail
+        way = [(tail.base_mm, 0.0), *((piece.end_mm, piece.bulge) for piece in tail.bend)]
+        if here[0] > point[0]:
+            ends = [_mirrored(end) for end, _ in reversed(way)]
+            way = list(zip(ends, [0.0, *(bulge for _, bulge in reversed(way[1:]))], strict=True))
+        if tail.bend:
+            return way if min(here[0], point[0]) <= tail.base_mm[0] + 1e-9 else []
+        base = way[0][0]
+        if (here[0] < base[0]) == (point[0] < base[0]):
+            return []
+        nearest = min(math.dist(here, base), math.dist(way[-1][0], point))
+        return way if nearest >= LEAST_SEGMENT_MM else []
 
     def _trunk_part(self, point: Point) -> Part:
         """Return what the straight way to a point on the trunk's side belongs to."""
         middle = (self.pen.points[-1][0] + point[0]) / 2
         return Part.TAIL if middle < 0.0 else Part.SIDE
+
+
+def _mirrored(point: Point) -> Point:
+    """Return a point of the right side on the left side of tail and trunk."""
+    return point[0], -point[1]

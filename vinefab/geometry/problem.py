@@ -22,6 +22,12 @@ class ProblemKind(StrEnum):
     VANISHED = "vanished"
     """An inward offset leaves nothing of a branch."""
 
+    COLLAR = "collar"
+    """A collar takes the whole tail."""
+
+    COLLAR_FLARE = "collar_flare"
+    """A collar goes over into the tail too suddenly."""
+
     SHORT_SEGMENT = "short_segment"
     """A line or arc would be too short to draw."""
 

@@ -8,11 +8,43 @@ length lies beyond the planned length.
 import math
 from dataclasses import dataclass
 
+from vinefab.geometry.joint import level_tapers_rad
 from vinefab.geometry.layout import level_fillets_mm
 from vinefab.geometry.neck import Neck, neck
-from vinefab.geometry.stroke import LEAST_SEGMENT_MM, Piece, Point, Run, arc, polar
+from vinefab.geometry.stroke import LEAST_SEGMENT_MM, Piece, Point, Run, arc, polar, turned
 from vinefab.model.design import Design, Pouch
 from vinefab.model.outline import Part
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leaf:
+    """The end of a leaf, as its pouch sees it.
+
+    Parameters
+    ----------
+    half_mm
+        Distance of its sides from its end.
+    lean_rad
+        Angle by which they lean towards its axis.
+    fillet_mm
+        Fillet radius of the neck.
+    """
+
+    half_mm: float
+    lean_rad: float
+    fillet_mm: float
+
+    @property
+    def rise(self) -> float:
+        """How far a fillet between side and shoulder reaches along the shoulder, over its radius.
+
+        1 at a right angle.
+        """
+        return math.tan(math.pi / 4 + self.lean_rad / 2)
+
+    def half_at_mm(self, x_mm: float) -> float:
+        """Return how far from the axis a side is at a place along it; 0 is the end."""
+        return (self.half_mm - x_mm * math.sin(self.lean_rad)) / math.cos(self.lean_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,8 +63,8 @@ class Tip:
     used_mm: float
 
 
-def tip_of(design: Design, offset_mm: float) -> Tip:
-    """Return the far end of every leaf of a design.
+def tip_of(design: Design, offset_mm: float, lean_rad: float = 0.0) -> Tip:
+    """Return the far end of a leaf of a design.
 
     Parameters
     ----------
@@ -40,57 +72,67 @@ def tip_of(design: Design, offset_mm: float) -> Tip:
         The design.
     offset_mm
         How far outside the lumen's edge the outline runs.
+    lean_rad
+        Angle by which the leaf's sides lean towards its axis.
     """
-    half, pouch = design.build.widths_mm[-1] / 2, design.build.pouch
+    half, pouch = design.build.end_widths_mm[-1] / 2, design.build.pouch
     # A pouch no wider than its branch is a named problem; the bare tip is what can be drawn.
     if pouch is None or pouch.flat_width_mm <= 2.0 * half:
-        return round_tip(half + offset_mm)
-    return pouch_tip(pouch, half, level_fillets_mm(design)[-1], offset_mm)
+        return round_tip(half + offset_mm, lean_rad)
+    return pouch_tip(pouch, leaf_of(design, lean_rad), offset_mm)
 
 
-def round_tip(half_mm: float) -> Tip:
-    """Return half a circle on the end of a branch of half width ``half_mm``."""
-    pieces = arc((0.0, 0.0), (0.0, -half_mm), math.pi, Part.TIP)
-    return Tip(run=Run((0.0, -half_mm), tuple(pieces)), used_mm=0.0)
+def leaf_of(design: Design, lean_rad: float) -> Leaf:
+    """Return the end of a design's leaves whose sides lean by an angle."""
+    return Leaf(
+        half_mm=design.build.end_widths_mm[-1] / 2,
+        lean_rad=lean_rad,
+        fillet_mm=level_fillets_mm(design)[-1],
+    )
 
 
-def pouch_tip(pouch: Pouch, half_mm: float, fillet_mm: float, offset_mm: float) -> Tip:
+def round_tip(half_mm: float, lean_rad: float = 0.0) -> Tip:
+    """Return the round end of a branch of half width ``half_mm``, tangent to its sides."""
+    start = turned((0.0, -half_mm), lean_rad)
+    pieces = arc((0.0, 0.0), start, math.pi - 2.0 * lean_rad, Part.TIP)
+    return Tip(run=Run(start, tuple(pieces)), used_mm=0.0)
+
+
+def pouch_tip(pouch: Pouch, leaf: Leaf, offset_mm: float) -> Tip:
     """Return a pouch on the end of a branch.
 
     Parameters
     ----------
     pouch
         Its flat size, wider than the branch.
-    half_mm
-        Half the lumen width of the branch.
-    fillet_mm
-        Fillet radius of the neck.
+    leaf
+        The branch's end.
     offset_mm
         How far outside the lumen's edge the outline runs.
     """
-    drawn = max(0.0, fillet_mm - offset_mm)
     if pouch.shape == "round":
-        return _round_pouch((pouch.radius_mm or 0.0) + offset_mm, half_mm + offset_mm, drawn)
-    return _rectangle(pouch, half_mm, fillet_mm, offset_mm)
+        return _round_pouch((pouch.radius_mm or 0.0) + offset_mm, leaf, offset_mm)
+    return _rectangle(pouch, leaf, offset_mm)
 
 
-def _mirrored(right: list[Piece], start: Point, middle: list[Piece]) -> Tip:
+def _mirrored(right: list[Piece], start: Point, middle: list[Piece], lean_rad: float) -> Tip:
     """Return the tip whose left side mirrors its right side about the branch's axis."""
     ends = [start, *(piece.end_mm for piece in right)]
     left = [
         Piece((end[0], -end[1]), piece.bulge, piece.part)
         for end, piece in zip(reversed(ends[:-1]), reversed(right), strict=True)
     ]
-    return Tip(run=Run(start, (*right, *middle, *left)), used_mm=-start[0])
+    return Tip(run=Run(start, (*right, *middle, *left)), used_mm=-turned(start, -lean_rad)[0])
 
 
-def _round_pouch(pouch_mm: float, half_mm: float, fillet_mm: float) -> Tip:
-    found = neck(half_mm, pouch_mm, fillet_mm)
-    start = (-found.used_mm, -half_mm)
-    enter = polar(pouch_mm, found.angle_rad - math.pi)
+def _round_pouch(pouch_mm: float, leaf: Leaf, offset_mm: float) -> Tip:
+    half, lean = leaf.half_mm + offset_mm, leaf.lean_rad
+    found = neck(half, pouch_mm, max(0.0, leaf.fillet_mm - offset_mm))
+    start = turned((-found.used_mm, -half), lean)
+    enter = polar(pouch_mm, found.angle_rad - math.pi + lean)
     right = _neck_fillet(found, enter)
-    turn = 2.0 * (math.pi - found.angle_rad)
-    return _mirrored(right, start, arc((0.0, 0.0), enter, turn, Part.POUCH))
+    turn = 2.0 * (math.pi - found.angle_rad - lean)
+    return _mirrored(right, start, arc((0.0, 0.0), enter, turn, Part.POUCH), lean)
 
 
 def _neck_fillet(found: Neck, enter: Point) -> list[Piece]:
@@ -99,7 +141,7 @@ def _neck_fillet(found: Neck, enter: Point) -> list[Piece]:
     return [Piece(enter, -math.tan(found.turn_rad / 4.0), Part.FILLET)]
 
 
-def corner_radii_mm(pouch: Pouch, half_mm: float, fillet_mm: float) -> Point:
+def corner_radii_mm(pouch: Pouch, leaf: Leaf) -> Point:
     """Return neck fillet and corner radius of a rectangular pouch's lumen.
 
     The shoulder between branch and pouch is shared: the neck gets its designed radius but at most
@@ -110,18 +152,16 @@ def corner_radii_mm(pouch: Pouch, half_mm: float, fillet_mm: float) -> Point:
     ----------
     pouch
         A rectangular pouch.
-    half_mm
-        Half the lumen width of the branch.
-    fillet_mm
-        Designed radius of the neck.
+    leaf
+        The branch's end, with the designed radius of the neck.
     """
     length, width = pouch.length_mm or 0.0, pouch.width_mm or 0.0
-    shoulder = width / 2 - half_mm
-    inner = min(fillet_mm, shoulder / 2)
-    wanted = fillet_mm if fillet_mm > 0.0 else shoulder / 2
-    outer = min(wanted, shoulder - inner, length / 4)
+    shoulder = width / 2 - leaf.half_at_mm(-length / 2)
+    inner = min(leaf.fillet_mm, shoulder / 2 / leaf.rise)
+    wanted = leaf.fillet_mm if leaf.fillet_mm > 0.0 else shoulder / 2
+    outer = min(wanted, shoulder - leaf.rise * inner, length / 4)
     # Between the two the shoulder is straight for at least the shortest segment, or not at all.
-    straight = shoulder - inner - outer
+    straight = shoulder - leaf.rise * inner - outer
     if 1e-9 < straight < LEAST_SEGMENT_MM:
         grows = outer + straight <= length / 4
         outer += straight if grows else straight - LEAST_SEGMENT_MM
@@ -136,53 +176,58 @@ def least_convex_radius_mm(design: Design) -> float:
     design
         The design.
     """
-    half, pouch = design.build.widths_mm[-1] / 2, design.build.pouch
+    half, pouch = design.build.end_widths_mm[-1] / 2, design.build.pouch
     if pouch is None:
         return half
     if pouch.shape == "round":
         return pouch.flat_width_mm / 2
-    return corner_radii_mm(pouch, half, level_fillets_mm(design)[-1])[1]
+    leans = level_tapers_rad(design, design.depth)
+    return min(corner_radii_mm(pouch, leaf_of(design, lean))[1] for lean in leans)
 
 
-def _rectangle(pouch: Pouch, half_mm: float, fillet_mm: float, offset_mm: float) -> Tip:
-    inner, outer = corner_radii_mm(pouch, half_mm, fillet_mm)
+def _rectangle(pouch: Pouch, leaf: Leaf, offset_mm: float) -> Tip:
+    inner, outer = corner_radii_mm(pouch, leaf)
     front = (pouch.length_mm or 0.0) / 2 + offset_mm
     side = (pouch.width_mm or 0.0) / 2 + offset_mm
     # Inward beyond its radius, a rounded corner becomes a sharp one.
     radius = max(0.0, outer + offset_mm)
     axis = (radius - front, radius - side)
-    right, start = _shoulder(half_mm + offset_mm, axis, radius, max(0.0, inner - offset_mm))
+    drawn = Leaf(
+        half_mm=leaf.half_mm + offset_mm,
+        lean_rad=leaf.lean_rad,
+        fillet_mm=max(0.0, inner - offset_mm),
+    )
+    right, start = _shoulder(drawn, axis, radius)
     right += [Piece((-axis[0], -side), 0.0, Part.POUCH)]
     right += arc((-axis[0], axis[1]), (-axis[0], -side), math.pi / 2, Part.POUCH)
     middle = [Piece((-axis[0] + radius, -axis[1]), 0.0, Part.POUCH)]
-    return _mirrored(right, start, middle)
+    return _mirrored(right, start, middle, leaf.lean_rad)
 
 
-def _shoulder(
-    half_mm: float, axis: Point, radius_mm: float, fillet_mm: float
-) -> tuple[list[Piece], Point]:
+def _shoulder(leaf: Leaf, axis: Point, radius_mm: float) -> tuple[list[Piece], Point]:
     """Return the way from the branch's side round the back corner, and where it starts.
 
     Parameters
     ----------
-    half_mm
-        Half the branch's width as drawn.
+    leaf
+        The branch's end, as wide and with a fillet as large as drawn.
     axis, radius_mm
         Centre and radius of the back corner's arc.
-    fillet_mm
-        Radius of the neck's fillet.
     """
-    back = axis[0] - radius_mm
-    risen = half_mm + fillet_mm + axis[1]
-    if risen > 1e-9:
+    back, lean, fillet = axis[0] - radius_mm, leaf.lean_rad, leaf.fillet_mm
+    ball = back - fillet, -leaf.half_at_mm(back) - leaf.rise * fillet
+    if axis[1] - ball[1] > 1e-9:
         # The fillet is gone and the branch's side has risen past the start of the corner's arc.
-        along = math.sqrt(max(0.0, radius_mm**2 - risen**2))
-        turn = math.acos(min(1.0, risen / max(radius_mm, risen)))
-        start = (axis[0] - along, -half_mm)
+        x, y = turned(axis, -lean)
+        along = math.sqrt(max(0.0, radius_mm**2 - (leaf.half_mm + y) ** 2))
+        start = turned((x - along, -leaf.half_mm), lean)
+        turn = math.acos(max(-1.0, min(1.0, (axis[1] - start[1]) / max(radius_mm, 1e-12))))
         return arc(axis, start, turn, Part.POUCH), start
-    start = (back - fillet_mm, -half_mm)
+    out = turned((0.0, 1.0), lean)
+    start = ball[0] + fillet * out[0], ball[1] + fillet * out[1]
     pieces: list[Piece] = []
-    if fillet_mm > 0.0:
-        pieces += [Piece((back, -half_mm - fillet_mm), -math.tan(math.pi / 8), Part.FILLET)]
+    if fillet > 0.0:
+        turn = math.pi / 2 + lean
+        pieces += [Piece((back, ball[1]), -math.tan(turn / 4), Part.FILLET)]
     pieces += [Piece((back, axis[1]), 0.0, Part.POUCH)]
     return [*pieces, *arc(axis, (back, axis[1]), math.pi / 2, Part.POUCH)], start

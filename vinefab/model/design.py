@@ -92,13 +92,53 @@ class Pouch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Collar:
+    """The tail's end, made as wide as the clamp of a base asks for.
+
+    From the mouth on, the tail is straight and as wide as the clamp for ``length_mm``; then it
+    goes over into the trunk's width within ``flare_mm``, by two arcs of one radius.
+
+    Parameters
+    ----------
+    clamp_diameter_mm
+        Outer diameter of the tube that the tail is slipped over.
+    length_mm
+        Straight length from the mouth on; 0 for a flare that ends at the mouth.
+    flare_mm
+        Length of the transition, along the tail.
+    """
+
+    clamp_diameter_mm: float
+    length_mm: float = 30.0
+    flare_mm: float = 40.0
+
+    def __post_init__(self) -> None:
+        positive("build.collar.clamp_diameter_mm", self.clamp_diameter_mm)
+        number("build.collar.length_mm", self.length_mm, 0.0, LARGEST_MM, "mm")
+        positive("build.collar.flare_mm", self.flare_mm)
+
+    @property
+    def flat_width_mm(self) -> float:
+        """Lay-flat width of a tube around the clamp: half its circumference."""
+        return math.pi * self.clamp_diameter_mm / 2.0
+
+    @property
+    def reach_mm(self) -> float:
+        """How much of the tail it takes."""
+        return self.length_mm + self.flare_mm
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Build:
     """How a tree of lines becomes a flat tube; one entry per level, trunk first.
 
     Parameters
     ----------
     widths_mm
-        Lay-flat lumen width of each level.
+        Lay-flat lumen width of each level, where its branches begin.
+    taper
+        Width at the end of each level's branches over that at their beginning, at most 1; empty
+        for branches of even width. A tapered branch is the hull of a disc at each of its ends.
     fillet_mm
         Fillet radius at the joints where each level after the trunk sprouts; one entry fewer
         than ``widths_mm``.
@@ -108,15 +148,23 @@ class Build:
         Working gauge pressure.
     pouch
         Pouch at every leaf tip, or None for rounded tips.
+    collar
+        What fits the tail's end to the clamp of a base, or None for a tail of the trunk's width.
     """
 
     widths_mm: tuple[float, ...]
     fillet_mm: tuple[float, ...]
+    taper: tuple[float, ...] = ()
     tail_mm: float = DEFAULT_TAIL_MM
     pressure_kpa: float = DEFAULT_PRESSURE_KPA
     pouch: Pouch | None = None
+    collar: Collar | None = None
 
     def __post_init__(self) -> None:
+        for ratio in self.taper:
+            number("build.taper", ratio, 0.01, 1.0)
+        if len(self.taper) not in (0, len(self.widths_mm)):
+            raise BadInputError("build.taper", list(self.taper), f"{len(self.widths_mm)} ratios")
         for width in self.widths_mm:
             positive("build.widths_mm", width)
         for radius in self.fillet_mm:
@@ -127,6 +175,17 @@ class Build:
             )
         number("build.tail_mm", self.tail_mm, 0.0, LARGEST_MM, "mm")
         number("build.pressure_kpa", self.pressure_kpa, 0.0, 10_000.0, "kPa")
+
+    @property
+    def end_widths_mm(self) -> tuple[float, ...]:
+        """Lay-flat lumen width of each level where its branches end."""
+        ratios = self.taper or (1.0,) * len(self.widths_mm)
+        return tuple(width * ratio for width, ratio in zip(self.widths_mm, ratios, strict=True))
+
+    @property
+    def mouth_width_mm(self) -> float:
+        """Lay-flat width of the mouth."""
+        return self.widths_mm[0] if self.collar is None else self.collar.flat_width_mm
 
     @classmethod
     def standard(

@@ -23,6 +23,7 @@ class Part(StrEnum):
     FILLET = "fillet"
     JOINT = "joint"
     TAIL = "tail"
+    COLLAR = "collar"
     MOUTH = "mouth"
     OTHER = "other"
 

@@ -438,7 +438,8 @@ def test_widths_of_tapered_branches_count_where_they_end(make: Make) -> None:
 
 def test_taper_is_no_fault_of_the_width_as_built(make: Make, profile: LaserProfile) -> None:
     tapered = make((3, 200.0, 120.0), taper=(0.9, 0.6))
-    assert found(Subject.of(tapered, profile), "VF-W04") == ()
+    for rule in ("VF-W04", "VF-P05"):
+        assert found(Subject.of(tapered, profile), rule) == ()
     even = replace(Subject.of(make((3, 200.0, 120.0)), profile), job=laser_job(tapered, profile))
     assert {f.branches[0] for f in found(even, "VF-W04")} == {"0", "0.0", "0.1", "0.2"}
 

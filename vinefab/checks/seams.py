@@ -6,6 +6,7 @@ import numpy as np
 
 from vinefab.checks.marks import mark_branches, middle_mm
 from vinefab.checks.rule import Hit, Limits, Looked, NotLooked, Rule
+from vinefab.checks.sides import excesses_mm
 from vinefab.checks.subject import Subject
 from vinefab.model.checked import Floats
 from vinefab.model.finding import Severity
@@ -67,26 +68,13 @@ def _seam_hits(
 def _seams_mm(subject: Subject, job: Job, profile: LaserProfile) -> dict[str, float]:
     """Return the seam between lumen and kerf on the sides of each branch that has two."""
     half_kerf_mm = profile.settings(Operation.WELDCUT).kerf_mm.value / 2.0
-    sides: dict[str, list[Segment]] = {}
+    found: dict[str, float] = {}
     for path in job.along(Operation.WELDCUT):
-        for segment in path.contour.segments:
-            if segment.part in (Part.SIDE, Part.TAIL) and not segment.bulge:
-                sides.setdefault(segment.branch, []).append(segment)
-    width_mm = dict(zip(subject.names, subject.layout.width_mm.tolist(), strict=True))
-    apart_mm = {name: _apart_mm(found) for name, found in sides.items() if name in width_mm}
-    return {
-        name: (apart - width_mm[name]) / 2.0 - half_kerf_mm
-        for name, apart in apart_mm.items()
-        if apart > _ON_LINE_MM
-    }
-
-
-def _apart_mm(sides: list[Segment]) -> float:
-    """Return how far apart the outermost of some parallel segments are."""
-    longest = max(sides, key=lambda side: side.length_mm)
-    along = np.subtract(longest.end_mm, longest.start_mm) / longest.length_mm
-    across = np.array([-along[1], along[0]])
-    return float(np.ptp([np.dot(side.start_mm, across) for side in sides]))
+        for row, wider_mm in excesses_mm(subject, path.contour, 0.0).items():
+            seam_mm = wider_mm / 2.0 - half_kerf_mm
+            name = subject.names[row]
+            found[name] = min(seam_mm, found.get(name, seam_mm))
+    return found
 
 
 def _overcuts_mm(job: Job) -> Iterator[float]:

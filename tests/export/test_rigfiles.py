@@ -15,7 +15,7 @@ from vinefab.core.hashing import sha256_of
 from vinefab.export.rigfiles import solid_files, solid_problems, stl_name
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.printer import Printer
-from vinefab.pipeline.rig import make_rig
+from vinefab.pipeline.rig import RigWishes, make_rig
 from vinefab.rig.options import RigOptions
 from vinefab.rig.printing import printing_of
 
@@ -32,7 +32,7 @@ def _make():
         name="table", bounds=box(0, 0, 250, 180), obstacles=tuple(obstacles), starts=(start,)
     )
     printer = Printer(name="bench", bed_width_mm=150, bed_depth_mm=120, height_mm=100)
-    made = make_rig(world, printer, RigOptions())
+    made = make_rig(world, printer, RigOptions(), RigWishes(pictures=False))
     return world, made.rig, made.files
 
 

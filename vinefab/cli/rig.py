@@ -12,7 +12,7 @@ from vinefab.files.map import read_map
 from vinefab.files.printer import read_printer
 from vinefab.files.shipped import DEFAULT_PRINTER
 from vinefab.pipeline.check import check_lines
-from vinefab.pipeline.rig import make_rig
+from vinefab.pipeline.rig import RigWishes, make_rig
 from vinefab.rig.options import RigOptions
 
 MARK = "rig.json"
@@ -50,6 +50,9 @@ def rig_command(
     allow_empty: Annotated[
         bool, typer.Option("--allow-empty", help="Make a bare tray of a map without obstacles.")
     ] = False,
+    pictures: Annotated[
+        bool, typer.Option("--pictures/--no-pictures", help="Draw rig and beds; report.html.")
+    ] = True,
     quiet: Quiet = False,
     force: Force = False,
 ) -> int:
@@ -73,7 +76,10 @@ def rig_command(
     if fit_mm is not None:
         options = options.fitted(world, fit_mm)
     robot = read_design(design) if design else None
-    made = make_rig(world, read_printer(printer), options, design=robot, allow_empty=allow_empty)
+    machine = read_printer(printer)
+    wishes = RigWishes(design=robot, allow_empty=allow_empty, pictures=pictures)
+    with voice.progress("rig") as show:
+        made = make_rig(world, machine, options, wishes, tell=show)
     if made.report.blocking:
         for line in check_lines(made.report):
             voice.say(line)

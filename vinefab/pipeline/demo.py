@@ -228,7 +228,8 @@ def _write(folder: Path, demo: Demo, run: RunSettings, unseen: tuple[Map, ...]) 
     texts = {f"maps/training_{world.name}.geojson": map_text(world) for world in training}
     texts |= {f"maps/unseen_{world.name}.geojson": map_text(world) for world in unseen}
     texts["run/best.toml"] = design_text(demo.result.best)
-    more = (unseen_section(demo.table()), search_section(demo.result, training))
+    rig = (demo.rig.section,) if demo.rig.section else ()
+    more = (unseen_section(demo.table()), search_section(demo.result, training), *rig)
     texts["report.html"] = demo.predicted.page(more)
     texts["results.json"] = json_text("vinefab/demo-1", {"results": dict(demo.table())})
     files = {name: text.encode() for name, text in texts.items()}

@@ -17,6 +17,9 @@ from vinefab.model.printer import Printer
 from vinefab.model.rigfacts import Course, PartFacts, RigFacts
 from vinefab.pipeline.check import check_lines
 from vinefab.pipeline.corridors import corridors_in
+from vinefab.pipeline.rig_report import Tell, rig_page, rig_pictures
+from vinefab.report.content import Section
+from vinefab.report.rigging import rig_section
 from vinefab.rig.assembled import Comparison, compare_with_map
 from vinefab.rig.build import build_rig
 from vinefab.rig.estimate import Estimate
@@ -47,6 +50,8 @@ class RigFiles:
         What the rules about rigs say.
     estimate
         What printing takes.
+    section
+        The rig's part of a report, if pictures were drawn.
     """
 
     rig: Rig
@@ -54,6 +59,7 @@ class RigFiles:
     comparison: Comparison
     report: CheckReport
     estimate: Estimate
+    section: Section | None = None
 
     def summary(self) -> list[str]:
         """Return the rig in a few lines for the user."""
@@ -69,13 +75,32 @@ class RigFiles:
         ]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigWishes:
+    """What is wanted of a rig besides its sizes.
+
+    Parameters
+    ----------
+    design
+        The robot that is to be tried on it, for the rules about corridors and heights.
+    allow_empty
+        Make a bare tray of a map without anything to steer around.
+    pictures
+        Draw the rig and its beds, and write a page about them.
+    """
+
+    design: Design | None = None
+    allow_empty: bool = False
+    pictures: bool = True
+
+
 def make_rig(
     world: Map,
     printer: Printer,
     options: RigOptions,
+    wishes: RigWishes | None = None,
     *,
-    design: Design | None = None,
-    allow_empty: bool = False,
+    tell: Tell | None = None,
 ) -> RigFiles:
     """Return the files of a map's rig.
 
@@ -83,10 +108,10 @@ def make_rig(
     ----------
     world, printer, options
         What is made, on what, how large.
-    design
-        The robot that is to be tried on it, for the rules about corridors and heights.
-    allow_empty
-        Make a bare tray of a map without anything to steer around.
+    wishes
+        What else is wanted.
+    tell
+        Called as the work goes on.
 
     Raises
     ------
@@ -95,30 +120,50 @@ def make_rig(
     ReadBackError
         If the assembled rig is not the map.
     """
-    if not allow_empty:
+    wishes = wishes or RigWishes()
+    if not wishes.allow_empty:
         _refuse_empty(world)
+    told = tell or _silent
+    told(0.0, "building solids")
     rig = build_rig(world, printer, options)
+    told(0.25, "comparing with the map")
     comparison = compare_with_map(rig, world)
     if comparison.share > MOST_DIFFERENCE:
         problem = f"assembled, its walls differ from the map by {100 * comparison.share:.3f} %"
         raise ReadBackError(f"rig of {world.name}", problem)
     printing = printing_of(rig)
+    told(0.35, "writing and reading back")
     files = solid_files(rig, printing)
     facts = _facts(rig, solid_problems(files, rig, printing))
-    courses = (_course(rig, world),) if design else ()
-    report = run_rig_checks(Stand(design=design, rig=facts, courses=courses))
+    courses = (_course(rig, world),) if wishes.design else ()
+    report = run_rig_checks(Stand(design=wishes.design, rig=facts, courses=courses))
     record = RigRecord(
         rig=rig, world=world, printing=printing, comparison=comparison, report=report
     )
+    section: Section | None = None
     if report.blocking:
         files = {}
     else:
+        if wishes.pictures:
+            drawn = rig_pictures(rig, world, printing, told)
+            section = rig_section(rig, printing, drawn)
+            page = rig_page(rig, section, report, comparison)
+            files |= {**drawn, "report.html": page.encode()}
         files["parts.csv"] = parts_text(rig, printing).encode()
         digests = {name: sha256_of(data) for name, data in files.items()}
         files["rig.json"] = rig_text(record, digests).encode()
     return RigFiles(
-        rig=rig, files=files, comparison=comparison, report=report, estimate=printing.total
+        rig=rig,
+        files=files,
+        comparison=comparison,
+        report=report,
+        estimate=printing.total,
+        section=section,
     )
+
+
+def _silent(_: float, __: str) -> None:
+    """Tell nobody."""
 
 
 def _refuse_empty(world: Map) -> None:

@@ -10,7 +10,7 @@ class Picture:
     Parameters
     ----------
     svg
-        The drawing as a complete SVG document.
+        The drawing as a complete SVG document, or a PNG where there are too many lines for one.
     caption
         What is to be seen, with the standing of the numbers in it.
     wide

@@ -78,6 +78,19 @@ def _shortened(path: re.Match[bytes]) -> bytes:
     return re.sub(rb"(\.\d\d)\d+", rb"\1", path.group())
 
 
+def pdf_bytes(figure: Figure) -> bytes:
+    """Return a figure as a page of PDF; the same figure gives the same bytes."""
+    stream = io.BytesIO()
+    with house_style():
+        figure.savefig(
+            stream,
+            format="pdf",
+            bbox_inches="tight",
+            metadata={"CreationDate": None, "Creator": GENERATOR},
+        )
+    return stream.getvalue()
+
+
 def png_bytes(figure: Figure, dpi: int = 150) -> bytes:
     """Return a figure as PNG."""
     stream = io.BytesIO()

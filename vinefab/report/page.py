@@ -30,4 +30,5 @@ def page_html(report: Report) -> str:
 
 
 def _data_uri(picture: Picture) -> str:
-    return f"data:image/svg+xml;base64,{base64.b64encode(picture.svg).decode()}"
+    kind = "png" if picture.svg.startswith(b"\x89PNG") else "svg+xml"
+    return f"data:image/{kind};base64,{base64.b64encode(picture.svg).decode()}"

@@ -85,6 +85,16 @@ def compare_with_map(rig: Rig, world: Map) -> Comparison:
     )
 
 
+def footprints(rig: Rig) -> dict[str, BaseGeometry]:
+    """Return every part's outline where it stands, by name, in map coordinates."""
+    depth_mm = -0.25 * rig.options.plate_mm if rig.style == "plate" else 0.5 * rig.options.height_mm
+    z_mm = depth_mm / rig.options.scale
+    return {
+        part.name: _moved(part, outlines_at(_body(part), _height_in(part, z_mm)))
+        for part in rig.parts
+    }
+
+
 def _widened(geometry: BaseGeometry, rim: float) -> BaseGeometry:
     """Grow by less than anything that matters, so that rounding leaves no rims around it."""
     return shapely.buffer(geometry, rim, join_style="mitre")

@@ -110,6 +110,8 @@ class Rig:
         Row by row from the map's lower left.
     printer, options
         What they were made for.
+    style
+        ``plate`` (obstacles printed on their plate) or ``board`` (loose, with pegs).
     extras
         What is printed and stands beside the rig: scale cube, north arrow.
     plate
@@ -132,6 +134,7 @@ class Rig:
     parts: tuple[RigPart, ...]
     printer: Printer
     options: RigOptions
+    style: str = "plate"
     extras: tuple[RigPart, ...] = ()
     plate: BaseGeometry = field(default_factory=Polygon)
     walls: BaseGeometry = field(default_factory=Polygon)

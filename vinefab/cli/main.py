@@ -18,6 +18,7 @@ COMMANDS = {
     "score": "Score a design on a task over maps and poses.",
     "optimize": "Search for the best design of a run file.",
     "runs": "List the records of runs, or rebuild their files.",
+    "compare": "Compare optimizers on run files, with statistics.",
     "check": "Check a design against the rules of making and deploying it.",
     "fabricate": "Write the fabrication package: laser files, checks, report.",
     "profiles": "List machines, materials and recipes, or explain one.",

@@ -55,18 +55,44 @@ def score_strips(scores: Mapping[str, ArrayLike], label: str) -> Figure:
     """
     with house_style():
         figure, axes = blank(6.5, 0.7 + 0.6 * max(2, len(scores)))
-        for row, group in enumerate(scores.values()):
-            values = np.asarray(group, dtype=float)
-            # A fixed, even jitter: dots on top of each other cannot be counted.
-            offset = 0.18 * ((np.arange(len(values)) % 5) - 2) / 2
-            colour = LEVEL_COLOURS[row % len(LEVEL_COLOURS)]
-            axes.plot(values, row + offset, "o", color=colour, alpha=0.55, markersize=4)
-            axes.plot([values.mean()] * 2, [row - 0.32, row + 0.32], color=colour, linewidth=2)
-        axes.set_yticks(range(len(scores)), list(scores))
-        axes.invert_yaxis()
+        _strips(axes, scores)
         axes.set_xlabel(f"{label}; bars: means")
-        _frame(axes)
     return figure
+
+
+def panels_of_strips(panels: Mapping[str, Mapping[str, ArrayLike]], label: str) -> Figure:
+    """Return `score_strips` of several problems, one above the other.
+
+    Parameters
+    ----------
+    panels
+        Scores by problem and group; the same groups in each.
+    label
+        What the scores are.
+    """
+    groups = max(len(scores) for scores in panels.values())
+    with house_style():
+        height_in = (0.6 + 0.32 * max(2, groups)) * len(panels) + 0.3
+        figure = Figure(figsize=(6.5, height_in), layout="constrained")
+        rows = figure.subplots(len(panels), 1, squeeze=False)[:, 0]
+        for axes, (title, scores) in zip(rows, panels.items(), strict=True):
+            _strips(axes, scores)
+            axes.set_title(title, loc="left", fontsize=9)
+        rows[-1].set_xlabel(f"{label}; bars: means")
+    return figure
+
+
+def _strips(axes: Axes, scores: Mapping[str, ArrayLike]) -> None:
+    for row, group in enumerate(scores.values()):
+        values = np.asarray(group, dtype=float)
+        # A fixed, even jitter: dots on top of each other cannot be counted.
+        offset = 0.18 * ((np.arange(len(values)) % 5) - 2) / 2
+        colour = LEVEL_COLOURS[row % len(LEVEL_COLOURS)]
+        axes.plot(values, row + offset, "o", color=colour, alpha=0.55, markersize=4)
+        axes.plot([values.mean()] * 2, [row - 0.32, row + 0.32], color=colour, linewidth=2)
+    axes.set_yticks(range(len(scores)), list(scores))
+    axes.invert_yaxis()
+    _frame(axes)
 
 
 def _frame(axes: Axes) -> None:

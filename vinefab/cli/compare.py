@@ -1,0 +1,70 @@
+"""``vinefab compare``: optimizers against each other."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vinefab.cli.options import Force, JsonOut, Quiet, Voice, parameters_from
+from vinefab.core.atomic import write_bytes, write_text
+from vinefab.files.run import read_run
+from vinefab.optimize.registry import make_recipe
+from vinefab.optimize.settings import PartSettings
+from vinefab.pipeline.compare import Contender, Contest, contest_rows
+from vinefab.pipeline.compare_table import (
+    comparison_json,
+    comparison_svg,
+    comparison_table,
+    table_lines,
+)
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("compare")(compare_command)
+
+
+def compare_command(
+    *,
+    run_files: Annotated[list[Path], typer.Argument(metavar="RUN.toml...", help="The problems.")],
+    optimizers: Annotated[
+        list[str],
+        typer.Option("--optimizer", help="NAME or NAME:KEY=VALUE,...; the first is the reference."),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder for table, figure and record.")],
+    seeds: Annotated[int, typer.Option(help="Runs of each optimizer on each problem.")] = 10,
+    unseen: Annotated[int, typer.Option(help="Maps to test every winner on.")] = 25,
+    poses: Annotated[int, typer.Option(help="Poses on each of these maps.")] = 3,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
+    json_out: JsonOut = None,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
+    """Compare optimizers on run files at equal evaluations; run again, it goes on where it was.
+
+    Example: vinefab compare examples/compare/*.toml --optimizer pso --optimizer cmaes --out contest
+    """
+    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    contest = Contest(
+        problems=tuple(read_run(path) for path in run_files),
+        contenders=tuple(_contender(text) for text in optimizers),
+        seeds=seeds,
+        unseen=unseen,
+        poses=poses,
+    )
+    with voice.progress("comparing") as show:
+        rows = contest_rows(contest, out / "bouts.jsonl", jobs=jobs, tell=show, force=force)
+    document = comparison_json(contest, rows)
+    write_text(out / "comparison.json", document, force=force)
+    write_bytes(out / "comparison.svg", comparison_svg(contest, rows), force=force)
+    voice.give_json(document)
+    for line in table_lines(comparison_table(contest, rows)):
+        voice.say(line)
+    voice.say(f"wrote {out / 'comparison.json'} and {out / 'comparison.svg'}")
+
+
+def _contender(text: str) -> Contender:
+    name, _, rest = text.partition(":")
+    parameters = parameters_from(rest.split(",") if rest else [])
+    make_recipe(name, parameters)
+    return Contender(label=text, part=PartSettings(name=name, parameters=parameters))

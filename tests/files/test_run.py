@@ -5,6 +5,7 @@ import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.files.run import read_run
+from vinefab.model.design import Pouch
 from vinefab.optimize.bounds import Bounds
 from vinefab.optimize.registry import make_recipe
 from vinefab.optimize.settings import RunSettings
@@ -51,6 +52,13 @@ def test_ranges_fixed_values_and_single_levels(tmp_path: Path) -> None:
     assert space.bounds(1, "length_mm") == Bounds(low=120, high=120)
     assert space.bounds(2, "branches") == Bounds(low=2, high=4)
     assert space.bounds(3, "branches") == Bounds(low=2, high=3)
+
+
+def test_a_pouch_is_part_of_the_build(tmp_path: Path) -> None:
+    text = '[build]\npouch = {shape = "rectangle", length_mm = 25, width_mm = 40}'
+    build = read_run(written(tmp_path, text)).build
+    assert build.pouch == Pouch(shape="rectangle", length_mm=25.0, width_mm=40.0)
+    assert build.build(3).pouch == build.pouch
 
 
 def test_map_files_are_found_from_the_run_file(tmp_path: Path) -> None:
@@ -114,6 +122,9 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
         ("[optimizer]\nneighbours = 1", "optimizer.neighbours", "at least 2"),
         ("[optimizer]\ninertai = 1", "optimizer.inertai", "did you mean 'inertia'"),
         ('[evaluation]\ncomposite = "median"', "evaluation.composite", "mean"),
+        ("[evaluation]\npose_range = -1", "evaluation.pose_range", "0 to 10"),
+        ("[evaluation]\nhead_on_weight = -1", "evaluation.head_on_weight", "0 to"),
+        ('[build]\npouch = {shape = "round"}', "pouch.radius_mm", "a length"),
         ("[evaluation]\nfabricable = 1", "evaluation.fabricable", "boolean"),
         ('name = "a b"', "name", "letters"),
         ('schema2 = "x"', "schema2", "did you mean 'schema'"),

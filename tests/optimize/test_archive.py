@@ -8,9 +8,10 @@ import pytest
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.environments.cave import cave_map
 from vinefab.growth.options import GrowthOptions
+from vinefab.model.design import Pouch
 from vinefab.model.map import Map
 from vinefab.optimize.archive import Archive, plain_summary, records_in
-from vinefab.optimize.bounds import Bounds
+from vinefab.optimize.bounds import Bounds, BuildSettings
 from vinefab.optimize.identity import RunIdentity, map_fingerprint
 from vinefab.optimize.loop import Search
 from vinefab.optimize.plain import map_from_text, map_to_text, settings_from_plain
@@ -71,6 +72,7 @@ def test_settings_of_every_kind_survive(small: RunSettings) -> None:
         task=PartSettings(name="coverage", parameters={"radius_mm": 40.0, "clip": "none"}),
         growth=GrowthOptions(body="inflated", children_of_stuck="deploy"),
         optimizer=PartSettings(name="cmaes", parameters={"spread": 0.3}),
+        build=BuildSettings(pouch=Pouch(shape="round", radius_mm=12.0)),
     )
     assert settings_from_plain(plain_settings(rich)) == rich
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from vinefab.core.errors import BadInputError
 from vinefab.files.profile import read_profile
 from vinefab.files.shipped import DEFAULT_RECIPE
 from vinefab.model.design import Build, Design, Level, Waiver
@@ -47,3 +48,21 @@ def test_a_waived_finding_does_not_count_against_a_design(making: Making) -> Non
     )
     assert waivers
     assert making.passes(replace(narrow, waivers=waivers))
+
+
+def test_leaves_that_cannot_grow_at_what_the_trunk_stands_are_seen_by_both(
+    making: Making,
+) -> None:
+    build = Build(widths_mm=(60.0, 24.0), fillet_mm=(6.0,), pressure_kpa=10.0)
+    wide = replace(fork(1.2, 200.0), build=build)
+    assert making.passes(wide)
+    build = Build(widths_mm=(80.0, 6.0), fillet_mm=(3.0,), pressure_kpa=10.0)
+    narrow = replace(fork(1.2, 300.0), build=build)
+    assert making(narrow) > 0.0
+    assert not making.passes(narrow)
+
+
+def test_a_pressure_that_no_design_can_work_at_is_refused(making: Making) -> None:
+    making.check_build(Build.standard(1))
+    with pytest.raises(BadInputError, match=r"build\.pressure_kpa is 60\.0.*lower the pressure"):
+        making.check_build(replace(Build.standard(1), pressure_kpa=60.0))

@@ -10,7 +10,7 @@ SCORES = st.lists(st.floats(0.0, 1.0), min_size=1, max_size=20)
 def test_the_three_ways_on_numbers_done_by_hand() -> None:
     values = composite([0.2, 0.4, 0.6])
     deviation = (0.08 / 3) ** 0.5
-    assert tuple(values) == COMPOSITES
+    assert (*values, "single") == COMPOSITES
     assert values["mean"] == pytest.approx(0.4)
     assert values["best"] == 0.6
     assert values["min_deviation"] == pytest.approx(0.25 * 0.4 + 0.75 * (1 - deviation / 0.5))

@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, ConfigDict, Field
 
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.units import rad
+from vinefab.files.design import PouchForm
 from vinefab.files.toml import Form, check, read_toml
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import (
@@ -19,6 +20,7 @@ from vinefab.model.design import (
     DEFAULT_TAIL_MM,
     DEFAULT_TRUNK_WIDTH_MM,
     DEFAULT_WIDTH_RATIO,
+    Pouch,
 )
 from vinefab.optimize.bounds import LIMITS, Bounds, BuildSettings, SpaceSettings
 from vinefab.optimize.registry import make_recipe
@@ -93,6 +95,7 @@ class BuildForm(Form):
     width_ratio: float = DEFAULT_WIDTH_RATIO
     tail_mm: float = DEFAULT_TAIL_MM
     pressure_kpa: float = DEFAULT_PRESSURE_KPA
+    pouch: PouchForm | None = None
 
 
 class GrowthForm(Form):
@@ -120,10 +123,14 @@ class EvaluationForm(Form):
     """Table ``[evaluation]``."""
 
     poses_per_map: int = EvaluationSettings().poses_per_map
+    maps_per_generation: int = EvaluationSettings().maps_per_generation
+    pose_range: float = EvaluationSettings().pose_range
     composite: str = EvaluationSettings().composite
+    reference_deviation: float = EvaluationSettings().reference_deviation
     redraw: bool = True
     fabricable: bool = True
     recipe: str = ""
+    head_on_weight: float = EvaluationSettings().head_on_weight
     penalty_weight: float = EvaluationSettings().penalty_weight
     finalists: int = EvaluationSettings().finalists
     final_poses_per_map: int = EvaluationSettings().final_poses_per_map
@@ -171,7 +178,7 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         maps=_maps(form.maps, path.parent),
         task=PartSettings(name=form.task.name, parameters=form.task.model_extra or {}),
         space=_space(form.space),
-        build=BuildSettings(**form.build.model_dump()),
+        build=_build(form.build),
         growth=GrowthOptions(head_on_half_angle_rad=angle_rad, **growth),
         optimizer=PartSettings(
             name=form.optimizer.name, parameters=form.optimizer.model_extra or {}
@@ -184,6 +191,11 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
     make_task(settings.task.name, settings.task.parameters)
     make_recipe(settings.optimizer.name, settings.optimizer.parameters)
     return settings
+
+
+def _build(form: BuildForm) -> BuildSettings:
+    pouch = None if form.pouch is None else Pouch(**form.pouch.model_dump())
+    return BuildSettings(**form.model_dump(exclude={"pouch"}), pouch=pouch)
 
 
 def _name(form: RunForm, path: Path) -> str:

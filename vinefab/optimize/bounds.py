@@ -13,6 +13,7 @@ from vinefab.model.design import (
     DEFAULT_WIDTH_RATIO,
     MOST_LEVELS,
     Build,
+    Pouch,
     default_fillets_mm,
 )
 
@@ -97,12 +98,15 @@ class BuildSettings:
         Straight length below the base.
     pressure_kpa
         Working gauge pressure.
+    pouch
+        Pouch at every leaf tip, or None.
     """
 
     trunk_width_mm: float = DEFAULT_TRUNK_WIDTH_MM
     width_ratio: float = DEFAULT_WIDTH_RATIO
     tail_mm: float = DEFAULT_TAIL_MM
     pressure_kpa: float = DEFAULT_PRESSURE_KPA
+    pouch: Pouch | None = None
 
     def __post_init__(self) -> None:
         positive("build.trunk_width_mm", self.trunk_width_mm)
@@ -120,6 +124,7 @@ class BuildSettings:
             fillet_mm=default_fillets_mm(widths_mm),
             tail_mm=self.tail_mm,
             pressure_kpa=self.pressure_kpa,
+            pouch=self.pouch,
         )
 
 

@@ -18,7 +18,7 @@ from vinefab.optimize.result import Finalist, RunResult, with_origin
 from vinefab.optimize.settings import RunSettings, SearchSettings
 from vinefab.optimize.store import RunStore
 from vinefab.optimize.timing import Ledger
-from vinefab.optimize.trial import FINAL, TRAINING, Candidate, Penalty, Trial
+from vinefab.optimize.trial import FINAL, Candidate, Penalty, Trial
 from vinefab.optimize.workers import Evaluate, Threads, Workforce
 from vinefab.tasks.evaluate import Poses
 
@@ -139,9 +139,7 @@ class Search:
 
     def poses(self, number: int) -> Poses:
         """Return the poses that all points of a generation meet."""
-        draw = number if self.settings.evaluation.redraw else 0
-        count = self.settings.evaluation.poses_per_map
-        return self.trial.poses(self.settings.search.seed, TRAINING, draw, count)
+        return self.trial.training_poses(self.settings.search.seed, number)
 
     def _generation(self, number: int, evaluate: Evaluate, ledger: Ledger) -> Generation:
         """Ask, evaluate and tell."""
@@ -156,8 +154,8 @@ class Search:
         with ledger.spending("optimizer"):
             self.optimizer.tell(x, fitness)
         weighed = [
-            np.nan if c.score is None else c.score.composite[self.settings.evaluation.composite]
-            for c in candidates
+            np.nan if candidate.score is None else self.trial.composite(candidate.score)
+            for candidate in candidates
         ]
         return Generation(
             number=number,

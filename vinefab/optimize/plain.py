@@ -9,6 +9,7 @@ from typing import Any
 import shapely
 
 from vinefab.growth.options import GrowthOptions
+from vinefab.model.design import Pouch
 from vinefab.model.map import Map, Pose, Start
 from vinefab.optimize.bounds import Bounds, BuildSettings, SpaceSettings
 from vinefab.optimize.settings import (
@@ -29,12 +30,18 @@ def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
         maps=MapSettings(**maps),
         task=PartSettings(**record["task"]),
         space=_space(record["space"]),
-        build=BuildSettings(**record["build"]),
+        build=_build(record["build"]),
         growth=GrowthOptions(**record["growth"]),
         optimizer=PartSettings(**record["optimizer"]),
         search=SearchSettings(**record["search"]),
         evaluation=EvaluationSettings(**record["evaluation"]),
     )
+
+
+def _build(record: Mapping[str, Any]) -> BuildSettings:
+    given = dict(record)
+    pouch = given.pop("pouch", None)
+    return BuildSettings(pouch=None if pouch is None else Pouch(**pouch), **given)
 
 
 def _space(record: Mapping[str, Any]) -> SpaceSettings:

@@ -8,7 +8,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.checked import number, positive, whole
 from vinefab.optimize.bounds import BuildSettings, SpaceSettings
-from vinefab.tasks.composite import COMPOSITES
+from vinefab.tasks.composite import COMPOSITES, STANDARD_DEVIATION
 
 MOST_SECONDS = 1e8
 
@@ -107,14 +107,27 @@ class EvaluationSettings:
     ----------
     poses_per_map
         Poses that every design of a generation grows from on each map.
+    maps_per_generation
+        Training maps that the designs of a generation grow on, drawn for each generation; 0: all.
+    pose_range
+        How far poses may be from the maps' starts, over the range that each start gives: 0 takes
+        the starts as they are (fixed initial conditions), 1 all of the range.
     composite
-        How the scores are weighed into one: ``mean``, ``best`` or ``min_deviation``.
+        How the scores are weighed into one: ``mean``, ``best`` or ``min_deviation``; ``single``:
+        there is but one, from one pose on one map, and finalists are judged by their mean.
+    reference_deviation
+        Standard deviation of the scores that earns nothing in ``min_deviation``. The default
+        suits scores from 0 to 1; anchoring needs a larger one.
     redraw
-        Draw new poses for every generation; otherwise all generations meet the same.
+        Draw new poses, and maps where not all are taken, for every generation; otherwise all
+        generations meet the same. All designs of a generation always meet the same.
     fabricable
         Rank designs that cannot be made (a penalty above 0) below all that can.
     recipe
         Whose limits decide what can be made: a recipe's name or file; empty for the default.
+    head_on_weight
+        What branches that stop head-on cost: the score of every evaluation is less by so much
+        times their share of the branches that deployed.
     penalty_weight
         Fitness that one unit of penalty costs.
     finalists
@@ -124,10 +137,14 @@ class EvaluationSettings:
     """
 
     poses_per_map: int = 1
+    maps_per_generation: int = 0
+    pose_range: float = 1.0
     composite: str = "mean"
+    reference_deviation: float = STANDARD_DEVIATION
     redraw: bool = True
     fabricable: bool = True
     recipe: str = ""
+    head_on_weight: float = 0.0
     penalty_weight: float = 1.0
     finalists: int = 8
     final_poses_per_map: int = 5
@@ -141,6 +158,17 @@ class EvaluationSettings:
             raise BadInputError(
                 "evaluation.composite", self.composite, f"one of {', '.join(COMPOSITES)}"
             )
+        whole("evaluation.maps_per_generation", self.maps_per_generation, 0, 1000)
+        number("evaluation.pose_range", self.pose_range, 0.0, 10.0)
+        positive("evaluation.reference_deviation", self.reference_deviation, 1e6, "")
+        number("evaluation.head_on_weight", self.head_on_weight, 0.0, 1e3)
+        if self.composite == "single" and self.poses_per_map > 1:
+            allowed = "1 with composite = 'single', which has one evaluation"
+            raise BadInputError("evaluation.poses_per_map", self.poses_per_map, allowed)
+        if self.composite == "single" and self.maps_per_generation > 1:
+            allowed = "0 or 1 with composite = 'single', which has one evaluation"
+            key = "evaluation.maps_per_generation"
+            raise BadInputError(key, self.maps_per_generation, allowed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,4 +202,4 @@ def plain_settings(settings: object) -> object:
         return {str(key): plain_settings(settings[key]) for key in sorted(settings)}
     if isinstance(settings, list | tuple):
         return [plain_settings(entry) for entry in settings]
-    return settings if isinstance(settings, bool | int | float | str) else str(settings)
+    return settings if isinstance(settings, bool | int | float | str | None) else str(settings)

@@ -1,5 +1,6 @@
 """What one point of the search is worth."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
@@ -18,11 +19,13 @@ from vinefab.optimize.objective import INVALID_FITNESS, objective
 from vinefab.optimize.settings import EvaluationSettings, PartSettings, RunSettings
 from vinefab.optimize.space import Space
 from vinefab.optimize.timing import Stopwatch, Work
+from vinefab.tasks.composite import composite
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import Poses, Site, poses_on, score_designs
 from vinefab.tasks.ground import Ground
 from vinefab.tasks.reach import Reach
 from vinefab.tasks.registry import make_task
+from vinefab.tasks.sliding import Sliding
 from vinefab.tasks.task import Outcome, Task, outcomes
 
 Penalty = Callable[[Design], float]
@@ -38,8 +41,8 @@ class Inspector(Protocol):
         ...
 
 
-TRAINING, FINAL = 1411, 1412
-"""Streams of the seeds that poses are drawn from."""
+TRAINING, FINAL, MAPS = 1411, 1412, 1414
+"""Streams of the seeds that poses, and maps for a generation, are drawn from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,15 +119,19 @@ class Trial:
         space = Space(settings.space, settings.build)
         if len(space) == 0:
             raise BadInputError("space", "every variable fixed", "at least one with a range")
-        sites = tuple(Site.of(world) for world in maps)
+        evaluation = settings.evaluation
+        if evaluation.maps_per_generation > len(maps):
+            key, allowed = "evaluation.maps_per_generation", f"at most the {len(maps)} maps"
+            raise BadInputError(key, evaluation.maps_per_generation, allowed)
+        sites = tuple(Site.of(_with_range(world, evaluation.pose_range)) for world in maps)
         return cls(
             sites=sites,
             atlas=Atlas([site.terrain for site in sites]),
             space=space,
-            task=_search_task(settings.task),
+            task=_search_task(settings.task, evaluation.head_on_weight),
             growth=settings.growth,
-            evaluation=settings.evaluation,
-            penalty=penalty if settings.evaluation.fabricable else None,
+            evaluation=evaluation,
+            penalty=penalty if evaluation.fabricable else None,
         )
 
     def poses(self, seed: int, stream: int, generation: int, count: int) -> Poses:
@@ -134,6 +141,18 @@ class Trial:
             for index in range(len(self.sites))
         ]
         return poses_on(self.sites, count, seeds)
+
+    def training_poses(self, seed: int, generation: int) -> Poses:
+        """Draw what all points of a generation meet: poses on all maps, or on some of them."""
+        draw = generation if self.evaluation.redraw else 0
+        poses = self.poses(seed, TRAINING, draw, self.evaluation.poses_per_map)
+        wanted = self.evaluation.maps_per_generation
+        if self.evaluation.composite == "single":
+            wanted = 1
+        if wanted == 0:
+            return poses
+        taken = child(seed, MAPS, draw).permutation(len(poses))[:wanted]
+        return tuple(places if index in taken else () for index, places in enumerate(poses))
 
     def evaluate(self, x: Floats, poses: Poses) -> tuple[list[Candidate], Work]:
         """Return what points are worth; a point that is no design is a result, not an error.
@@ -191,10 +210,17 @@ class Trial:
     def _scored(self, candidate: Candidate, score: Score) -> Candidate:
         return replace(candidate, score=score, fitness=self.fitness(score, candidate.penalty))
 
+    def composite(self, score: Score) -> float:
+        """Return the number that a run weighs a score's evaluations into."""
+        if self.evaluation.composite == "single":
+            return score.composite["mean"]
+        weighed = composite(score.scores, self.evaluation.reference_deviation)
+        return weighed[self.evaluation.composite]
+
     def fitness(self, score: Score, penalty: float) -> float:
         """Return what a design with a score and a penalty is worth to the optimizer."""
         return objective(
-            score.composite[self.evaluation.composite],
+            self.composite(score),
             penalty,
             lowest=min(0.0, self.task.lowest),
             weight=self.evaluation.penalty_weight,
@@ -239,9 +265,25 @@ class TimedTask:
         return found
 
 
-def _search_task(settings: PartSettings) -> Task:
+def _search_task(settings: PartSettings, head_on_weight: float) -> Task:
     """Return a run's task; it measures areas fast unless the run says how to."""
     task = make_task(settings.name, settings.parameters)
     if isinstance(task, Coverage | Reach) and "area" not in settings.parameters:
-        return replace(task, area="fast")
-    return task
+        task = replace(task, area="fast")
+    return Sliding(task=task, weight=head_on_weight) if head_on_weight > 0.0 else task
+
+
+def _with_range(world: Map, share: float) -> Map:
+    """Return a map whose starts give a share of their range."""
+    if share == 1.0:
+        return world
+    starts = [
+        replace(
+            start,
+            spread_x_mm=share * start.spread_x_mm,
+            spread_y_mm=share * start.spread_y_mm,
+            spread_heading_rad=min(math.tau, share * start.spread_heading_rad),
+        )
+        for start in world.starts
+    ]
+    return replace(world, starts=tuple(starts))

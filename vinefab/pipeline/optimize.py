@@ -32,10 +32,18 @@ def training_maps(settings: RunSettings) -> tuple[Map, ...]:
 
 
 def penalty_of(settings: RunSettings) -> Penalty | None:
-    """Return how far designs are from being made with a run's recipe, or None if it asks not."""
+    """Return how far designs are from being made with a run's recipe, or None if it asks not.
+
+    Raises
+    ------
+    BadInputError
+        If the run's pressure is more than the recipe's seam stands, whatever the design.
+    """
     if not settings.evaluation.fabricable:
         return None
-    return Making(profile=read_profile(settings.evaluation.recipe or DEFAULT_RECIPE))
+    making = Making(profile=read_profile(settings.evaluation.recipe or DEFAULT_RECIPE))
+    making.check_build(settings.build.build(1))
+    return making
 
 
 def search(

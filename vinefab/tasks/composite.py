@@ -12,7 +12,8 @@ MEAN_SHARE = 0.25
 STANDARD_DEVIATION = 0.5
 """The deviation that earns nothing: the largest that scores between 0 and 1 can have."""
 
-COMPOSITES = ("mean", "best", "min_deviation")
+COMPOSITES = ("mean", "best", "min_deviation", "single")
+"""Ways to weigh scores in a search; ``single`` takes one evaluation for what it is."""
 
 
 def composite(

@@ -1,0 +1,58 @@
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vinefab.environments.grid import grid_map
+from vinefab.environments.poses import draw_poses
+from vinefab.growth.atlas import Atlas
+from vinefab.growth.batch import Batch, Launches
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plan
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.design import Build, Design, Level
+from vinefab.tasks.coverage import Coverage
+from vinefab.tasks.evaluate import Site
+from vinefab.tasks.ground import Ground
+from vinefab.tasks.sliding import Sliding
+from vinefab.tasks.task import one_by_one
+
+TASK = Sliding(task=Coverage(area="fast"), weight=0.4)
+
+
+def test_the_share_of_deployed_branches_that_stopped_head_on_costs(
+    fork: Design, ended: Callable[..., Deployment], room_ground: Ground
+) -> None:
+    end = ended(fork, [[(0, 0), (200, 200)], [(200, 200), (300, 200)], None])
+    stop = np.array([Stop.FULL_LENGTH, Stop.HEAD_ON, Stop.NOT_DEPLOYED])
+    end = replace(end, stop=stop)
+    score, terms = TASK.evaluate(end, room_ground)
+    free, _ = TASK.task.evaluate(end, room_ground)
+    assert terms["head_on"] == 0.5
+    assert score == pytest.approx(free - 0.2)
+    assert TASK.name == "coverage"
+    assert TASK.lowest == pytest.approx(Coverage().lowest - 0.4)
+
+
+def test_a_robot_that_never_came_out_did_not_stop_head_on(
+    fork: Design, ended: Callable[..., Deployment], room_ground: Ground
+) -> None:
+    assert TASK.evaluate(ended(fork, [None] * 3), room_ground)[1]["head_on"] == 0.0
+
+
+def test_blocks_score_as_single_deployments_do() -> None:
+    fan = Level(branches=3, length_mm=120.0, fan_rad=2.5)
+    tree = Design(name="a", trunk_length_mm=120.0, levels=(fan, fan), build=Build.standard(3))
+    options = GrowthOptions(head_on_half_angle_rad=0.3)
+    site = Site.of(grid_map(1))
+    launches = Launches.of(Atlas([site.terrain]), [draw_poses(site.world, 9, 5)])
+    batch = Batch([Plan.of(tree, options)], launches, options)
+    seen = set()
+    for block in batch.each(
+        lambda b: (TASK.evaluate_block(b, [site.ground]), one_by_one(TASK, b, [site.ground])),
+        size=4,
+    ):
+        assert block[0] == block[1]
+        seen |= {terms["head_on"] for _, terms in block[0]}
+    assert len(seen) > 2

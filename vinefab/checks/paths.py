@@ -109,8 +109,10 @@ def _apart_mm(outer: LaserPath, other: LaserPath) -> float:
 
 def _inside(outer: LaserPath, inner: LaserPath) -> NDArray[np.bool_]:
     """Return which points of a path lie inside another one, closed where that is open."""
-    points = inner.contour.flattened_mm()
-    area = shapely.Polygon(outer.contour.flattened_mm())
+    points, around = inner.contour.flattened_mm(), outer.contour.flattened_mm()
+    if len(around) < 3:
+        return np.zeros(len(points), dtype=np.bool_)
+    area = shapely.Polygon(around)
     return np.asarray(shapely.contains_xy(area, points[:, 0], points[:, 1]))
 
 

@@ -1,6 +1,6 @@
 """Apply every rule to a subject."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from vinefab.checks.limits import by_rule, changed_limits
@@ -13,7 +13,12 @@ from vinefab.model.design import Waiver
 from vinefab.model.finding import CheckReport, Finding, RuleRun, RuleSkipped
 
 
-def run_checks(subject: Subject, limits: LimitChanges | None = None) -> CheckReport:
+def run_checks(
+    subject: Subject,
+    limits: LimitChanges | None = None,
+    *,
+    only: Collection[str] | None = None,
+) -> CheckReport:
     """Return what every registered rule found, and why any of them could not look.
 
     Parameters
@@ -23,6 +28,8 @@ def run_checks(subject: Subject, limits: LimitChanges | None = None) -> CheckRep
     limits
         Limits that replace those of the design, which replace those of the recipe, which replace
         the defaults.
+    only
+        Ids of the rules to apply; None for all.
 
     Raises
     ------
@@ -34,6 +41,7 @@ def run_checks(subject: Subject, limits: LimitChanges | None = None) -> CheckRep
     outcomes = [
         (rule, rule.look(subject, rule.limits_with(values.get(rule.id, {}))))
         for rule in RULES.values()
+        if only is None or rule.id in only
     ]
     recipe = subject.profile.recipe.name if subject.profile else ""
     report = _report(subject.design.name, outcomes, subject.design.waivers)

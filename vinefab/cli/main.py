@@ -21,6 +21,8 @@ COMMANDS = {
     "compare": "Compare optimizers on run files, with statistics.",
     "check": "Check a design against the rules of making and deploying it.",
     "fabricate": "Write the fabrication package: laser files, checks, report.",
+    "coupon": "Write test pieces for a recipe: files, instructions, a table to fill in.",
+    "calibrate": "Fit a recipe to coupon results, and write it.",
     "profiles": "List machines, materials and recipes, or explain one.",
     "rig": "Write printable obstacles for a test rig.",
     "report": "Write predictions for a design as one HTML page.",

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from vinefab.core.errors import CannotWriteError, ForeignFileError, VinefabError
 from vinefab.core.hashing import sha256_of_file
-from vinefab.core.manifest import MANIFEST_NAME, manifest_text, names_in
+from vinefab.core.manifest import MANIFEST_NAME, digests_in, manifest_text, names_in
 
 OWN_MARK = b"written by vinefab"
 _LOOK_BYTES = 8192
@@ -156,6 +156,29 @@ def ensure_own_folder(path: Path, mark: str, *, force: bool = False) -> None:
         marked = (path / mark).is_file() and is_ours(path / mark)
         if any(path.iterdir()) and not (marked and (path / MANIFEST_NAME).is_file()):
             raise ForeignFileError(path)
+
+
+def ensure_unchanged(path: Path, *, force: bool = False) -> None:
+    """Check that a file which vinefab wrote for a person to fill in is still empty, or away.
+
+    Parameters
+    ----------
+    path
+        A file in a folder with a manifest.
+    force
+        Do not check.
+
+    Raises
+    ------
+    ForeignFileError
+        If it differs from what its folder's manifest says: it holds somebody's work.
+    """
+    manifest = path.parent / MANIFEST_NAME
+    if force or not path.is_file() or not manifest.is_file():
+        return
+    with _system_errors(path):
+        if digests_in(manifest.read_text()).get(path.name) != sha256_of_file(path):
+            raise ForeignFileError(path, "was filled in; copy it, or name another folder")
 
 
 def _add_manifest(folder: Path) -> None:

@@ -16,4 +16,10 @@ def manifest_text(digests: Mapping[str, str]) -> str:
 
 def names_in(text: str) -> set[str]:
     """Return the file names in a manifest."""
-    return {line[_HASH_AND_GAP:] for line in text.splitlines() if not line.startswith("#")}
+    return set(digests_in(text))
+
+
+def digests_in(text: str) -> dict[str, str]:
+    """Return the SHA-256 digests in a manifest, by file name."""
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    return {line[_HASH_AND_GAP:]: line[: _HASH_AND_GAP - 2] for line in lines}

@@ -1,5 +1,6 @@
 """Laser profiles: machine, material and recipe files (TOML), each number with its standing."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -47,7 +48,20 @@ def read_profile(recipe: str | Path) -> LaserProfile:
         With the file, the key, the value and what is allowed.
     """
     path = locate("recipe", recipe)
-    form = _read(RecipeForm, path)
+    return profile_of(read_toml(path), path)
+
+
+def profile_of(document: Mapping[str, Any], path: Path) -> LaserProfile:
+    """Return the profile of a recipe file's content.
+
+    Parameters
+    ----------
+    document
+        What the file holds.
+    path
+        Where it lies or is to lie; errors as in `read_profile`.
+    """
+    form = _formed(RecipeForm, document, path)
     _ensure_seals(form, path)
     material = _material(_read(MaterialForm, _beside(path, "material", form.material)))
     return LaserProfile(
@@ -133,7 +147,11 @@ def _beside(recipe: Path, kind: str, name: str) -> Path:
 
 
 def _read(form_class: type[F], path: Path) -> F:
-    form = check(form_class, read_toml(path), path)
+    return _formed(form_class, read_toml(path), path)
+
+
+def _formed(form_class: type[F], document: Mapping[str, Any], path: Path) -> F:
+    form = check(form_class, document, path)
     if form.name != path.stem:
         # Other files refer to a profile by its file name: two names would be a trap.
         raise BadInputError("name", form.name, f"{path.stem!r}, the name of the file", path)

@@ -28,7 +28,7 @@ from vinefab.report.making import (
     sheet_section,
 )
 from vinefab.report.page import page_html
-from vinefab.report.plans import job_plan
+from vinefab.report.sheet_plan import job_plan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

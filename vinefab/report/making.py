@@ -19,7 +19,7 @@ from vinefab.physics.lumen import inflated_diameter_mm
 from vinefab.physics.pressure import allowed_line_load_n_mm, burst_pressure_kpa, hoop_strain
 from vinefab.report.content import Picture, Section, Table
 from vinefab.report.figure import svg_bytes
-from vinefab.report.plans import job_plan
+from vinefab.report.sheet_plan import job_plan
 
 
 def sheet_section(job: Job, findings: Sequence[Finding]) -> Section:

@@ -1,0 +1,146 @@
+"""Coupon, calibrate and fabricate, one after the other, as a technician does it."""
+
+import json
+
+import pytest
+
+from vinefab.core.atomic import ensure_unchanged
+from vinefab.core.hashing import sha256_of
+from vinefab.core.jsontext import GENERATOR
+from vinefab.core.manifest import manifest_text
+from vinefab.export.coupon_text import results_text
+from vinefab.files.profile import read_profile
+from vinefab.files.shipped import shipped_root
+from vinefab.model.laser import RecipeStatus, Standing
+
+RECIPE = "co2_60w__stretchlon_200"
+READ = {
+    "kerf_piece,weldcut": "49.74",
+    "kerf_piece,cut": "49.83",
+    "seam,weldcut": "0.50",
+    "width,5": "4.88",
+    "width,8": "7.92",
+    "width,10": "9.86",
+    "width,16": "15.9",
+    "width,20": "19.84",
+    "width,30": "29.9",
+    "width,40": "39.86",
+    "burst,20": "82",
+}
+
+
+def filled(folder):
+    """Fill in the table that lies in a coupon folder, bursts and seams differing a little."""
+    lines = []
+    for number, line in enumerate((folder / "results.csv").read_text().splitlines()):
+        cells = line.split(",")
+        value = READ.get(",".join(cells[:2])) if line[0] != "#" else None
+        if value is not None:
+            spread = 0.01 * number if cells[0] in ("burst", "seam") else 0.0
+            cells[2] = f"{float(value) + spread:.3f}"
+        lines.append(",".join(cells))
+    (folder / "results.csv").write_text("\n".join(lines) + "\n")
+
+
+def test_coupons_are_cut_measured_and_given_back(vinefab, tmp_path):
+    folder, mine = tmp_path / "coupons", tmp_path / "mine.toml"
+    assert vinefab("coupon", "--recipe", RECIPE, "--out", folder, "-q") == (0, "", "")
+    filled(folder)
+    code, words, complaint = vinefab("calibrate", folder / "results.csv", "--out", mine)
+    assert (code, complaint) == (0, "")
+    assert "weldcut.kerf_mm" in words
+    assert "burst_tested" in words
+    profile = read_profile(mine)
+    assert profile.recipe.status is RecipeStatus.BURST_TESTED
+    kerf = profile.settings("weldcut").kerf_mm
+    assert kerf.standing is Standing.MEASURED
+    assert kerf.value == pytest.approx(0.26, abs=0.1)
+    assert 0.0 < kerf.uncertainty < 0.1
+    assert profile.material.burst_kpa.standing is Standing.MEASURED
+    out = tmp_path / "package"
+    assert vinefab("fabricate", "plain_vine", "--recipe", mine, "--out", out, "-q") == (0, "", "")
+    job = json.loads((out / "job.json").read_text())
+    assert job["facts"]["recipe_status"] == "burst_tested"
+    settings = profile.settings("weldcut")
+    expected = settings.seam_width_mm.value + settings.kerf_mm.value / 2
+    assert job["facts"]["weldcut_offset_mm"] == pytest.approx(expected)
+
+
+def test_a_table_that_was_filled_in_is_not_lost(vinefab, tmp_path):
+    folder = tmp_path / "coupons"
+    folder.mkdir()
+    table = results_text(read_profile(RECIPE), None)
+    (folder / "results.csv").write_text(table)
+    (folder / "coupon.json").write_text(GENERATOR)
+    digest = sha256_of(table.encode())
+    (folder / "MANIFEST.sha256").write_text(manifest_text({"results.csv": digest}))
+    ensure_unchanged(folder / "results.csv")
+    filled(folder)
+    before = (folder / "results.csv").read_bytes()
+    code, _, complaint = vinefab("coupon", "--out", folder)
+    assert code == 2
+    assert "filled in" in complaint
+    assert (folder / "results.csv").read_bytes() == before
+
+
+def test_a_calibrated_recipe_is_calibrated_again_by_what_is_new(vinefab, tmp_path):
+    table, mine, again = tmp_path / "r.csv", tmp_path / "mine.toml", tmp_path / "again.toml"
+    table.write_text(
+        "measure,setting,value,unit,uncertainty\n"
+        "kerf_piece,weldcut,49.7,mm,0.02\nseam,weldcut,0.5,mm,0.05\n"
+    )
+    assert vinefab("calibrate", table, "--out", mine, "-q")[0] == 0
+    assert read_profile(mine).recipe.status is RecipeStatus.COUPON_OK
+    table.write_text(
+        "measure,setting,value,unit,uncertainty\nburst,20,80,kPa,2\nburst,20,83,kPa,2\n"
+        "burst,20,79,kPa,2\nfriction_incline,,20,deg,1\n"
+    )
+    assert vinefab("calibrate", table, "--recipe", mine, "--out", again, "-q")[0] == 0
+    profile = read_profile(again)
+    assert profile.recipe.status is RecipeStatus.BURST_TESTED
+    assert profile.settings("weldcut").kerf_mm.value == pytest.approx(0.3)
+    assert profile.material.friction.uncertainty == pytest.approx(0.0198, abs=1e-3)
+
+
+BAD = {
+    "no file": ("missing.csv", None, "no such file"),
+    "empty": ("r.csv", "", "no row with a value"),
+    "no header": ("r.csv", "a,b\n", "measure,setting,value,unit"),
+    "negative kerf": ("r.csv", "kerf_piece,cut,50.4,mm,0.02", "kerf of -0.400 mm"),
+    "one for two": ("r.csv", "width,20,19.9,mm,0.05", "apart"),
+    "unit": ("r.csv", "seam,weldcut,1,ell,0.1", "line 2: unit of seam"),
+}
+
+
+@pytest.mark.parametrize(("name", "text", "words"), BAD.values(), ids=BAD)
+def test_bad_results_are_one_line_and_nothing_is_written(vinefab, tmp_path, name, text, words):
+    path, out = tmp_path / name, tmp_path / "mine.toml"
+    if text is not None:
+        header = "measure,setting,value,unit,uncertainty\n" if "," in text[5:] else ""
+        path.write_text(header + text)
+    code, _, complaint = vinefab("calibrate", path, "--out", out)
+    assert code == 2
+    assert complaint.startswith("error: ")
+    assert complaint.count("\n") == 1
+    assert words in complaint
+    assert not out.exists()
+
+
+def test_a_recipe_whose_machine_would_not_be_found_is_not_written(vinefab, tmp_path):
+    recipes = tmp_path / "lab" / "recipes"
+    recipes.mkdir(parents=True)
+    machines = tmp_path / "lab" / "machines"
+    machines.mkdir()
+    root = shipped_root() / "laser_profiles"
+    text = (root / f"recipes/{RECIPE}.toml").read_text().replace('"co2_60w"', '"ours"')
+    (recipes / f"{RECIPE}.toml").write_text(text)
+    machine = (root / "machines/co2_60w.toml").read_text().replace('"co2_60w"', '"ours"')
+    (machines / "ours.toml").write_text(machine)
+    table = tmp_path / "r.csv"
+    table.write_text("measure,setting,value,unit,uncertainty\nseam,weldcut,0.5,mm,0.05\n")
+    given = ("calibrate", table, "--recipe", recipes / f"{RECIPE}.toml")
+    code, _, complaint = vinefab(*given, "--out", tmp_path / "elsewhere" / "mine.toml")
+    assert code == 2
+    assert "ours" in complaint
+    assert vinefab(*given, "--out", recipes / "mine.toml", "-q") == (0, "", "")
+    assert read_profile(recipes / "mine.toml").machine.name == "ours"

@@ -1,0 +1,44 @@
+"""``vinefab calibrate``: from coupon results to a recipe of your own."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vinefab.cli.options import Force, JsonOut, Quiet, RecipeIn, Voice
+from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.files.profile import read_profile
+from vinefab.files.results import read_results
+from vinefab.files.shipped import DEFAULT_RECIPE
+from vinefab.pipeline.calibrate import calibrate
+from vinefab.pipeline.calibrated import calibrated_recipe, calibration_json, calibration_lines
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("calibrate")(calibrate_command)
+
+
+def calibrate_command(
+    *,
+    results: Annotated[Path, typer.Argument(help="The table of `vinefab coupon`, filled in.")],
+    out: Annotated[Path, typer.Option("--out", help="The recipe file to write, NAME.toml.")],
+    recipe: RecipeIn = DEFAULT_RECIPE,
+    json_out: JsonOut = None,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> int:
+    """Fit kerf, seam, burst load, friction and growth pressure, and write a recipe with them.
+
+    Example: vinefab calibrate coupons/results.csv --recipe co2_60w__stretchlon_200 --out mine.toml
+    """
+    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    ensure_writable(out, force=force)
+    calibration = calibrate(read_results(results), read_profile(recipe))
+    text = calibrated_recipe(calibration, recipe, out, results)
+    write_text(out, text, force=force)
+    voice.give_json(calibration_json(calibration))
+    for line in calibration_lines(calibration):
+        voice.say(line)
+    voice.say(f"wrote {out}; use it with --recipe {out}")
+    return 0

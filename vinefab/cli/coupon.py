@@ -1,0 +1,49 @@
+"""``vinefab coupon``: test pieces for a recipe."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vinefab.cli.options import EXIT_FINDINGS, Force, Quiet, RecipeIn, Voice
+from vinefab.core.atomic import ensure_own_folder, ensure_unchanged, new_folder, write_bytes
+from vinefab.files.profile import read_profile
+from vinefab.files.shipped import DEFAULT_RECIPE
+from vinefab.pipeline.check import check_lines
+from vinefab.pipeline.coupon import RESULTS_NAME, coupon_files, make_coupons
+
+MARK = "coupon.json"
+"""The file by which a folder of this command is known again."""
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("coupon")(coupon_command)
+
+
+def coupon_command(
+    *,
+    out: Annotated[Path, typer.Option("--out", help="The folder to write.")],
+    recipe: RecipeIn = DEFAULT_RECIPE,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> int:
+    """Write test pieces for a recipe: laser files, what to measure, and a table to fill in.
+
+    Example: vinefab coupon --recipe co2_60w__stretchlon_200 --out coupons
+    """
+    voice = Voice(quiet=quiet, force=force)
+    ensure_own_folder(out, MARK, force=force)
+    ensure_unchanged(out / RESULTS_NAME, force=force)
+    coupons = make_coupons(read_profile(recipe))
+    for line in check_lines(coupons.report):
+        voice.say(line)
+    if coupons.report.blocking:
+        typer.echo("nothing written: a rule forbids these coupons", err=True)
+        return EXIT_FINDINGS
+    files = coupon_files(coupons)
+    with new_folder(out, MARK, force=force) as folder:
+        for name, data in files.items():
+            write_bytes(folder / name, data)
+    voice.say(f"wrote {out}/ ({len(files)} files; begin with README.txt)")
+    return 0

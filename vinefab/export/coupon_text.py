@@ -1,0 +1,158 @@
+"""The words of a coupon folder: what to cut, what to measure, and the table to fill in."""
+
+from collections.abc import Sequence
+from textwrap import fill
+
+from vinefab.core.jsontext import GENERATOR
+from vinefab.geometry.coupon import BALLOONS, FILLETS_MM, LADDER_MM, SQUARE_MM, STRIP_MM, STRIPS
+from vinefab.geometry.coupon_matrix import FOCUS_MM, Matrix
+from vinefab.geometry.laser import weldcut_offset_mm
+from vinefab.model.job import Job, Operation
+from vinefab.model.laser import LaserProfile
+
+COLUMNS = ("measure", "setting", "value", "unit", "uncertainty", "note")
+OFFSET_NOTE = "# weldcut_offset_mm"
+RECIPE_NOTE = "# recipe"
+
+Row = tuple[str, str, str, str]
+
+
+def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
+    """Return the table of results, CSV, with every row that the coupons ask for, unfilled."""
+    lines = [
+        f"# coupon results, {GENERATOR}",
+        f"{RECIPE_NOTE} {profile.recipe.name}",
+    ]
+    if Operation.WELDCUT in profile.recipe.operations:
+        lines.append(f"{OFFSET_NOTE} {weldcut_offset_mm(profile):.6g}")
+    lines += [
+        "# Fill in the column value; rows without a value are ignored; add rows as you like.",
+        "# uncertainty: one standard deviation of the reading in the row's unit, or empty.",
+        ",".join(COLUMNS),
+        *(
+            ",".join((measure, setting, "", unit, "", note))
+            for measure, setting, unit, note in (*_rows(profile), *_matrix_rows(matrix))
+        ),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def coupon_readme(profile: LaserProfile, jobs: Sequence[Job], matrix: Matrix | None) -> str:
+    """Return what to cut, in which order, and what to measure on each piece."""
+    title = f"Coupons for recipe {profile.recipe.name}"
+    parts = [f"{title}\n{'=' * len(title)}", _section("1. Cut", _cutting(jobs, matrix))]
+    parts.append(_section("2. Measure", _measuring(profile)))
+    parts.append(_section("3. Give the results back", _giving_back(profile)))
+    parts.append(GENERATOR)
+    return "\n\n".join(parts) + "\n"
+
+
+def _rows(profile: LaserProfile) -> list[Row]:
+    names = [op for op in (Operation.WELDCUT, Operation.CUT) if op in profile.recipe.operations]
+    rows: list[Row] = [
+        ("kerf_piece", name, "mm", f"side of the piece that came out of KERF-{name}")
+        for name in names
+    ]
+    if Operation.WELDCUT in names:
+        rows += [("seam", "weldcut", "mm", "fused rim inward of the cut edge") for _ in range(3)]
+    rows += [("width", f"{w:g}", "mm", f"lay-flat lumen of finger W{w:g}") for w in LADDER_MM]
+    rows += [
+        ("burst", "20", "kPa", f"BURST-{k}; setting: lay-flat width")
+        for k in range(1, BALLOONS + 1)
+    ]
+    rows += [
+        ("peel", f"{STRIP_MM[1]:g}", "N", f"PEEL-{k}; setting: strip width")
+        for k in range(1, STRIPS + 1)
+    ]
+    rows += [("crotch_burst", f"{radius:g}", "kPa", f"CROTCH-R{radius:g}") for radius in FILLETS_MM]
+    rows += [("friction_incline", "", "deg", "incline at which film slides on the obstacle")] * 3
+    rows += [("growth_width", "", "mm", "lay-flat width of the tube that was grown")]
+    rows += [
+        ("growth", path, "kPa", "lengths mm and turns deg in turn")
+        for path in ("300", "600", "300 90 300", "300 90 300 90 300", "300 180 300", "900 90 100")
+    ]
+    return rows
+
+
+def _matrix_rows(matrix: Matrix | None) -> list[Row]:
+    if matrix is None:
+        return []
+    return [
+        ("matrix", f"{energy:.1f} {focus:g}", "", "nothing / weld / weldcut / cut / burnt")
+        for focus in FOCUS_MM
+        for energy in matrix.energies_mj_mm
+    ]
+
+
+def _cutting(jobs: Sequence[Job], matrix: Matrix | None) -> list[str]:
+    steps = ["Prepare the film as for a robot: clean, laminated flat, without bubbles."]
+    if matrix is not None and matrix.jobs:
+        energies = ", ".join(f"{energy:.1f}" for energy in matrix.energies_mj_mm)
+        names = ", ".join(job.name for job in matrix.jobs)
+        steps.append(
+            f"First the energy matrix: {names}. Each file is for one focus offset (its name says"
+            f" it, in mm): set the lens by hand. Every line has a layer of its own with the speed"
+            f" for its energy: {energies} mJ/mm. The .lbrn2 files have these settings inside."
+        )
+        steps.append("Judge each line between its ticks only, where the head runs at full speed.")
+    if matrix is not None and matrix.out_of_reach_mj_mm:
+        lost = ", ".join(f"{energy:.1f}" for energy in matrix.out_of_reach_mj_mm)
+        steps.append(
+            f"Not drawn, because this machine cannot give so little on so short a line: {lost}"
+            " mJ/mm."
+        )
+    sheets = ", ".join(job.name for job in jobs)
+    steps.append(f"Then {sheets}, with the recipe's settings, exactly as a robot is cut.")
+    return steps
+
+
+def _measuring(profile: LaserProfile) -> list[str]:
+    steps = [
+        f"KERF: side of the piece that fell out of the {SQUARE_MM:g} mm square, to 0.02 mm, mean of"
+        " both directions.",
+    ]
+    if Operation.WELDCUT in profile.recipe.operations:
+        steps.append(
+            "Seam: width of the fused rim inward of the cut edge, under a loupe, at 3"
+            " places of a straight."
+        )
+    steps += [
+        "W5 to W40: lay-flat width of the open lumen, between the seams, in the middle of the"
+        " finger.",
+        "BURST: blunt needle through the port, clamp it, raise the pressure slowly behind a shield;"
+        " write down the pressure at which it bursts and where. Three balloons at least: one alone"
+        " says nothing of the spread.",
+        "PEEL: pull the two free plies apart, 90 degrees each; the largest force.",
+        "CROTCH: inflate until it fails; the fillet that fails last is the one to use.",
+        "friction_incline: a strip of film on the obstacle's material; tilt until it slides.",
+        "growth: one long tube of one width, along paths of straight pieces and turns; the pressure"
+        " at which it just grows at the end of each path. At least five paths that differ in length"
+        " and in turns. Setting: lengths in mm and turns in degrees, in turn: 300 90 300.",
+    ]
+    return steps
+
+
+def _giving_back(profile: LaserProfile) -> list[str]:
+    name = profile.recipe.name
+    return [
+        "Fill in the column value of results.csv. Units: mm, cm, um, in; kPa, Pa, MPa, bar, mbar,"
+        " psi; N, gf, kgf; deg, rad.",
+        f"vinefab calibrate --recipe {name} results.csv --out {name}_mine.toml",
+        "The result is a recipe: kerf and seam are measured then, and fabricate takes it without"
+        " --allow-uncalibrated.",
+    ]
+
+
+def _section(title: str, items: Sequence[str]) -> str:
+    return "\n".join([title, "-" * len(title), *(_item(item) for item in items)])
+
+
+def _item(text: str) -> str:
+    return fill(
+        text,
+        width=96,
+        initial_indent="- ",
+        subsequent_indent="  ",
+        break_on_hyphens=False,
+        break_long_words=False,
+    )

@@ -1,0 +1,79 @@
+"""Calibrated recipes out: a recipe file with fitted numbers in the place of assumed ones."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.jsontext import GENERATOR
+from vinefab.files.shipped import locate
+from vinefab.files.toml import read_toml
+from vinefab.model.laser import RecipeStatus
+from vinefab.physics.estimate import Estimate
+
+_OWN_TABLES = ("measured", "growth")
+
+
+def calibrated_text(
+    recipe: str | Path,
+    out: Path,
+    numbers: Mapping[str, Estimate],
+    *,
+    status: RecipeStatus,
+    results: Path,
+) -> str:
+    """Return a recipe file with fitted numbers, as text.
+
+    Parameters
+    ----------
+    recipe
+        Path or name of the recipe that the coupons were cut with.
+    out
+        Where it will lie; its name is the recipe's name.
+    numbers
+        Fitted numbers by their place, as in `vinefab.pipeline.calibrate.Calibration`.
+    status
+        How far it has been tried.
+    results
+        Where the readings are, for the record.
+
+    Raises
+    ------
+    BadInputError
+        If ``out`` does not end in ``.toml``.
+    """
+    if out.suffix != ".toml":
+        raise BadInputError("--out", str(out), "a file that ends in .toml")
+    document = read_toml(locate("recipe", recipe))
+    before = document["name"]
+    document["name"] = out.stem
+    document["status"] = str(status)
+    document["source"] = f"{before}, calibrated with {results.name}; before: {document['source']}"
+    for place, estimate in numbers.items():
+        table, key = place.split(".")
+        target = _table(document, table)
+        target[key] = _number(estimate, results)
+    return f"# {GENERATOR}\n{tomli_w.dumps(document)}"
+
+
+def _table(document: dict[str, Any], name: str) -> dict[str, Any]:
+    if name in _OWN_TABLES:
+        found: dict[str, Any] = document.setdefault(name, {})
+        return found
+    operations: dict[str, Any] = document["operations"]
+    sealed: dict[str, Any] = operations[name] if name in operations else document["sealer"]
+    return sealed
+
+
+def _number(estimate: Estimate, results: Path) -> dict[str, object]:
+    plural = "s" if estimate.readings > 1 else ""
+    content: dict[str, object] = {
+        "value": float(f"{estimate.value:.6g}"),
+        "standing": "measured",
+        "source": f"{results.name}: {estimate.readings} reading{plural}",
+    }
+    if estimate.uncertainty > 0.0:
+        content["uncertainty"] = float(f"{estimate.uncertainty:.3g}")
+    return content

@@ -1,8 +1,10 @@
 """The rig as a job: what it refuses, and what the rules say of it."""
 
+import dataclasses
 import json
 import math
 
+import numpy as np
 import pytest
 from shapely import Polygon, box
 
@@ -12,7 +14,9 @@ from vinefab.model.map import Map, Pose, Start
 from vinefab.model.printer import Printer
 from vinefab.pipeline import rig as module
 from vinefab.pipeline.rig import RigWishes, make_rig
+from vinefab.pipeline.rig_laser import compare_layers, lasered
 from vinefab.rig import build
+from vinefab.rig.board import build_board
 from vinefab.rig.options import RigOptions
 
 PRINTER = Printer(name="bench", bed_width_mm=220, bed_depth_mm=220, height_mm=100)
@@ -125,3 +129,36 @@ def test_pictures_drawing_and_page_come_with_the_files():
     assert page.count("data:image/png") == 1 + len(pictures)
     again = make_rig(world, PRINTER, RigOptions(scale=1.5))
     assert again.files == made.files
+
+
+@pytest.mark.parametrize("style", ["board", "sheet"])
+def test_loose_and_layered_rigs_come_with_their_sheets(style):
+    world = _map(box(30, 60, 60, 90), box(90, 60, 150, 100))
+    options = RigOptions(style=style, height_mm=31.0)
+    made = make_rig(world, PRINTER, options, RigWishes(lid=True, pictures=False))
+    content = json.loads(made.files["rig.json"])
+    sheets = {sheet["file"] for sheet in content["laser"]}
+    assert {"board_01.dxf", "lid_01.dxf"} <= sheets <= set(made.files)
+    assert made.comparison.share < 1e-4
+    assert len(content["parts"]) >= 3
+    for part in content["parts"]:
+        assert part["file"] in made.files
+        assert np.array(part["transform_to_map"]).shape == (4, 4)
+        assert part["volume_mm3"] > 0
+    if style == "sheet":
+        assert "layers_01.dxf" in sheets
+        assert {part["size_mm"][2] for part in content["parts"]} == {33.0}  # eleven layers of 3 mm
+        block = next(part for part in content["parts"] if part["size_mm"][:2] == [60.0, 40.0])
+        assert block["volume_mm3"] == pytest.approx(60 * 40 * 33.0)
+
+
+def test_a_layer_in_the_wrong_place_is_seen():
+    world = _map(box(30, 60, 60, 90))
+    options = RigOptions(style="sheet")
+    rig, pieces = build_board(world, PRINTER, options)
+    cut = lasered(rig, world, pieces, lid=False)
+    assert compare_layers(rig, world, cut).share < 1e-4
+    first = cut.copies[0]
+    moved = dataclasses.replace(first, shift_mm=(first.shift_mm[0] + 1.0, first.shift_mm[1]))
+    bad = dataclasses.replace(cut, copies=(moved, *cut.copies[1:]))
+    assert compare_layers(rig, world, bad).share > 1e-3

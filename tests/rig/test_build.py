@@ -252,6 +252,14 @@ def test_a_map_without_obstacles_is_a_tray(make_map, make_printer):
     assert _problems(rig) == []
 
 
+def test_tiles_without_joints_only_meet(crooked_map, make_printer):
+    world, printer = crooked_map(4, 6, 4), make_printer(130.0, 130.0)
+    rig = build_rig(world, printer, RigOptions(joint="none", mark_depth_mm=0.0))
+    assert rig.counts["joints"] == 0
+    whole = build_rig(world, make_printer(2000, 2000), PLAIN)
+    assert rig.volume_mm3 == pytest.approx(whole.volume_mm3, rel=1e-6)
+
+
 def test_tiles_turn_on_the_bed_when_that_saves_parts(make_map, make_printer, faces_at):
     world = make_map(box(30, 60, 60, 90), bounds=box(10, 20, 290, 120))
     rig = build_rig(world, make_printer(120.0, 320.0))

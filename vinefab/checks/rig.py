@@ -64,7 +64,7 @@ def look_fits(stand: Stand, _: Limits) -> Looked | NotLooked:
 def look_corridors(stand: Stand, limits: Limits) -> Looked | NotLooked:
     """VF-R03: corridors take the inflated diameter of every level."""
     if stand.design is None or not stand.courses:
-        missing = "a design (--design)" if stand.courses else "a map (--map)"
+        missing = "a map or a rig (--map)" if stand.design else "a design (--design)"
         return NotLooked(reason=f"needs {missing}, to compare corridors with the robot")
     hits = [
         hit

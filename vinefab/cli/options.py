@@ -1,5 +1,6 @@
 """Options that several commands share, and where their words go."""
 
+import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -128,6 +129,23 @@ def pose_from(text: str | None, option: str = "--pose") -> Pose | None:
         return Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=rad(heading_deg))
     except BadInputError as error:
         raise error.at(option) from error
+
+
+def numbers_from(option: str, text: str, count: int) -> tuple[float, ...]:
+    """Return numbers from a text like ``400,300``.
+
+    Raises
+    ------
+    BadInputError
+        If the text is not so many finite numbers.
+    """
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise BadInputError(option, text, f"{count} finite numbers with commas between them")
+    return numbers
 
 
 def parameters_from(texts: list[str]) -> dict[str, object]:

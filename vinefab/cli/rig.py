@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import EXIT_FINDINGS, Force, Quiet, Voice
+from vinefab.cli.options import EXIT_FINDINGS, Force, Quiet, Voice, numbers_from
 from vinefab.core.atomic import ensure_own_folder, new_folder, write_bytes
 from vinefab.files.design import read_design
 from vinefab.files.map import read_map
@@ -34,6 +34,14 @@ def rig_command(
     design: Annotated[
         str | None, typer.Option(help="The robot, to see whether corridors and heights suit it.")
     ] = None,
+    style: Annotated[
+        str,
+        typer.Option(
+            help="plate: printed on a plate; board: printed loose, with pegs for a drilled board; "
+            "sheet: cut in layers on the laser."
+        ),
+    ] = "plate",
+    lid: Annotated[bool, typer.Option("--lid", help="Add a transparent lid (DXF).")] = False,
     height_mm: Annotated[float, typer.Option(help="Height of the obstacles.")] = 30.0,
     plate_mm: Annotated[float, typer.Option(help="Thickness of the base plate.")] = 3.0,
     border_mm: Annotated[float, typer.Option(help="Thickness of the wall around.")] = 4.0,
@@ -42,10 +50,13 @@ def rig_command(
     fit_mm: Annotated[
         float | None, typer.Option(help="Length of the rig's longer side; sets the scale.")
     ] = None,
-    joint: Annotated[str, typer.Option(help="dovetail, dowel or none.")] = "dovetail",
+    joint: Annotated[str, typer.Option(help="dovetail or none.")] = "dovetail",
     clearance_mm: Annotated[
         float | None, typer.Option(help="Gap around joints; default: the printer's.")
     ] = None,
+    peg_mm: Annotated[float, typer.Option(help="Diameter of pegs, or of pins.")] = 5.0,
+    kerf_mm: Annotated[float, typer.Option(help="Width that the laser removes.")] = 0.2,
+    sheet_mm: Annotated[str, typer.Option(help="WIDTH,DEPTH of the laser's sheets.")] = "1000,600",
     most_parts: Annotated[int, typer.Option(help="Refuse a rig of more parts.")] = 100,
     allow_empty: Annotated[
         bool, typer.Option("--allow-empty", help="Make a bare tray of a map without obstacles.")
@@ -63,7 +74,9 @@ def rig_command(
     voice = Voice(quiet=quiet, force=force)
     ensure_own_folder(out, MARK, force=force)
     world = read_map(map_file)
+    sheet_width_mm, sheet_depth_mm = numbers_from("--sheet-mm", sheet_mm, 2)
     options = RigOptions(
+        style=style,
         height_mm=height_mm,
         plate_mm=plate_mm,
         border_mm=border_mm,
@@ -71,13 +84,17 @@ def rig_command(
         scale=scale,
         joint=joint,
         clearance_mm=clearance_mm,
+        peg_mm=peg_mm,
+        kerf_mm=kerf_mm,
+        sheet_width_mm=sheet_width_mm,
+        sheet_depth_mm=sheet_depth_mm,
         most_parts=most_parts,
     )
     if fit_mm is not None:
         options = options.fitted(world, fit_mm)
     robot = read_design(design) if design else None
     machine = read_printer(printer)
-    wishes = RigWishes(design=robot, allow_empty=allow_empty, pictures=pictures)
+    wishes = RigWishes(design=robot, allow_empty=allow_empty, pictures=pictures, lid=lid)
     with voice.progress("rig") as show:
         made = make_rig(world, machine, options, wishes, tell=show)
     if made.report.blocking:

@@ -3,16 +3,21 @@
 import csv
 import io
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from typing import cast
+
+import numpy as np
 
 from vinefab.core.jsontext import GENERATOR, json_text
 from vinefab.export.checks_json import checks_content
 from vinefab.export.rigfiles import bed_name, stl_name
 from vinefab.model.finding import CheckReport
+from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.model.printer import Printer
 from vinefab.rig.assembled import Comparison
 from vinefab.rig.estimate import BASIS, Estimate
+from vinefab.rig.lasered import Copy
 from vinefab.rig.options import RigOptions
 from vinefab.rig.part import Rig, RigPart, ThinPlace
 from vinefab.rig.printing import Printing
@@ -34,6 +39,8 @@ class RigRecord:
         How the assembled rig compares with the map (`vinefab.rig.assembled.compare_with_map`).
     report
         What the rules say.
+    jobs, copies
+        What a laser cuts, by file name, and where layers of pieces lie.
     """
 
     rig: Rig
@@ -41,6 +48,8 @@ class RigRecord:
     printing: Printing
     comparison: Comparison
     report: CheckReport
+    jobs: Mapping[str, Job] = field(default_factory=dict)
+    copies: tuple[Copy, ...] = ()
 
 
 def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
@@ -70,9 +79,9 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
         },
         "printer": _fields(rig.printer),
         "options": _fields(rig.options),
-        "parts": [
-            _part_content(index, part, record, digests) for index, part in enumerate(rig.parts)
-        ],
+        "style": rig.style,
+        "parts": layered_parts(record)
+        or [_part_content(index, part, record, digests) for index, part in enumerate(rig.parts)],
         "extras": [
             _part_content(index, part, record, digests)
             for index, part in enumerate(rig.extras, len(rig.parts))
@@ -85,6 +94,16 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
                 "estimate": _fields(bed.estimate),
             }
             for bed in printing.beds
+        ],
+        "laser": [
+            {
+                "file": name,
+                "sha256": digests[name],
+                "sheet_mm": [_round(job.sheet_width_mm), _round(job.sheet_height_mm)],
+                "cut_mm": _round(job.length_mm(Operation.CUT)),
+                "mark_mm": _round(job.length_mm(Operation.MARK)),
+            }
+            for name, job in record.jobs.items()
         ],
         "estimate": {"basis": BASIS, **_fields(printing.total)},
         "volume_mm3": _round(rig.volume_mm3),
@@ -124,6 +143,44 @@ def parts_text(rig: Rig, printing: Printing) -> str:
         cells = [part.number or "", stl_name(part), bed, part.row or "", part.column or ""]
         table.writerow([*cells, *sizes, volume, len(part.faces)])
     return text.getvalue()
+
+
+def layered_parts(record: RigRecord) -> list[dict[str, object]]:
+    """Return the pieces that are cut in layers, each layer with its sheet and its place.
+
+    The transform takes a point of the sheet, z from 0 to its thickness, into map coordinates.
+    """
+    options, names = record.rig.options, [n for n in record.jobs if n.startswith("layers")]
+    low_mm, parts = record.world.bounds.bounds[:2], dict[int, dict[str, object]]()
+    thick_mm = options.plate_mm
+    for copy in record.copies:
+        outline, (x_mm, y_mm) = copy.piece.outline, copy.shift_mm
+        matrix = np.diag([1.0 / options.scale] * 3 + [1.0])
+        matrix[:2, 3] = low_mm - np.array([x_mm, y_mm]) / options.scale
+        matrix[2, 3] = (copy.layer - 1) * thick_mm / options.scale
+        x_min, y_min, x_max, y_max = outline.bounds
+        part = parts.setdefault(
+            copy.piece.number,
+            {
+                "name": f"piece_{copy.piece.number:02d}",
+                "number": copy.piece.number,
+                "file": names[copy.sheet],
+                "volume_mm3": 0.0,
+                "size_mm": [_round(x_max - x_min), _round(y_max - y_min), 0.0],
+                "transform_to_map": matrix,
+                "layers": [],
+            },
+        )
+        _add_layer(part, outline.area * thick_mm, thick_mm)
+        layers = cast("list[object]", part["layers"])
+        layers.append({"file": names[copy.sheet], "transform_to_map": matrix})
+    return list(parts.values())
+
+
+def _add_layer(part: dict[str, object], volume_mm3: float, thick_mm: float) -> None:
+    part["volume_mm3"] = _round(cast("float", part["volume_mm3"]) + volume_mm3)
+    size_mm = cast("list[float]", part["size_mm"])
+    size_mm[2] = round(size_mm[2] + thick_mm, 6)
 
 
 def _part_content(

@@ -17,12 +17,15 @@ from vinefab.model.printer import Printer
 from vinefab.model.rigfacts import Course, PartFacts, RigFacts
 from vinefab.pipeline.check import check_lines
 from vinefab.pipeline.corridors import corridors_in
-from vinefab.pipeline.rig_report import Tell, rig_page, rig_pictures
+from vinefab.pipeline.rig_laser import compare_layers, lasered, outlines_of, standing_mm
+from vinefab.pipeline.rig_report import Tell, rig_page, rig_pictures, sheet_pictures
 from vinefab.report.content import Section
 from vinefab.report.rigging import rig_section
 from vinefab.rig.assembled import Comparison, compare_with_map
+from vinefab.rig.board import build_board
 from vinefab.rig.build import build_rig
 from vinefab.rig.estimate import Estimate
+from vinefab.rig.loose import Loose
 from vinefab.rig.options import RigOptions
 from vinefab.rig.part import Rig
 from vinefab.rig.printing import printing_of
@@ -65,14 +68,22 @@ class RigFiles:
         """Return the rig in a few lines for the user."""
         rig = self.rig
         return [
-            f"{rig.name}: {len(rig.parts)} parts for {rig.printer.name} at {rig.options.scale:.4g} "
-            f"of the map's size, {rig.volume_mm3 / 1000:.0f} cm3 (computed)",
+            self._size_line(),
             f"printing: {self.estimate.words()} (computed from assumed settings of the printer)",
             f"every STL and 3MF read back closed and oriented; assembled, the walls differ from "
             f"the map by {100 * self.comparison.share:.4f} %",
             *(f"note: {note}" for note in rig.notes),
             *check_lines(self.report)[:-1],
         ]
+
+    def _size_line(self) -> str:
+        rig, scale = self.rig, f"at {self.rig.options.scale:.4g} of the map's size"
+        sheets = [name for name in self.files if name.endswith(".dxf")]
+        laser = f"; {len(sheets)} sheets for the laser" if sheets else ""
+        if rig.style == "sheet":
+            return f"{rig.name}: {rig.counts['pieces']} pieces cut in layers, {scale}{laser}"
+        volume = f"{rig.volume_mm3 / 1000:.0f} cm3 (computed)"
+        return f"{rig.name}: {len(rig.parts)} parts for {rig.printer.name} {scale}, {volume}{laser}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,11 +98,14 @@ class RigWishes:
         Make a bare tray of a map without anything to steer around.
     pictures
         Draw the rig and its beds, and write a page about them.
+    lid
+        Add a lid, to be cut from a transparent sheet.
     """
 
     design: Design | None = None
     allow_empty: bool = False
     pictures: bool = True
+    lid: bool = False
 
 
 def make_rig(
@@ -125,9 +139,11 @@ def make_rig(
         _refuse_empty(world)
     told = tell or _silent
     told(0.0, "building solids")
-    rig = build_rig(world, printer, options)
+    rig, pieces = _built(world, printer, options)
+    cut = lasered(rig, world, pieces, lid=wishes.lid)
     told(0.25, "comparing with the map")
-    comparison = compare_with_map(rig, world)
+    layered = rig.style == "sheet"
+    comparison = compare_layers(rig, world, cut) if layered else compare_with_map(rig, world)
     if comparison.share > MOST_DIFFERENCE:
         problem = f"assembled, its walls differ from the map by {100 * comparison.share:.3f} %"
         raise ReadBackError(f"rig of {world.name}", problem)
@@ -135,17 +151,25 @@ def make_rig(
     told(0.35, "writing and reading back")
     files = solid_files(rig, printing)
     facts = _facts(rig, solid_problems(files, rig, printing))
+    files |= cut.files
     courses = (_course(rig, world),) if wishes.design else ()
     report = run_rig_checks(Stand(design=wishes.design, rig=facts, courses=courses))
     record = RigRecord(
-        rig=rig, world=world, printing=printing, comparison=comparison, report=report
+        rig=rig,
+        world=world,
+        printing=printing,
+        comparison=comparison,
+        report=report,
+        jobs=cut.jobs,
+        copies=cut.copies,
     )
     section: Section | None = None
     if report.blocking:
         files = {}
     else:
         if wishes.pictures:
-            drawn = rig_pictures(rig, world, printing, told)
+            outlines = outlines_of(rig, world, pieces)
+            drawn = rig_pictures(rig, world, outlines, printing, told) | sheet_pictures(cut.jobs)
             section = rig_section(rig, printing, drawn)
             page = rig_page(rig, section, report, comparison)
             files |= {**drawn, "report.html": page.encode()}
@@ -160,6 +184,13 @@ def make_rig(
         estimate=printing.total,
         section=section,
     )
+
+
+def _built(world: Map, printer: Printer, options: RigOptions) -> tuple[Rig, tuple[Loose, ...]]:
+    """Return a rig of the style asked for, and its loose pieces if it has any."""
+    if options.style == "plate":
+        return build_rig(world, printer, options), ()
+    return build_board(world, printer, options)
 
 
 def _silent(_: float, __: str) -> None:
@@ -189,7 +220,7 @@ def _facts(rig: Rig, problems: dict[str, tuple[str, ...]]) -> RigFacts:
         name=rig.name,
         printer=rig.printer.name,
         room_mm=room_mm,
-        height_mm=rig.options.height_mm,
+        height_mm=standing_mm(rig),
         parts=tuple(
             PartFacts(name=part.name, size_mm=part.size_mm, problems=problems[part.name])
             for part in rig.printed

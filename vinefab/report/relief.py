@@ -207,7 +207,7 @@ def _standing(
         light = 0.62 + 0.3 * (facing @ _LIGHT)
         for edge, share in zip(camera.flat(edges), light.tolist(), strict=True):
             ends = [tuple(end) for end in edge]
-            on_side.line(ends, fill=_shaded(solid.colour, share), width=3)
+            on_side.line(ends, fill=_shaded(solid.colour, share), width=5)
     return mask, side
 
 

@@ -22,6 +22,7 @@ def rig_section(rig: Rig, printing: Printing, pictures: Mapping[str, bytes]) -> 
         ``assembled.png``, ``assembly.svg`` and one ``bed_NN.png`` per bed; what is missing is
         left out.
     """
+    sheets = [name for name in pictures if name.startswith(("board", "lid", "layers"))]
     shown = [
         ("assembled.png", "The assembled rig (computed from the files' triangles).", True),
         ("assembly.svg", "Where each part goes; the arrow points to the map's north.", True),
@@ -29,6 +30,7 @@ def rig_section(rig: Rig, printing: Printing, pictures: Mapping[str, bytes]) -> 
             (f"{bed.name}.png", f"{bed.name}: {bed.estimate.words()} (estimate)", False)
             for bed in printing.beds[:MOST_BEDS]
         ),
+        *((name, f"{name}: a sheet for the laser.", True) for name in sorted(sheets)[:MOST_BEDS]),
     ]
     return Section(
         title="Test rig",

@@ -1,6 +1,6 @@
 """The assembled rig against the map that it stands for."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -62,33 +62,54 @@ def compare_with_map(rig: Rig, world: Map) -> Comparison:
         If a part's triangles do not bound a solid.
     """
     options = rig.options
+    bodies = [_body(part) for part in rig.parts]
+    inside = shapely.Polygon(world.bounds.exterior)
+    middle = compare_walls(rig, world, _cut(rig, bodies, 0.5 * options.height_mm / options.scale))
+    leaning_mm2 = _leaning_mm2(rig, bodies)
+    missing_mm2 = 0.0
+    if rig.style == "plate":
+        floor = _cut(rig, bodies, -0.25 * options.plate_mm / options.scale)
+        missing_mm2 = inside.difference(floor).area
+    return replace(
+        middle,
+        leaning_mm2=leaning_mm2,
+        floor_missing_mm2=missing_mm2,
+        share=middle.share + leaning_mm2 / max(middle.wall_mm2, _LEAST_WALL_SHARE * inside.area),
+    )
+
+
+def compare_walls(rig: Rig, world: Map, built: BaseGeometry) -> Comparison:
+    """Compare the cross-section of walls that were built, in map coordinates, with the map.
+
+    Parameters
+    ----------
+    rig, world
+        The rig, which knows where it was thickened, and its map.
+    built
+        What stands.
+    """
     inside = shapely.Polygon(world.bounds.exterior)
     walls = _areas(shapely.difference(inside, world.free_space))
-    bodies = [_body(part) for part in rig.parts]
-    top_mm = options.height_mm / options.scale
-    middle = _cut(rig, bodies, 0.5 * top_mm).intersection(inside)
+    built = _areas(shapely.intersection(_areas(built), inside))
     thickened = _areas(shapely.difference(_areas(rig.thickened), walls))
-    excess = _areas(shapely.difference(_areas(middle), walls))
-    excess_mm2 = shapely.difference(excess, _widened(thickened, _RIM_MM / options.scale)).area
-    missing_mm2 = shapely.difference(walls, _areas(middle)).area
-    leaning_mm2 = _leaning_mm2(rig, bodies)
-    floor = _cut(rig, bodies, -0.25 * options.plate_mm / options.scale)
-    off_mm2 = excess_mm2 + missing_mm2 + leaning_mm2
+    excess = _areas(shapely.difference(built, walls))
+    excess_mm2 = shapely.difference(excess, _widened(thickened, _RIM_MM / rig.options.scale)).area
+    missing_mm2 = shapely.difference(walls, built).area
+    off_mm2 = excess_mm2 + missing_mm2
     return Comparison(
         wall_mm2=walls.area,
         excess_mm2=excess_mm2,
         missing_mm2=missing_mm2,
         thickened_mm2=thickened.intersection(inside).area,
-        leaning_mm2=leaning_mm2,
-        floor_missing_mm2=inside.difference(floor).area,
+        leaning_mm2=0.0,
+        floor_missing_mm2=0.0,
         share=off_mm2 / max(walls.area, _LEAST_WALL_SHARE * inside.area),
     )
 
 
 def footprints(rig: Rig) -> dict[str, BaseGeometry]:
-    """Return every part's outline where it stands, by name, in map coordinates."""
-    depth_mm = -0.25 * rig.options.plate_mm if rig.style == "plate" else 0.5 * rig.options.height_mm
-    z_mm = depth_mm / rig.options.scale
+    """Return every tile's outline where it lies, by name, in map coordinates."""
+    z_mm = -0.25 * rig.options.plate_mm / rig.options.scale
     return {
         part.name: _moved(part, outlines_at(_body(part), _height_in(part, z_mm)))
         for part in rig.parts

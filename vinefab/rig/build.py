@@ -55,7 +55,9 @@ def build_rig(world: Map, printer: Printer, options: RigOptions | None = None) -
     refuse_early(world, printer, options)
     plan = plan_of(world, printer, options)
     cuts = cuts_of(plan.plate.bounds, plan.solids, printer, options)
-    joints = joints_of(plan, cuts, options.gap_mm(printer))
+    joints = Joints(joints=(), bare_seams=0)
+    if options.joint == "dovetail":
+        joints = joints_of(plan, cuts, options.gap_mm(printer))
     least_mm = options.sliver_mm, 0.5 * printer.nozzle_mm
     tiles = list(tiles_of(plan, cuts, joints, least_mm))
     parts = [

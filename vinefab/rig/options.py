@@ -7,7 +7,9 @@ from vinefab.model.checked import number, positive, whole
 from vinefab.model.map import Map
 from vinefab.model.printer import Printer
 
-JOINTS = ("dovetail", "dowel", "none")
+STYLES = ("plate", "board", "sheet")
+
+JOINTS = ("dovetail", "none")
 
 GRID_MM = 1e-3
 """Plans are snapped to this grid: far below what a printer can do, far above what single
@@ -20,8 +22,11 @@ class RigOptions:
 
     Parameters
     ----------
+    style
+        ``plate`` (obstacles printed on their plate), ``board`` (printed obstacles with pegs on a
+        board that a laser cuts and drills) or ``sheet`` (obstacles cut from sheet in layers).
     plate_mm
-        Thickness of the base plate.
+        Thickness of the base plate, of the board, of the sheet.
     height_mm
         Height of obstacles and border above the plate.
     border_mm
@@ -37,12 +42,15 @@ class RigOptions:
     clearance_mm
         Gap around what is pushed into each other; the printer's own when None.
     joint
-        What holds neighbouring tiles together: ``dovetail`` (in the plate), ``dowel`` (round pins
-        from edge to edge, for thick plates) or ``none``.
-    dowel_mm
-        Diameter of the pins.
+        What holds neighbouring tiles together: ``dovetail`` (in the plate) or ``none``.
     mark_depth_mm
         Depth of number and north arrow, engraved into the underside of each tile; 0: none.
+    peg_mm
+        Diameter of the pegs of loose obstacles, or of the pins through layers.
+    kerf_mm
+        Width that the laser removes from board and sheet.
+    sheet_width_mm, sheet_depth_mm
+        Size of the sheets that it takes.
     bed_margin_mm
         Rim of the printer's bed that stays free.
     sliver_mm
@@ -57,6 +65,7 @@ class RigOptions:
         If a value is out of range.
     """
 
+    style: str = "plate"
     plate_mm: float = 3.0
     height_mm: float = 30.0
     border_mm: float = 4.0
@@ -65,8 +74,11 @@ class RigOptions:
     scale: float = 1.0
     clearance_mm: float | None = None
     joint: str = "dovetail"
-    dowel_mm: float = 3.0
     mark_depth_mm: float = 0.4
+    peg_mm: float = 5.0
+    kerf_mm: float = 0.2
+    sheet_width_mm: float = 1000.0
+    sheet_depth_mm: float = 600.0
     bed_margin_mm: float = 5.0
     sliver_mm: float = 0.05
     most_parts: int = 100
@@ -82,7 +94,12 @@ class RigOptions:
             number("rig.clearance_mm", self.clearance_mm, 0.0, 5.0, "mm")
         if self.joint not in JOINTS:
             raise BadInputError("rig.joint", self.joint, f"one of {', '.join(JOINTS)}")
-        number("rig.dowel_mm", self.dowel_mm, 1.0, 20.0, "mm")
+        if self.style not in STYLES:
+            raise BadInputError("rig.style", self.style, f"one of {', '.join(STYLES)}")
+        number("rig.peg_mm", self.peg_mm, 1.0, 50.0, "mm")
+        number("rig.kerf_mm", self.kerf_mm, 0.0, 2.0, "mm")
+        number("rig.sheet_width_mm", self.sheet_width_mm, 100.0, 10_000.0, "mm")
+        number("rig.sheet_depth_mm", self.sheet_depth_mm, 100.0, 10_000.0, "mm")
         number("rig.mark_depth_mm", self.mark_depth_mm, 0.0, 5.0, "mm")
         if self.mark_depth_mm > 0.5 * self.plate_mm:
             allowed = f"at most half of the plate, {0.5 * self.plate_mm:g} mm"

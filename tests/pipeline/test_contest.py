@@ -13,8 +13,8 @@ from vinefab.optimize.settings import (
     RunSettings,
     SearchSettings,
 )
-from vinefab.pipeline.compare import Contender, Contest, Row, contest_rows
-from vinefab.pipeline.compare_table import (
+from vinefab.pipeline.contest import Contender, Contest, Row, contest_rows
+from vinefab.pipeline.contest_table import (
     comparison_json,
     comparison_svg,
     comparison_table,

@@ -1,4 +1,4 @@
-"""``vinefab compare``: optimizers against each other."""
+"""``vinefab contest``: optimizers against each other."""
 
 from pathlib import Path
 from typing import Annotated
@@ -10,8 +10,8 @@ from vinefab.core.atomic import write_bytes, write_text
 from vinefab.files.run import read_run
 from vinefab.optimize.registry import make_recipe
 from vinefab.optimize.settings import PartSettings
-from vinefab.pipeline.compare import Contender, Contest, contest_rows
-from vinefab.pipeline.compare_table import (
+from vinefab.pipeline.contest import Contender, Contest, contest_rows
+from vinefab.pipeline.contest_table import (
     comparison_json,
     comparison_svg,
     comparison_table,
@@ -21,10 +21,10 @@ from vinefab.pipeline.compare_table import (
 
 def add_to(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("compare")(compare_command)
+    app.command("contest")(contest_command)
 
 
-def compare_command(
+def contest_command(
     *,
     run_files: Annotated[list[Path], typer.Argument(metavar="RUN.toml...", help="The problems.")],
     optimizers: Annotated[
@@ -42,7 +42,7 @@ def compare_command(
 ) -> None:
     """Compare optimizers on run files at equal evaluations; run again, it goes on where it was.
 
-    Example: vinefab compare examples/compare/*.toml --optimizer pso --optimizer cmaes --out contest
+    Example: vinefab contest examples/contest/*.toml --optimizer pso --optimizer cmaes --out contest
     """
     voice = Voice(quiet=quiet, json_out=json_out, force=force)
     contest = Contest(

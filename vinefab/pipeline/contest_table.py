@@ -12,7 +12,7 @@ from vinefab.core.rng import child
 from vinefab.model.checked import Floats
 from vinefab.optimize.result import package_versions
 from vinefab.optimize.settings import plain_settings
-from vinefab.pipeline.compare import Contest, Row
+from vinefab.pipeline.contest import Contest, Row
 from vinefab.report.charts import panels_of_strips
 from vinefab.report.figure import svg_bytes
 

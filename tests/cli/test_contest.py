@@ -4,7 +4,7 @@ import json
 def test_a_comparison_makes_a_table_and_a_figure(vinefab, run_file, tmp_path):
     out = tmp_path / "contest"
     arguments = (
-        "compare", run_file, "--optimizer", "random", "--optimizer", "pso:inertia=0.5",
+        "contest", run_file, "--optimizer", "random", "--optimizer", "pso:inertia=0.5",
         "--seeds", 1, "--unseen", 1, "--poses", 1, "--out", out,
     )  # fmt: skip
     code, words, complaint = vinefab(*arguments)

@@ -60,16 +60,17 @@ class Links(HTMLParser):
 def report(picture: Picture) -> Report:
     table = Table(caption="<b>bold</b>", headings=("a", "b"), rows=(("1", "2"),))
     section = Section(title="T", paragraphs=("x < y",), tables=(table,), pictures=(picture,))
-    return Report(title="R", verdict="V", good=False, facts=(("f", "1 mm"),), sections=(section,))
+    return Report(title="R", verdict="V", tone="bad", facts=(("f", "1 mm"),), sections=(section,))
 
 
 def test_page_is_whole_escapes_text_and_loads_nothing(world):
-    page = page_html(report(Picture(svg=svg_bytes(map_plan(world)), caption='say "hi"')))
+    page = page_html(report(Picture(image=svg_bytes(map_plan(world)), caption='say "hi"')))
     links = Links()
     links.feed(page)
     assert links.open == []
-    assert len(links.addresses) == 1
-    assert links.addresses[0].startswith("data:image/svg+xml;base64,")
+    assert links.addresses[0] == "#t"
+    assert len(links.addresses) == 2
+    assert links.addresses[1].startswith("data:image/svg+xml;base64,")
     assert "<b>bold</b>" not in page
     assert "x &lt; y" in page
     assert "written by vinefab" in page[:8192]

@@ -1,20 +1,31 @@
 """``vinefab report``: predictions as one page."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import DesignIn, Force, MapsIn, Quiet, RecipeIn, Voice
+from vinefab.cli.options import (
+    DesignIn,
+    Force,
+    JsonOut,
+    Quiet,
+    RecipeIn,
+    Voice,
+    parameters_from,
+)
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.files.design import read_design
 from vinefab.files.map import read_map
 from vinefab.files.profile import read_profile
 from vinefab.files.shipped import DEFAULT_RECIPE
-from vinefab.pipeline.check import verdict
 from vinefab.pipeline.grow import growth_options
+from vinefab.pipeline.predict import Trials
 from vinefab.pipeline.report import predict
-from vinefab.pipeline.score import score_lines
+from vinefab.pipeline.report_json import prediction_text, summary_lines
+from vinefab.pipeline.report_origin import origin_of
+from vinefab.pipeline.unseen import fields_of, unseen_maps
 
 
 def add_to(app: typer.Typer) -> None:
@@ -25,32 +36,50 @@ def add_to(app: typer.Typer) -> None:
 def report_command(
     *,
     design: DesignIn,
-    maps: MapsIn,
     out: Annotated[Path, typer.Option("--out", help="The page to write (HTML).")],
+    maps: Annotated[
+        list[Path] | None, typer.Option("--maps", "--map", help="A map file; may be repeated.")
+    ] = None,
+    environment: Annotated[
+        str | None, typer.Option(help="Predict for unseen maps of it: grid, cave, ...")
+    ] = None,
+    count: Annotated[int, typer.Option(help="How many unseen maps.")] = 100,
+    parameter: Annotated[
+        list[str] | None, typer.Option("--set", help="The environment's option: size_mm=300.")
+    ] = None,
     recipe: RecipeIn = DEFAULT_RECIPE,
     poses: Annotated[int, typer.Option(min=1, help="Poses drawn per map.")] = 3,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the poses.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of unseen maps and poses.")] = 0,
     body: Annotated[str, typer.Option(help="centerline or inflated.")] = "inflated",
+    json_out: JsonOut = None,
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:
     """Write predictions (simulated), rules and materials of a design as one HTML page.
 
-    Example: vinefab report three_level_tree --maps grid.geojson --out report.html
+    Example: vinefab report three_level_tree --environment grid --count 100 --out report.html
     """
-    voice = Voice(quiet=quiet, force=force)
+    voice = Voice(quiet=quiet, json_out=json_out, force=force)
     ensure_writable(out, force=force)
-    worlds = [read_map(path) for path in maps]
-    found = predict(
-        read_design(design),
-        read_profile(recipe),
-        worlds,
-        poses=poses,
-        seed=seed,
-        options=growth_options(body),
-    )
-    write_text(out, found.page(), force=force)
-    for score in found.scores.values():
-        voice.say(score_lines(score)[-1].replace("composite", f"{score.task} (simulated)"))
-    voice.say(verdict(found.prepared.report))
+    with voice.progress("report") as show:
+        show(0.0, "reading and generating maps")
+        robot, profile = read_design(design), read_profile(recipe)
+        given = [read_map(path) for path in maps or []]
+        asked = parameters_from(parameter or [])
+        unseen = unseen_maps(environment, count, seed, asked) if environment else None
+        fields = fields_of(given, unseen)
+        trials = Trials(poses=poses, seed=seed, options=growth_options(body))
+        found = predict(robot, profile, fields, trials, show)
+        words = ["vinefab", "report", design, "--recipe", recipe]
+        words += [word for path in maps or [] for word in ("--maps", str(path))]
+        if environment:
+            words += ["--environment", environment, "--count", str(count)]
+            words += [word for text in parameter or [] for word in ("--set", text)]
+        words += ["--poses", str(poses), "--seed", str(seed), "--body", body, "--out", str(out)]
+        origin = origin_of(shlex.join(words), [robot], profile, fields)
+        page, text = found.page(origin), prediction_text(found, origin)
+    write_text(out, page, force=force)
+    voice.give_json(text)
+    for line in summary_lines(found):
+        voice.say(line)
     voice.say(f"wrote {out}")

@@ -20,6 +20,7 @@ from vinefab.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Design
 from vinefab.model.map import Map
+from vinefab.model.measure import REACH
 from vinefab.model.score import Score
 from vinefab.optimize.bounds import Bounds, BuildSettings, SpaceSettings
 from vinefab.optimize.history import Progress
@@ -33,9 +34,13 @@ from vinefab.optimize.settings import (
 )
 from vinefab.pipeline.fabricate import package
 from vinefab.pipeline.optimize import progress_words, search, training_maps
+from vinefab.pipeline.predict import Trials
 from vinefab.pipeline.report import Predicted, predict
+from vinefab.pipeline.report_origin import origin_of
 from vinefab.pipeline.rig import RigFiles, make_rig
-from vinefab.pipeline.score import Trials, score
+from vinefab.pipeline.score import Trials as ScoreTrials
+from vinefab.pipeline.score import score
+from vinefab.pipeline.unseen import Field
 from vinefab.report.searching import search_section, unseen_section
 from vinefab.rig.options import RigOptions
 
@@ -130,13 +135,16 @@ class Demo:
     def table(self) -> tuple[tuple[str, str], ...]:
         """Return the result as rows of name and value."""
         best, report = self.result.best, self.predicted.prepared.report
-        reach = self.predicted.scores["reach"].composite["mean"]
+        reach = self.predicted.main.outcomes.spread(REACH)
         return (
             ("winner", f"{best.branch_count} branches on {best.depth} levels"),
             ("coverage score, training maps", f"{interval_text(self.training)} (simulated)"),
             ("coverage score, unseen maps", f"{interval_text(self.unseen)} (simulated)"),
             ("coverage score, plain vine, unseen", f"{interval_text(self.baseline)} (simulated)"),
-            ("free space reached, unseen maps", f"{100 * reach:.1f} % (simulated)"),
+            (
+                "free space reached, unseen maps",
+                f"{REACH.text(reach.mean)} (simulated)" if reach else "none",
+            ),
             ("design rules", f"{len(report.blocking)} block the cut, {len(report.run)} run"),
             ("rig", f"{len(self.rig.rig.parts)} parts to print"),
         )
@@ -183,12 +191,11 @@ def run_demo(
     predicted = predict(
         result.best,
         read_profile(DEFAULT_RECIPE),
-        unseen,
-        poses=_POSES,
-        seed=settings.seed,
-        options=run.growth,
+        [Field(label=f"{len(unseen)} unseen grid maps", worlds=unseen)],
+        Trials(poses=_POSES, seed=settings.seed, options=run.growth),
+        lambda share, words: tell(0.6 + 0.15 * share, words),
     )
-    tell(0.7, "making the rig")
+    tell(0.75, "making the rig")
     announce(f"making the printable rig of {unseen[0].name}")
     rig = make_rig(unseen[0], read_printer(DEFAULT_PRINTER), RigOptions())
     tell(0.8, "writing the package and the report")
@@ -215,7 +222,7 @@ def bootstrap_interval(score: Score) -> tuple[float, float]:
 
 
 def _scores(best: Design, run: RunSettings, unseen: tuple[Map, ...]) -> dict[str, Score]:
-    trials = Trials(task=run.task.name, poses=_POSES, seed=run.search.seed)
+    trials = ScoreTrials(task=run.task.name, poses=_POSES, seed=run.search.seed)
     return {
         "training": score(best, training_maps(run), trials, run.growth),
         "unseen": score(best, unseen, trials, run.growth),
@@ -230,7 +237,11 @@ def _write(folder: Path, demo: Demo, run: RunSettings, unseen: tuple[Map, ...]) 
     texts["run/best.toml"] = design_text(demo.result.best)
     rig = (demo.rig.section,) if demo.rig.section else ()
     more = (unseen_section(demo.table()), search_section(demo.result, training), *rig)
-    texts["report.html"] = demo.predicted.page(more)
+    field = Field(label=demo.predicted.main.place.label, worlds=unseen)
+    command = f"vinefab demo --seed {run.search.seed} --generations {run.search.generations}"
+    command += f" --population {run.search.population}"
+    origin = origin_of(command, [demo.result.best], demo.predicted.prepared.profile, [field])
+    texts["report.html"] = demo.predicted.page(origin, more)
     texts["results.json"] = json_text("vinefab/demo-1", {"results": dict(demo.table())})
     files = {name: text.encode() for name, text in texts.items()}
     files |= {f"rig/{name}": data for name, data in demo.rig.files.items()}

@@ -11,6 +11,7 @@ from vinefab.export.colours import PRESETS
 from vinefab.export.laser_files import laser_file_problems, laser_files
 from vinefab.export.package import PackageContent, ensure_right, package_files
 from vinefab.geometry.laser import laser_job
+from vinefab.geometry.outline import body_outline
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport
@@ -140,31 +141,30 @@ def package(prepared: Prepared) -> dict[str, bytes]:
     return package_files(content)
 
 
-def page_content(prepared: Prepared, predictions: Sequence[Section] = ()) -> Report:
-    """Return the report of a design.
-
-    Parameters
-    ----------
-    prepared
-        The design, its job and its check.
-    predictions
-        Sections about simulated deployments; none when no maps were given.
-    """
-    design, profile, job = prepared.design, prepared.profile, prepared.job
-    sections = [*predictions] or [_no_predictions()]
-    sections += [
-        check_section(prepared.report),
-        sheet_section(job, prepared.report.findings),
-        pressure_section(design, profile),
-        bom_section(bill_of_materials(job, profile)),
-        assumption_section(profile),
-    ]
+def page_content(prepared: Prepared) -> Report:
+    """Return the report of a design that nothing is predicted of."""
+    design, profile = prepared.design, prepared.profile
     return Report(
-        title=f"{design.name}: {'predictions and ' if predictions else ''}fabrication",
+        title=f"{design.name}: fabrication",
         verdict=verdict(prepared.report),
-        good=not prepared.report.blocking,
-        facts=_facts(prepared),
-        sections=tuple(sections),
+        tone="bad" if prepared.report.blocking else "good",
+        facts=design_facts(prepared),
+        sections=(
+            *making_sections(prepared),
+            pressure_section(design, profile),
+            assumption_section(profile),
+            _no_predictions(),
+        ),
+    )
+
+
+def making_sections(prepared: Prepared) -> tuple[Section, ...]:
+    """Return what a report says of making: rules, sheet, materials."""
+    outline_mm = body_outline(prepared.design).contour.flattened_mm()
+    return (
+        check_section(prepared.report, outline_mm),
+        sheet_section(prepared.job, prepared.report.findings),
+        bom_section(bill_of_materials(prepared.job, prepared.profile)),
     )
 
 
@@ -176,7 +176,8 @@ def _no_predictions() -> Section:
     return Section(title="Predictions", paragraphs=(words,))
 
 
-def _facts(prepared: Prepared) -> tuple[tuple[str, str], ...]:
+def design_facts(prepared: Prepared) -> tuple[tuple[str, str], ...]:
+    """Return name and value of what a reader wants to know of a design first."""
     design, profile = prepared.design, prepared.profile
     tree = branch_tree(design)
     return (

@@ -1,28 +1,46 @@
-"""Predictions for a design over maps, on top of what its package says."""
+"""Predictions for a design over maps and unseen environments, on top of how it is made."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vinefab.core.units import deg
-from vinefab.growth.grow import grow
-from vinefab.growth.options import GrowthOptions
-from vinefab.model.deployment import Deployment
-from vinefab.model.design import Design
-from vinefab.model.laser import LaserProfile
-from vinefab.model.map import Map
-from vinefab.model.score import Score
-from vinefab.pipeline.fabricate import Prepared, page_content, prepare
-from vinefab.report.content import Section
-from vinefab.report.page import page_html
-from vinefab.report.predicting import deployment_section, score_section
-from vinefab.tasks.evaluate import Site, poses_on, score_design
-from vinefab.tasks.registry import make_task
+import numpy as np
 
-TASK_NAMES = {
-    "coverage": "sensor coverage score",
-    "reach": "share of free space reached",
-    "anchoring": "anchoring amplification",
-}
+from vinefab.core.units import deg
+from vinefab.export.bom import bill_of_materials
+from vinefab.growth.options import GrowthOptions
+from vinefab.model.design import Design
+from vinefab.model.effect import Effect, Tolerance
+from vinefab.model.heat import Heat
+from vinefab.model.holding import Holding
+from vinefab.model.laser import LaserProfile
+from vinefab.model.measure import SEEN, Measure, Spread
+from vinefab.model.window import PressureWindow
+from vinefab.pipeline.fabricate import Prepared, design_facts, making_sections, prepare
+from vinefab.pipeline.predict import Place, Tell, Trials, Trip, deploy_on, tell_nobody, typical
+from vinefab.pipeline.predict_heat import heat_of
+from vinefab.pipeline.predict_holding import holding_of
+from vinefab.pipeline.predict_rests import model_numbers
+from vinefab.pipeline.predict_variants import QUICK, Bench, sensitivity, tolerance
+from vinefab.pipeline.predict_window import burst_basis, window_of
+from vinefab.pipeline.report_origin import Origin
+from vinefab.pipeline.report_verdict import cautions, headlines, verdict_on
+from vinefab.pipeline.unseen import Field
+from vinefab.report.content import Report, Section
+from vinefab.report.holding import holding_section
+from vinefab.report.making import assumption_section, pressure_section
+from vinefab.report.page import page_html
+from vinefab.report.predicting import deployment_section, heat_section, spread_section
+from vinefab.report.pressing import window_section
+from vinefab.report.repeating import repeat_section
+from vinefab.report.varying import sensitivity_section, tolerance_section
+
+MOST_PICTURES = 6
+
+_SHARES = (
+    (0.0, "the deployment that sees least"),
+    (0.5, "the median deployment"),
+    (1.0, "the deployment that sees most"),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,76 +51,167 @@ class Predicted:
     ----------
     prepared
         Job and check.
-    deployed
-        Every deployment with its map.
-    scores
-        Scores by task.
-    options
-        The growth model's choices.
+    trips
+        Deployments in each field, the maps given first.
+    trials
+        How it was deployed.
+    window
+        The pressure window; None where nothing ever emerged.
+    holdings
+        Anchoring in each field.
+    heat
+        Where it goes on the first map.
+    effects, tolerance
+        Sensitivity, and scatter from making.
     """
 
     prepared: Prepared
-    deployed: tuple[tuple[Map, Deployment], ...]
-    scores: Mapping[str, Score]
-    options: GrowthOptions
+    trips: tuple[Trip, ...]
+    trials: Trials
+    window: PressureWindow | None
+    holdings: tuple[Holding, ...]
+    heat: Heat
+    effects: tuple[Effect, ...]
+    tolerance: Tolerance
+
+    @property
+    def main(self) -> Trip:
+        """The field with most deployments: what headlines are about."""
+        return max(self.trips, key=lambda trip: len(trip.deployments))
+
+    def spread(self, measure: Measure) -> Spread | None:
+        """Return how a measure is spread in the main field."""
+        return self.main.outcomes.spread(measure)
 
     def sections(self) -> tuple[Section, ...]:
         """Return the predictions as sections of a report."""
-        named = {TASK_NAMES[task]: score for task, score in self.scores.items()}
-        design = self.prepared.design
+        design, profile = self.prepared.design, self.prepared.profile
+        pressure = (
+            pressure_section(design, profile)
+            if self.window is None
+            else window_section(self.window, burst_basis(profile))
+        )
         return (
-            score_section(named),
-            deployment_section(design, self.deployed, rules_text(self.options)),
+            pressure,
+            spread_section([trip.outcomes for trip in self.trips]),
+            self._deployments(),
+            heat_section(self.heat),
+            holding_section(self.holdings),
+            sensitivity_section(self.effects, QUICK),
+            tolerance_section(self.tolerance),
         )
 
-    def page(self, more: Sequence[Section] = ()) -> str:
-        """Return the whole report as HTML.
+    def report(self, origin: Origin, more: Sequence[Section] = ()) -> Report:
+        """Return the whole report.
 
         Parameters
         ----------
+        origin
+            How it came about.
         more
             Sections to put before the predictions.
         """
-        return page_html(page_content(self.prepared, (*more, *self.sections())))
+        words, tone = verdict_on(self.prepared.report, self.window)
+        return Report(
+            title=f"{self.prepared.design.name}: predictions and fabrication",
+            verdict=words,
+            tone=tone,
+            cautions=cautions(self.prepared, self.window, self.main.outcomes),
+            headlines=headlines(self.main.outcomes, self.window, self.holdings),
+            facts=design_facts(self.prepared),
+            sections=(
+                *more,
+                *self.sections(),
+                *making_sections(self.prepared),
+                assumption_section(self.prepared.profile, model_numbers(self.trials.options)),
+                repeat_section(origin.command, origin.inputs, origin.versions),
+            ),
+        )
+
+    def page(self, origin: Origin, more: Sequence[Section] = ()) -> str:
+        """Return the whole report as HTML."""
+        return page_html(self.report(origin, more))
+
+    def _deployments(self) -> Section:
+        design = self.prepared.design
+        chosen: dict[int, str] = {}
+        main = self.main
+        for share, words in _SHARES:
+            (index,) = typical(main.outcomes, SEEN.key, [share])
+            chosen.setdefault(index, words)
+        shown = [
+            (self._caption(main, index, words), main.site(index).world, main.deployments[index])
+            for index, words in chosen.items()
+        ]
+        for trip in self.trips:
+            first = range(0, len(trip.deployments), self.trials.poses)
+            shown += [
+                (self._caption(trip, index, "first pose"), trip.site(index).world,
+                 trip.deployments[index])
+                for index in first
+                if trip is not main or index not in chosen
+            ]  # fmt: skip
+        ended = [(trip.place.label, trip.deployments) for trip in self.trips]
+        return deployment_section(
+            design, shown[:MOST_PICTURES], ended, rules_text(self.trials.options)
+        )
+
+    @staticmethod
+    def _caption(trip: Trip, index: int, words: str) -> str:
+        seen = SEEN.text(trip.outcomes.values[SEEN.key][index])
+        return f"{trip.outcomes.maps[index]}, {words}: {seen} of the free space seen"
 
 
 def predict(
     design: Design,
     profile: LaserProfile,
-    maps: Sequence[Map],
-    *,
-    poses: int = 3,
-    seed: int = 0,
-    options: GrowthOptions | None = None,
+    fields: Sequence[Field],
+    trials: Trials | None = None,
+    tell: Tell = tell_nobody,
 ) -> Predicted:
-    """Deploy a design on maps and score it on every task; check it with those deployments.
+    """Deploy a design in fields of maps, measure everything, and check it with its deployments.
 
     Parameters
     ----------
     design, profile
         The robot, and what it is made with.
-    maps
-        Where to deploy it.
-    poses
-        Poses per map, drawn from the ranges of the maps' starts.
-    seed
-        Seed of the poses.
-    options
-        The growth model's choices; the inflated body when None, for a body has a width.
+    fields
+        Where to deploy it; the maps given first.
+    trials
+        How to deploy it.
+    tell
+        Called as the work goes on.
     """
-    options = options or GrowthOptions(body="inflated")
-    sites = [Site.of(world) for world in maps]
-    places = poses_on(sites, poses, [seed + index for index in range(len(sites))])
-    deployed = tuple(
-        (site.world, grow(design, site.terrain, pose, options))
-        for site, drawn in zip(sites, places, strict=True)
-        for pose in drawn
+    trials = trials or Trials()
+    tell(0.0, "preparing maps")
+    places = [Place.of(field, trials) for field in fields]
+    sizes = np.array([len(place.sites) for place in places]) / sum(len(p.sites) for p in places)
+    ends = 0.05 + 0.4 * np.cumsum(sizes)
+    trips = tuple(
+        deploy_on(design, place, trials, _part(tell, end - 0.4 * size, end))
+        for place, size, end in zip(places, sizes.tolist(), ends.tolist(), strict=True)
     )
-    scores = {
-        task: score_design(design, sites, places, make_task(task), options) for task in TASK_NAMES
-    }
-    prepared = prepare(design, profile, [deployment for _, deployment in deployed])
-    return Predicted(prepared=prepared, deployed=deployed, scores=scores, options=options)
+    main = max(trips, key=lambda trip: len(trip.deployments))
+    bench = Bench(design, main.place, trials)
+    effects = sensitivity(bench, _part(tell, 0.45, 0.65))
+    scatter = tolerance(bench, trials.seed, _part(tell, 0.65, 0.85))
+    tell(0.85, "where it goes on one map")
+    heat = heat_of(design, places[0].sites[0], trials)
+    tell(0.9, "design rules")
+    deployments = [deployment for trip in trips for deployment in trip.deployments]
+    prepared = prepare(design, profile, deployments)
+    mass_g = _mass_g(prepared)
+    tell(0.95, "drawing")
+    return Predicted(
+        prepared=prepared,
+        trips=trips,
+        trials=trials,
+        window=window_of(design, profile, [trip.outcomes for trip in trips]),
+        holdings=tuple(holding_of(design, trip, profile.material, mass_g) for trip in trips),
+        heat=heat,
+        effects=effects,
+        tolerance=scatter,
+    )
 
 
 def rules_text(options: GrowthOptions) -> str:
@@ -112,3 +221,14 @@ def rules_text(options: GrowthOptions) -> str:
         f"{options.body} body, head-on half-angle {deg(options.head_on_half_angle_rad):g} degrees "
         f"(assumed), children of a stuck branch {children}"
     )
+
+
+def _part(tell: Tell, start: float, end: float) -> Tell:
+    """Return a teller for a part of the work."""
+    return lambda share, words: tell(start + (end - start) * share, words)
+
+
+def _mass_g(prepared: Prepared) -> float:
+    """Return the mass of the robot's film from its bill of materials."""
+    lines = bill_of_materials(prepared.job, prepared.profile)
+    return next((line.value for line in lines if line.item == "robot film mass"), 0.0)

@@ -71,7 +71,7 @@ def rig_page(rig: Rig, section: Section, report: CheckReport, comparison: Compar
             title=f"{rig.name}: test rig",
             verdict=f"{len(rig.parts)} parts; every file read back closed and oriented; assembled, "
             f"the walls differ from the map by {100 * comparison.share:.4f} %; {found} findings",
-            good=not found,
+            tone="bad" if found else "good",
             facts=(
                 ("size", f"{wide_mm:.0f} x {deep_mm:.0f} mm"),
                 ("scale", f"{rig.options.scale:.4g}"),

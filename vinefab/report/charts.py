@@ -39,7 +39,7 @@ def fitness_curve(best: ArrayLike, mean: ArrayLike, spread: ArrayLike) -> Figure
         axes.set_xlabel("generation")
         axes.set_ylabel("fitness (simulated)")
         axes.legend(fontsize=8)
-        _frame(axes)
+        frame(axes)
     return figure
 
 
@@ -92,10 +92,11 @@ def _strips(axes: Axes, scores: Mapping[str, ArrayLike]) -> None:
         axes.plot([values.mean()] * 2, [row - 0.32, row + 0.32], color=colour, linewidth=2)
     axes.set_yticks(range(len(scores)), list(scores))
     axes.invert_yaxis()
-    _frame(axes)
+    frame(axes)
 
 
-def _frame(axes: Axes) -> None:
+def frame(axes: Axes) -> None:
+    """Leave of the box around a chart only what is read off, and add a faint grid."""
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     axes.grid(visible=True, color=SOFT, alpha=0.15)

@@ -1,6 +1,11 @@
 """What a report says, before it is a page: sections of words, tables and pictures."""
 
 from dataclasses import dataclass
+from typing import Literal
+
+from vinefab.core.errors import BadInputError
+
+Tone = Literal["good", "caution", "bad"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -9,17 +14,22 @@ class Picture:
 
     Parameters
     ----------
-    svg
-        The drawing as a complete SVG document, or a PNG where there are too many lines for one.
+    image
+        The drawing as a complete SVG document or PNG file.
     caption
         What is to be seen, with the standing of the numbers in it.
     wide
         Whether it takes the whole width of the page.
     """
 
-    svg: bytes
+    image: bytes
     caption: str
     wide: bool = False
+
+    @property
+    def media_type(self) -> str:
+        """What kind of image it is."""
+        return "image/png" if self.image.startswith(b"\x89PNG") else "image/svg+xml"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,11 +44,19 @@ class Table:
         One per column.
     rows
         Cells as text, one tuple per row.
+    folded
+        Whether a reader has to open it; what is folded is not printed.
     """
 
     caption: str
     headings: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    folded: bool = False
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.headings):
+                raise BadInputError(self.caption, len(row), f"{len(self.headings)} cells per row")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,12 +71,42 @@ class Section:
         Words, before everything else.
     tables, pictures
         What follows.
+    code
+        Lines to be typed, shown as they are.
     """
 
     title: str
     paragraphs: tuple[str, ...] = ()
     tables: tuple[Table, ...] = ()
     pictures: tuple[Picture, ...] = ()
+    code: str = ""
+
+    @property
+    def anchor(self) -> str:
+        """The name by which the list of contents finds the section."""
+        return "-".join("".join(c if c.isalnum() else " " for c in self.title.lower()).split())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Headline:
+    """One number that a reader should take away.
+
+    Parameters
+    ----------
+    name
+        What it is.
+    value
+        The number with its unit.
+    detail
+        How sure it is, and its standing.
+    tone
+        Whether it is good news.
+    """
+
+    name: str
+    value: str
+    detail: str
+    tone: Tone = "good"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,16 +119,22 @@ class Report:
         Name of the design and what the report is about.
     verdict
         One sentence: can it be made, and what is to be expected.
-    good
-        Whether the verdict is a good one.
+    tone
+        What kind of news the verdict is.
     facts
         Short name and value pairs shown at the top.
     sections
         In order.
+    cautions
+        What stands between the verdict and blind trust, a sentence each.
+    headlines
+        The numbers to take away.
     """
 
     title: str
     verdict: str
-    good: bool
+    tone: Tone
     facts: tuple[tuple[str, str], ...]
     sections: tuple[Section, ...]
+    cautions: tuple[str, ...] = ()
+    headlines: tuple[Headline, ...] = ()

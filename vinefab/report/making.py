@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import fields
 
 from vinefab.export.bom import BomLine
+from vinefab.model.checked import Floats
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding
 from vinefab.model.job import Job
@@ -19,6 +20,7 @@ from vinefab.physics.lumen import inflated_diameter_mm
 from vinefab.physics.pressure import allowed_line_load_n_mm, burst_pressure_kpa, hoop_strain
 from vinefab.report.content import Picture, Section, Table
 from vinefab.report.figure import svg_bytes
+from vinefab.report.findings_plan import findings_plan
 from vinefab.report.sheet_plan import job_plan
 
 
@@ -26,7 +28,7 @@ def sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
     """Return the sheet for the laser: picture and what was done to the paths."""
     rows = tuple((name.replace("_", " "), _value(value)) for name, value in job.facts.items())
     picture = Picture(
-        svg=svg_bytes(job_plan(job, tuple(findings))),
+        image=svg_bytes(job_plan(job, tuple(findings))),
         caption="The sheet: seam and kerf offsets are in the paths; leave the machine's kerf at 0.",
         wide=True,
     )
@@ -37,25 +39,57 @@ def sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
     )
 
 
-def check_section(report: CheckReport) -> Section:
-    """Return every finding, and every rule that was run or skipped."""
-    found = tuple(_finding_row(finding) for finding in report.findings)
+def check_section(report: CheckReport, outline_mm: Floats | None = None) -> Section:
+    """Return every finding, at its place in the outline, and every rule that was run or skipped.
+
+    Parameters
+    ----------
+    report
+        The check.
+    outline_mm
+        The body's outline in the flat layout, to mark findings in.
+    """
+    found = tuple(
+        (str(number), *_finding_row(finding))
+        for number, finding in enumerate(report.findings, start=1)
+    )
     ran = ", ".join(f"{run.rule} ({run.checked})" for run in report.run)
     skipped = tuple((rule.rule, rule.reason) for rule in report.skipped)
     stale = tuple(
         f"Stale waiver {name}: nothing was found for it." for name in report.stale_waivers
     )
     findings = Table(
-        caption="Findings" if found else "Findings: none",
-        headings=("rule", "weight", "branches", "what", "measured", "limit", "name for a waiver"),
+        caption="Findings",
+        headings=("no.", "rule", "weight", "branches", "what", "measured", "limit", "for a waiver"),
         rows=found,
     )
+    tables = (
+        *((findings,) if found else ()),
+        *(
+            (Table(caption="Rules skipped", headings=("rule", "why"), rows=skipped),)
+            if skipped
+            else ()
+        ),
+    )
+    nothing = () if found else ("No rule found anything.",)
     return Section(
         title="Design rules",
-        paragraphs=(*stale, f"Rules run, with how many things each looked at: {ran}."),
-        tables=(
-            findings,
-            Table(caption="Rules skipped", headings=("rule", "why"), rows=skipped),
+        paragraphs=(*nothing, *stale, f"Rules run, with how many things each looked at: {ran}."),
+        pictures=_marked(report, outline_mm),
+        tables=tables,
+    )
+
+
+def _marked(report: CheckReport, outline_mm: Floats | None) -> tuple[Picture, ...]:
+    """Return the picture of findings in the outline, if any finding has a place."""
+    if outline_mm is None or not any(finding.marker_wkt for finding in report.findings):
+        return ()
+    return (
+        Picture(
+            image=svg_bytes(findings_plan(outline_mm, report.findings)),
+            caption="Findings at their places in the flat outline; numbers as in the table. "
+            "Findings about the whole robot have no place.",
+            wide=True,
         ),
     )
 
@@ -98,11 +132,23 @@ def bom_section(lines: Sequence[BomLine]) -> Section:
     return Section(title="Bill of materials", tables=(table,))
 
 
-def assumption_section(profile: LaserProfile) -> Section:
-    """Return every number of the profile with its standing, the least trusted first."""
+def assumption_section(
+    profile: LaserProfile, models: Sequence[tuple[str, Quantity]] = ()
+) -> Section:
+    """Return every number behind the report with its standing, the least trusted first.
+
+    Parameters
+    ----------
+    profile
+        Machine, material and recipe.
+    models
+        Numbers of the models behind predictions, by name.
+    """
     order = [Standing.ASSUMED, Standing.PUBLISHED, Standing.PAPER, Standing.COMPUTED]
     rank = {standing: place for place, standing in enumerate(order)}
-    numbers = sorted(_numbers(profile), key=lambda row: rank.get(row[1].standing, len(order)))
+    numbers = sorted(
+        [*models, *_numbers(profile)], key=lambda row: rank.get(row[1].standing, len(order))
+    )
     rows = tuple(
         (name, f"{number.value:g}", number.standing.value, number.source)
         for name, number in numbers
@@ -116,7 +162,9 @@ def assumption_section(profile: LaserProfile) -> Section:
         title="What this rests on",
         paragraphs=(
             "Assumed numbers are placeholders: measure them with the coupons on your own machine "
-            "and film before you trust anything that rests on them.",
+            "and film before you trust anything that rests on them. Standings: measured, by you; "
+            "paper, in the paper that the robots come from; published, elsewhere; computed, from "
+            "such numbers; assumed, by vinefab. Predictions are simulated.",
         ),
         tables=(table,),
     )

@@ -39,7 +39,7 @@ def rig_section(rig: Rig, printing: Printing, pictures: Mapping[str, bytes]) -> 
             *(f"Note: {note}." for note in rig.notes),
         ),
         pictures=tuple(
-            Picture(svg=pictures[name], caption=caption, wide=wide)
+            Picture(image=pictures[name], caption=caption, wide=wide)
             for name, caption, wide in shown
             if name in pictures
         ),

@@ -20,14 +20,14 @@ def search_section(result: RunResult, training: Sequence[Map]) -> Section:
     mean = [np.nanmean(generation.composite) for generation in result.history]
     spread = [np.nanstd(generation.composite) for generation in result.history]
     curve = Picture(
-        svg=svg_bytes(fitness_curve(best, mean, spread)),
+        image=svg_bytes(fitness_curve(best, mean, spread)),
         caption="Fitness per generation (simulated). New poses are drawn for every generation, so "
         "a best value can be a lucky one: the finalists are judged again on fresh poses.",
         wide=True,
     )
     maps = tuple(
         Picture(
-            svg=svg_bytes(map_plan(world, longest_in=4.0)), caption=f"Training map {world.name}"
+            image=svg_bytes(map_plan(world, longest_in=4.0)), caption=f"Training map {world.name}"
         )
         for world in training[:MOST_MAPS]
     )

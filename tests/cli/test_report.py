@@ -1,0 +1,56 @@
+import json
+
+import pytest
+
+from vinefab.cli.main import main
+
+SMALL = ("--set", "columns=3", "--set", "rows=3", "--set", "size_mm=300")
+
+
+def test_report_over_an_environment_repeats_itself(vinefab, tmp_path):
+    pages = []
+    for name in ("one", "two"):
+        out, numbers = tmp_path / f"{name}.html", tmp_path / f"{name}.json"
+        code, words, complaint = vinefab(
+            "report", "plain_vine", "--environment", "grid", "--count", 3, *SMALL, "--poses", 2,
+            "--out", out, "--json", numbers,
+        )  # fmt: skip
+        assert (code, complaint) == (0, "")
+        assert "3 unseen grid maps" in words
+        document = json.loads(numbers.read_text())
+        assert len(document["fields"][0]["deployments"]) == 6
+        pages.append(out.read_text().replace(str(out), "OUT"))
+    assert pages[0] == pages[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ((), "--environment"),
+        (("--environment", "gird"), "did you mean 'grid'"),
+        (("--environment", "grid", "--count", 0), "--count is 0"),
+        (("--environment", "grid", "--set", "sise=3"), "grid.sise"),
+    ],
+)
+def test_bad_questions_are_named_before_anything_is_written(
+    vinefab, tmp_path, arguments, complaint
+):
+    out = tmp_path / "report.html"
+    code, _, said = vinefab("report", "plain_vine", *arguments, "--out", out)
+    assert code == 2
+    assert complaint in said
+    assert not out.exists()
+
+
+def test_an_interrupted_report_leaves_nothing(monkeypatch, grid, tmp_path):
+    def interrupted(*_args, **_kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("vinefab.pipeline.report.tolerance", interrupted)
+    before = sorted(tmp_path.iterdir())
+    out = tmp_path / "report.html"
+    code = main(
+        ["report", "plain_vine", "--maps", str(grid), "--out", str(out), "--json", "x.json"]
+    )
+    assert code == 130
+    assert sorted(tmp_path.iterdir()) == before

@@ -12,6 +12,7 @@ from vinefab.files.design import read_design
 from vinefab.files.map import read_map
 from vinefab.files.profile import read_profile
 from vinefab.files.shipped import DEFAULT_RECIPE
+from vinefab.model.rigfacts import RigFacts
 from vinefab.pipeline.check import check, check_lines, deploy_from_starts, deployed_lines
 
 
@@ -28,6 +29,9 @@ def check_command(
         list[Path] | None,
         typer.Option("--map", "--maps", help="Deploy it on this map first; may be repeated."),
     ] = None,
+    rig: Annotated[
+        Path | None, typer.Option("--rig", help="A folder that vinefab rig wrote.")
+    ] = None,
     limit: Annotated[
         list[str] | None,
         typer.Option("--limit", help="Another limit: VF-C01.warning=6; may be repeated."),
@@ -40,7 +44,8 @@ def check_command(
 ) -> int:
     """Check a design against the rules; exit code 1 when an error stands in the way of cutting.
 
-    Rules about paths take the way through each --map from its starts (simulated).
+    Rules about paths take the way through each --map from its starts (simulated); those about
+    corridors, heights and printed parts look at the --map and the --rig.
 
     Example: vinefab check three_level_tree --map cave.geojson --limit VF-C01.warning=6
     """
@@ -48,8 +53,18 @@ def check_command(
     robot, profile, limits = read_design(design), read_profile(recipe), parsed_limits(limit or [])
     worlds = [read_map(path) for path in maps or []]
     deployed = deploy_from_starts(robot, worlds, body)
-    report = check(robot, profile, limits, deployed)
+    report = check(robot, profile, limits, deployed, worlds, _rig(rig))
     voice.give_json(checks_text(report))
     for line in [*deployed_lines(deployed), *check_lines(report, verbose=verbose)]:
         voice.say(line)
     return EXIT_FINDINGS if report.blocking else 0
+
+
+def _rig(folder: Path | None) -> RigFacts | None:
+    """Return the rig in a folder, if one was named."""
+    if folder is None:
+        return None
+    # Reading solids loads more than a check without a rig needs.
+    from vinefab.files.rig import read_rig  # noqa: PLC0415
+
+    return read_rig(folder)

@@ -1,6 +1,7 @@
 """The design rules over a design, and over what becomes of it on maps."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from vinefab.checks.rule import LimitChanges
 from vinefab.checks.run import run_checks
@@ -11,6 +12,8 @@ from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
+from vinefab.model.rigfacts import RigFacts
+from vinefab.pipeline.corridors import course_of
 
 _SIGNS = {Severity.ERROR: "ERROR", Severity.WARNING: "warn ", Severity.INFO: "info "}
 
@@ -23,6 +26,8 @@ def check(
     profile: LaserProfile,
     limits: LimitChanges | None = None,
     deployed: Deployed = (),
+    maps: Sequence[Map] = (),
+    rig: RigFacts | None = None,
 ) -> CheckReport:
     """Return what every rule says of a design.
 
@@ -34,8 +39,12 @@ def check(
         Limits of this one check; they go before the design's and the recipe's.
     deployed
         Simulated deployments, for the rules about paths.
+    maps, rig
+        Maps whose corridors it must pass, and a test rig that it is to be tried on.
     """
-    return run_checks(subject_of(design, profile, deployed), limits)
+    courses = tuple(course_of(world) for world in maps)
+    subject = replace(subject_of(design, profile, deployed), courses=courses, rig=rig)
+    return run_checks(subject, limits)
 
 
 def subject_of(design: Design, profile: LaserProfile, deployed: Deployed = ()) -> Subject:

@@ -231,3 +231,14 @@ def test_interruption_leaves_what_was_there(monkeypatch, vinefab, tmp_path):
     assert code == 130
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
     assert [path.name for path in tmp_path.iterdir()] == ["package"]
+
+
+def test_an_interrupted_rig_says_so_and_leaves_nothing(monkeypatch, vinefab, grid, tmp_path):
+    def interrupted(*_args, **_kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("vinefab.cli.rig.make_rig", interrupted)
+    code, _, complaint = vinefab("rig", grid, "--out", tmp_path / "rig")
+    assert code == 130
+    assert "interrupted" in complaint
+    assert not (tmp_path / "rig").exists()

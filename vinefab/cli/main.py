@@ -32,6 +32,7 @@ COMMANDS = {
 
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
+INTERRUPTED = "interrupted; what was being written was left as it was"
 EXIT_BROKEN_PIPE = 141
 
 # typer carries its own click, whose usage errors have this public ancestor.
@@ -117,8 +118,10 @@ def main(arguments: Sequence[str]) -> int:
     except OSError as error:
         return _complain(f"{error.filename or 'output'}: {error.strerror}", EXIT_BAD_INPUT)
     except (KeyboardInterrupt, typer.Abort):
-        return _complain("interrupted; what was being written was left as it was", EXIT_INTERRUPTED)
-    return result if isinstance(result, int) else 0
+        return _complain(INTERRUPTED, EXIT_INTERRUPTED)
+    code = result if isinstance(result, int) else 0
+    # Some versions of typer return it instead of raising.
+    return _complain(INTERRUPTED, code) if code == EXIT_INTERRUPTED else code
 
 
 def run() -> None:

@@ -123,7 +123,8 @@ def _widened(geometry: BaseGeometry, rim: float) -> BaseGeometry:
 
 def _areas(geometry: BaseGeometry) -> BaseGeometry:
     """Drop the lines and points of an overlay; further overlays cannot take the mixture."""
-    return shapely.union_all(pieces_of(geometry))
+    # What an overlay returns does not overlap: no need to join it once more.
+    return shapely.MultiPolygon(list(pieces_of(geometry)))
 
 
 def _leaning_mm2(rig: Rig, bodies: list[Manifold]) -> float:

@@ -77,7 +77,7 @@ def test_contacts_on_a_map_add_to_it_and_are_named(make: Make, profile: LaserPro
     assert by_hand > straight
 
 
-def test_the_worst_of_several_maps_counts_and_robots_that_never_start_do_not(
+def test_the_worst_of_several_maps_counts_and_of_robots_that_never_start_free_space(
     make: Make, profile: LaserProfile
 ) -> None:
     free = Subject.of(make((2, 200.0, 60.0)), profile)

@@ -83,6 +83,8 @@ class Fit:
 def look_window(subject: Subject, limits: Limits) -> Looked | NotLooked:
     """VF-P03: growth to the worst tip takes less than the widest tube stands, with a margin.
 
+    Looked at are the paths in free space and, where there are deployments, those on the maps.
+
     Film that leaves its store without tension gives the least pressure that growth can take (an
     error where even that is too much), a tight spool the most (a warning).
     """
@@ -130,7 +132,7 @@ def worst_growth(subject: Subject, constants: GrowthConstants, fitted_mm: float)
     Parameters
     ----------
     subject
-        With deployments, or without: then growth in free space is looked at.
+        With deployments, or without: then growth in free space alone is looked at.
     constants
         The fit.
     fitted_mm
@@ -138,7 +140,8 @@ def worst_growth(subject: Subject, constants: GrowthConstants, fitted_mm: float)
     """
     build, tree = subject.design.build, subject.layout.tree
     riding = riding_mm(tree, build.widths_mm).tolist()
-    diameters_mm = [inflated_diameter_mm(width_mm) for width_mm in build.widths_mm]
+    # A tapered branch is narrowest, and needs most, at its tip.
+    diameters_mm = [inflated_diameter_mm(end_mm) for end_mm in build.end_widths_mm]
     by_level = [constants.at_diameter(diameter_mm, fitted_mm) for diameter_mm in diameters_mm]
     level = tree.level.tolist()
     found = [
@@ -161,8 +164,8 @@ def _paths(subject: Subject) -> list[tuple[str, dict[int, GrowthPath]]]:
         (f"on {name}", grown_paths(deployment))
         for name, deployment in zip(subject.place_names, subject.deployments, strict=True)
     ]
-    # A robot that could not even start says nothing about pressure.
-    return [(name, paths) for name, paths in grown if paths] or [free]
+    # What got stuck on a map grows in free space all the same: that is always looked at.
+    return [free, *grown]
 
 
 def _hit(subject: Subject, worst: Worst, words: str, breach: Breach, aspect: str = "") -> Hit:

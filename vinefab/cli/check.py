@@ -7,13 +7,22 @@ import typer
 
 from vinefab.checks.limits import parsed_limits
 from vinefab.cli.options import EXIT_FINDINGS, DesignIn, Force, JsonOut, Quiet, RecipeIn, Voice
+from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.core.errors import BadInputError
 from vinefab.export.checks_json import checks_text
-from vinefab.files.design import read_design
+from vinefab.files.design import design_text, read_design
 from vinefab.files.map import read_map
 from vinefab.files.profile import read_profile
-from vinefab.files.shipped import DEFAULT_RECIPE
+from vinefab.files.shipped import DEFAULT_RECIPE, locate
 from vinefab.model.rigfacts import RigFacts
-from vinefab.pipeline.check import check, check_lines, deploy_from_starts, deployed_lines
+from vinefab.pipeline.check import (
+    check,
+    check_lines,
+    deploy_from_starts,
+    deployed_lines,
+    verdict,
+)
+from vinefab.pipeline.mend import Proposal, propose, score_lines
 
 
 def add_to(app: typer.Typer) -> None:
@@ -36,7 +45,10 @@ def check_command(
         list[str] | None,
         typer.Option("--limit", help="Another limit: VF-C01.warning=6; may be repeated."),
     ] = None,
-    body: Annotated[str, typer.Option(help="On maps: centerline or inflated.")] = "inflated",
+    fix: Annotated[
+        Path | None,
+        typer.Option("--fix", help="Write the smallest change that clears the errors here."),
+    ] = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="List every rule.")] = False,
     json_out: JsonOut = None,
     quiet: Quiet = False,
@@ -45,19 +57,53 @@ def check_command(
     """Check a design against the rules; exit code 1 when an error stands in the way of cutting.
 
     Rules about paths take the way through each --map from its starts (simulated); those about
-    corridors, heights and printed parts look at the --map and the --rig.
+    corridors, heights and printed parts look at the --map and the --rig. With --fix, exit code 0
+    means that a design without errors was written or was there already.
 
     Example: vinefab check three_level_tree --map cave.geojson --limit VF-C01.warning=6
     """
     voice = Voice(quiet=quiet, json_out=json_out, force=force)
     robot, profile, limits = read_design(design), read_profile(recipe), parsed_limits(limit or [])
     worlds = [read_map(path) for path in maps or []]
+    if fix is not None:
+        _refuse_same(fix, design)
+        ensure_writable(fix, force=force)
     deployed = deploy_from_starts(robot, worlds, body)
     report = check(robot, profile, limits, deployed, worlds, _rig(rig))
     voice.give_json(checks_text(report))
     for line in [*deployed_lines(deployed), *check_lines(report, verbose=verbose)]:
         voice.say(line)
-    return EXIT_FINDINGS if report.blocking else 0
+    if fix is None:
+        return EXIT_FINDINGS if report.blocking else 0
+    with voice.progress("mending") as told:
+        proposal = propose(robot, profile, limits, worlds, lambda share: told(share, ""))
+    return _told(voice, proposal, [*score_lines(robot, proposal.design or robot, worlds)], fix)
+
+
+def _refuse_same(fix: Path, design: str) -> None:
+    """Refuse to write a mended design over the one that it is made of.
+
+    Raises
+    ------
+    BadInputError
+        If both are the same file.
+    """
+    source = locate("design", design)
+    if fix.resolve() == source.resolve() or (fix.exists() and fix.samefile(source)):
+        raise BadInputError("--fix", str(fix), "another file than the design itself")
+
+
+def _told(voice: Voice, proposal: Proposal, scores: list[str], fix: Path) -> int:
+    """Say what was found, write the new design if there is one, and return the exit code."""
+    for line in proposal.lines():
+        voice.say(line)
+    if proposal.design is None or proposal.after is None:
+        return EXIT_FINDINGS if proposal.failed else 0
+    for line in [*scores, verdict(proposal.after)]:
+        voice.say(line)
+    write_text(fix, design_text(proposal.design), force=voice.force)
+    voice.say(f"wrote {fix}")
+    return 0
 
 
 def _rig(folder: Path | None) -> RigFacts | None:

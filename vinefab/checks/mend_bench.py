@@ -1,0 +1,219 @@
+"""What a mended design has to keep: the rules' error limits as one number that falls to zero."""
+
+import math
+from dataclasses import dataclass, replace
+
+from vinefab.checks.base import CLAMP, TAIL
+from vinefab.checks.clearance import CLEARANCE
+from vinefab.checks.crotches import ANGLE, CROTCH, FILLET
+from vinefab.checks.limits import by_rule, changed_limits
+from vinefab.checks.mend_cost import planned_length_mm
+from vinefab.checks.paths import PATHS
+from vinefab.checks.penalty import fabrication_penalty
+from vinefab.checks.pouches import POUCH
+from vinefab.checks.pressure import BURST, allowed_n_mm
+from vinefab.checks.rule import LimitChanges, Limits, Rule
+from vinefab.checks.rules import RULES
+from vinefab.checks.tree import MOUTH
+from vinefab.checks.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
+from vinefab.checks.window import WINDOW, Fit
+from vinefab.geometry.crotch import largest_fillet_mm
+from vinefab.geometry.joint import level_tapers_rad
+from vinefab.geometry.laser import weldcut_offset_mm
+from vinefab.model.design import Build, Design
+from vinefab.model.job import Operation
+from vinefab.model.laser import LaserProfile
+from vinefab.physics.growth_path import GrowthPath
+from vinefab.physics.lumen import inflated_diameter_mm
+from vinefab.physics.pressure import burst_pressure_kpa
+
+_LEAST = (LEAST_WIDTH, WIDTH_RATIO, CLEARANCE, ANGLE, FILLET, MOUTH, POUCH)
+_MOST = (PACKING, CROTCH, CLAMP)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bench:
+    """What a design is held against while it is mended.
+
+    Parameters
+    ----------
+    profile
+        Machine, material and recipe.
+    limits
+        Limits that differ from the defaults, a little stricter than those of the check.
+    window_share
+        How much of the allowed pressure growth in free space may take: less than 1 where
+        contacts on a map add to it.
+    """
+
+    profile: LaserProfile
+    limits: LimitChanges
+    window_share: float = 1.0
+
+    @classmethod
+    def of(
+        cls,
+        design: Design,
+        profile: LaserProfile,
+        given: LimitChanges | None = None,
+        *,
+        margin: float = 0.0,
+        window_share: float = 1.0,
+    ) -> "Bench":
+        """Return the bench for a design.
+
+        Parameters
+        ----------
+        design, profile, given
+            As for a check.
+        margin
+            How much stricter than the check, as a share of each limit.
+        window_share
+            As in the class.
+        """
+        limits = {
+            rule: dict(v) for rule, v in by_rule(changed_limits(design, profile, given)).items()
+        }
+        for rules, factor in ((_LEAST, 1.0 + margin), (_MOST, 1.0 - margin)):
+            for rule in rules:
+                named = limits.setdefault(rule.id, {})
+                named["error"] = factor * named.get("error", rule.limits["error"])
+        return cls(profile=profile, limits=limits, window_share=window_share)
+
+    def of_rule(self, rule: Rule) -> Limits:
+        """Return a rule's limits."""
+        return RULES[rule.id].limits_with(self.limits.get(rule.id, {}))
+
+    def trouble(self, design: Design) -> float:
+        """Return how far a design is from keeping the error limits; 0 where it does.
+
+        Not looked at are rules that only the laser's paths can answer.
+        """
+        material = self.profile.material
+        found = fabrication_penalty(
+            design,
+            self.limits,
+            film_mm=material.ply_mm.value * material.plies,
+            sheet_mm=self._sheet_mm(),
+        )
+        build = design.build
+        return found + math.log1p(
+            self._clamp(build)
+            + _over(self.of_rule(MOUTH)["error"], build.mouth_width_mm)
+            + _over(self.least_pouch_mm(build), build.pouch.flat_width_mm if build.pouch else 0.0)
+            + self._window(design)
+            + self._fillets(design)
+        )
+
+    def _clamp(self, build: Build) -> float:
+        """Return by how much the tail is too wide for a clamp; a collar fits it to its own."""
+        most_mm = self.of_rule(CLAMP)["error"]
+        return 0.0 if build.collar else _over(build.mouth_width_mm, most_mm)
+
+    def least_pouch_mm(self, build: Build) -> float:
+        """Return the least flat width of a design's pouches, 0 where it has none."""
+        return 1.01 * build.widths_mm[-1] if build.pouch else 0.0
+
+    def settled(self, build: Build) -> Build:
+        """Return a build with what follows from its widths alone: fillets, tail and pressure."""
+        fillet, widths = self.of_rule(FILLET), build.widths_mm
+        fillets_mm = tuple(
+            max(self.least_fillet_mm(), min(radius, fillet["most_error_share"] * width))
+            for radius, width in zip(build.fillet_mm, widths[1:], strict=True)
+        )
+        return replace(
+            build,
+            fillet_mm=fillets_mm,
+            tail_mm=max(build.tail_mm, self.of_rule(TAIL)["error"]),
+            pressure_kpa=min(build.pressure_kpa, self.most_kpa(build)),
+        )
+
+    def most_kpa(self, build: Build) -> float:
+        """Return the largest working pressure that seams may be given at a build's widths."""
+        factor = self.of_rule(BURST)["safety_factor"]
+        most = min(self._burst_kpa(build) / factor, self.profile.material.burst_kpa.value)
+        return math.floor(1000.0 * most) / 1000.0
+
+    def _burst_kpa(self, build: Build) -> float:
+        widest_mm = max(*build.widths_mm, build.pouch.flat_width_mm if build.pouch else 0.0)
+        return burst_pressure_kpa(widest_mm, allowed_n_mm(self.profile.material))
+
+    def _sheet_mm(self) -> tuple[float, float]:
+        """Return the room for the bare body: the bed less seam, kerf and the mouth's overcut."""
+        overcut_mm = self.profile.settings(Operation.CUT).overcut_mm.value
+        rim_mm = 2.0 * (weldcut_offset_mm(self.profile) + overcut_mm)
+        wide, high = self.profile.machine.usable_mm
+        return wide - rim_mm, high - rim_mm
+
+    def least_fillet_mm(self) -> float:
+        """Return the least fillet radius that is allowed and that the laser can still run."""
+        least_run_mm = self.of_rule(PATHS)["radius_error"] + weldcut_offset_mm(self.profile)
+        return max(self.of_rule(FILLET)["error"], 1.001 * least_run_mm)
+
+    def _fillets(self, design: Design) -> float:
+        """Return by how much fillets are drawn too small, where an angle has no room for more."""
+        least_mm = self.least_fillet_mm()
+        return math.fsum(_over(least_mm, drawn_mm) for drawn_mm in _drawn_fillets_mm(design))
+
+    def _window(self, design: Design) -> float:
+        """Return by how much growth in free space takes too much, relative to what is allowed."""
+        limits = self.of_rule(WINDOW)
+        allowed = self._burst_kpa(design.build) / limits["safety_factor"]
+        allowed /= 1.0 + limits["margin_percent"] / 100.0
+        fit = Fit.of(self.profile, limits)
+        worst = 0.0
+        for depth, end_mm in enumerate(design.build.end_widths_mm):
+            constants = fit.loose.at_diameter(inflated_diameter_mm(end_mm), fit.diameter_mm)
+            path = _worst_path(design, depth)
+            worst = max(worst, path.pressure_kpa(constants, _riding_mm(design, depth)))
+        return _over(worst, self.window_share * allowed)
+
+
+def _drawn_fillets_mm(design: Design) -> list[float]:
+    """Return the radii that angles leave of the fillets: beside the parent, between the shortest.
+
+    Of all gaps of a level these two have the least room.
+    """
+    found: list[float] = []
+    build, above_mm = design.build, design.trunk_length_mm
+    for number, level in enumerate(design.levels, start=1):
+        wide, narrow = build.end_widths_mm[number - 1] / 2.0, build.widths_mm[number] / 2.0
+        disc, designed = max(wide, narrow), build.fillet_mm[number - 1]
+        several = level.branches > 1
+        child_mm = level.length_mm * (min(1.0, level.growth) if several else 1.0)
+        lean_rad = max(level_tapers_rad(design, number))
+        gaps = [(math.pi - lean_rad - (level.fan_rad / 2.0 if several else 0.0), wide, above_mm)]
+        if several:
+            gaps.append((level.fan_rad / (level.branches - 1), narrow, child_mm))
+        for angle_rad, half, length_mm in gaps:
+            reach_mm = max(0.5 * min(child_mm, length_mm), disc)
+            most = largest_fillet_mm(angle_rad, (half, narrow), reach_mm)
+            found.append(max(0.0, min(designed, most)))
+        above_mm = child_mm
+    return found
+
+
+def _over(value: float, most: float) -> float:
+    """Return by how much a value is above another one, relative to it, at most 10."""
+    return 0.0 if value <= most else min(10.0, (value - most) / max(most, 1e-9))
+
+
+def _worst_path(design: Design, depth: int) -> GrowthPath:
+    """Return a path to a level that is no shorter and no straighter than any of its own."""
+    lengths, turns = [design.trunk_length_mm], []
+    for level in design.levels[:depth]:
+        lengths.append(level.length_mm * (max(1.0, level.growth) if level.branches > 1 else 1.0))
+        turns.append(level.fan_rad / 2.0 if level.branches > 1 else 0.0)
+    return GrowthPath(lengths_mm=tuple(lengths), turns_rad=tuple(turns))
+
+
+def _riding_mm(design: Design, depth: int) -> float:
+    """Return the film that rides behind each branch of a level, as a length of its own width."""
+    widths_mm = design.build.widths_mm
+    film_mm2 = 0.0
+    for below in range(depth, len(design.levels)):
+        above = planned_length_mm(0.0, design.levels[depth:below])
+        film_mm2 += widths_mm[below + 1] * (
+            planned_length_mm(0.0, design.levels[depth : below + 1]) - above
+        )
+    return film_mm2 / widths_mm[depth]

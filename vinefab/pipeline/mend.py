@@ -1,0 +1,174 @@
+"""Propose the smallest change of a design that clears its errors, and say what it costs."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from vinefab.checks.mend import Mended, mended
+from vinefab.checks.mend_bench import Bench
+from vinefab.checks.mend_cost import Change, changes
+from vinefab.checks.rule import LimitChanges
+from vinefab.checks.run import run_checks
+from vinefab.checks.subject import MOST_BRANCHES
+from vinefab.model.design import Design
+from vinefab.model.finding import CheckReport
+from vinefab.model.laser import LaserProfile
+from vinefab.model.map import Map
+from vinefab.pipeline.check import deploy_from_starts, subject_of
+
+MARGINS = (0.005, 0.02, 0.05)
+"""How much stricter than the check the search is, one after the other until the check passes."""
+
+MOST_ROUNDS = 6
+TASKS = ("coverage", "reach", "anchoring")
+_WINDOW_RULE = "VF-P03"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proposal:
+    """What was found.
+
+    Parameters
+    ----------
+    before
+        The check of the design as it was.
+    design
+        The changed design, None where nothing had to or could be mended.
+    after
+        Its check; where no design is proposed, that of the nearest one found, or None.
+    changes
+        What was changed.
+    """
+
+    before: CheckReport
+    design: Design | None
+    after: CheckReport | None
+    changes: tuple[Change, ...] = ()
+
+    @property
+    def failed(self) -> bool:
+        """Whether there are errors that no proposal clears."""
+        return bool(self.before.blocking) and self.design is None
+
+    def lines(self) -> list[str]:
+        """Return the outcome in words."""
+        if not self.before.blocking:
+            return ["fix: no errors, nothing to mend"]
+        if self.design is None:
+            left = (self.after or self.before).blocking
+            named = ", ".join(sorted({finding.rule for finding in left}))
+            return [f"fix: no change of the design was found that clears {named}; nothing written"]
+        cost = sum(change.cost for change in self.changes)
+        cleared = f"{len(self.changes)} changes clear {_rules(self.before)}"
+        told = [f"fix: {cleared}; weighted size {cost:.2f}"]
+        return [*told, *(f"  {change.text}" for change in self.changes)]
+
+
+def propose(
+    design: Design,
+    profile: LaserProfile,
+    limits: LimitChanges | None = None,
+    maps: Sequence[Map] = (),
+    told: Callable[[float], None] | None = None,
+) -> Proposal:
+    """Return the smallest change found that clears a design's errors.
+
+    Parameters
+    ----------
+    design, profile, limits
+        As for a check. Findings that the design waives do not have to be cleared, but the search
+        does not know them apart.
+    maps
+        Where paths are looked at; the proposal is grown on them too.
+    told
+        Called with the share of one search that is done.
+    """
+    before = run_checks(subject_of(design, profile, deploy_from_starts(design, maps)), limits)
+    if not before.blocking or design.branch_count > MOST_BRANCHES:
+        return Proposal(before=before, design=None, after=None)
+    after: CheckReport | None = None
+    for found, report in _rounds(design, profile, limits, maps, told):
+        after = report
+        if not report.blocking:
+            proposed = _named(design, found)
+            return Proposal(
+                before=before,
+                design=proposed,
+                after=replace(report, design=proposed.name),
+                changes=changes(design, found.design),
+            )
+    return Proposal(before=before, design=None, after=after)
+
+
+def _rounds(
+    design: Design,
+    profile: LaserProfile,
+    limits: LimitChanges | None,
+    maps: Sequence[Map],
+    told: Callable[[float], None] | None,
+) -> Iterator[tuple[Mended, CheckReport]]:
+    """Yield designs without trouble and their full checks, the search stricter every time."""
+    margins, window_share = iter(MARGINS), 1.0
+    margin = next(margins)
+    for _ in range(MOST_ROUNDS):
+        bench = Bench.of(design, profile, limits, margin=margin, window_share=window_share)
+        found = mended(design, bench, told)
+        if found is None:
+            return
+        grown = deploy_from_starts(found.design, maps)
+        report = run_checks(subject_of(found.design, profile, grown), limits)
+        yield found, report
+        share = _window_share(report)
+        if share < 1.0:
+            window_share *= 0.98 * share
+        else:
+            margin = next(margins, 0.0)
+            if margin == 0.0:
+                return
+
+
+def _window_share(report: CheckReport) -> float:
+    """Return how much of what growth takes on maps is allowed, 1 where that is no error."""
+    for finding in report.blocking:
+        if finding.rule == _WINDOW_RULE and finding.measured and finding.limit:
+            return finding.limit / finding.measured
+    return 1.0
+
+
+def _named(design: Design, found: Mended) -> Design:
+    """Return a mended design with a name and an origin of its own."""
+    told = [change.text for change in changes(design, found.design)]
+    return replace(
+        found.design,
+        name=f"{design.name[:90]}_mended",
+        origin={"mended_from": design.name, "changes": told, "change": round(found.cost, 6)},
+    )
+
+
+def _rules(report: CheckReport) -> str:
+    return ", ".join(sorted({finding.rule for finding in report.blocking}))
+
+
+def score_lines(before: Design, after: Design, maps: Sequence[Map]) -> list[str]:
+    """Return what a change does to the predicted scores, in words; nothing without maps.
+
+    Parameters
+    ----------
+    before, after
+        The two designs.
+    maps
+        Where both are grown, from the same poses.
+    """
+    if not maps:
+        return []
+    # The simulator and the tasks are loaded only when a map is given.
+    from vinefab.pipeline.grow import growth_options  # noqa: PLC0415
+    from vinefab.pipeline.score import Trials, score  # noqa: PLC0415
+
+    options, lines = growth_options("inflated"), []
+    for task in TASKS:
+        old, new = (
+            score(design, maps, Trials(task=task), options).composite["mean"]
+            for design in (before, after)
+        )
+        lines.append(f"  {task}, mean over {len(maps)} maps: {old:.4f} -> {new:.4f} (simulated)")
+    return lines

@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+from vinefab.export.readback import read_dxf, read_svg
+
 
 def checks(vinefab, *arguments):
     code, output, words = vinefab("check", *arguments, "--json", "-")
@@ -140,3 +142,18 @@ def test_fix_that_finds_nothing_says_so(vinefab, plain, tmp_path):
     code, words, _ = vinefab("check", plain, "--fix", out, "--limit", "VF-L04.error=0.01")
     assert (code, out.exists()) == (1, False)
     assert "clears VF-L04; nothing written" in words
+
+
+@pytest.mark.parametrize(("option", "suffix"), [("--svg", ".svg"), ("--dxf", ".dxf")])
+def test_findings_are_drawn_on_layers_that_are_not_cut(vinefab, plain, tmp_path, option, suffix):
+    plain.write_text(plain.read_text() + "[build]\ntail_mm = 100.0\n")
+    picture = tmp_path / f"findings{suffix}"
+    code, words, _ = vinefab("check", plain, option, picture)
+    assert code == 1
+    assert f"wrote {picture}" in words
+    drawing = read_svg(picture) if suffix == ".svg" else read_dxf(picture)
+    assert {path.layer for path in drawing.paths} == {"VF_90_REG", "VF_91_DOC"}
+    assert drawing.oddities == ()
+    code, _, complaint = vinefab("check", plain, option, tmp_path / "findings.txt")
+    assert code == 2
+    assert suffix in complaint

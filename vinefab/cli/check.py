@@ -14,12 +14,15 @@ from vinefab.files.design import design_text, read_design
 from vinefab.files.map import read_map
 from vinefab.files.profile import read_profile
 from vinefab.files.shipped import DEFAULT_RECIPE, locate
+from vinefab.model.job import Job
 from vinefab.model.rigfacts import RigFacts
 from vinefab.pipeline.check import (
     check,
     check_lines,
     deploy_from_starts,
     deployed_lines,
+    drawing_text,
+    findings_drawing,
     verdict,
 )
 from vinefab.pipeline.mend import Proposal, propose, score_lines
@@ -45,6 +48,14 @@ def check_command(
         list[str] | None,
         typer.Option("--limit", help="Another limit: VF-C01.warning=6; may be repeated."),
     ] = None,
+    svg: Annotated[
+        Path | None,
+        typer.Option("--svg", help="Draw where the findings are: an SVG, not to be cut."),
+    ] = None,
+    dxf: Annotated[
+        Path | None,
+        typer.Option("--dxf", help="The same as a DXF, on layers that are not cut."),
+    ] = None,
     fix: Annotated[
         Path | None,
         typer.Option("--fix", help="Write the smallest change that clears the errors here."),
@@ -65,14 +76,16 @@ def check_command(
     voice = Voice(quiet=quiet, json_out=json_out, force=force)
     robot, profile, limits = read_design(design), read_profile(recipe), parsed_limits(limit or [])
     worlds = [read_map(path) for path in maps or []]
-    if fix is not None:
-        _refuse_same(fix, design)
-        ensure_writable(fix, force=force)
-    deployed = deploy_from_starts(robot, worlds, body)
+    _refuse(design, fix, svg, dxf)
+    for path in (fix, svg, dxf):
+        if path is not None:
+            ensure_writable(path, force=force)
+    deployed = deploy_from_starts(robot, worlds)
     report = check(robot, profile, limits, deployed, worlds, _rig(rig))
     voice.give_json(checks_text(report))
     for line in [*deployed_lines(deployed), *check_lines(report, verbose=verbose)]:
         voice.say(line)
+    _draw(voice, findings_drawing(robot, profile, report) if svg or dxf else None, (svg, dxf))
     if fix is None:
         return EXIT_FINDINGS if report.blocking else 0
     with voice.progress("mending") as told:
@@ -80,17 +93,28 @@ def check_command(
     return _told(voice, proposal, [*score_lines(robot, proposal.design or robot, worlds)], fix)
 
 
-def _refuse_same(fix: Path, design: str) -> None:
-    """Refuse to write a mended design over the one that it is made of.
+def _refuse(design: str, fix: Path | None, svg: Path | None, dxf: Path | None) -> None:
+    """Refuse files of the wrong kind, and to write a mended design over its own.
 
     Raises
     ------
     BadInputError
-        If both are the same file.
+        If an ending is another one, or design and mended design are the same file.
     """
+    for option, path, ending in (("--svg", svg, ".svg"), ("--dxf", dxf, ".dxf")):
+        if path is not None and path.suffix.lower() != ending:
+            raise BadInputError(option, str(path), f"a file name ending in {ending}")
     source = locate("design", design)
-    if fix.resolve() == source.resolve() or (fix.exists() and fix.samefile(source)):
+    if fix and (fix.resolve() == source.resolve() or (fix.exists() and fix.samefile(source))):
         raise BadInputError("--fix", str(fix), "another file than the design itself")
+
+
+def _draw(voice: Voice, drawing: Job | None, paths: tuple[Path | None, ...]) -> None:
+    """Write the drawing of the findings to the files that were asked for."""
+    for path in paths:
+        if path is not None and drawing is not None:
+            write_text(path, drawing_text(drawing, path), force=voice.force)
+            voice.say(f"wrote {path}")
 
 
 def _told(voice: Voice, proposal: Proposal, scores: list[str], fix: Path) -> int:

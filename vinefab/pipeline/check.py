@@ -2,18 +2,25 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
+from vinefab.checks.annotated import annotated_job
 from vinefab.checks.rule import LimitChanges
 from vinefab.checks.run import run_checks
 from vinefab.checks.subject import Subject
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, ReadBackError
+from vinefab.geometry.laser import laser_job
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding, Severity
+from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
 from vinefab.model.rigfacts import RigFacts
 from vinefab.pipeline.corridors import course_of
+
+_PEN_MM = 0.4
+"""Stroke width of pictures for people; a laser's hairline is hard to see on a screen."""
 
 _SIGNS = {Severity.ERROR: "ERROR", Severity.WARNING: "warn ", Severity.INFO: "info "}
 
@@ -51,6 +58,32 @@ def subject_of(design: Design, profile: LaserProfile, deployed: Deployed = ()) -
     """Return what the rules look at, deployments with the names of their maps among it."""
     places, deployments = tuple(name for name, _ in deployed), tuple(d for _, d in deployed)
     return Subject.of(design, profile, deployments=deployments, places=places)
+
+
+def findings_drawing(design: Design, profile: LaserProfile, report: CheckReport) -> Job:
+    """Return the design's outline on the sheet with a marker for every finding; never to be cut."""
+    return annotated_job(laser_job(design, profile), report.findings)
+
+
+def drawing_text(drawing: Job, path: Path) -> str:
+    """Return a drawing as the text of an SVG or a DXF, by the end of a path's name.
+
+    Raises
+    ------
+    ReadBackError
+        If the text, read again, is not what was drawn.
+    """
+    # The readers load ezdxf, which a check without a picture has no use for.
+    from vinefab.export.dxf import dxf_text  # noqa: PLC0415
+    from vinefab.export.readback import compare, read_dxf, read_svg  # noqa: PLC0415
+    from vinefab.export.svg import svg_text  # noqa: PLC0415
+
+    is_svg = path.suffix.lower() == ".svg"
+    text = svg_text(drawing, hairline_mm=_PEN_MM) if is_svg else dxf_text(drawing)
+    problems = compare(drawing, read_svg(text) if is_svg else read_dxf(text))
+    if problems:
+        raise ReadBackError(path, problems[0])
+    return text
 
 
 def deploy_from_starts(design: Design, maps: Sequence[Map], body: str = "inflated") -> Deployed:

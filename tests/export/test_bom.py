@@ -51,6 +51,15 @@ def test_the_film_is_what_the_paths_take_and_not_the_bed(job: Job, profile: Lase
     assert value(large, profile, "film area, all plies") == pytest.approx(2 * 15.0 * 8.0)
 
 
+def test_film_off_the_roll_is_the_shorter_way(job: Job, profile: LaserProfile) -> None:
+    # Two pieces of 150 x 80 mm lie side by side on a roll of 1000 mm, the long way across.
+    assert value(job, profile, "film off the roll") == pytest.approx(80.0)
+    for width, length in ((200.0, 150.0), (149.0, 2 * 150.0), (79.0, 2 * 150.0)):
+        roll = replace(profile.material.roll_width_mm, value=width)
+        narrow = replace(profile, material=replace(profile.material, roll_width_mm=roll))
+        assert value(job, narrow, "film off the roll") == pytest.approx(length)
+
+
 def test_standing_falls_to_assumed_with_one_assumed_input(job: Job, profile: LaserProfile) -> None:
     before = {line.item: line.standing for line in bill_of_materials(job, profile)}
     assert set(before.values()) == {Standing.COMPUTED}

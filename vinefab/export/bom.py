@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from vinefab.core.jsontext import GENERATOR
 from vinefab.export.machine_time import machine_time
 from vinefab.model.job import Job, Operation
-from vinefab.model.laser import LaserProfile, Quantity, Standing
+from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
 
 COLUMNS = ("item", "value", "unit", "standing", "basis")
 _G_PER_KG = 1000.0
@@ -113,6 +113,7 @@ def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
             BomLine(item=item, value=value, unit=unit, standing=weakest((margin,)), basis=rim)
             for item, value, unit in sizes
         ),
+        _roll_line(film, (width, height), weakest((margin, film.roll_width_mm))),
         _computed("plies", film.plies, "1", f"of {film.title}, one on the other"),
         _computed("robot area", area / 100.0, "cm2", "one ply, within the beam's path"),
         BomLine(
@@ -123,6 +124,29 @@ def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
             basis=mass_basis,
         ),
     ]
+
+
+def _roll_line(film: Material, piece_mm: tuple[float, float], standing: Standing) -> BomLine:
+    """Return how much of a roll all plies take, pieces side by side where the roll is wide enough.
+
+    A piece that is wider than the roll both ways takes as much as it measures; rule VF-S02 says so.
+    """
+    roll = film.roll_width_mm
+    lengths = []
+    for across, along in (piece_mm, piece_mm[::-1]):
+        beside = int(roll.value // across)
+        if beside:
+            lengths.append(math.ceil(film.plies / beside) * along)
+    basis = f"{film.plies} pieces, roll {roll.value:g} mm wide ({roll.standing})"
+    if not lengths:
+        basis += "; wider than the roll"
+    return BomLine(
+        item="film off the roll",
+        value=min(lengths, default=film.plies * max(piece_mm)),
+        unit="mm",
+        standing=standing,
+        basis=basis,
+    )
 
 
 def _length_lines(job: Job) -> list[BomLine]:

@@ -53,8 +53,8 @@ def _rows(profile: LaserProfile) -> list[Row]:
         ("kerf_piece", name, "mm", f"side of the piece that came out of KERF-{name}")
         for name in names
     ]
-    if Operation.WELDCUT in names:
-        rows += [("seam", "weldcut", "mm", "fused rim inward of the cut edge") for _ in range(3)]
+    seal = Operation.WELDCUT if Operation.WELDCUT in names else Operation.WELD
+    rows += [("seam", seal, "mm", "width of the fused rim, inward of any cut") for _ in range(3)]
     rows += [("width", f"{w:g}", "mm", f"lay-flat lumen of finger W{w:g}") for w in LADDER_MM]
     rows += [
         ("burst", "20", "kPa", f"BURST-{k}; setting: lay-flat width")

@@ -61,7 +61,7 @@ def machine_time(job: Job, profile: LaserProfile) -> MachineTime:
         for path in job.along(operation):
             settings = path.settings_in(profile)
             inputs.append(settings.speed_mm_s)
-            start, end = _ends(path)
+            start, end = path_ends(path)
             work[operation] += _path_time_s(path, settings, acceleration)
             hops = [(head, start)] + [(end, start)] * (settings.passes - 1)
             travel += math.fsum(
@@ -91,7 +91,8 @@ def _path_time_s(path: LaserPath, settings: OperationSettings, acceleration: flo
     return settings.passes * one
 
 
-def _ends(path: LaserPath) -> tuple[tuple[float, float], tuple[float, float]]:
+def path_ends(path: LaserPath) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return where a path begins and where it ends."""
     first, last = path.contour.points_mm[0], path.contour.points_mm[-1]
     start = float(first[0]), float(first[1])
     return start, start if path.contour.closed else (float(last[0]), float(last[1]))

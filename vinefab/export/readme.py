@@ -119,7 +119,8 @@ def _file(job: Job, colours: Colours) -> list[str]:
         f" {x1 - x0:.2f} x {y1 - y0:.2f} mm and begin {x0:.2f} mm from the bed's left and"
         f" {y0:.2f} mm from its lower edge.",
         "Do not join, close, simplify or convert paths: the outline is open at the mouth.",
-        "preview.png shows how it should look; report.html and checks.json tell which design rules"
+        "preview.png shows how it should look, animation.svg (open it in a browser) how the beam"
+        " runs; report.html and checks.json tell which design rules"
         " were run and what they found; bom.csv counts film and time; job.json holds every"
         " setting. sha256sum -c MANIFEST.sha256 tells whether a file was changed.",
     ]

@@ -21,6 +21,7 @@ from vinefab.model.tree import branch_tree
 from vinefab.pipeline.check import verdict
 from vinefab.report.content import Report, Section
 from vinefab.report.figure import png_bytes
+from vinefab.report.job_animation import job_animation
 from vinefab.report.making import (
     assumption_section,
     bom_section,
@@ -135,6 +136,7 @@ def package(prepared: Prepared) -> dict[str, bytes]:
         checks=checks_text(prepared.report),
         preview=png_bytes(job_plan(prepared.job, prepared.report.findings)),
         report=page_html(page_content(prepared)).encode(),
+        animation=job_animation(prepared.job, prepared.profile),
         colours=PRESETS[prepared.profile.machine.colours],
         laser=prepared.laser or None,
     )

@@ -54,6 +54,15 @@ def test_ranges_fixed_values_and_single_levels(tmp_path: Path) -> None:
     assert space.bounds(3, "branches") == Bounds(low=2, high=3)
 
 
+def test_several_objectives_bring_their_optimizer(tmp_path: Path) -> None:
+    text = '[task]\nname = "reach"\nobjectives = ["branches", "reach"]'
+    settings = read_run(written(tmp_path, text))
+    assert settings.objectives == ("branches", "reach")
+    assert settings.costs == ("branches",)
+    assert settings.optimizer.name == "nsga2"
+    assert settings.task.parameters == {}
+
+
 def test_a_pouch_is_part_of_the_build(tmp_path: Path) -> None:
     text = '[build]\npouch = {shape = "rectangle", length_mm = 25, width_mm = 40}'
     build = read_run(written(tmp_path, text)).build
@@ -103,6 +112,14 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
         ('[task]\nname = "coverage"\nradius = 3', "task.radius", "radius_mm"),
         ('[task]\nname = "coverage"\nradius_mm = nan', "task.radius_mm", "above 0"),
         ("[task]\nradius_mm = 3", "task.name", "must be given"),
+        ('[task]\nname = "reach"\nobjectives = ["reach", "x"]', "task.objectives", "film_length"),
+        ('[task]\nname = "reach"\nobjectives = ["reach"]', "task.objectives", "a cost"),
+        ('[task]\nname = "reach"\nobjectives = 3', "task.objectives", "list"),
+        (
+            '[task]\nname = "reach"\nobjectives = ["reach", "branches"]\n[optimizer]\nname = "pso"',
+            "optimizer.name",
+            "nsga2",
+        ),
         ("[space]\nlength_mm = [200, 100]", "space.length_mm", "in order"),
         ("[space]\nlength_mm = [1, 2, 3]", "space.length_mm", "range"),
         ("[space]\nlength_mm = true", "space.length_mm", "range"),

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from vinefab.cli.optimize_front import FRONT_FILES, write_front
 from vinefab.cli.options import Force, JsonOut, Quiet, Voice
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.files.design import design_text
@@ -34,7 +35,8 @@ def optimize_command(
     """
     voice = Voice(quiet=quiet, json_out=json_out, force=force)
     settings = read_run(run_file)
-    ensure_writable(out / "best.toml", force=force)
+    for name in ("best.toml", *(FRONT_FILES if settings.objectives else ())):
+        ensure_writable(out / name, force=force)
 
     with voice.progress(f"optimizing {settings.name}") as show:
 
@@ -46,4 +48,6 @@ def optimize_command(
     for line in result_lines(result):
         voice.say(line)
     voice.give_json(result_json(result))
+    if settings.objectives:
+        write_front(result, settings, out, voice)
     voice.say(f"wrote {out / 'best.toml'} and {out / 'run.sqlite'}")

@@ -23,6 +23,7 @@ from vinefab.model.design import (
     Pouch,
 )
 from vinefab.optimize.bounds import LIMITS, Bounds, BuildSettings, SpaceSettings
+from vinefab.optimize.costs import check_objectives
 from vinefab.optimize.registry import make_recipe
 from vinefab.optimize.settings import (
     EvaluationSettings,
@@ -67,6 +68,12 @@ class NamedForm(Form):
     name: str
 
 
+class TaskForm(NamedForm):
+    """Table ``[task]``."""
+
+    objectives: list[str] = Field(default_factory=list)
+
+
 class LevelForm(Form):
     """Table ``[[space.level]]``: ranges of one level only; level 1 is the trunk."""
 
@@ -107,9 +114,9 @@ class GrowthForm(Form):
 
 
 class OptimizerForm(NamedForm):
-    """Table ``[optimizer]``."""
+    """Table ``[optimizer]``; its name is ``pso``, or ``nsga2`` where there are objectives."""
 
-    name: str = "pso"
+    name: str = ""
     population: int = SearchSettings().population
     generations: int = SearchSettings().generations
     seed: int = SearchSettings().seed
@@ -142,7 +149,7 @@ class RunForm(Form):
     schema_: Literal["vinefab/run-1"] = Field(alias="schema")
     name: str | None = None
     maps: MapsForm = MapsForm()
-    task: NamedForm = NamedForm(name="coverage")
+    task: TaskForm = TaskForm(name="coverage")
     space: SpaceForm = SpaceForm()
     build: BuildForm = BuildForm()
     growth: GrowthForm = GrowthForm()
@@ -181,11 +188,14 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         build=_build(form.build),
         growth=GrowthOptions(head_on_half_angle_rad=angle_rad, **growth),
         optimizer=PartSettings(
-            name=form.optimizer.name, parameters=form.optimizer.model_extra or {}
+            name=form.optimizer.name or ("nsga2" if form.task.objectives else "pso"),
+            parameters=form.optimizer.model_extra or {},
         ),
         search=SearchSettings(**search),
         evaluation=EvaluationSettings(**form.evaluation.model_dump()),
+        objectives=tuple(form.task.objectives),
     )
+    check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
     # Made once here, so that a wrong name or parameter is reported with the file, at once.
     environment_options(settings.maps)
     make_task(settings.task.name, settings.task.parameters)

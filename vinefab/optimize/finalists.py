@@ -8,6 +8,8 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.model.checked import Floats
 from vinefab.model.design import Design
+from vinefab.optimize.costs import costs_of
+from vinefab.optimize.front import archive, non_dominated, spread_out
 from vinefab.optimize.history import Generation
 from vinefab.optimize.objective import INVALID_FITNESS
 from vinefab.optimize.repair import repaired
@@ -21,11 +23,14 @@ MOST_LOOKS = 200
 """So many designs of a run are looked at in full at most: a look takes some 50 ms."""
 
 
-def finalist_points(history: Sequence[Generation], trial: Trial, count: int) -> list[Floats]:
+def finalist_points(
+    history: Sequence[Generation], trial: Trial, count: int, costs: Sequence[str] = ()
+) -> list[Floats]:
     """Return the points that are judged once more at the end of a run.
 
     Without a full inspection these are the best of the run. With one, they are the best that
     pass it; if none does, the best are repaired, and if that fails too they stand as they are.
+    With costs, the best are those that no other beats in fitness and costs together.
 
     Parameters
     ----------
@@ -35,12 +40,16 @@ def finalist_points(history: Sequence[Generation], trial: Trial, count: int) -> 
         What the points stand for, and how designs are inspected.
     count
         Most points.
+    costs
+        Names of what fitness is weighed against.
 
     Raises
     ------
     BadInputError
         If no point of the run was a design.
     """
+    if costs and (front := front_points(history, trial, count, costs)):
+        return front
     if not isinstance(trial.penalty, Inspector):
         return best_points(history, trial.space, count)
     inspector = trial.penalty
@@ -50,6 +59,40 @@ def finalist_points(history: Sequence[Generation], trial: Trial, count: int) -> 
     best = best_points(history, trial.space, count)
     mended = [repaired(x, trial.space, trial.penalty, inspector.passes) for x in best]
     return [x for x in mended if x is not None] or best
+
+
+def front_points(
+    history: Sequence[Generation], trial: Trial, count: int, costs: Sequence[str]
+) -> list[Floats]:
+    """Return points of the front of all designs of a run that can be made; none if none can.
+
+    Parameters
+    ----------
+    history
+        All generations.
+    trial
+        What the points stand for, and how designs are inspected.
+    count
+        Most points; they are spread over the front by its first cost.
+    costs
+        Names of what fitness is weighed against.
+    """
+    x, fitness = archive(history, trial.lowest)
+    passes = trial.penalty.passes if isinstance(trial.penalty, Inspector) else _always
+    cost, left = costs_of(x, trial.space, costs), np.ones(len(x), dtype=np.bool_)
+    while left.any():
+        rows = np.flatnonzero(left)
+        front = rows[non_dominated(fitness[rows], cost[rows])]
+        chosen = front[spread_out(cost[front], count)]
+        wrong = [row for row in chosen if not passes(trial.space.design(x[row]))]
+        if not wrong:
+            return [x[row] for row in chosen]
+        left[wrong] = False
+    return []
+
+
+def _always(_: Design) -> bool:
+    return True
 
 
 def best_points(history: Sequence[Generation], space: Space, count: int) -> list[Floats]:

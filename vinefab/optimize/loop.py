@@ -9,9 +9,11 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.model.checked import Floats
 from vinefab.model.map import Map
+from vinefab.optimize.costs import check_objectives, costs_of
 from vinefab.optimize.finalists import finalist_points, judged
 from vinefab.optimize.history import Generation, Progress
 from vinefab.optimize.identity import RunIdentity
+from vinefab.optimize.nsga import FrontFinder
 from vinefab.optimize.optimizer import Optimizer
 from vinefab.optimize.registry import make_recipe
 from vinefab.optimize.result import Finalist, RunResult, with_origin
@@ -96,6 +98,9 @@ class Search:
         recipe = make_recipe(settings.optimizer.name, settings.optimizer.parameters)
         seed, population = settings.search.seed, settings.search.population
         optimizer = recipe.start(trial.space.axes, population, seed)
+        check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
+        if settings.objectives and isinstance(optimizer, FrontFinder):
+            optimizer.weigh(lambda x: costs_of(x, trial.space, settings.costs), trial.lowest)
         search = cls(settings=settings, maps=tuple(maps), trial=trial, optimizer=optimizer)
         trial.launches(search.poses(0))
         return search
@@ -184,7 +189,8 @@ class Search:
         """Return the finalists of the record, or judge them now."""
         if store is not None and (kept := store.finalists(self.trial.space)):
             return kept
-        points = finalist_points(history, self.trial, self.settings.evaluation.finalists)
+        finalists, costs = self.settings.evaluation.finalists, self.settings.costs
+        points = finalist_points(history, self.trial, finalists, costs)
         count = self.settings.evaluation.final_poses_per_map
         poses = self.trial.poses(self.settings.search.seed, FINAL, 0, count)
         with ledger.spending("evaluating"):

@@ -35,6 +35,7 @@ def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
         optimizer=PartSettings(**record["optimizer"]),
         search=SearchSettings(**record["search"]),
         evaluation=EvaluationSettings(**record["evaluation"]),
+        objectives=tuple(record.get("objectives", ())),
     )
 
 

@@ -6,6 +6,7 @@ from vinefab.core.registry import Registry
 from vinefab.optimize.cma import CmaRecipe
 from vinefab.optimize.evolution import EvolutionRecipe
 from vinefab.optimize.matlab_swarm import AdaptiveSwarmRecipe
+from vinefab.optimize.nsga import NsgaRecipe
 from vinefab.optimize.optimizer import Recipe
 from vinefab.optimize.pso import SwarmRecipe
 from vinefab.optimize.random import RandomRecipe
@@ -16,6 +17,7 @@ OPTIMIZERS: Registry[Callable[..., Recipe]] = Registry(
     {
         "cmaes": CmaRecipe,
         "evolution": EvolutionRecipe,
+        "nsga2": NsgaRecipe,
         "particleswarm": AdaptiveSwarmRecipe,
         "pso": SwarmRecipe,
         "random": RandomRecipe,

@@ -181,6 +181,9 @@ class RunSettings:
         What the run and its best design are called; allowed as a design's name.
     maps, task, space, build, growth, optimizer, search, evaluation
         Its parts.
+    objectives
+        Names of what is weighed against each other: the task's, and costs; none in a run that
+        looks for the best score alone.
     """
 
     name: str = "run"
@@ -192,6 +195,12 @@ class RunSettings:
     optimizer: PartSettings = PartSettings(name="pso")
     search: SearchSettings = SearchSettings()
     evaluation: EvaluationSettings = EvaluationSettings()
+    objectives: tuple[str, ...] = ()
+
+    @property
+    def costs(self) -> tuple[str, ...]:
+        """The objectives that are costs, in their order."""
+        return tuple(name for name in self.objectives if name != self.task.name)
 
 
 def plain_settings(settings: object) -> object:

@@ -222,9 +222,14 @@ class Trial:
         return objective(
             self.composite(score),
             penalty,
-            lowest=min(0.0, self.task.lowest),
+            lowest=self.lowest,
             weight=self.evaluation.penalty_weight,
         )
+
+    @property
+    def lowest(self) -> float:
+        """The fitness that designs have at least which can be made."""
+        return min(0.0, self.task.lowest)
 
 
 class TimedTask:

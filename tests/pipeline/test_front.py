@@ -1,0 +1,62 @@
+"""The front of a run as designs, JSON and a picture."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from vinefab.environments.grid import grid_map
+from vinefab.optimize.bounds import Bounds, SpaceSettings
+from vinefab.optimize.loop import optimize
+from vinefab.optimize.result import RunResult
+from vinefab.optimize.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
+from vinefab.pipeline.front import front_json, front_lines, front_of, front_picture
+from vinefab.report.figure import svg_bytes
+
+SETTINGS = RunSettings(
+    name="two",
+    space=SpaceSettings(levels=Bounds(low=1, high=3)),
+    optimizer=PartSettings(name="nsga2"),
+    search=SearchSettings(population=10, generations=3, seed=2),
+    evaluation=EvaluationSettings(fabricable=False, finalists=6, final_poses_per_map=1),
+    objectives=("coverage", "film_length", "branches"),
+)
+WORLD = grid_map(1)
+
+
+@pytest.fixture(scope="module")
+def result() -> RunResult:
+    return optimize(SETTINGS, (WORLD,))
+
+
+def test_a_front_rises_with_its_cost_and_none_beats_another(result: RunResult) -> None:
+    members = front_of(result, SETTINGS)
+    costs = [member.costs for member in members]
+    assert len(members) >= 2
+    assert [cost[0] for cost in costs] == sorted(cost[0] for cost in costs)
+    assert sum(member.is_knee for member in members) == 1
+    assert len({member.design.name for member in members}) == len(members)
+    for one in members:
+        for other in members:
+            as_cheap = all(a <= b for a, b in zip(one.costs, other.costs, strict=True))
+            assert one is other or not (as_cheap and one.worth >= other.worth)
+
+
+def test_json_and_words_say_what_the_front_is(result: RunResult) -> None:
+    members = front_of(result, SETTINGS)
+    content = json.loads(front_json(members, result, SETTINGS))
+    assert content["schema"] == "vinefab/front-1"
+    assert [entry["better"] for entry in content["objectives"]] == ["larger", "smaller", "smaller"]
+    for entry, member in zip(content["designs"], members, strict=True):
+        assert entry["design"] == member.design.name
+        assert entry["film_length"] == member.costs[0]
+        assert entry["coverage"] == member.score.composite["mean"]
+    assert len(front_lines(members, SETTINGS)) == len(members) + 1
+
+
+def test_the_picture_is_the_same_every_time_also_for_a_front_of_one(result: RunResult) -> None:
+    members = front_of(result, SETTINGS)
+    pictures = [svg_bytes(front_picture(members, result, SETTINGS, WORLD)) for _ in range(2)]
+    assert pictures[0] == pictures[1]
+    alone = (replace(members[0], is_knee=True),)
+    assert svg_bytes(front_picture(alone, result, SETTINGS, WORLD)) != pictures[0]

@@ -1,0 +1,179 @@
+"""The front of a run with several objectives: its designs, as files, JSON and a picture."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from vinefab.core.jsontext import json_text
+from vinefab.growth.grow import grow
+from vinefab.growth.terrain import Terrain
+from vinefab.model.checked import Floats
+from vinefab.model.design import Design
+from vinefab.model.map import Map
+from vinefab.model.score import Score
+from vinefab.optimize.costs import COSTS, costs_of
+from vinefab.optimize.front import archive, knee, non_dominated
+from vinefab.optimize.result import RunResult
+from vinefab.optimize.settings import RunSettings
+from vinefab.optimize.space import Space
+from vinefab.report.front import FrontData, Robot, front_figure
+
+SCHEMA = "vinefab/front-1"
+ROBOTS = 4
+"""So many designs of the front are drawn, the knee among them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """One design of a front.
+
+    Parameters
+    ----------
+    design
+        Named after the run, with its place on the front.
+    score
+        Its score on fresh poses.
+    worth
+        What the score counts for, as the run weighs it.
+    costs
+        What it costs, in the order of the run's costs.
+    penalty
+        0 for a design that can be made, and in a run that did not ask.
+    is_knee
+        Whether the front bends most there.
+    """
+
+    design: Design
+    score: Score
+    worth: float
+    costs: tuple[float, ...]
+    penalty: float
+    is_knee: bool
+
+
+def front_of(result: RunResult, settings: RunSettings) -> tuple[Member, ...]:
+    """Return the finalists that no other beats on fresh poses, by rising first cost."""
+    finalists = result.finalists
+    worth = np.array([finalist.fitness for finalist in finalists])
+    costs = np.array(
+        [[COSTS[name][0](finalist.design) for name in settings.costs] for finalist in finalists]
+    )
+    rows = np.flatnonzero(non_dominated(worth, costs))
+    rows = rows[np.argsort(costs[rows, 0], kind="stable")]
+    bend = int(rows[knee(worth[rows], costs[rows, 0])])
+    return tuple(
+        Member(
+            design=_named(finalists[row].design, settings, result.run_id, place),
+            score=finalists[row].score,
+            worth=float(worth[row]),
+            costs=tuple(costs[row].tolist()),
+            penalty=finalists[row].penalty,
+            is_knee=row == bend,
+        )
+        for place, row in enumerate(rows.tolist(), start=1)
+    )
+
+
+def _named(design: Design, settings: RunSettings, run_id: str, place: int) -> Design:
+    origin = {"run": run_id, "task": settings.task.name, "front": place}
+    return replace(design, name=f"{settings.name}_{place:02}", origin=origin)
+
+
+def front_json(members: Sequence[Member], result: RunResult, settings: RunSettings) -> str:
+    """Return a front as JSON: ``vinefab/front-1``."""
+    content = {
+        "run": result.run_id,
+        "objectives": [
+            {
+                "name": name,
+                "better": "smaller" if name in COSTS else "larger",
+                "unit": COSTS[name][1] if name in COSTS else "",
+            }
+            for name in settings.objectives
+        ],
+        "designs": [
+            {
+                "design": member.design.name,
+                settings.task.name: member.worth,
+                **dict(zip(settings.costs, member.costs, strict=True)),
+                "composite": dict(member.score.composite),
+                "evaluations": len(member.score.evaluations),
+                "penalty": member.penalty,
+                "knee": member.is_knee,
+            }
+            for member in members
+        ],
+    }
+    return json_text(SCHEMA, content)
+
+
+def front_lines(members: Sequence[Member], settings: RunSettings) -> list[str]:
+    """Return a front as lines for the user, a design each."""
+    names = [settings.task.name, *settings.costs]
+    lines = [f"front of {len(members)} designs (simulated): {', '.join(names)}"]
+    for member in members:
+        costs = "  ".join(
+            f"{value:10.0f} {COSTS[name][1]}"
+            for name, value in zip(settings.costs, member.costs, strict=True)
+        )
+        note = "  knee" if member.is_knee else ""
+        made = "" if member.penalty == 0.0 else "  breaks rules of making"
+        lines.append(f"  {member.design.name}  {member.worth:8.4f}  {costs}{note}{made}")
+    return lines
+
+
+def front_picture(
+    members: Sequence[Member], result: RunResult, settings: RunSettings, world: Map
+) -> Figure:
+    """Return the front as a chart, with a few of its robots on a training map.
+
+    Parameters
+    ----------
+    members
+        The front.
+    result, settings
+        The run; all designs that it evaluated are shown as dots.
+    world
+        Where the robots are drawn, from its first start.
+    """
+    lowest = min(finalist.fitness for finalist in result.finalists)
+    x, fitness = archive(result.history, min(-1e3, lowest))
+    cost = costs_of(x, Space(settings.space, settings.build), settings.costs[:1])[:, 0]
+    penalty = np.concatenate([generation.penalty for generation in result.history])
+    able = np.isfinite(cost) & (penalty == 0.0) if len(penalty) == len(cost) else np.isfinite(cost)
+    data = FrontData(
+        seen=_pairs(cost[able], fitness[able]),
+        front=_pairs(
+            np.array([member.costs[0] for member in members]),
+            np.array([member.worth for member in members]),
+        ),
+        cost=settings.costs[0],
+        unit=COSTS[settings.costs[0]][1],
+        task=settings.task.name,
+    )
+    return front_figure(data, world, _robots(members, settings, world))
+
+
+def _pairs(costs: Floats, worth: Floats) -> Floats:
+    return np.column_stack([costs, worth])
+
+
+def _robots(members: Sequence[Member], settings: RunSettings, world: Map) -> dict[int, Robot]:
+    """Return deployments of a few designs, spread over the front, with its knee."""
+    places = np.linspace(0, len(members) - 1, min(ROBOTS, len(members))).round().astype(int)
+    bend = next(place for place, member in enumerate(members) if member.is_knee)
+    chosen = sorted({*places.tolist(), bend})
+    if len(chosen) > ROBOTS:
+        inner = [place for place in chosen[1:-1] if place != bend]
+        chosen.remove(min(inner, key=lambda place: abs(place - bend)))
+    terrain = Terrain.of(world)
+    return {
+        place: Robot(
+            deployment=grow(members[place].design, terrain, world.starts[0].pose, settings.growth),
+            widths_mm=members[place].design.build.widths_mm,
+            title=members[place].design.name + (" (knee)" if members[place].is_knee else ""),
+        )
+        for place in chosen
+    }

@@ -1,5 +1,6 @@
 """The examples and the library snippet of the README, run as a user would run them."""
 
+import json
 import re
 import subprocess
 import sys
@@ -16,6 +17,9 @@ SCRIPTS = {
 }
 
 
+TABLE = "price_of_making"
+
+
 @pytest.mark.parametrize(("name", "arguments"), SCRIPTS.items(), ids=SCRIPTS)
 def test_an_example_draws_its_picture(name, arguments, tmp_path):
     picture = tmp_path / "picture.png"
@@ -27,8 +31,21 @@ def test_an_example_draws_its_picture(name, arguments, tmp_path):
         assert sum(darkness[:250]) > 0.02 * image.width * image.height
 
 
+def test_the_price_of_making_is_a_table_of_winners_that_pass(tmp_path):
+    script, out = ROOT / "examples" / f"{TABLE}.py", tmp_path / "price.json"
+    sizes = ("--seeds", "1", "--unseen", "1", "--population", "4", "--generations", "1")
+    which = ("--tasks", "coverage", "--environments", "cave")
+    command = [sys.executable, script, *sizes, *which, "--out", out]
+    ran = subprocess.run(command, check=True, cwd=tmp_path, capture_output=True, text=True)
+    assert "| cave | coverage |" in ran.stdout
+    (cell,) = json.loads(out.read_text())
+    assert [run["passes"] for run in cell["fabricable"]] == [True]
+    assert cell["free"][0]["unseen"] != cell["fabricable"][0]["unseen"]
+
+
 def test_every_script_in_the_folder_is_tried():
-    assert {path.stem for path in (ROOT / "examples").glob("*.py")} == set(SCRIPTS)
+    scripts = {path.stem for path in (ROOT / "examples").glob("*.py")}
+    assert scripts == {*SCRIPTS, TABLE}
 
 
 def test_the_library_snippet_of_the_readme_runs(tmp_path):

@@ -25,9 +25,6 @@ Make = Callable[..., Design]
 Build = Callable[[Make, LaserProfile], Subject]
 E, W = Severity.ERROR, Severity.WARNING
 
-PENDING = {"VF-C05"}
-"""Rules that this version can only report as skipped."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
@@ -48,6 +45,28 @@ def cousins(gap_mm: float) -> Build:
     """
     length_mm = (gap_mm + 12.0 + 7.0) / math.sin(math.radians(40.0))
     return of((2, length_mm, 40.0), (1, 60.0, 0.0), widths_mm=(40.0, 24.0, 14.0))
+
+
+def near_fillet(gap_mm: float) -> Build:
+    """A grandchild shrunk to a disc that floats before the arc of its uncle's fillet."""
+
+    def build(make: Make, _: LaserProfile) -> Subject:
+        subject = Subject.of(make((2, 200.0, 90.0), (2, 90.0, 60.0), fillet_mm=(9.0, 4.0)))
+        arcs = [s for s in subject.outline.contour.segments if s.part is Part.FILLET]
+        arc = next(s for s in arcs if s.branch == "0.0" and s.radius_mm > 8.9)
+        ends = arc.flattened_mm(0.001)
+        middle, center = ends[len(ends) // 2], np.array(arc.center_mm)
+        at = middle + (center - middle) / 9.0 * (gap_mm + 0.5)
+        row, shapes = subject.names.index("0.1.1"), subject.shapes
+        moved = {name: getattr(shapes, name).copy() for name in ("start_mm", "end_mm")}
+        halves = {name: getattr(shapes, name).copy() for name in ("half_mm", "end_half_mm")}
+        for ends in moved.values():
+            ends[row] = at
+        for half in halves.values():
+            half[row] = 0.5
+        return replace(subject, shapes=replace(shapes, **moved, **halves))
+
+    return build
 
 
 def scaled(number: Quantity, value: float) -> Quantity:
@@ -253,6 +272,9 @@ CASES: Mapping[str, Case] = {
     "VF-C06": Case(
         fires=of((2, 200.0, 181.0)), severity=W, branches=("0.0",), quiet=of((2, 200.0, 179.0))
     ),
+    "VF-C05": Case(
+        fires=near_fillet(-0.2), severity=E, branches=("0.0", "0.1.1"), quiet=near_fillet(3.1)
+    ),
     "VF-C07": Case(fires=pouch(67.0), severity=E, branches=("0.0", "0.1"), quiet=pouch(65.8)),
     # 70 kPa at 20 mm is 35 kPa at 40 mm, 23.3 kPa with the factor of 1.5
     "VF-P01": Case(
@@ -348,6 +370,7 @@ NEAR_LIMITS: list[tuple[str, Build, set[Severity]]] = [
     ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(24.1,)), {W}),
     ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(47.9,)), {W}),
     ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(48.1,)), {E}),
+    ("VF-C05", near_fillet(2.9), {W}),
     # 7 joints of 81 degrees: e^(0.234 * 9.9) = 10.1; of 80 degrees 9.8
     ("VF-C06", winding(162.0), {W}),
     ("VF-C06", winding(160.0), set()),
@@ -376,8 +399,7 @@ def found(subject: Subject, rule: str) -> tuple[Finding, ...]:
 
 
 def test_every_rule_has_a_case_that_fires_and_one_that_does_not() -> None:
-    assert set(CASES) | PENDING == set(RULES)
-    assert not set(CASES) & PENDING
+    assert set(CASES) == set(RULES)
 
 
 @pytest.mark.parametrize("rule", CASES)
@@ -393,13 +415,6 @@ def test_rule_fires_at_the_right_place(rule: str, make: Make, profile: LaserProf
 @pytest.mark.parametrize("rule", CASES)
 def test_rule_stays_quiet(rule: str, make: Make, profile: LaserProfile) -> None:
     assert found(CASES[rule].quiet(make, profile), rule) == ()
-
-
-@pytest.mark.parametrize("rule", sorted(PENDING))
-def test_a_rule_that_cannot_look_says_why(rule: str, make: Make, profile: LaserProfile) -> None:
-    outcome = RULES[rule].look(Subject.of(make(), profile), Limits({}))
-    assert isinstance(outcome, NotLooked)
-    assert len(outcome.reason) > 10
 
 
 @pytest.mark.parametrize("rule", ["VF-R01", "VF-R02", "VF-R03", "VF-R04"])
@@ -541,7 +556,7 @@ def test_turns_at_contacts_count_when_a_deployment_is_given(make: Make) -> None:
 
 def test_a_weld_after_a_cut_is_found(make: Make, profile: LaserProfile) -> None:
     backwards = jobbed(lambda job: tuple(reversed(job.paths)))
-    assert [f.severity for f in found(backwards(make, profile), "VF-L03")] == [E]
+    assert {f.severity for f in found(backwards(make, profile), "VF-L03")} == {E}
 
 
 def test_tiny_pieces_are_found(make: Make, profile: LaserProfile) -> None:

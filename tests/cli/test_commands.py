@@ -131,7 +131,8 @@ def test_fabricate_refuses_an_unconfirmed_recipe_unless_told(vinefab, tmp_path):
     assert len(zipfile.ZipFile(tmp_path / "package.zip").namelist()) == len(names)
     drawing = ezdxf.readfile(out / "outline.dxf")
     assert drawing.units == 4
-    assert {e.dxf.layer for e in drawing.modelspace()} == {"VF_30_WELDCUT", "VF_40_CUT"}
+    layers = {"VF_10_MARK", "VF_30_WELDCUT", "VF_40_CUT"}
+    assert {e.dxf.layer for e in drawing.modelspace()} == layers
     check = subprocess.run(
         ["sha256sum", "-c", "MANIFEST.sha256"], cwd=out, capture_output=True, check=False
     )
@@ -265,3 +266,18 @@ def test_optimize_writes_a_front_for_two_objectives(vinefab, run_file, tmp_path)
         path = out / "front" / f"{entry['design']}.toml"
         assert vinefab("check", path)[0] == 0
     assert (out / "front.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_fabricate_nests_copies_and_other_designs_or_says_how_many_fit(vinefab, tmp_path):
+    out = tmp_path / "sheet"
+    code, _, _ = vinefab(
+        "fabricate", "plain_vine", "--copies", "2", "--with", "three_level_tree",
+        "--out", out, "--allow-uncalibrated",
+    )  # fmt: skip
+    assert code == 0
+    facts = json.loads((out / "job.json").read_text())["facts"]
+    assert [robot["design"] for robot in facts["robots"]].count("plain_vine") == 2
+    code, text, _ = vinefab("fabricate", "plain_vine", "--copies", "60", "--out", tmp_path / "no")
+    assert code == 1
+    assert "of 60 robots find room" in text
+    assert not (tmp_path / "no").exists()

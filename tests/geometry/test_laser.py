@@ -7,8 +7,9 @@ from shapely import LineString, Polygon
 from shapely.ops import split
 
 from vinefab.core.errors import BadInputError
-from vinefab.geometry.laser import laser_job, weldcut_offset_mm
+from vinefab.geometry.laser import laser_job
 from vinefab.geometry.outline import body_outline
+from vinefab.geometry.passes import weldcut_offset_mm
 from vinefab.model.job import Operation
 from vinefab.model.outline import Part
 

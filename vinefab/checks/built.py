@@ -16,7 +16,7 @@ def look_built_width(subject: Subject, limits: Limits) -> Looked | NotLooked:
     settings = subject.profile.settings(operation)
     offset_mm = beam_offset_mm(settings) if operation is Operation.WELDCUT else weld_mm(settings)
     hits, checked = [], 0
-    for path in subject.job.along(operation):
+    for path in subject.own(operation):
         for row, excess_mm in excesses_mm(subject, path.contour, offset_mm).items():
             checked += 1
             breach = limits.most(abs(excess_mm))

@@ -1,7 +1,7 @@
 """Rules about the laser's paths: marks, overlaps, sizes, order."""
 
 import math
-from itertools import combinations
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from vinefab.checks.problems import problem_hits
 from vinefab.checks.rule import Hit, Limits, Looked, NotLooked, Rule
 from vinefab.checks.subject import Subject
+from vinefab.geometry.order import frees
 from vinefab.geometry.problem import ProblemKind
 from vinefab.model.checked import Floats
 from vinefab.model.job import LaserPath, Operation
@@ -23,21 +24,21 @@ def look_marks(subject: Subject, limits: Limits) -> Looked | NotLooked:
     if subject.job is None:
         return _NO_RECIPE
     marks = subject.job.along(Operation.MARK)
-    bodies = subject.job.along(Operation.WELDCUT)
-    hits = []
+    sealed = (*subject.job.along(Operation.WELD), *subject.job.along(Operation.WELDCUT))
+    bodies = [_Body(path) for path in sealed] if marks else []
+    hits: dict[str, Hit] = {}
     for mark in marks:
-        away_mm = min((_apart_mm(body, mark) for body in bodies), default=math.inf)
+        away_mm = min((body.apart_mm(mark) for body in bodies), default=math.inf)
         breach = limits.least(away_mm)
-        if breach:
-            hits.append(
-                Hit(
-                    message=f"mark {mark.label!r} touches the body or its rim: move it away",
-                    measured=away_mm,
-                    limit=breach.limit,
-                    aspect=mark.label,
-                )
+        # The strokes of one label share its name: the nearest of them stands for all.
+        if breach and (mark.label not in hits or away_mm < (hits[mark.label].measured or 0.0)):
+            hits[mark.label] = Hit(
+                message=f"mark {mark.label!r} touches the body or its rim: move it away",
+                measured=away_mm,
+                limit=breach.limit,
+                aspect=mark.label,
             )
-    return Looked(checked=len(marks), hits=tuple(hits))
+    return Looked(checked=len(marks), hits=tuple(hits.values()))
 
 
 def look_paths(subject: Subject, limits: Limits) -> Looked | NotLooked:
@@ -46,8 +47,9 @@ def look_paths(subject: Subject, limits: Limits) -> Looked | NotLooked:
         return _NO_RECIPE
     paths = [path for path in subject.job.paths if path.operation.is_machined]
     hits = [hit for path in paths for hit in _small_pieces(path, limits)]
-    lines = [_line(path) for path in paths]
-    for one, two in combinations(range(len(paths)), 2):
+    lines = np.array([_line(path) for path in paths], dtype=object)
+    first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
+    for one, two in zip(*(rows[first < second].tolist() for rows in (first, second)), strict=True):
         shared_mm = float(shapely.length(shapely.intersection(lines[one], lines[two])))
         breach = limits.most(shared_mm, "shared")
         if breach:
@@ -63,14 +65,17 @@ def look_order(subject: Subject, _: Limits) -> Looked | NotLooked:
         return _NO_RECIPE
     paths = [path for path in subject.job.paths if path.operation.is_machined]
     hits = []
-    for before, after in combinations(paths, 2):
+    for before, after in pairwise(paths):
         if _ORDER.index(before.operation) > _ORDER.index(after.operation):
             words = f"{after.operation} {after.label!r} comes after {before.operation}"
             words += f" {before.label!r}: the film has moved by then"
             hits.append(Hit(message=words, aspect=f"{before.operation} {after.operation}"))
-        elif _encloses(before, after):
-            words = f"{before.label!r} frees the sheet before {after.label!r} inside it is cut"
-            hits.append(Hit(message=words, aspect="inner"))
+    rings = [(place, path) for place, path in enumerate(paths) if frees(path)]
+    for place, before in rings:
+        for after in paths[place + 1 :]:
+            if before.operation is after.operation and bool(_inside(before, after).all()):
+                words = f"{before.label!r} frees the sheet before {after.label!r} inside it is cut"
+                hits.append(Hit(message=words, aspect="inner"))
     return Looked(checked=len(paths), hits=tuple(hits))
 
 
@@ -99,12 +104,21 @@ def _small_pieces(path: LaserPath, limits: Limits) -> list[Hit]:
     return hits
 
 
-def _apart_mm(outer: LaserPath, other: LaserPath) -> float:
-    """Return the distance of a path from what another one encloses, 0 where it reaches inside."""
-    if _inside(outer, other).any():
-        return 0.0
-    # Line to line: making an area of an outline that crosses itself can take minutes.
-    return float(shapely.distance(shapely.LineString(_ring(outer)), _line(other)))
+class _Body:
+    """A body that marks must stay clear of: what its outline encloses, and the outline itself."""
+
+    def __init__(self, outline: LaserPath) -> None:
+        self.area = shapely.Polygon(outline.contour.flattened_mm())
+        # Line to line: making an area of an outline that crosses itself can take minutes.
+        self.edge = shapely.LineString(_ring(outline))
+        shapely.prepare([self.area, self.edge])
+
+    def apart_mm(self, mark: LaserPath) -> float:
+        """Return the distance of a mark from the body, 0 where it reaches inside."""
+        points = mark.contour.flattened_mm()
+        if shapely.contains_xy(self.area, points[:, 0], points[:, 1]).any():
+            return 0.0
+        return float(shapely.distance(self.edge, _line(mark)))
 
 
 def _inside(outer: LaserPath, inner: LaserPath) -> NDArray[np.bool_]:
@@ -123,12 +137,6 @@ def _ring(path: LaserPath) -> Floats:
 
 def _line(path: LaserPath) -> shapely.LineString:
     return shapely.LineString(_ring(path) if path.contour.closed else path.contour.flattened_mm())
-
-
-def _encloses(outer: LaserPath, inner: LaserPath) -> bool:
-    if outer.operation is not inner.operation or not outer.contour.closed:
-        return False
-    return bool(_inside(outer, inner).all())
 
 
 MARKS = Rule(

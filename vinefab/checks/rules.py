@@ -4,8 +4,8 @@ from vinefab.checks.base import CLAMP, REACH, TAIL
 from vinefab.checks.built import BUILT_WIDTH, READBACK
 from vinefab.checks.clearance import CLEARANCE, OVERLAP
 from vinefab.checks.crotches import ANGLE, CROTCH, FILLET
+from vinefab.checks.fillets import FOREIGN_FILLET
 from vinefab.checks.paths import MARKS, ORDER, PATHS
-from vinefab.checks.pending import FOREIGN_FILLET
 from vinefab.checks.pouches import POUCH
 from vinefab.checks.pressure import BURST, RATING, STRAIN
 from vinefab.checks.recipe import MACHINE, PLY, STATUS

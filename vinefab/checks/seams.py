@@ -23,7 +23,7 @@ def look_seams(subject: Subject, limits: Limits) -> Looked | NotLooked:
     if subject.job is None or subject.profile is None:
         return NotLooked(reason="needs a recipe, for seam and overcut")
     slack_mm = limits["slack"]
-    seams_mm = _seams_mm(subject, subject.job, subject.profile)
+    seams_mm = _seams_mm(subject, subject.profile)
     overcuts_mm = list(_overcuts_mm(subject.job))
     hits = [*_seam_hits(subject, subject.profile, seams_mm, slack_mm)]
     least_mm = subject.profile.settings(Operation.CUT).overcut_mm.value
@@ -65,11 +65,11 @@ def _seam_hits(
         )
 
 
-def _seams_mm(subject: Subject, job: Job, profile: LaserProfile) -> dict[str, float]:
+def _seams_mm(subject: Subject, profile: LaserProfile) -> dict[str, float]:
     """Return the seam between lumen and kerf on the sides of each branch that has two."""
     half_kerf_mm = profile.settings(Operation.WELDCUT).kerf_mm.value / 2.0
     found: dict[str, float] = {}
-    for path in job.along(Operation.WELDCUT):
+    for path in subject.own(Operation.WELDCUT):
         for row, wider_mm in excesses_mm(subject, path.contour, 0.0).items():
             seam_mm = wider_mm / 2.0 - half_kerf_mm
             name = subject.names[row]

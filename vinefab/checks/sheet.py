@@ -14,7 +14,11 @@ def look_bed(subject: Subject, _: Limits) -> Looked | NotLooked:
     """VF-S01: every machined path lies on the bed, inside its margins."""
     if subject.profile is None or subject.job is None:
         return _NO_RECIPE
-    machine = subject.profile.machine
+    machine, facts = subject.profile.machine, subject.job.facts
+    wanted, placed = facts.get("robots_wanted", 1), facts.get("robots_placed", 1)
+    if wanted != placed:
+        words = f"only {placed} of {wanted} robots find room on the bed: make fewer at once"
+        return Looked(checked=1, hits=(Hit(message=words, aspect="copies"),))
     paths = [path for path in subject.job.paths if path.operation.is_machined]
     boxes = [path.contour.box_mm for path in paths]
     margin_mm = machine.margin_mm.value

@@ -10,9 +10,10 @@ from vinefab.core.errors import BadInputError
 from vinefab.geometry.laser import laser_job
 from vinefab.geometry.layout import FlatLayout, flat_layout
 from vinefab.geometry.outline import BodyOutline, body_outline
+from vinefab.geometry.sheet import ONE, SheetOptions
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
-from vinefab.model.job import Job
+from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.rigfacts import Course, RigFacts
 
@@ -75,6 +76,7 @@ class Subject:
         readback: Mapping[str, tuple[str, ...]] | None = None,
         deployments: tuple[Deployment, ...] = (),
         places: tuple[str, ...] = (),
+        sheet: SheetOptions = ONE,
     ) -> "Subject":
         """Return the subject of a design, with all that follows from it worked out.
 
@@ -82,6 +84,8 @@ class Subject:
         ----------
         design, profile, readback, deployments, places
             As in the class.
+        sheet
+            What the sheet is to hold beside the design.
 
         Raises
         ------
@@ -100,7 +104,7 @@ class Subject:
             names=layout.tree.ids,
             shapes=shapes_of(layout, design.build),
             outline=body_outline(design),
-            job=laser_job(design, profile) if profile else None,
+            job=laser_job(design, profile, sheet) if profile else None,
             readback=readback,
             deployments=deployments,
             places=places,
@@ -116,6 +120,11 @@ class Subject:
         """What to call the map of each deployment."""
         numbered = (f"deployment {number}" for number in range(1, 1 + len(self.deployments)))
         return self.places or tuple(numbered)
+
+    def own(self, operation: Operation) -> tuple[LaserPath, ...]:
+        """Return the paths of one operation that belong to this design."""
+        paths = self.job.along(operation) if self.job else ()
+        return tuple(path for path in paths if path.of in ("", self.design.name))
 
     def ids(self, *branches: int) -> tuple[str, ...]:
         """Return the names of branches, by index."""

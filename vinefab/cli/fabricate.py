@@ -11,6 +11,7 @@ from vinefab.export.archive import zip_bytes
 from vinefab.files.design import read_design
 from vinefab.files.profile import read_profile
 from vinefab.files.shipped import DEFAULT_RECIPE
+from vinefab.geometry.sheet import SheetOptions
 from vinefab.pipeline.check import check_lines
 from vinefab.pipeline.fabricate import package, prepare
 
@@ -37,6 +38,17 @@ def fabricate_command(
     r12: Annotated[
         bool, typer.Option("--r12", help="Also write a DXF of release 12, which knows no unit.")
     ] = False,
+    copies: Annotated[
+        int, typer.Option(min=1, max=200, help="How many robots to nest on one bed.")
+    ] = 1,
+    beside: Annotated[
+        list[str] | None,
+        typer.Option("--with", help="Another design for the same sheet; may be repeated."),
+    ] = None,
+    process: Annotated[
+        str,
+        typer.Option(help="weldcut (one pass), weld+cut, or auto: what the recipe has."),
+    ] = "auto",
     quiet: Quiet = False,
     force: Force = False,
 ) -> int:
@@ -49,9 +61,12 @@ def fabricate_command(
     archive = out.with_name(f"{out.name}.zip")
     if make_zip:
         ensure_writable(archive, force=force)
-    prepared = prepare(read_design(design), read_profile(recipe), r12=r12)
-    for line in check_lines(prepared.report):
-        voice.say(line)
+    others = tuple(read_design(name) for name in beside or ())
+    sheet = SheetOptions(copies=copies, beside=others, process=process)
+    prepared = prepare(read_design(design), read_profile(recipe), sheet=sheet, r12=r12)
+    for report in (prepared.report, *prepared.beside):
+        for line in check_lines(report):
+            voice.say(line)
     if why := prepared.refusal(allow_uncalibrated=allow_uncalibrated):
         older = f"; {out} still holds an earlier package, not this design" if out.exists() else ""
         typer.echo(f"nothing written: {why}{older}", err=True)

@@ -6,7 +6,7 @@ from textwrap import fill
 from vinefab.core.jsontext import GENERATOR
 from vinefab.geometry.coupon import BALLOONS, FILLETS_MM, LADDER_MM, SQUARE_MM, STRIP_MM, STRIPS
 from vinefab.geometry.coupon_matrix import FOCUS_MM, Matrix
-from vinefab.geometry.laser import weldcut_offset_mm
+from vinefab.geometry.passes import weldcut_offset_mm
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from vinefab.core.errors import BadInputError
 from vinefab.geometry.coupon import Piece
-from vinefab.geometry.laser import weldcut_offset_mm
+from vinefab.geometry.passes import weldcut_offset_mm
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 

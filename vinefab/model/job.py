@@ -53,6 +53,8 @@ class LaserPath:
         Where the beam's centre goes: seam and kerf offsets are already applied.
     label
         What it is, for the technician (``outline of six_branch_anchor``).
+    of
+        Name of the design that it is part of; empty for none.
     variant
         A short name for settings of its own; empty for those of the recipe. Paths of one
         operation and variant share a layer.
@@ -63,6 +65,7 @@ class LaserPath:
     operation: Operation
     contour: Contour
     label: str = ""
+    of: str = ""
     variant: str = ""
     settings: OperationSettings | None = None
 

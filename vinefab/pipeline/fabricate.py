@@ -12,6 +12,7 @@ from vinefab.export.laser_files import laser_file_problems, laser_files
 from vinefab.export.package import PackageContent, ensure_right, package_files
 from vinefab.geometry.laser import laser_job
 from vinefab.geometry.outline import body_outline
+from vinefab.geometry.sheet import ONE, SheetOptions
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport
@@ -49,6 +50,8 @@ class Prepared:
         The laser files by name, empty when a rule forbids the design.
     readback
         What was wrong with each of them when it was read again.
+    beside
+        Every rule's outcome for each of the other designs on the sheet.
     """
 
     design: Design
@@ -57,6 +60,7 @@ class Prepared:
     report: CheckReport
     laser: Mapping[str, bytes] = field(default_factory=dict)
     readback: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    beside: tuple[CheckReport, ...] = ()
 
     def refusal(self, *, allow_uncalibrated: bool) -> str:
         """Return why no files may be written, or an empty string.
@@ -66,8 +70,9 @@ class Prepared:
         allow_uncalibrated
             Whether a recipe that no coupon has confirmed will do.
         """
-        if self.report.blocking:
-            broken = ", ".join(sorted({finding.rule for finding in self.report.blocking}))
+        blocking = [f for report in (self.report, *self.beside) for f in report.blocking]
+        if blocking:
+            broken = ", ".join(sorted({finding.rule for finding in blocking}))
             return f"{broken} forbid it: mend the design, or waive them in it with a reason"
         recipe = self.profile.recipe
         if recipe.status is RecipeStatus.UNVERIFIED and not allow_uncalibrated:
@@ -83,6 +88,7 @@ def prepare(
     profile: LaserProfile,
     deployments: Sequence[Deployment] = (),
     *,
+    sheet: SheetOptions = ONE,
     r12: bool = False,
 ) -> Prepared:
     """Return a design's job and what every rule says.
@@ -96,12 +102,15 @@ def prepare(
         What is made, and with what.
     deployments
         Simulated deployments, for the rules that look at paths.
+    sheet
+        How many robots, and which others beside them.
     r12
         Write a DXF of release 12 too.
     """
-    subject = Subject.of(design, profile, deployments=tuple(deployments))
-    job = laser_job(design, profile) if subject.job is None else subject.job
+    subject = Subject.of(design, profile, deployments=tuple(deployments), sheet=sheet)
+    job = laser_job(design, profile, sheet) if subject.job is None else subject.job
     report = run_checks(subject)
+    beside = tuple(run_checks(Subject.of(other, profile)) for other in sheet.beside)
     files: dict[str, bytes] = {}
     problems: dict[str, tuple[str, ...]] = {}
     if not report.blocking:
@@ -117,6 +126,7 @@ def prepare(
         report=report,
         laser=files,
         readback=problems,
+        beside=beside,
     )
 
 

@@ -1,0 +1,57 @@
+import itertools
+
+import numpy as np
+import pytest
+import shapely
+
+from vinefab.geometry.laser import laser_job
+from vinefab.geometry.nesting import APART_MM, nest
+from vinefab.geometry.sheet import SheetOptions
+from vinefab.model.job import Operation
+from vinefab.model.outline import Contour
+
+
+def bodies(job):
+    paths = job.along(Operation.WELDCUT)
+    return [shapely.Polygon(path.contour.flattened_mm()) for path in paths]
+
+
+def test_copies_and_other_designs_keep_apart_and_on_the_bed(make_plan, make_fan, profile):
+    tree = make_plan((30.0, 14.0), levels=[make_fan(3, 90, 130)], trunk=90.0, tail=80.0)
+    vine = make_plan((20.0,), trunk=150.0, tail=50.0)
+    job = laser_job(tree, profile, SheetOptions(copies=3, beside=(vine,)))
+    assert (job.facts["robots_wanted"], job.facts["robots_placed"]) == (4, 4)
+    robots = bodies(job)
+    assert len(robots) == len(job.along(Operation.CUT)) == 4
+    for one, two in itertools.combinations(robots, 2):
+        assert one.distance(two) >= APART_MM
+    usable = shapely.box(10.0, 10.0, 590.0, 390.0)
+    assert all(usable.covers(robot) for robot in robots)
+    areas = sorted(robot.area for robot in robots)
+    assert areas[1:] == pytest.approx([areas[-1]] * 3)
+
+
+def test_robots_lie_in_each_others_arms(make_plan, make_fan, profile):
+    fork = make_plan((20.0, 12.0), levels=[make_fan(2, 250, 90)], trunk=60.0, tail=60.0)
+    together = bodies(laser_job(fork, profile, SheetOptions(copies=2)))
+    assert len(together) == 2
+    box = shapely.union_all(together).envelope
+    assert box.area < 0.9 * sum(robot.minimum_rotated_rectangle.area for robot in together)
+
+
+def test_what_finds_no_room_is_left_out_and_counted(make_plan, profile):
+    vine = make_plan((100.0,), trunk=350.0, tail=150.0)
+    job = laser_job(vine, profile, SheetOptions(copies=5))
+    assert job.facts["fits_bed"] is False
+    assert job.facts["robots_wanted"] == 5
+    assert len(bodies(job)) == job.facts["robots_placed"] == 3
+
+
+def test_boards_fill_a_bed_without_touching():
+    corners = np.array([[0, 0], [90, 0], [90, 40], [0, 40]], dtype=float)
+    board = (Contour.polyline(corners, closed=True),)
+    found = nest([board] * 4, (220.0, 120.0), 5.0)
+    shapes = [shapely.Polygon(p.moved(board[0]).points_mm) for p in found if p]
+    assert len(shapes) == 4
+    for one, two in itertools.combinations(shapes, 2):
+        assert one.distance(two) >= APART_MM

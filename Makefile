@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test check format bench fuzz clean constraints
+.PHONY: demo test check format bench fuzz outlines clean constraints
 
 demo: $(READY)
 	$(BIN)/vinefab demo --out demo
@@ -25,6 +25,9 @@ bench: $(READY)
 
 fuzz: $(READY)
 	$(BIN)/python tests/growth/fuzz.py
+
+outlines: $(READY)
+	$(BIN)/python tests/geometry/property.py
 
 format: $(READY)
 	$(BIN)/ruff format .

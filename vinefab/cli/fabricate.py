@@ -49,6 +49,9 @@ def fabricate_command(
         str,
         typer.Option(help="weldcut (one pass), weld+cut, or auto: what the recipe has."),
     ] = "auto",
+    pass_through: Annotated[
+        bool, typer.Option("--pass-through", help="Film may be fed along the bed's width.")
+    ] = False,
     quiet: Quiet = False,
     force: Force = False,
 ) -> int:
@@ -62,7 +65,7 @@ def fabricate_command(
     if make_zip:
         ensure_writable(archive, force=force)
     others = tuple(read_design(name) for name in beside or ())
-    sheet = SheetOptions(copies=copies, beside=others, process=process)
+    sheet = SheetOptions(copies=copies, beside=others, process=process, pass_through=pass_through)
     prepared = prepare(read_design(design), read_profile(recipe), sheet=sheet, r12=r12)
     for report in (prepared.report, *prepared.beside):
         for line in check_lines(report):

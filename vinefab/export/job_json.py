@@ -8,6 +8,7 @@ from vinefab.core.units import deg
 from vinefab.export.bom import weakest
 from vinefab.export.colours import Colours
 from vinefab.export.drawn import styled_paths
+from vinefab.export.laser_files import DXF_NAME, SVG_NAME, tile_name
 from vinefab.model.design import Build, Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile, Machine, Material, OperationSettings, Quantity
@@ -57,6 +58,14 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
                 if job.along(operation)
             ],
             "paths": _paths(job, colours),
+            "tiles": [
+                {
+                    "files": [tile_name(number, name) for name in (DXF_NAME, SVG_NAME)],
+                    "facts": dict(tile.facts),
+                    "paths": _paths(tile, colours),
+                }
+                for number, tile in enumerate(job.tiles, start=1)
+            ],
         },
     )
 

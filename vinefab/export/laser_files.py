@@ -20,6 +20,15 @@ PROJECT_NAME = "outline.lbrn2"
 LIBRARY_NAME = "recipe.clb"
 
 
+def tile_name(number: int, name: str) -> str:
+    """Return the name of a tile's file.
+
+    >>> tile_name(2, "outline.dxf")
+    'tile_2_outline.dxf'
+    """
+    return f"tile_{number}_{name}"
+
+
 def laser_files(
     job: Job,
     colours: Colours = DEFAULT,

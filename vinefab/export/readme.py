@@ -62,6 +62,7 @@ def readme_text(design: Design, job: Job, profile: LaserProfile, colours: Colour
         _section("1. Film", _film(job, profile)),
         _section("2. Coupon first", _coupon(profile)),
         _section("3. The file", _file(job, colours)),
+        *([_section("3a. In tiles", _tiles(job))] if job.tiles else []),
         _section("4. Layers, in the order in which they must run", _layers(job, profile, colours)),
         _section("5. At the machine", _machine(job, profile, colours)),
         _section("6. After cutting: measure", _measure(design, job, profile)),
@@ -126,6 +127,23 @@ def _file(job: Job, colours: Colours) -> list[str]:
     ]
     if min(x0, y0) < 0.0 or x1 > job.sheet_width_mm or y1 > job.sheet_height_mm:
         steps.append("WARNING: the paths reach beyond the bed. Do not scale them to make them fit.")
+    return steps
+
+
+def _tiles(job: Job) -> list[str]:
+    steps = [
+        f"The robot is larger than the bed: run the files tile_1_... to tile_{len(job.tiles)}_..."
+        f" in this order, not {DXF_NAME}, which shows the whole.",
+        "Each tile marks crosses on the film for later tiles. Move the film on without letting the"
+        " plies slide, then align: the two crosses drawn on the REG layer of a tile (never cut)"
+        " must lie on the two marked on the film (print-and-cut alignment, or by the pointer).",
+        "Paths run twice over 12 mm where tiles meet: that is meant.",
+    ]
+    for tile in job.tiles[1:]:
+        facts = tile.facts
+        steps.append(
+            f"Tile {facts['tile']} is aligned to crosses made with tile {facts['aligned_to_tile']}."
+        )
     return steps
 
 

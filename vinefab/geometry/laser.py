@@ -11,6 +11,7 @@ from vinefab.geometry.order import in_order
 from vinefab.geometry.passes import BodyPaths, body_paths
 from vinefab.geometry.placement import Placement, place
 from vinefab.geometry.sheet import ONE, SheetOptions
+from vinefab.geometry.tilejobs import Tiled, target_paths, tile_jobs, tiled
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
@@ -76,6 +77,13 @@ def laser_job(design: Design, profile: LaserProfile, sheet: SheetOptions = ONE) 
     """
     robots = _placed_robots(design, profile, sheet)
     machine = profile.machine
+    alone = robots[0].placement if len(robots) == 1 else None
+    parted: Tiled | str = ""
+    if alone is not None and not alone.fits:
+        body = robots[0].body
+        parted = tiled(design, body, profile, pass_through=sheet.pass_through)
+        if isinstance(parted, Tiled):
+            return _tiled_job(design, body, profile, parted)
     bodies = [path for robot in robots for path in robot.paths]
     margin = machine.margin_mm.value
     usable = machine.usable_mm
@@ -91,7 +99,28 @@ def laser_job(design: Design, profile: LaserProfile, sheet: SheetOptions = ONE) 
             **robots[0].body.facts,
             **_placement_facts(robots, profile),
             **_body_facts(robots[0]),
+            **({"tiling": parted} if parted else {}),
         },
+    )
+
+
+def _tiled_job(design: Design, body: BodyPaths, profile: LaserProfile, parted: Tiled) -> Job:
+    """Return the job of a robot in tiles: the whole on its film, and one job per tile."""
+    robot = Robot(design=design, body=body, placement=parted.placement)
+    first, room = parted.tiles[0], profile.machine.usable_mm
+    within = (*first.low_mm, first.low_mm[0] + room[0], first.low_mm[1] + room[1])
+    targets = [path for tile in parted.tiles for path in target_paths(tile, profile)]
+    marks = marks_of([robot], [*robot.paths, *targets], profile, within)
+    facts = {**_recipe_facts(profile), **body.facts, **_body_facts(robot)}
+    jobs = tile_jobs(design.name, profile, parted.tiles, marks, facts)
+    made = [mark for mark in targets if mark.operation is Operation.MARK]
+    return Job(
+        name=design.name,
+        sheet_width_mm=parted.sheet_mm[0],
+        sheet_height_mm=parted.sheet_mm[1],
+        paths=in_order([*marks, *made, *robot.paths]),
+        facts={**facts, **_placement_facts([robot], profile), "tiles": len(jobs)},
+        tiles=jobs,
     )
 
 

@@ -67,7 +67,7 @@ class Free:
 
     def __init__(self, paths: Sequence[LaserPath], within: Box) -> None:
         self.within = within
-        self.taken = shapely.union_all([_region(path.contour) for path in paths])
+        self.taken = shapely.union_all([region(path.contour) for path in paths])
         shapely.prepare(self.taken)
 
     def has(self, contour: Contour) -> bool:
@@ -152,8 +152,8 @@ def _strokes(lines: Sequence[str], height: float, box: Box, *, upright: bool) ->
     return strokes
 
 
-def _region(contour: Contour) -> shapely.Geometry:
-    """Return what a path takes: a line, or all that it encloses."""
+def region(contour: Contour) -> shapely.Geometry:
+    """Return what a path takes of the sheet: a line, or all that it encloses."""
     points = contour.flattened_mm(0.05)
     line = shapely.LineString(points)
     if closes(contour) and not contour.closed:

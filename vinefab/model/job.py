@@ -96,6 +96,9 @@ class Job:
         In process order: mark, weld, weldcut, cut; then what is not machined.
     facts
         Settings to be recorded beside the paths: offsets applied, recipe, rotation; plain values.
+    tiles
+        Where the sheet is larger than the machine's bed: the jobs to run instead, one after the
+        other on the same film.
     """
 
     name: str
@@ -103,6 +106,7 @@ class Job:
     sheet_height_mm: float
     paths: tuple[LaserPath, ...]
     facts: Mapping[str, object] = field(default_factory=dict)
+    tiles: "tuple[Job, ...]" = ()
 
     def __post_init__(self) -> None:
         positive("sheet_width_mm", self.sheet_width_mm)

@@ -8,7 +8,12 @@ from vinefab.checks.subject import Subject
 from vinefab.export.bom import bill_of_materials
 from vinefab.export.checks_json import checks_text
 from vinefab.export.colours import PRESETS
-from vinefab.export.laser_files import laser_file_problems, laser_files
+from vinefab.export.laser_files import (
+    LIBRARY_NAME,
+    laser_file_problems,
+    laser_files,
+    tile_name,
+)
 from vinefab.export.package import PackageContent, ensure_right, package_files
 from vinefab.geometry.laser import laser_job
 from vinefab.geometry.outline import body_outline
@@ -118,6 +123,12 @@ def prepare(
         hairline_mm = profile.machine.hairline_mm
         files = laser_files(job, colours, hairline_mm=hairline_mm, profile=profile, r12=r12)
         problems = laser_file_problems(files, job, colours, profile)
+        for number, tile in enumerate(job.tiles, start=1):
+            own = laser_files(tile, colours, hairline_mm=hairline_mm, profile=profile, r12=r12)
+            said = laser_file_problems(own, tile, colours, profile)
+            names = {name: tile_name(number, name) for name in own if name != LIBRARY_NAME}
+            files |= {new: own[name] for name, new in names.items()}
+            problems |= {new: said[name] for name, new in names.items()}
         report = run_checks(replace(subject, readback=problems))
     return Prepared(
         design=design,

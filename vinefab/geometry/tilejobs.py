@@ -1,0 +1,183 @@
+"""The jobs of a robot that is cut in tiles, and the job of the whole for pictures and checks."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vinefab.geometry.layout import flat_layout
+from vinefab.geometry.marks import mark
+from vinefab.geometry.order import in_order
+from vinefab.geometry.passes import BodyPaths
+from vinefab.geometry.pieces import OVERLAP_MM, Axes
+from vinefab.geometry.placement import Placement, place
+from vinefab.geometry.tiling import TARGET_MM, NoTilesError, Point, Tile, tiles_of
+from vinefab.model.design import Design
+from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.laser import LaserProfile
+from vinefab.model.outline import Contour
+
+_TURNS_RAD = (0.0, math.pi / 2, math.pi / 4, -math.pi / 4)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tiled:
+    """A robot in tiles.
+
+    Parameters
+    ----------
+    placement
+        Where the whole lies on the film.
+    sheet_mm
+        Size of the film around it.
+    tiles
+        The tiles, in the film's coordinates.
+    """
+
+    placement: Placement
+    sheet_mm: Point
+    tiles: tuple[Tile, ...]
+
+
+def tiled(
+    design: Design, body: BodyPaths, profile: LaserProfile, *, pass_through: bool = False
+) -> Tiled | str:
+    """Return a robot in as few tiles as a turn of it allows, or why it cannot be tiled.
+
+    Parameters
+    ----------
+    design, body
+        The robot and its paths in the flat layout.
+    profile
+        Its machine has the bed.
+    pass_through
+        Whether the film is fed along the bed's width.
+    """
+    room, margin = profile.machine.usable_mm, profile.machine.margin_mm.value
+    contours = [path.contour for path in body.paths]
+    best = place(contours, (1e9, room[1]) if pass_through else room, margin)
+    reason, found = "", list[Tiled]()
+    for turn in dict.fromkeys((best.angle_rad, *(() if pass_through else _TURNS_RAD))):
+        placement = _laid(contours, turn, margin)
+        paths = [_moved(path, placement) for path in body.paths]
+        try:
+            tiles = tiles_of(_axes(design, placement), paths, room, pass_through=pass_through)
+        except NoTilesError as error:
+            reason = reason or str(error)
+            continue
+        size = placement.width_mm + 2.0 * margin, placement.height_mm + 2.0 * margin
+        found.append(Tiled(placement=placement, sheet_mm=size, tiles=tuple(tiles)))
+    return min(found, key=lambda one: len(one.tiles), default=None) or reason
+
+
+def target_paths(tile: Tile, profile: LaserProfile) -> list[LaserPath]:
+    """Return a tile's registration targets: those that it makes, then those that it finds."""
+    made = [mark(line, "registration target", "") for line in _crosses(tile.made_mm)]
+    if Operation.MARK not in profile.recipe.operations:
+        made = [_reg(path.contour) for path in made]
+    return [*made, *(_reg(line) for line in _crosses(tile.found_mm))]
+
+
+def tile_jobs(
+    name: str,
+    profile: LaserProfile,
+    tiles: Sequence[Tile],
+    marks: Sequence[LaserPath],
+    facts: dict[str, object],
+) -> tuple[Job, ...]:
+    """Return one job per tile, in the order in which they are cut.
+
+    Parameters
+    ----------
+    name
+        The design's name.
+    profile
+        Its machine has the bed.
+    tiles
+        The tiles, in the film's coordinates.
+    marks
+        Fold line and label, made with the first tile.
+    facts
+        What holds for all of them.
+    """
+    machine, jobs = profile.machine, []
+    corner = machine.margin_mm.value
+    for number, tile in enumerate(tiles, start=1):
+        shift = corner - tile.low_mm[0], corner - tile.low_mm[1]
+        own = [*(marks if number == 1 else ()), *target_paths(tile, profile), *tile.paths]
+        jobs.append(
+            Job(
+                name=f"{name}_tile_{number}",
+                sheet_width_mm=machine.bed_width_mm.value,
+                sheet_height_mm=machine.bed_height_mm.value,
+                paths=in_order(_shifted(path, shift) for path in own),
+                facts={
+                    **facts,
+                    "tile": number,
+                    "tiles": len(tiles),
+                    "window_x_mm": -shift[0],
+                    "window_y_mm": -shift[1],
+                    "overlap_mm": OVERLAP_MM,
+                    "aligned_to_tile": None if tile.after is None else tile.after + 1,
+                    "targets_found_mm": _seen(tile.found_mm, shift),
+                    "targets_made_mm": _seen(tile.made_mm, shift),
+                },
+            )
+        )
+    return tuple(jobs)
+
+
+def _axes(design: Design, placement: Placement) -> Axes:
+    layout = flat_layout(design)
+    start = layout.start_mm.copy()
+    start[0, 0] -= layout.tail_mm
+    cos, sin = math.cos(placement.angle_rad), math.sin(placement.angle_rad)
+    turn = np.array([[cos, sin], [-sin, cos]])
+    along = np.column_stack([np.cos(layout.heading_rad), np.sin(layout.heading_rad)])
+    return Axes(
+        names=layout.tree.ids,
+        parent=tuple(layout.tree.parent.tolist()),
+        start_mm=start @ turn + np.array([placement.dx_mm, placement.dy_mm]),
+        along=along @ turn,
+    )
+
+
+def _laid(contours: Sequence[Contour], turn_rad: float, corner_mm: float) -> Placement:
+    boxes = np.array([contour.moved(turn_rad, 0.0, 0.0).box_mm for contour in contours])
+    (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0).tolist(), boxes[:, 2:].max(axis=0).tolist()
+    return Placement(
+        angle_rad=turn_rad,
+        dx_mm=corner_mm - x0,
+        dy_mm=corner_mm - y0,
+        width_mm=x1 - x0,
+        height_mm=y1 - y0,
+        fits=False,
+    )
+
+
+def _moved(path: LaserPath, placement: Placement) -> LaserPath:
+    contour = placement.moved(path.contour)
+    return LaserPath(operation=path.operation, contour=contour, label=path.label, of=path.of)
+
+
+def _shifted(path: LaserPath, shift_mm: Point) -> LaserPath:
+    contour = path.contour.moved(0.0, *shift_mm)
+    return LaserPath(operation=path.operation, contour=contour, label=path.label, of=path.of)
+
+
+def _reg(contour: Contour) -> LaserPath:
+    return LaserPath(operation=Operation.REG, contour=contour, label="registration target")
+
+
+def _crosses(middles_mm: Sequence[Point]) -> list[Contour]:
+    half, lines = TARGET_MM / 2.0, []
+    for x, y in middles_mm:
+        for dx, dy in ((half, 0.0), (0.0, half)):
+            ends = np.array([[x - dx, y - dy], [x + dx, y + dy]])
+            lines.append(Contour.polyline(ends, closed=False))
+    return lines
+
+
+def _seen(points_mm: Sequence[Point], shift_mm: Point) -> list[list[float]]:
+    return [[x + shift_mm[0], y + shift_mm[1]] for x, y in points_mm]

@@ -1,8 +1,4 @@
-import os
-import signal
 import sqlite3
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -198,46 +194,3 @@ def test_a_full_disk_keeps_what_was_recorded(
             store.add(generations[1], {"generation": "x" * 100_000})
         assert len(store.generations()) == 1
         assert store.optimizer_state() == {"generation": 1}
-
-
-PROGRAM = """
-import sys
-from pathlib import Path
-from vinefab.environments.grid import grid_map
-from vinefab.optimize.identity import RunIdentity
-from vinefab.optimize.loop import optimize
-from vinefab.optimize.settings import *
-from vinefab.optimize.store import RunStore
-settings = RunSettings(
-    search=SearchSettings(population=6, generations=40, seed=3),
-    evaluation=EvaluationSettings(fabricable=False, finalists=2, final_poses_per_map=1),
-)
-maps = (grid_map(1),)
-with RunStore.open(Path(sys.argv[1]), RunIdentity.of(settings, maps), resume=True) as store:
-    print("open", flush=True)
-    optimize(settings, maps, store=store, progress=lambda p: print(p.generation, flush=True))
-"""
-
-
-def test_killed_processes_lose_at_most_the_generation_at_hand(tmp_path: Path) -> None:
-    subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(tmp_path / "whole")],
-        check=True,
-        stdout=subprocess.DEVNULL,
-    )
-    killed = tmp_path / "killed"
-    for lines in (3, 5):
-        process = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, str(killed)], stdout=subprocess.PIPE, text=True
-        )
-        assert process.stdout is not None
-        for _ in range(lines):
-            process.stdout.readline()
-        os.kill(process.pid, signal.SIGKILL)
-        process.communicate()
-        assert process.returncode == -signal.SIGKILL
-    assert 0 < len(content(killed)["generation"]) < 40
-    subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(killed)], check=True, stdout=subprocess.DEVNULL
-    )
-    assert content(killed) == content(tmp_path / "whole")

@@ -11,7 +11,13 @@ from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.files.design import design_text
 from vinefab.files.run import read_run
 from vinefab.optimize.history import Progress
-from vinefab.pipeline.optimize import progress_words, result_json, result_lines, search
+from vinefab.pipeline.optimize import (
+    progress_words,
+    result_json,
+    result_lines,
+    search,
+    workforce,
+)
 
 
 def add_to(app: typer.Typer) -> None:
@@ -24,6 +30,10 @@ def optimize_command(
     run_file: Annotated[Path, typer.Argument(metavar="RUN.toml", help="The run file.")],
     out: Annotated[Path, typer.Option("--out", help="Folder for the record and best.toml.")],
     workers: Annotated[int, typer.Option(min=1, help="Threads; results do not depend on it.")] = 1,
+    cluster: Annotated[
+        str | None,
+        typer.Option(help="local:N, or a dask scheduler's address, in place of --workers."),
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out.")] = False,
     json_out: JsonOut = None,
     quiet: Quiet = False,
@@ -31,7 +41,7 @@ def optimize_command(
 ) -> None:
     """Search for the best design; every generation is kept, so that --resume goes on from there.
 
-    Example: vinefab optimize examples/grid_coverage.toml --out run
+    Example: vinefab optimize examples/grid_coverage.toml --out run --workers 2
     """
     voice = Voice(quiet=quiet, json_out=json_out, force=force)
     settings = read_run(run_file)
@@ -43,7 +53,8 @@ def optimize_command(
         def tell(progress: Progress) -> None:
             show(progress.generation / progress.generations, progress_words(progress))
 
-        result = search(settings, out, resume=resume, workers=workers, tell=tell)
+        crew = workforce(workers, cluster)
+        result = search(settings, out, resume=resume, workers=crew, tell=tell)
     write_text(out / "best.toml", design_text(result.best), force=force)
     for line in result_lines(result):
         voice.say(line)

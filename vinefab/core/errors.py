@@ -110,6 +110,18 @@ class CannotWriteError(VinefabError, OSError):
         return f"{self.path}: cannot be written: {self.problem}"
 
 
+class WorkersLostError(VinefabError, ConnectionError):
+    """Nobody is left to do the work; what was done is kept."""
+
+    def __init__(self, where: str, problem: str) -> None:
+        self.where = where
+        self.problem = problem
+        super().__init__(where, problem)
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.problem}; --resume goes on with what is recorded"
+
+
 class ReadBackError(VinefabError, ValueError):
     """A file just written does not say, read again, what it was meant to say."""
 

@@ -67,6 +67,7 @@ class TimeSplit:
         """
         total_s = max(self.total_s, 1e-9)
         room_s = max(self.workers * self.evaluating_s, 1e-9)
+        worked_s = self.making_s + self.growth_s + self.scoring_s
         return {
             "evaluating": self.evaluating_s / total_s,
             "optimizer": self.optimizer_s / total_s,
@@ -76,7 +77,7 @@ class TimeSplit:
             "growth": self.growth_s / room_s,
             "scoring": self.scoring_s / room_s,
             "making": self.making_s / room_s,
-            "useful": (self.growth_s + self.scoring_s) / max(self.processor_s, 1e-9),
+            "useful": (self.growth_s + self.scoring_s) / max(self.processor_s, worked_s, 1e-9),
         }
 
     @classmethod
@@ -116,6 +117,11 @@ class Ledger:
         self._process_s = time.process_time()
         self._spent_s = {"evaluating_s": 0.0, "optimizer_s": 0.0, "store_s": 0.0}
         self._work = Work()
+
+    @property
+    def worked_s(self) -> float:
+        """Processor time of all workers so far."""
+        return sum(self._work)
 
     @contextmanager
     def spending(self, part: str) -> Iterator[None]:

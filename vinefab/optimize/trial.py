@@ -71,6 +71,23 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Brief:
+    """What a trial is made of: little enough to be sent to another computer.
+
+    Parameters
+    ----------
+    settings, maps
+        The run.
+    penalty
+        None in a run that does not ask for designs that can be made.
+    """
+
+    settings: RunSettings
+    maps: tuple[Map, ...]
+    penalty: Penalty | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trial:
     """Everything that an evaluation needs, the same for all points of a run.
 
@@ -90,6 +107,8 @@ class Trial:
         How scores become a fitness.
     penalty
         None in a run that does not ask for designs that can be made.
+    brief
+        What it was made of.
     """
 
     sites: tuple[Site, ...]
@@ -99,6 +118,7 @@ class Trial:
     growth: GrowthOptions
     evaluation: EvaluationSettings
     penalty: Penalty | None
+    brief: Brief
 
     @classmethod
     def of(cls, settings: RunSettings, maps: Sequence[Map], penalty: Penalty | None) -> "Trial":
@@ -124,6 +144,7 @@ class Trial:
             key, allowed = "evaluation.maps_per_generation", f"at most the {len(maps)} maps"
             raise BadInputError(key, evaluation.maps_per_generation, allowed)
         sites = tuple(Site.of(_with_range(world, evaluation.pose_range)) for world in maps)
+        used = penalty if evaluation.fabricable else None
         return cls(
             sites=sites,
             atlas=Atlas([site.terrain for site in sites]),
@@ -131,7 +152,8 @@ class Trial:
             task=_search_task(settings.task, evaluation.head_on_weight),
             growth=settings.growth,
             evaluation=evaluation,
-            penalty=penalty if evaluation.fabricable else None,
+            penalty=used,
+            brief=Brief(settings=settings, maps=tuple(maps), penalty=used),
         )
 
     def poses(self, seed: int, stream: int, generation: int, count: int) -> Poses:

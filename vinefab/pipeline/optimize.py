@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import json_text
 from vinefab.files.map import read_map
 from vinefab.files.profile import read_profile
@@ -18,7 +19,7 @@ from vinefab.optimize.settings import RunSettings
 from vinefab.optimize.store import RunStore
 from vinefab.optimize.training import generated_maps
 from vinefab.optimize.trial import Penalty
-from vinefab.optimize.workers import Workforce
+from vinefab.optimize.workers import Threads, Workforce
 from vinefab.pipeline.making import Making
 
 Tell = Callable[[Progress], None]
@@ -44,6 +45,30 @@ def penalty_of(settings: RunSettings) -> Penalty | None:
     making = Making(profile=read_profile(settings.evaluation.recipe or DEFAULT_RECIPE))
     making.check_build(settings.build.build(1))
     return making
+
+
+def workforce(workers: int, cluster: str | None) -> Workforce:
+    """Return who evaluates: threads, or the workers of a cluster.
+
+    Parameters
+    ----------
+    workers
+        Threads; 1 beside a cluster.
+    cluster
+        Address of a cluster, or None.
+
+    Raises
+    ------
+    BadInputError
+        If both are asked for, or the address cannot be one.
+    """
+    if cluster is None:
+        return Threads(workers)
+    if workers != 1:
+        raise BadInputError("--workers", workers, "not beside --cluster")
+    from vinefab.optimize.cluster import Cluster  # noqa: PLC0415 - for those who ask
+
+    return Cluster(cluster)
 
 
 def search(

@@ -1,0 +1,257 @@
+"""Evaluating points on the workers of a dask cluster, on this computer or on many.
+
+The package is loaded only when a cluster is asked for. Every worker makes the run's maps ready
+once, from what the run is made of; then it is sent points and poses and sends back what they are
+worth. Work on a worker that dies is done again by another. Points do not influence each other, so
+results depend neither on the workers nor on how the work was cut.
+"""
+
+import importlib.util
+import math
+import pickle
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from vinefab.core.errors import BadInputError, WorkersLostError
+from vinefab.core.hashing import sha256_of
+from vinefab.model.checked import Floats
+from vinefab.optimize.parcel import packed, unpacked
+from vinefab.optimize.result import package_versions
+from vinefab.optimize.timing import Ledger, Work
+from vinefab.optimize.trial import Brief, Candidate, Trial
+from vinefab.optimize.workers import Evaluate, in_pieces
+from vinefab.tasks.evaluate import Poses
+
+TRIP_S = 0.1
+"""Work in one piece that is sent: a trip there and back takes some milliseconds."""
+
+PATIENCE_S = 60.0
+"""How long a run waits without any worker before it gives up."""
+
+LOOK_S = 2.0
+"""How often it looks whether there are workers."""
+
+MOST_DEATHS = 20
+"""So often work is given out anew after it killed several workers; then it must be the work."""
+
+Sent = tuple[list[Candidate], Work]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parcel:
+    """What every worker is sent once.
+
+    Parameters
+    ----------
+    name
+        The same for the same content.
+    brief
+        What the run is made of, pickled.
+    versions
+        Those that all must have.
+    """
+
+    name: str
+    brief: bytes
+    versions: Mapping[str, str]
+
+    @classmethod
+    def of(cls, brief: Brief) -> "Parcel":
+        """Return the parcel of a run.
+
+        Raises
+        ------
+        BadInputError
+            If what decides which designs can be made cannot be sent.
+        """
+        try:
+            data = packed(brief)
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            allowed = "a penalty that can be pickled"
+            raise BadInputError("--cluster", str(error), allowed) from error
+        return cls(name=sha256_of(data), brief=data, versions=package_versions())
+
+
+class Cluster:
+    """The workers of a dask scheduler.
+
+    Parameters
+    ----------
+    address
+        ``local:N`` for N processes on this computer, else a scheduler's address
+        (``tcp://host:8786``) or its file (``scheduler.json``).
+    patience_s
+        How long to wait without any worker.
+
+    Raises
+    ------
+    BadInputError
+        If the address cannot be one, or the package is missing.
+    """
+
+    def __init__(self, address: str, *, patience_s: float = PATIENCE_S) -> None:
+        self.address = address
+        self.count = self._local_count()
+        self._patience_s = patience_s
+        if importlib.util.find_spec("distributed") is None:
+            allowed = "only with the extra: pip install 'vinefab[cluster]'"
+            raise BadInputError("--cluster", address, allowed)
+
+    @contextmanager
+    def hired(self, trial: Trial, ledger: Ledger) -> Iterator[Evaluate]:
+        """Offer a function that evaluates points on the workers."""
+        parcel = Parcel.of(trial.brief)
+        with self._client() as client:
+            ledger.workers = self.count = self._count_workers(client)
+            # As work that can be done again, not as data that dies with the worker that holds it.
+            sent = client.submit(_received, parcel, key=f"vinefab-{parcel.name}")
+            evaluated = 0
+
+            def evaluate(x: Floats, poses: Poses) -> list[Candidate]:
+                nonlocal evaluated
+                usual_s = ledger.worked_s / evaluated if evaluated else 0.0
+                pieces = in_pieces(x, self._rows(len(x), usual_s))
+                done = self._gathered(client, [(piece, poses) for piece in pieces], sent)
+                for _, work in done:
+                    ledger.add(work)
+                evaluated += len(x)
+                return [candidate for found, _ in done for candidate in found]
+
+            yield evaluate
+
+    def _rows(self, count: int, usual_s: float) -> int:
+        """Return how many points to send together: worth a trip, but something for everybody."""
+        share = math.ceil(count / self.count)
+        if usual_s <= 0.0:
+            return share
+        return min(share, max(math.ceil(TRIP_S / usual_s), math.ceil(share / 4)))
+
+    def _gathered(
+        self,
+        client: Any,  # noqa: ANN401 - distributed has no types
+        parts: Sequence[tuple[Floats, Poses]],
+        sent: Any,  # noqa: ANN401 - as above
+    ) -> list[Sent]:
+        """Return what pieces of work are worth, whoever dies meanwhile."""
+        from distributed import KilledWorker  # noqa: PLC0415 - loaded when it is asked for
+
+        futures = [client.submit(_evaluated, sent, *part, pure=False) for part in parts]
+        for _ in range(MOST_DEATHS):
+            self._await(client, futures)
+            try:
+                return [unpacked(data) for data in client.gather(futures)]
+            except KilledWorker:
+                for future in futures:
+                    if future.status == "error":
+                        future.retry()
+        problem = f"work that {MOST_DEATHS} times killed those who did it"
+        raise WorkersLostError(f"cluster {self.address}", problem)
+
+    def _await(self, client: Any, futures: Sequence[Any]) -> None:  # noqa: ANN401 - as above
+        """Wait until all is done or failed, as long as there are workers."""
+        alone_since_s = time.monotonic()
+        while unfinished := [future for future in futures if not future.done()]:
+            if client.nthreads():
+                alone_since_s = time.monotonic()
+            elif time.monotonic() - alone_since_s > self._patience_s:
+                problem = f"no worker for {self._patience_s:g} s"
+                raise WorkersLostError(f"cluster {self.address}", problem)
+            _wait(unfinished)
+
+    def _local_count(self) -> int:
+        """Return N of ``local:N``, or 1."""
+        kind, _, count = self.address.partition(":")
+        if kind != "local":
+            if ":" in self.address or self.address.endswith(".json"):
+                return 1
+        elif count.isdecimal() and 1 <= int(count) <= 1024:
+            return int(count)
+        allowed = "local:N with N from 1 to 1024, tcp://HOST:PORT, or a scheduler's .json file"
+        raise BadInputError("--cluster", self.address, allowed)
+
+    @contextmanager
+    def _client(self) -> Iterator[Any]:
+        from distributed import Client, LocalCluster  # noqa: PLC0415
+
+        if self.address.startswith("local:"):
+            with (
+                LocalCluster(  # type: ignore[no-untyped-call]
+                    n_workers=self.count,
+                    threads_per_worker=1,
+                    dashboard_address=None,
+                    memory_limit=0,
+                    silence_logs="CRITICAL",
+                ) as cluster,
+                Client(cluster) as client,  # type: ignore[no-untyped-call]
+            ):
+                yield client
+            return
+        file = self.address.endswith(".json")
+        where = {"scheduler_file": self.address} if file else {"address": self.address}
+        try:
+            client = Client(**where, timeout=10)  # type: ignore[no-untyped-call]
+        except (OSError, ValueError) as error:
+            allowed = f"a running dask scheduler ({' '.join(str(error).split())[:80]})"
+            raise BadInputError("--cluster", self.address, allowed) from error
+        with client:
+            yield client
+
+    def _count_workers(self, client: Any) -> int:  # noqa: ANN401 - as above
+        """Return how many tasks can be worked on at once, waiting for the first worker."""
+        try:
+            client.wait_for_workers(1, timeout=self._patience_s)
+        except TimeoutError as error:
+            problem = f"no worker within {self._patience_s:g} s"
+            raise WorkersLostError(f"cluster {self.address}", problem) from error
+        return sum(client.nthreads().values())
+
+
+def _wait(unfinished: Sequence[Any]) -> None:
+    from distributed import wait  # noqa: PLC0415
+
+    try:
+        wait(unfinished, timeout=LOOK_S)  # type: ignore[no-untyped-call]
+    except TimeoutError:
+        return
+
+
+def _received(parcel: Parcel) -> Parcel:
+    """Stand for a parcel among the workers."""
+    return parcel
+
+
+def _evaluated(parcel: Parcel, x: Floats, poses: Poses) -> bytes:
+    """Evaluate points on a worker and pack what they are worth.
+
+    Raises
+    ------
+    BadInputError
+        If the worker has other versions than the run.
+    """
+    own = _own_versions()
+    if own != dict(parcel.versions):
+        other = next(name for name in parcel.versions if own.get(name) != parcel.versions[name])
+        allowed = f"{other} {parcel.versions[other]}, as the run has"
+        raise BadInputError("a worker's version", f"{other} {own.get(other)}", allowed)
+    with _MAKING:
+        trial = _trial(parcel.name, parcel.brief)
+    return packed(trial.evaluate(x, poses))
+
+
+_MAKING = threading.Lock()
+
+
+@lru_cache(maxsize=1)
+def _own_versions() -> dict[str, str]:
+    return package_versions()
+
+
+@lru_cache(maxsize=2)
+def _trial(name: str, brief: bytes) -> Trial:  # noqa: ARG001 - the name is cheaper to compare
+    made = unpacked(brief)
+    return Trial.of(made.settings, made.maps, made.penalty)

@@ -26,6 +26,7 @@ COMMANDS = {
     "profiles": "List machines, materials and recipes, or explain one.",
     "rig": "Write printable obstacles for a test rig.",
     "report": "Write predictions for a design as one HTML page.",
+    "reproduce": "Do the paper's experiments again, with statistics.",
     "bench": "Measure the speed of the growth simulator on this computer.",
 }
 """Every command, in the order of ``--help``; each lives in the module of its name."""

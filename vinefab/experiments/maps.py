@@ -1,0 +1,137 @@
+"""Figure 3B: what varied poses and more training maps bring."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from vinefab.experiments.designs import plain_design
+from vinefab.experiments.finding import Claim, Finding, Row, interval_text
+from vinefab.experiments.lab import Lab
+from vinefab.experiments.setups import (
+    coverage_run,
+    kept,
+    scores_of,
+    trained,
+    unseen_test,
+    with_evaluation,
+)
+from vinefab.experiments.size import Size
+from vinefab.experiments.statistics import difference, interval, spread
+from vinefab.files.design import read_design
+from vinefab.model.checked import Floats
+from vinefab.optimize.settings import RunSettings
+from vinefab.report.content import Picture
+from vinefab.report.figure import svg_bytes
+from vinefab.report.paper_charts import Bar, grouped_bars
+
+BY_HAND = "three_level_tree"
+"""The shipped design that was drawn by hand, before any search."""
+
+NOT_OPTIMIZED = "not optimized"
+FIXED = "1 map, fixed pose"
+VARIABLE = "1 map, variable pose"
+
+
+def maps(lab: Lab) -> Finding:
+    """Train on one map or many, from one pose or many, with one evaluation per generation."""
+    size = lab.size
+    settings = _settings(size)
+    runs = [run for group in settings.values() for run in group]
+    found = trained(lab, runs)
+    scores: dict[str, Floats] = {}
+    best: dict[str, Floats] = {}
+    by_hand = unseen_test(size, plain_design(read_design(BY_HAND)), "grid")
+    scores[NOT_OPTIMIZED] = best[NOT_OPTIMIZED] = scores_of(lab, [by_hand])
+    for place, name in enumerate(settings):
+        group = found[place * size.seeds : (place + 1) * size.seeds]
+        scores[name] = scores_of(lab, [unseen_test(size, r["design"], "grid") for r in group])
+        best[name] = scores[name][kept(group)][None]
+    return Finding(
+        name="maps",
+        title="Variety in training (Fig. 3B)",
+        protocol=(
+            "Sensor coverage in the Grid. Every design has one evaluation per generation: on the "
+            "only map or, with several, on one that is drawn for the generation. A fixed pose is "
+            "the middle of the map's start; variable ones are drawn from its range (10 mm to "
+            f"either side, 30 degrees). {size.seeds} seeds each, the best in training is kept; "
+            f"{size.unseen_maps} unseen maps, {size.poses} poses each.",
+            f"The design that is not optimized is the shipped {BY_HAND}, drawn by hand for a "
+            "bench before any search was run.",
+        ),
+        rows=tuple(row for name in best for row in _rows(name, best[name], scores[name])),
+        claims=_claims(scores, best, list(settings)),
+        pictures=(_picture(best),),
+        data={name: values.tolist() for name, values in scores.items()},
+    )
+
+
+def _settings(size: Size) -> dict[str, list[RunSettings]]:
+    """Return the runs of every way to train."""
+    base = [
+        with_evaluation(
+            coverage_run(size, "grid", number), composite="single", maps_per_generation=1
+        )
+        for number in range(size.seeds)
+    ]
+
+    def on(count: int, pose_range: float) -> list[RunSettings]:
+        runs = [replace(run, maps=replace(run.maps, count=count)) for run in base]
+        return [with_evaluation(run, pose_range=pose_range) for run in runs]
+
+    several = {
+        f"{n} maps, variable pose": on(n, 1.0) for n in (size.maps_at_once, size.training_maps)
+    }
+    return {FIXED: on(1, 0.0), VARIABLE: on(1, 1.0), **several}
+
+
+def _rows(name: str, best: Floats, scores: Floats) -> list[Row]:
+    paper = {NOT_OPTIMIZED: "worst and widest", FIXED: "over-fitted"}.get(name, "-")
+    rows = [
+        Row(what=f"{name}: score", ours=interval_text(interval(best)), paper=paper),
+        Row(what=f"{name}: spread over maps", ours=interval_text(interval(best, spread))),
+    ]
+    if len(scores) > 1:
+        rows.append(Row(what=f"{name}: score, all seeds", ours=interval_text(interval(scores))))
+    return rows
+
+
+def _claims(
+    scores: dict[str, Floats], best: dict[str, Floats], trained_names: list[str]
+) -> tuple[Claim, ...]:
+    def above(text: str, one: str, two: str) -> Claim:
+        return Claim(
+            text=text,
+            tested=difference(scores[one], scores[two]),
+            kept=difference(best[one], best[two]),
+        )
+
+    fixed, variable, several, many = trained_names
+    every = np.concatenate([scores[name] for name in trained_names])
+    return (
+        Claim(
+            text="Optimized designs score above the one drawn by hand",
+            tested=difference(every, scores[NOT_OPTIMIZED]),
+            kept=difference(best[fixed], best[NOT_OPTIMIZED]),
+        ),
+        Claim(
+            text="The one drawn by hand has the widest spread",
+            tested=difference(scores[NOT_OPTIMIZED], every, spread),
+            kept=difference(best[NOT_OPTIMIZED], best[many], spread),
+        ),
+        above("Variable poses beat a fixed pose (1 map)", variable, fixed),
+        above("Several maps beat a fixed pose on one", several, fixed),
+        above(f"{several} beats {variable} (paper: within error)", several, variable),
+        above(f"{many} beats {several} (paper: within error)", many, several),
+    )
+
+
+def _picture(best: dict[str, Floats]) -> Picture:
+    groups = {
+        name.replace(", ", ",\n"): [Bar(label="score on unseen maps", found=interval(values))]
+        for name, values in best.items()
+    }
+    return Picture(
+        svg=svg_bytes(grouped_bars(groups, {}, "fitness (simulated)")),
+        caption="Kept designs on unseen Grid maps (simulated), with 95 % intervals over maps.",
+        wide=True,
+    )

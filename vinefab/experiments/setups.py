@@ -1,0 +1,98 @@
+"""The runs and tests that several experiments share."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from vinefab.experiments.jobs import DEFAULT_GROWTH, FIRST_UNSEEN, Testing, Training
+from vinefab.experiments.lab import Lab
+from vinefab.experiments.size import Size
+from vinefab.growth.options import GrowthOptions
+from vinefab.model.checked import Floats
+from vinefab.optimize.settings import (
+    EvaluationSettings,
+    MapSettings,
+    PartSettings,
+    RunSettings,
+    SearchSettings,
+)
+
+ENVIRONMENTS = ("grid", "cave")
+NAMES = {"grid": "Grid", "cave": "Cave"}
+FIRST_TRAINING = 1
+COVERAGE = PartSettings(name="coverage")
+SWARM = PartSettings(name="particleswarm")
+"""The paper's optimizer."""
+
+
+def coverage_run(size: Size, environment: str, number: int) -> RunSettings:
+    """Return the run that most experiments start from: coverage, all of Table 1, no making.
+
+    Parameters
+    ----------
+    size
+        Of the search.
+    environment
+        Where to train; all runs train on the same maps.
+    number
+        Which of the repeats, from 0.
+    """
+    return RunSettings(
+        name=f"coverage_{environment}",
+        maps=MapSettings(environment=environment, count=size.training_maps, seed=FIRST_TRAINING),
+        task=COVERAGE,
+        optimizer=SWARM,
+        search=SearchSettings(
+            population=size.population, generations=size.generations, seed=size.seed + number
+        ),
+        evaluation=EvaluationSettings(
+            maps_per_generation=size.maps_at_once, final_poses_per_map=2, fabricable=False
+        ),
+    )
+
+
+def with_evaluation(run: RunSettings, **changes: Any) -> RunSettings:  # noqa: ANN401
+    """Return a run with another way of evaluating."""
+    return replace(run, evaluation=replace(run.evaluation, **changes))
+
+
+def trained(lab: Lab, runs: list[RunSettings]) -> list[dict[str, Any]]:
+    """Return what each run found."""
+    return lab.train([Training(settings=run) for run in runs])
+
+
+def unseen_test(
+    size: Size,
+    design: Mapping[str, Any],
+    environment: str,
+    task: PartSettings = COVERAGE,
+    growth: GrowthOptions | None = None,
+) -> Testing:
+    """Return the test of a design on unseen maps of an environment."""
+    return Testing(
+        design=design,
+        environment=environment,
+        first=FIRST_UNSEEN,
+        maps=size.unseen_maps,
+        poses=size.poses,
+        task=task,
+        growth=growth or DEFAULT_GROWTH,
+    )
+
+
+def training_test(size: Size, design: Mapping[str, Any], environment: str) -> Testing:
+    """Return the test of a design on its training maps, from fresh poses."""
+    test = unseen_test(size, design, environment)
+    return replace(test, first=FIRST_TRAINING, maps=size.training_maps)
+
+
+def scores_of(lab: Lab, tests: list[Testing]) -> Floats:
+    """Return the scores of several tests, shape (tests, maps, poses)."""
+    return np.stack(lab.test(tests))
+
+
+def kept(found: list[dict[str, Any]]) -> int:
+    """Return which run's design is kept: the best by its score in training."""
+    return int(np.argmax([run["fitness"] for run in found]))

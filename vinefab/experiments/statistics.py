@@ -1,0 +1,144 @@
+"""Whether an ordering holds: bootstrap over seeds and maps."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vinefab.core.rng import child
+from vinefab.model.checked import Floats, Ints
+
+RESAMPLES = 4000
+BLOCK = 250
+_STREAM = 1801
+
+Statistic = Callable[[Floats], Floats]
+"""From values of shape (..., n) to one number for each row, shape (...)."""
+
+
+def mean(values: Floats) -> Floats:
+    """Return the mean of each row."""
+    return np.asarray(values.mean(axis=-1))
+
+
+def spread(values: Floats) -> Floats:
+    """Return the standard deviation of each row."""
+    return np.asarray(values.std(axis=-1))
+
+
+def peak(values: Floats) -> Floats:
+    """Return the 95th percentile of each row: the best outcomes, less noisy than the best one."""
+    return np.asarray(np.percentile(values, 95.0, axis=-1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interval:
+    """A number with its 95 % interval.
+
+    Parameters
+    ----------
+    value
+        The number.
+    low, high
+        The interval.
+    above
+        Share of the resamples above 0.
+    """
+
+    value: float
+    low: float
+    high: float
+    above: float
+
+    @property
+    def held(self) -> bool:
+        """Whether all of the interval is above 0."""
+        return self.low > 0.0
+
+    @property
+    def verdict(self) -> str:
+        """``held``, or in which of two ways not."""
+        if self.held:
+            return "held"
+        return "not held: reversed" if self.high < 0.0 else "not held: undecided"
+
+
+def interval(values: Floats, statistic: Statistic = mean) -> Interval:
+    """Return a statistic of scores with its bootstrap interval.
+
+    Parameters
+    ----------
+    values
+        Scores, shape (runs, maps, poses). Runs and maps are drawn with replacement; the poses on
+        a map stay together, for they share its walls.
+    statistic
+        Of all scores of a run; the mean over runs is taken.
+    """
+    return _interval([_resampled(values, statistic, _draws(values, 0, 1))], [values], statistic)
+
+
+def difference(
+    first: Floats, second: Floats, statistic: Statistic = mean, *, same_maps: bool = True
+) -> Interval:
+    """Return how much larger a statistic is for one group of designs than for another.
+
+    Parameters
+    ----------
+    first, second
+        Scores, each of shape (runs, maps, poses).
+    statistic
+        Of all scores of a run; the mean over runs is taken.
+    same_maps
+        Whether both met the same maps and poses: then the same maps are drawn for both, which
+        pairs them.
+    """
+    one = _resampled(first, statistic, _draws(first, 0, 1))
+    two = _resampled(second, statistic, _draws(second, 2, 1 if same_maps else 3))
+    return _interval([one, two], [first, second], statistic)
+
+
+def ratio(first: Floats, second: Floats) -> Interval:
+    """Return mean of one group over that of another, less 1; runs paired, maps not.
+
+    Parameters
+    ----------
+    first, second
+        Scores of the same runs on different maps, shapes (runs, ..., ...).
+    """
+    one = _resampled(first, mean, _draws(first, 0, 1))
+    two = _resampled(second, mean, _draws(second, 0, 3))
+    shares = one / two - 1.0
+    return _summary(float(first.mean() / second.mean() - 1.0), shares)
+
+
+def _interval(samples: list[Floats], values: list[Floats], statistic: Statistic) -> Interval:
+    found = [float(statistic(v.reshape(len(v), -1)).mean()) for v in values]
+    if len(samples) == 1:
+        return _summary(found[0], samples[0])
+    return _summary(found[0] - found[1], samples[0] - samples[1])
+
+
+def _summary(value: float, samples: Floats) -> Interval:
+    low, high = np.percentile(samples, [2.5, 97.5]).tolist()
+    # Ties count by half: two groups that are the same have a chance of one half.
+    above = float((samples > 0.0).mean() + 0.5 * (samples == 0.0).mean())
+    return Interval(value=value, low=low, high=high, above=above)
+
+
+def _draws(values: Floats, runs: int, maps: int) -> tuple[Ints, Ints]:
+    """Return which runs and maps each resample takes, shapes (resamples, runs or maps)."""
+    count, places = values.shape[:2]
+    drawn_runs = child(0, _STREAM, runs).integers(0, count, (RESAMPLES, count))
+    drawn_maps = child(0, _STREAM, maps).integers(0, places, (RESAMPLES, places))
+    return drawn_runs, drawn_maps
+
+
+def _resampled(values: Floats, statistic: Statistic, draws: tuple[Ints, Ints]) -> Floats:
+    """Return the statistic of every resample, in blocks that fit the caches."""
+    runs, maps = draws
+    blocks = []
+    for first in range(0, RESAMPLES, BLOCK):
+        some = slice(first, first + BLOCK)
+        taken = values[runs[some, :, None], maps[some, None, :]]
+        blocks.append(statistic(taken.reshape(*taken.shape[:2], -1)).mean(axis=1))
+    return np.concatenate(blocks)

@@ -54,3 +54,20 @@ def test_an_interrupted_report_leaves_nothing(monkeypatch, grid, tmp_path):
     )
     assert code == 130
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_compare_says_who_is_better(vinefab, tmp_path):
+    page, numbers = tmp_path / "compare.html", tmp_path / "compare.json"
+    arguments = (
+        "compare", "three_level_tree", "plain_vine", "--environment", "grid", "--count", 2,
+        *SMALL, "--poses", 1, "--out", page, "--json", numbers,
+    )  # fmt: skip
+    code, words, complaint = vinefab(*arguments, "--measure", "seen")
+    assert (code, complaint) == (0, "")
+    assert "three_level_tree less plain_vine" in words
+    assert json.loads(numbers.read_text())["measure"] == "seen_percent"
+    assert "<h2>Paired differences</h2>" in page.read_text()
+    code, _, complaint = vinefab(*arguments, "--measure", "growth_pressure")
+    assert code == 2
+    assert "growth_pressure_loose_kpa" in complaint
+    assert vinefab("compare", "plain_vine", "--environment", "grid")[0] == 2

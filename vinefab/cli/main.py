@@ -18,6 +18,7 @@ COMMANDS = {
     "score": "Score a design on a task over maps and poses.",
     "optimize": "Search for the best design of a run file.",
     "runs": "List the records of runs, or rebuild their files.",
+    "compare": "Compare designs on the same maps and poses, with paired statistics.",
     "contest": "Compare optimizers on run files, with statistics.",
     "check": "Check a design against the rules of making and deploying it.",
     "fabricate": "Write the fabrication package: laser files, checks, report.",

@@ -28,6 +28,16 @@ JsonOut = Annotated[
 DesignIn = Annotated[str, typer.Argument(help="A design file, or the name of a shipped design.")]
 RecipeIn = Annotated[str, typer.Option("--recipe", help="A recipe file, or a shipped one's name.")]
 MapsIn = Annotated[list[Path], typer.Option("--maps", "--map", help="A map file; may be repeated.")]
+MapsOptional = Annotated[
+    list[Path] | None, typer.Option("--maps", "--map", help="A map file; may be repeated.")
+]
+EnvironmentIn = Annotated[
+    str | None, typer.Option(help="Unseen maps of an environment: grid, cave, ...")
+]
+Count = Annotated[int, typer.Option(help="How many unseen maps.")]
+SetIn = Annotated[
+    list[str] | None, typer.Option("--set", help="The environment's option: size_mm=300.")
+]
 PoseIn = Annotated[
     str | None,
     typer.Option("--pose", help="Start as X,Y,DEG in mm and degrees; default: the map's start."),
@@ -146,6 +156,17 @@ def numbers_from(option: str, text: str, count: int) -> tuple[float, ...]:
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
         raise BadInputError(option, text, f"{count} finite numbers with commas between them")
     return numbers
+
+
+def field_words(
+    maps: list[Path] | None, environment: str | None, count: int, parameter: list[str] | None
+) -> list[str]:
+    """Return the words that ask for the same maps again."""
+    words = [word for path in maps or [] for word in ("--maps", str(path))]
+    if environment:
+        words += ["--environment", environment, "--count", str(count)]
+        words += [word for text in parameter or [] for word in ("--set", text)]
+    return words
 
 
 def parameters_from(texts: list[str]) -> dict[str, object]:

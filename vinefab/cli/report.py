@@ -7,12 +7,17 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.options import (
+    Count,
     DesignIn,
+    EnvironmentIn,
     Force,
     JsonOut,
+    MapsOptional,
     Quiet,
     RecipeIn,
+    SetIn,
     Voice,
+    field_words,
     parameters_from,
 )
 from vinefab.core.atomic import ensure_writable, write_text
@@ -22,7 +27,7 @@ from vinefab.files.profile import read_profile
 from vinefab.files.shipped import DEFAULT_RECIPE
 from vinefab.pipeline.grow import growth_options
 from vinefab.pipeline.predict import Trials
-from vinefab.pipeline.report import predict
+from vinefab.pipeline.report import part_of, predict
 from vinefab.pipeline.report_json import prediction_text, summary_lines
 from vinefab.pipeline.report_origin import origin_of
 from vinefab.pipeline.unseen import fields_of, unseen_maps
@@ -37,16 +42,10 @@ def report_command(
     *,
     design: DesignIn,
     out: Annotated[Path, typer.Option("--out", help="The page to write (HTML).")],
-    maps: Annotated[
-        list[Path] | None, typer.Option("--maps", "--map", help="A map file; may be repeated.")
-    ] = None,
-    environment: Annotated[
-        str | None, typer.Option(help="Predict for unseen maps of it: grid, cave, ...")
-    ] = None,
-    count: Annotated[int, typer.Option(help="How many unseen maps.")] = 100,
-    parameter: Annotated[
-        list[str] | None, typer.Option("--set", help="The environment's option: size_mm=300.")
-    ] = None,
+    maps: MapsOptional = None,
+    environment: EnvironmentIn = None,
+    count: Count = 100,
+    parameter: SetIn = None,
     recipe: RecipeIn = DEFAULT_RECIPE,
     poses: Annotated[int, typer.Option(min=1, help="Poses drawn per map.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="Seed of unseen maps and poses.")] = 0,
@@ -69,15 +68,13 @@ def report_command(
         unseen = unseen_maps(environment, count, seed, asked) if environment else None
         fields = fields_of(given, unseen)
         trials = Trials(poses=poses, seed=seed, options=growth_options(body))
-        found = predict(robot, profile, fields, trials, show)
+        found = predict(robot, profile, fields, trials, part_of(show, 0.0, 0.6))
         words = ["vinefab", "report", design, "--recipe", recipe]
-        words += [word for path in maps or [] for word in ("--maps", str(path))]
-        if environment:
-            words += ["--environment", environment, "--count", str(count)]
-            words += [word for text in parameter or [] for word in ("--set", text)]
+        words += field_words(maps, environment, count, parameter)
         words += ["--poses", str(poses), "--seed", str(seed), "--body", body, "--out", str(out)]
         origin = origin_of(shlex.join(words), [robot], profile, fields)
-        page, text = found.page(origin), prediction_text(found, origin)
+        page = found.page(origin, (), part_of(show, 0.6, 1.0))
+        text = prediction_text(found, origin)
     write_text(out, page, force=force)
     voice.give_json(text)
     for line in summary_lines(found):

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import wilcoxon
 
 from vinefab.core.jsontext import json_text
+from vinefab.core.resampling import holm
 from vinefab.core.rng import child
 from vinefab.model.checked import Floats
 from vinefab.optimize.result import package_versions
@@ -98,21 +99,6 @@ def _chance(differences: Floats) -> float:
     if len(differences) < 2 or not differences.any():
         return 1.0
     return float(wilcoxon(differences).pvalue)
-
-
-def holm(chances: Sequence[float]) -> list[float]:
-    """Return p-values corrected for how many there are, by Holm's method.
-
-    Examples
-    --------
-    >>> holm([0.01, 0.04, 0.03])
-    [0.03, 0.06, 0.06]
-    """
-    held, worst = [0.0] * len(chances), 0.0
-    for rank, place in enumerate(np.argsort(chances, kind="stable").tolist()):
-        worst = max(worst, min(1.0, (len(chances) - rank) * chances[place]))
-        held[place] = worst
-    return held
 
 
 def table_lines(table: Sequence[dict[str, Any]]) -> list[str]:

@@ -1,6 +1,6 @@
 """Predictions for a design over maps and unseen environments, on top of how it is made."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,25 +83,38 @@ class Predicted:
         """Return how a measure is spread in the main field."""
         return self.main.outcomes.spread(measure)
 
-    def sections(self) -> tuple[Section, ...]:
-        """Return the predictions as sections of a report."""
-        design, profile = self.prepared.design, self.prepared.profile
-        pressure = (
-            pressure_section(design, profile)
-            if self.window is None
-            else window_section(self.window, burst_basis(profile))
-        )
-        return (
-            pressure,
-            spread_section([trip.outcomes for trip in self.trips]),
-            self._deployments(),
-            heat_section(self.heat),
-            holding_section(self.holdings),
-            sensitivity_section(self.effects, QUICK),
-            tolerance_section(self.tolerance),
-        )
+    def sections(self, tell: Tell = tell_nobody) -> tuple[Section, ...]:
+        """Return the predictions as sections of a report.
 
-    def report(self, origin: Origin, more: Sequence[Section] = ()) -> Report:
+        Parameters
+        ----------
+        tell
+            Called as the drawing goes on.
+        """
+        design, profile = self.prepared.design, self.prepared.profile
+        window, effects = self.window, self.effects
+        parts: tuple[Callable[[], Section], ...] = (
+            lambda: (
+                window_section(window, burst_basis(profile))
+                if window
+                else pressure_section(design, profile)
+            ),
+            lambda: spread_section([trip.outcomes for trip in self.trips]),
+            self._deployments,
+            lambda: heat_section(self.heat),
+            lambda: holding_section(self.holdings),
+            lambda: sensitivity_section(effects, QUICK),
+            lambda: tolerance_section(self.tolerance),
+        )
+        drawn = []
+        for index, part in enumerate(parts):
+            drawn.append(part())
+            tell((index + 1) / len(parts), f"drawing: {drawn[-1].title.lower()}")
+        return tuple(drawn)
+
+    def report(
+        self, origin: Origin, more: Sequence[Section] = (), tell: Tell = tell_nobody
+    ) -> Report:
         """Return the whole report.
 
         Parameters
@@ -110,6 +123,8 @@ class Predicted:
             How it came about.
         more
             Sections to put before the predictions.
+        tell
+            Called as the drawing goes on.
         """
         words, tone = verdict_on(self.prepared.report, self.window)
         return Report(
@@ -121,16 +136,16 @@ class Predicted:
             facts=design_facts(self.prepared),
             sections=(
                 *more,
-                *self.sections(),
+                *self.sections(tell),
                 *making_sections(self.prepared),
                 assumption_section(self.prepared.profile, model_numbers(self.trials.options)),
                 repeat_section(origin.command, origin.inputs, origin.versions),
             ),
         )
 
-    def page(self, origin: Origin, more: Sequence[Section] = ()) -> str:
-        """Return the whole report as HTML."""
-        return page_html(self.report(origin, more))
+    def page(self, origin: Origin, more: Sequence[Section] = (), tell: Tell = tell_nobody) -> str:
+        """Return the whole report as HTML; parameters as in `report`."""
+        return page_html(self.report(origin, more, tell))
 
     def _deployments(self) -> Section:
         design = self.prepared.design
@@ -186,22 +201,21 @@ def predict(
     tell(0.0, "preparing maps")
     places = [Place.of(field, trials) for field in fields]
     sizes = np.array([len(place.sites) for place in places]) / sum(len(p.sites) for p in places)
-    ends = 0.05 + 0.4 * np.cumsum(sizes)
+    ends = 0.05 + 0.45 * np.cumsum(sizes)
     trips = tuple(
-        deploy_on(design, place, trials, _part(tell, end - 0.4 * size, end))
+        deploy_on(design, place, trials, part_of(tell, end - 0.45 * size, end))
         for place, size, end in zip(places, sizes.tolist(), ends.tolist(), strict=True)
     )
     main = max(trips, key=lambda trip: len(trip.deployments))
     bench = Bench(design, main.place, trials)
-    effects = sensitivity(bench, _part(tell, 0.45, 0.65))
-    scatter = tolerance(bench, trials.seed, _part(tell, 0.65, 0.85))
-    tell(0.85, "where it goes on one map")
+    effects = sensitivity(bench, part_of(tell, 0.5, 0.7))
+    scatter = tolerance(bench, trials.seed, part_of(tell, 0.7, 0.92))
+    tell(0.92, "where it goes on one map")
     heat = heat_of(design, places[0].sites[0], trials)
-    tell(0.9, "design rules")
+    tell(0.94, "design rules")
     deployments = [deployment for trip in trips for deployment in trip.deployments]
     prepared = prepare(design, profile, deployments)
     mass_g = _mass_g(prepared)
-    tell(0.95, "drawing")
     return Predicted(
         prepared=prepared,
         trips=trips,
@@ -223,7 +237,7 @@ def rules_text(options: GrowthOptions) -> str:
     )
 
 
-def _part(tell: Tell, start: float, end: float) -> Tell:
+def part_of(tell: Tell, start: float, end: float) -> Tell:
     """Return a teller for a part of the work."""
     return lambda share, words: tell(start + (end - start) * share, words)
 

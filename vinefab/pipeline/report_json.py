@@ -58,17 +58,22 @@ def summary_lines(found: Predicted) -> list[str]:
     return [verdict, *(f"  {line.name}: {line.value} ({line.detail})" for line in shown)]
 
 
-def _field(outcomes: Outcomes) -> dict[str, object]:
-    spreads = {}
+def spreads_content(outcomes: Outcomes) -> dict[str, object]:
+    """Return how every measure is spread, rounded as it is shown, by the measures' keys."""
+    spreads: dict[str, object] = {}
     for measure in MEASURES:
         spread = outcomes.spread(measure)
         if spread is not None:
             numbers = {name: measure.rounded(getattr(spread, name)) for name in Spread.NUMBERS}
             spreads[measure.key] = {"count": spread.count, **numbers}
+    return spreads
+
+
+def _field(outcomes: Outcomes) -> dict[str, object]:
     return {
         "label": outcomes.label,
         "maps": outcomes.map_count,
-        "spread": spreads,
+        "spread": spreads_content(outcomes),
         "deployments": [_deployment(outcomes, index) for index in range(len(outcomes))],
     }
 

@@ -21,6 +21,9 @@ from vinefab.report.view import Box, bounds_in, rock_in
 
 TIP_MARKERS = {Stop.FULL_LENGTH: "o", Stop.HEAD_ON: "X", Stop.CORNER: "^"}
 
+_FOOT_IN = 0.58
+"""Room below a plan for the axis, before the legend begins."""
+
 MANY_TIPS = 100
 """From so many branches on, markers and lines are drawn finer."""
 
@@ -62,12 +65,12 @@ def draw_legend(axes: Axes) -> None:
     """Explain, below a plan, everything on it that has a label."""
     handles, labels = axes.get_legend_handles_labels()
     order = sorted(range(len(labels)), key=lambda i: (not labels[i].startswith("level"), labels[i]))
-    width_in = axes.get_figure(root=True).get_figwidth()  # type: ignore[union-attr]
+    width_in, height_in = axes.get_figure(root=True).get_size_inches()  # type: ignore[union-attr]
     axes.legend(
         [handles[i] for i in order],
         [labels[i] for i in order],
         loc="upper center",
-        bbox_to_anchor=(0.5, -0.09),
+        bbox_to_anchor=(0.5, -_FOOT_IN / max(0.5, height_in - 0.9)),
         ncols=max(1, min(4, int(width_in / (0.55 + 0.063 * max(map(len, labels)))))),
         fontsize=8,
     )

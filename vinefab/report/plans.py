@@ -32,8 +32,8 @@ def deployment_plan(
     widths_mm: tuple[float, ...],
     *,
     longest_in: float = 6.5,
-    legend: bool = True,
     named: bool = False,
+    whole: bool = False,
 ) -> Figure:
     """Return a plan of a robot deployed on a map.
 
@@ -45,13 +45,13 @@ def deployment_plan(
         Lay-flat width of each level; the body is drawn as wide as it inflates, 2 w / pi.
     longest_in
         Length of the longer side on paper.
-    legend
-        Whether to explain colours and markers.
     named
         Whether to write every branch's id beside it.
+    whole
+        Whether to show the whole map, however small the robot is on it.
     """
     with house_style():
-        box = robot_view(world, deployment)
+        box = world.bounds.bounds if whole else robot_view(world, deployment)
         figure, axes = plan_axes(box, longest_in)
         draw_map(axes, world, box)
         draw_deployment(axes, deployment, widths_mm)
@@ -61,6 +61,5 @@ def deployment_plan(
             axes.set_title(f"part of {world.name}, {size} mm", fontsize=8, color=SOFT)
         if named:
             draw_names(axes, deployment, longer_mm(box))
-        if legend:
-            draw_legend(axes)
+        draw_legend(axes)
     return figure

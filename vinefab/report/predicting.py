@@ -49,10 +49,7 @@ def spread_section(fields: Sequence[Outcomes]) -> Section:
         "95 % interval is a bootstrap over maps, because deployments on one map are alike; the "
         "table has it."
     )
-    counts = "; ".join(
-        f"{outcomes.label}: {len(outcomes)} deployments on {outcomes.map_count} maps"
-        for outcomes in fields
-    )
+    counts = "; ".join(f"{outcomes.label}: {len(outcomes)} deployments" for outcomes in fields)
     return Section(
         title="Predictions",
         paragraphs=(f"{_capital(counts)} (simulated). {words}",),

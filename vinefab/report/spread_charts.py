@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vinefab.model.checked import Floats
+from vinefab.model.duel import Duel
 from vinefab.model.effect import Effect
 from vinefab.model.measure import Measure
 from vinefab.report.charts import frame
@@ -37,9 +38,9 @@ def spread_chart(measure: Measure, values: Mapping[str, Floats]) -> Figure:
         figure, axes = blank(3.4, 0.55 + 1.25 * len(known))
         for row, (name, column) in enumerate(known.items()):
             _draw_spread(axes, row, column, (low, high))
-            axes.text(0.0, row - 0.83, name, fontsize=7.5, color=SOFT, transform=_at(axes))
+            axes.text(0.0, row - 0.9, name, fontsize=7.5, color=SOFT, transform=_at(axes))
         axes.set_xlim(low - pad, high + pad)
-        axes.set_ylim(len(known) - 0.85, -1.02)
+        axes.set_ylim(len(known) - 0.85, -1.1)
         axes.set_yticks([])
         axes.spines["left"].set_visible(False)
         axes.set_xlabel(measure.label)
@@ -56,18 +57,18 @@ def _draw_spread(axes: Axes, row: int, values: Floats, span: tuple[float, float]
     colour = LEVEL_COLOURS[row % len(LEVEL_COLOURS)]
     if len(values) >= ENOUGH_FOR_BARS and span[1] > span[0]:
         counts, edges = np.histogram(values, bins=_BINS, range=span)
-        heights = 0.68 * counts / counts.max()
+        heights = 0.62 * counts / counts.max()
         axes.bar(
             edges[:-1], -heights, np.diff(edges), bottom=row - 0.02, align="edge",
             color=colour, alpha=0.35, linewidth=0,
         )  # fmt: skip
     else:
         # A fixed, even jitter: dots on top of each other cannot be counted.
-        offsets = -0.3 - 0.1 * ((np.arange(len(values)) % 5) - 2)
+        offsets = -0.3 - 0.09 * ((np.arange(len(values)) % 5) - 2)
         axes.plot(values, row + offsets, "o", color=colour, alpha=0.55, markersize=4, mew=0)
     p05, p95 = np.percentile(values, [5.0, 95.0])
     axes.plot([p05, p95], [row + 0.05] * 2, color=colour, linewidth=4, solid_capstyle="butt")
-    axes.plot([values.mean()] * 2, [row - 0.72, row + 0.1], color=INK, linewidth=1.6)
+    axes.plot([values.mean()] * 2, [row - 0.66, row + 0.1], color=INK, linewidth=1.6)
 
 
 def effect_panels(effects: Sequence[Effect], measures: Sequence[Measure]) -> Figure:
@@ -103,3 +104,20 @@ def _draw_effect(axes: Axes, effects: Sequence[Effect], measure: Measure) -> Non
     axes.axhline(0.0, color=SOFT, linewidth=0.8)
     axes.tick_params(labelsize=7.5)
     frame(axes)
+
+
+def duel_chart(measure: Measure, duels: Sequence[Duel]) -> Figure:
+    """Return paired differences with their intervals, a row per pair; clear ones are solid."""
+    with house_style():
+        figure, axes = blank(7.0, 0.8 + 0.38 * max(2, len(duels)))
+        for row, duel in enumerate(duels):
+            colour = LEVEL_COLOURS[0] if duel.is_clear else SOFT
+            axes.plot([duel.low, duel.high], [row, row], color=colour, linewidth=2.2)
+            face = colour if duel.is_clear else "white"
+            axes.plot(duel.mean, row, "o", color=colour, mfc=face, markersize=7)
+        axes.axvline(0.0, color=INK, linewidth=1.0)
+        axes.set_yticks(range(len(duels)), [f"{duel.first} less {duel.second}" for duel in duels])
+        axes.set_ylim(max(2, len(duels)) - 0.4, -0.6)
+        axes.set_xlabel(f"difference in {measure.label}; {measure.better} is better")
+        frame(axes)
+    return figure

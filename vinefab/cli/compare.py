@@ -1,0 +1,86 @@
+"""``vinefab compare``: designs side by side."""
+
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vinefab.cli.options import (
+    Count,
+    EnvironmentIn,
+    Force,
+    JsonOut,
+    MapsOptional,
+    Quiet,
+    SetIn,
+    Voice,
+    field_words,
+    parameters_from,
+)
+from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.files.design import read_design
+from vinefab.files.map import read_map
+from vinefab.pipeline.compare import compare
+from vinefab.pipeline.compare_page import (
+    comparison_lines,
+    comparison_page,
+    comparison_text,
+    measure_named,
+)
+from vinefab.pipeline.grow import growth_options
+from vinefab.pipeline.predict import Trials
+from vinefab.pipeline.report_origin import origin_of
+from vinefab.pipeline.unseen import fields_of, unseen_maps
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("compare")(compare_command)
+
+
+def compare_command(
+    *,
+    designs: Annotated[
+        list[str], typer.Argument(metavar="DESIGN...", help="Design files or shipped names.")
+    ],
+    maps: MapsOptional = None,
+    environment: EnvironmentIn = None,
+    count: Count = 100,
+    parameter: SetIn = None,
+    measure: Annotated[
+        str, typer.Option(help="What counts most, such as reach_percent.")
+    ] = "coverage_score",
+    poses: Annotated[int, typer.Option(min=1, help="Poses drawn per map.")] = 3,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of unseen maps and poses.")] = 0,
+    body: Annotated[str, typer.Option(help="centerline or inflated.")] = "inflated",
+    out: Annotated[Path | None, typer.Option("--out", help="A page to write (HTML).")] = None,
+    json_out: JsonOut = None,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
+    """Compare designs on the same maps and poses, with paired statistics (simulated).
+
+    Example: vinefab compare grid_explorer three_level_tree --environment grid --count 50
+    """
+    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    main = measure_named(measure)
+    if out is not None:
+        ensure_writable(out, force=force)
+    with voice.progress("compare") as show:
+        robots = [read_design(design) for design in designs]
+        asked = parameters_from(parameter or [])
+        unseen = unseen_maps(environment, count, seed, asked) if environment else None
+        fields = fields_of([read_map(path) for path in maps or []], unseen)
+        trials = Trials(poses=poses, seed=seed, options=growth_options(body))
+        found = compare(robots, fields, trials, show)
+        words = ["vinefab", "compare", *designs, *field_words(maps, environment, count, parameter)]
+        words += ["--measure", measure, "--poses", str(poses), "--seed", str(seed), "--body", body]
+        origin = origin_of(shlex.join(words), robots, None, fields)
+        page = comparison_page(found, main, trials, origin) if out else ""
+    if out is not None:
+        write_text(out, page, force=force)
+        voice.say(f"wrote {out}")
+    voice.give_json(comparison_text(found, main, origin))
+    for line in comparison_lines(found, main):
+        voice.say(line)

@@ -19,7 +19,7 @@ from vinefab.checks.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
 from vinefab.checks.window import WINDOW, Fit
 from vinefab.geometry.crotch import largest_fillet_mm
 from vinefab.geometry.joint import level_tapers_rad
-from vinefab.geometry.laser import weldcut_offset_mm
+from vinefab.geometry.passes import weldcut_offset_mm
 from vinefab.model.design import Build, Design
 from vinefab.model.job import Operation
 from vinefab.model.laser import LaserProfile

@@ -179,7 +179,7 @@ def _picture(found: Exchange) -> Picture:
             )
         )
     return Picture(
-        svg=svg_bytes(reach_plan(panels)),
+        image=svg_bytes(reach_plan(panels)),
         caption="The kept anchors on the first unseen map of each environment (simulated).",
         wide=True,
     )

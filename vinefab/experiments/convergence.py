@@ -52,7 +52,7 @@ def convergence(lab: Lab) -> Finding:
         ),
         pictures=(
             Picture(
-                svg=svg_bytes(curves(lines, "generation", "fitness on the training maps")),
+                image=svg_bytes(curves(lines, "generation", "fitness on the training maps")),
                 caption=f"Mean of {size.repeats} runs and one standard error (simulated).",
                 wide=True,
             ),

@@ -131,7 +131,7 @@ def _picture(best: dict[str, Floats]) -> Picture:
         for name, values in best.items()
     }
     return Picture(
-        svg=svg_bytes(grouped_bars(groups, {}, "fitness (simulated)")),
+        image=svg_bytes(grouped_bars(groups, {}, "fitness (simulated)")),
         caption="Kept designs on unseen Grid maps (simulated), with 95 % intervals over maps.",
         wide=True,
     )

@@ -250,7 +250,7 @@ def _picture(size: Size, found: dict[str, Reached]) -> Picture:
                 )
             )
     return Picture(
-        svg=svg_bytes(reach_plan(panels)),
+        image=svg_bytes(reach_plan(panels)),
         caption="What lies within the buffer of the body, on the first unseen map of each "
         "environment (simulated). Left: the kept branching design, once. Right: all redeployments "
         "of a plain vine together.",

@@ -117,7 +117,7 @@ def page(done: Reproduction) -> Report:
     return Report(
         title="The paper's experiments, done again",
         verdict=verdict,
-        good=held == claims and done.size != QUICK,
+        tone="good" if held == claims and done.size != QUICK else "caution",
         facts=(
             ("experiments", ", ".join(finding.name for finding in done.findings)),
             ("training maps", str(done.size.training_maps)),

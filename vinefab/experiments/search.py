@@ -89,7 +89,7 @@ def search(lab: Lab) -> Finding:
         ),
         pictures=(
             Picture(
-                svg=svg_bytes(
+                image=svg_bytes(
                     curves(
                         {words: best[name] for name, words in NAMES.items()},
                         "generation",

@@ -85,7 +85,7 @@ def _picture(found: Exchange) -> Picture:
         for home in ENVIRONMENTS
     }
     return Picture(
-        svg=svg_bytes(grouped_bars(groups, lines, "fitness (simulated)")),
+        image=svg_bytes(grouped_bars(groups, lines, "fitness (simulated)")),
         caption="Kept designs on unseen maps of both environments (simulated), with 95 % bootstrap "
         "intervals over maps; dashed: the same design on its own training maps, fresh poses.",
         wide=True,

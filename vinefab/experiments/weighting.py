@@ -65,8 +65,9 @@ def weighting(lab: Lab) -> Finding:
         protocol=(
             f"Sensor coverage in the Grid on {size.training_maps} training maps. 'none': one "
             "evaluation per generation, on a map drawn for it; the others weigh one evaluation on "
-            f"each of {size.maps_at_once} maps drawn for it: their mean, their best, or 25 % mean and "
-            f"75 % small deviation. {size.seeds} seeds each, the best by its own weighting on fresh poses is kept.",
+            f"each of {size.maps_at_once} maps drawn for it: their mean, their best, or 25 % mean "
+            f"and 75 % small deviation. {size.seeds} seeds each, the best by its own weighting on "
+            "fresh poses is kept.",
             "The paper says that a quarter of 'min deviation' is the mean; the form of the rest, "
             "1 - std / 0.5, is vinefab's.",
         ),
@@ -82,7 +83,7 @@ def weighting(lab: Lab) -> Finding:
         claims=tuple(_claim(order, scores, best) for order in ORDERINGS),
         pictures=(
             Picture(
-                svg=svg_bytes(
+                image=svg_bytes(
                     densities({name: np.ravel(values) for name, values in best.items()}, "fitness")
                 ),
                 caption="Scores of the kept designs on unseen Grid maps (simulated).",

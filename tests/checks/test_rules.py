@@ -300,9 +300,9 @@ CASES: Mapping[str, Case] = {
         fires=of(widths_mm=(101.0,)), severity=E, branches=("0",), quiet=of(widths_mm=(99.0,))
     ),
     "VF-B03": Case(fires=of(trunk_mm=249.0), severity=W, branches=("0",), quiet=of(trunk_mm=251.0)),
-    # 650 mm of width fit the 590 mm of the bed neither whole nor in tiles; 1200 mm of length do
+    # 1000 mm of width fit the bed neither whole nor in tiles; 1200 mm of length do
     "VF-S01": Case(
-        fires=of(widths_mm=(650.0,)), severity=E, branches=(), quiet=of(trunk_mm=1000.0)
+        fires=of(widths_mm=(1000.0,)), severity=E, branches=(), quiet=of(trunk_mm=1000.0)
     ),
     "VF-S02": Case(
         fires=material(roll_width_mm=Quantity(value=39.0, standing=Standing.ASSUMED)),

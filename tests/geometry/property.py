@@ -146,11 +146,17 @@ def details(design, contour):
             designed = tips
         if arc.part in (Part.TIP, Part.JOINT) or (arc.part is Part.POUCH and len(tips) > 1):
             off = max(off, min(abs(arc.radius_mm - radius) for radius in designed))
-    corners = [
-        abs(math.remainder(after.direction_rad() - before.direction_rad(at_end=True), math.tau))
-        for before, after in pairwise(segments)
-    ]
-    sharp = max(corners) if min(design.build.fillet_mm, default=1.0) >= 1.0 else 0.0
+    half = design.build.widths_mm[0] / 2
+    sharp = 0.0
+    for before, after in pairwise(segments):
+        turn = after.direction_rad() - before.direction_rad(at_end=True)
+        corner = abs(math.remainder(turn, math.tau))
+        # Where the trunk begins to taper, an arc shorter than the least segment is a corner.
+        bend = {before.part, after.part} == {Part.TAIL, Part.SIDE}
+        if not (bend and corner * half < LIMITS["shortest_mm"]):
+            sharp = max(sharp, corner)
+    if min(design.build.fillet_mm, default=1.0) < 1.0:
+        sharp = 0.0
     return {
         "radius_mm": off,
         "arc_deg": max(math.degrees(abs(segment.turn_rad)) for segment in segments),

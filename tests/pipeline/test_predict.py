@@ -180,6 +180,15 @@ def test_more_stops_with_a_wider_head_on_angle(trip, explorer):
     assert widest.changes[STUCK.key].mean > 0.0
 
 
+def test_one_map_is_varied_pose_by_pose_and_few_poses_show_nothing(explorer, trip):
+    place = Place(label="one", sites=trip.place.sites[:1], poses=trip.place.poses[:1])
+    for effect in sensitivity(Bench(explorer, place, TRIALS)):
+        for change in effect.changes.values():
+            assert change.groups == effect.count == 2
+            assert change.low <= change.mean <= change.high
+            assert not change.is_clear
+
+
 def test_made_trees_stay_within_the_tolerances(explorer):
     tree = branch_tree(explorer)
     made = made_tree(tree, child(1, 2))

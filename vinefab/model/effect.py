@@ -5,6 +5,9 @@ from dataclasses import dataclass
 
 from vinefab.model.measure import Measure
 
+ENOUGH_GROUPS = 6
+"""With fewer maps a bootstrap interval says too little: 2^-5 is the least p-value of five."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
@@ -15,17 +18,20 @@ class Change:
     mean
         Mean over deployments of value with the change less value without.
     low, high
-        Its 95 % bootstrap interval over maps.
+        Its 95 % bootstrap interval over maps, or over poses where there is one map.
+    groups
+        How many maps (or poses) that is.
     """
 
     mean: float
     low: float
     high: float
+    groups: int
 
     @property
     def is_clear(self) -> bool:
-        """Whether the interval leaves out 0."""
-        return self.low > 0.0 or self.high < 0.0
+        """Whether the interval leaves out 0; never with fewer than `ENOUGH_GROUPS`."""
+        return self.groups >= ENOUGH_GROUPS and (self.low > 0.0 or self.high < 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

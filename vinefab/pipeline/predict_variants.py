@@ -88,7 +88,9 @@ class Bench:
         self.design, self.trials = design, trials
         self.place = Place(label=place.label, sites=sites, poses=poses)
         self.launches = self.place.launches()
-        self.groups = [str(index) for index in self.launches.terrain.tolist()]
+        # Deployments on one map are alike; where there is one map, poses have to do.
+        alike = self.launches.terrain if len(sites) > 1 else np.arange(len(self.launches))
+        self.groups = [str(index) for index in alike.tolist()]
         self.exact = self.grow([design_plan(design, trials.options)], trials.options)[0]
 
     def grow(
@@ -117,7 +119,9 @@ class Bench:
             means = group_means(differences[:, column], self.groups)
             if len(means):
                 low, high = mean_interval(means)
-                changes[measure.key] = Change(mean=float(means.mean()), low=low, high=high)
+                changes[measure.key] = Change(
+                    mean=float(means.mean()), low=low, high=high, groups=len(means)
+                )
         return Effect(
             knob=variant.knob,
             step=variant.step,

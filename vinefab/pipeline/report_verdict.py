@@ -23,6 +23,10 @@ MANY_PERCENT = 10.0
 """From so many stuck or missing branches on, the summary says so."""
 
 
+FEW_MAPS = 10
+"""With fewer maps, bootstrap intervals are too narrow to be trusted."""
+
+
 def verdict_on(report: CheckReport, window: PressureWindow | None) -> tuple[str, Tone]:
     """Return in one sentence whether a robot can be made and deployed, and how good that is.
 
@@ -76,25 +80,34 @@ def cautions(
     skipped = len(prepared.report.skipped)
     if prepared.profile.recipe.status is RecipeStatus.UNVERIFIED:
         said.append("No coupon has confirmed the laser recipe: cut and burst one first.")
-    if window is not None:
-        if window.is_open and not window.is_open_tight:
-            said.append(
-                f"Store the film loosely: off a tight spool growth needs "
-                f"{window.tight.p95_kpa:.1f} kPa, more than the {window.allowed_kpa:.1f} kPa that "
-                "the widest part may take."
-            )
-        if window.standing is Standing.ASSUMED:
-            said.append(
-                "Pressures rest on assumed numbers: the width of the burst test, the diameter of "
-                "the tube that growth was fitted to."
-            )
+    said += _about_pressure(window) if window else []
     for measure in (STUCK, UNDEPLOYED):
         spread = outcomes.spread(measure)
         if spread is not None and spread.mean >= MANY_PERCENT:
             said.append(f"{measure.text(spread.mean)} of its branches: {measure.title}.")
+    if outcomes.map_count < FEW_MAPS:
+        said.append(
+            f"Predictions rest on {outcomes.map_count} maps: intervals are too narrow; "
+            "--environment deploys it on many more."
+        )
     if warnings or skipped:
         said.append(f"Design rules: {warnings} warnings, {skipped} rules could not look.")
     return tuple(said)
+
+
+def _about_pressure(window: PressureWindow) -> list[str]:
+    said = []
+    if window.is_open and not window.is_open_tight:
+        said.append(
+            f"Store the film loosely: off a tight spool growth needs {window.tight.p95_kpa:.1f} "
+            f"kPa, more than the {window.allowed_kpa:.1f} kPa that the widest part may take."
+        )
+    if window.standing is Standing.ASSUMED:
+        said.append(
+            "Pressures rest on assumed numbers: the width of the burst test, the diameter of the "
+            "tube that growth was fitted to."
+        )
+    return said
 
 
 def headlines(

@@ -46,8 +46,9 @@ def spread_section(fields: Sequence[Outcomes]) -> Section:
     tables = [_spread_table(outcomes, shown) for outcomes in fields]
     words = (
         "Line: mean. Bar below: from the 5th to the 95th percentile of the deployments. A mean's "
-        "95 % interval is a bootstrap over maps, because deployments on one map are alike; the "
-        "table has it."
+        "95 % interval is a bootstrap over maps, because deployments on one map are alike (over "
+        "poses where there is one map); the table has it. With fewer than ten maps it is too "
+        "narrow."
     )
     counts = "; ".join(f"{outcomes.label}: {len(outcomes)} deployments" for outcomes in fields)
     return Section(

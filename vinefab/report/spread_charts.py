@@ -83,7 +83,7 @@ def effect_panels(effects: Sequence[Effect], measures: Sequence[Measure]) -> Fig
     """
     knobs = list(dict.fromkeys(effect.knob for effect in effects))
     with house_style():
-        figure = Figure(figsize=(7.4, 0.5 + 1.75 * len(measures)), layout="constrained")
+        figure = Figure(figsize=(6.8, 0.5 + 1.75 * len(measures)), layout="constrained")
         grid = figure.subplots(len(measures), len(knobs), sharey="row", squeeze=False)
         for row, measure in enumerate(measures):
             for column, knob in enumerate(knobs):

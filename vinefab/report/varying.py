@@ -32,14 +32,15 @@ def sensitivity_section(effects: Sequence[Effect], measures: Sequence[Measure]) 
         for effect in effects
     )
     table = Table(
-        caption="Mean change, in square brackets its 95 % bootstrap interval over maps; an "
+        caption="Mean change, in square brackets its 95 % bootstrap interval over maps (poses "
+        "where there is one map); an "
         "asterisk where the interval leaves out 0 (simulated)",
         headings=("changed", "by", *(m.label for m in measures), "poses"),
         rows=rows,
     )
     picture = Picture(
         image=svg_bytes(effect_panels(effects, drawn)),
-        caption="Mean change with its 95 % interval over maps (simulated).",
+        caption="Mean change with its 95 % interval (simulated).",
         wide=True,
     )
     return Section(title="Sensitivity", paragraphs=(words,), pictures=(picture,), tables=(table,))

@@ -14,7 +14,7 @@ _OPEN = "#1b7f4d"
 def window_chart(window: PressureWindow) -> Figure:
     """Return what growth needs, what each width may take, and the room between the two."""
     with house_style():
-        figure, axes = blank(7.2, 1.7 + 0.36 * len(window.levels))
+        figure, axes = blank(6.4, 1.7 + 0.36 * len(window.levels))
         _draw_room(axes, window)
         names = []
         for row, need in enumerate((window.loose, window.tight)):

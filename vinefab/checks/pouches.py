@@ -1,16 +1,26 @@
 """The rule about tip pouches."""
 
+from collections.abc import Iterator
+from dataclasses import replace
+
+import shapely
+
 from vinefab.checks.clearance import gap_hits
 from vinefab.checks.marks import mark_branches, place_mm
+from vinefab.checks.notches import between, notches
 from vinefab.checks.problems import problem_hits
 from vinefab.checks.rule import Hit, Limits, Looked, Rule
 from vinefab.checks.spacing import spacing
 from vinefab.checks.subject import Subject
 from vinefab.geometry.problem import ProblemKind
+from vinefab.model.finding import Severity
 
 
 def look_pouch(subject: Subject, limits: Limits) -> Looked:
     """VF-C07: pouches are wider than their branch, as long, and clear of branches at its joint.
+
+    Near its own parent a pouch ends in the fillets of joint and neck; where these fill the room
+    between, no film is left that could be too narrow. So the drawn outline decides there.
 
     Their clearance to all other branches is VF-C01's and VF-T03's business, as for any branch.
     """
@@ -21,6 +31,7 @@ def look_pouch(subject: Subject, limits: Limits) -> Looked:
     reach_mm = max(limits["error"], limits["warning"])
     found = spacing(subject.shapes, reach_mm)
     hits = gap_hits(subject, limits, found, found.joined & found.pouch)
+    hits = (*_drawn(subject, limits, hits),)
     width_mm = subject.design.build.end_widths_mm[-1]
     if pouch.flat_width_mm <= width_mm:
         wider = Hit(
@@ -46,6 +57,27 @@ def look_pouch(subject: Subject, limits: Limits) -> Looked:
         hits = (longer, *hits)
     more = problem_hits(subject, frozenset({ProblemKind.POUCH_WIDTH}), hits)
     return Looked(checked=len(leaves), hits=(*hits, *more))
+
+
+def _drawn(subject: Subject, limits: Limits, hits: tuple[Hit, ...]) -> Iterator[Hit]:
+    """Yield hits, those about a pouch and its own parent only where the outline has a notch."""
+    body = subject.body
+    parents = {name: name.rpartition(".")[0] for name in subject.names}
+    seen: dict[float, list[shapely.Polygon]] = {}
+    for hit in hits:
+        own = len(hit.branches) == 2 and hit.branches[0] == parents[hit.branches[1]]
+        if not own or not body.is_valid:
+            yield hit
+            continue
+        for severity in (Severity.ERROR, Severity.WARNING):
+            width_mm = limits[severity]
+            if hit.measured is None or hit.measured > width_mm:
+                continue
+            if width_mm not in seen:
+                seen[width_mm] = notches(body, width_mm)
+            if between(subject, seen[width_mm], hit.branches, width_mm):
+                yield replace(hit, severity=severity, limit=width_mm)
+                break
 
 
 POUCH = Rule(

@@ -196,8 +196,12 @@ def test_ogr_sees_the_layers_lengths_and_boxes(
         assert np.allclose(shapely.bounds(shapes), boxes, atol=1e-3)
 
 
-def test_release_12_has_the_same_paths_as_old_polylines(job: Job) -> None:
-    document = ezdxf.read(io.StringIO(dxf_text(job, r12=True)))
+def test_release_12_has_the_same_paths_as_old_polylines(
+    job: Job, caplog: pytest.LogCaptureFixture
+) -> None:
+    text = dxf_text(job, r12=True)
+    assert caplog.records == []
+    document = ezdxf.read(io.StringIO(text))
     assert document.dxfversion == "AC1009"
     assert "$INSUNITS" not in document.header
     polylines = list(document.modelspace())

@@ -1,6 +1,7 @@
 """Laser jobs as DXF: R2010, millimetres, polylines with true arcs."""
 
 import io
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -22,6 +23,8 @@ AC1009 = "AC1009"
 
 MILLIMETRES = 4
 METRIC = 1
+
+_EZDXF_LOG = logging.getLogger("ezdxf")
 
 
 def dxf_text(
@@ -47,13 +50,14 @@ def dxf_text(
     Returns
     -------
     str
-        The same entities for the same job; the bytes are those of the ezdxf in use.
+        The same bytes for the same job and the same ezdxf.
     """
     with _fixed_metadata():
-        document = new(RELEASE_12 if r12 else VERSION, units=MILLIMETRES)
+        document = new(RELEASE_12) if r12 else new(VERSION, units=MILLIMETRES)
         _describe(document, job, colours)
         for styled in styled_paths(job, colours):
             _add(document, styled, polyline=polyline)
+        _register_classes(document)
         stream = io.StringIO()
         document.write(stream)
     # Group 999 is a comment; at the top every reader skips it, and people see it first.
@@ -99,12 +103,24 @@ def _add(document: Drawing, styled: StyledPath, *, polyline: bool) -> None:
     )
 
 
+def _register_classes(document: Drawing) -> None:
+    """List the classes of what the file holds by name; ezdxf would take them from a set."""
+    if document.dxfversion != AC1009:
+        for name in sorted(document.entitydb.dxf_types_in_use()):
+            document.classes.add_class(name)
+
+
 @contextmanager
 def _fixed_metadata() -> Iterator[None]:
-    """Keep the clock and random identifiers out of the file; ezdxf has only a global switch."""
-    before = options.write_fixed_meta_data_for_testing
+    """Keep the clock and random identifiers out of the file; ezdxf has only a global switch.
+
+    It also warns of every file of release 12 that it has no unit, which nobody can change.
+    """
+    before, level = options.write_fixed_meta_data_for_testing, _EZDXF_LOG.level
     options.write_fixed_meta_data_for_testing = True
+    _EZDXF_LOG.setLevel(logging.ERROR)
     try:
         yield
     finally:
         options.write_fixed_meta_data_for_testing = before
+        _EZDXF_LOG.setLevel(level)

@@ -260,4 +260,4 @@ def _paragraph(lead: str, text: str) -> str:
 
 
 def _said(quantity: Quantity, unit: str) -> str:
-    return f"{quantity.value:g} {unit} ({quantity.standing})"
+    return f"{quantity.words()} {unit} ({quantity.standing})"

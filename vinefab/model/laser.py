@@ -47,6 +47,15 @@ class Quantity:
     def __float__(self) -> float:
         return self.value
 
+    def words(self) -> str:
+        """Return the number and, where it is known, its uncertainty.
+
+        >>> Quantity(value=0.26, standing=Standing.MEASURED, uncertainty=0.013).words()
+        '0.26 +- 0.013'
+        """
+        spread = "" if self.uncertainty is None else f" +- {self.uncertainty:.2g}"
+        return f"{self.value:g}{spread}"
+
 
 class RecipeStatus(StrEnum):
     """How far a recipe has been tried on the user's machine."""

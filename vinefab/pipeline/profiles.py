@@ -72,10 +72,7 @@ def explain(name: str) -> list[str]:
     numbers = profile_numbers(name)
     width = max(len(key) for key in numbers)
     for key, number in numbers.items():
-        spread = "" if number.uncertainty is None else f" +- {number.uncertainty:.2g}"
-        lines.append(
-            f"  {key:<{width}}  {number.value:g}{spread}  {number.standing}: {number.source}"
-        )
+        lines.append(f"  {key:<{width}}  {number.words()}  {number.standing}: {number.source}")
     return lines
 
 

@@ -108,7 +108,9 @@ class _Body:
     """A body that marks must stay clear of: what its outline encloses, and the outline itself."""
 
     def __init__(self, outline: LaserPath) -> None:
-        self.area = shapely.Polygon(outline.contour.flattened_mm())
+        points = outline.contour.flattened_mm()
+        # A single straight seam encloses nothing.
+        self.area = shapely.Polygon(points if len(points) > 2 else None)
         # Line to line: making an area of an outline that crosses itself can take minutes.
         self.edge = shapely.LineString(_ring(outline))
         shapely.prepare([self.area, self.edge])

@@ -54,7 +54,7 @@ def _rows(profile: LaserProfile) -> list[Row]:
         for name in names
     ]
     seal = Operation.WELDCUT if Operation.WELDCUT in names else Operation.WELD
-    rows += [("seam", seal, "mm", "width of the fused rim, inward of any cut") for _ in range(3)]
+    rows += [("seam", seal, "mm", "width of the fused rim inward of any cut") for _ in range(3)]
     rows += [("width", f"{w:g}", "mm", f"lay-flat lumen of finger W{w:g}") for w in LADDER_MM]
     rows += [
         ("burst", "20", "kPa", f"BURST-{k}; setting: lay-flat width")

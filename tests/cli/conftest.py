@@ -17,7 +17,7 @@ branches = [2, 2]
 [build]
 trunk_width_mm = 20.0
 [optimizer]
-population = 3
+population = 4
 generations = 2
 [evaluation]
 finalists = 2

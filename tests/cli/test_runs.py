@@ -20,7 +20,7 @@ def test_the_end_of_a_run_says_where_the_time_went(vinefab, run_file, tmp_path):
     document = json.loads(output)
     assert code == 0
     assert document["schema"] == "vinefab/run-result-1"
-    assert document["evaluations"] == 6
+    assert document["evaluations"] == 8
     times = document["times"]
     whole = sum(times["shares"][key] for key in ("evaluating", "optimizer", "store", "other"))
     assert whole == pytest.approx(1.0)
@@ -42,7 +42,7 @@ def test_runs_are_listed_with_those_that_cannot_be_read(vinefab, ended, tmp_path
     (row,) = document["runs"]
     assert (row["name"], row["generations"], row["stopped"]) == ("tiny", 2, "generations")
     assert "not the record of a run" in document["broken"][0]
-    assert f"{ended}: tiny (pso, seed 1, run {row['run']}): 2/2 generations" in words
+    assert f"{ended}: tiny (cmaes, seed 1, run {row['run']}): 2/2 generations" in words
     assert "stopped by generations" in words
 
 

@@ -27,7 +27,7 @@ def test_the_example_spells_out_the_defaults(tmp_path: Path) -> None:
     for part in ("maps", "space", "build", "growth", "search", "evaluation"):
         assert getattr(example, part) == getattr(bare, part)
     assert make_task("coverage", example.task.parameters) == make_task("coverage")
-    assert make_recipe("pso", example.optimizer.parameters) == make_recipe("pso")
+    assert make_recipe("cmaes", example.optimizer.parameters) == make_recipe("cmaes")
 
 
 def test_a_run_is_called_after_its_file(tmp_path: Path) -> None:
@@ -136,8 +136,8 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
         ("[build]\nwidth_ratio = 1.5", "build.width_ratio", "at most 1"),
         ("[growth]\nhead_on_half_angle_deg = 91", "head_on_half_angle_deg", "0 to 90"),
         ("[optimizer]\npopulation = 1", "optimizer.population", "2 to"),
-        ("[optimizer]\nneighbours = 1", "optimizer.neighbours", "at least 2"),
-        ("[optimizer]\ninertai = 1", "optimizer.inertai", "did you mean 'inertia'"),
+        ('[optimizer]\nname = "pso"\nneighbours = 1', "optimizer.neighbours", "at least 2"),
+        ('[optimizer]\nname = "pso"\ninertai = 1', "optimizer.inertai", "did you mean 'inertia'"),
         ('[evaluation]\ncomposite = "median"', "evaluation.composite", "mean"),
         ("[evaluation]\npose_range = -1", "evaluation.pose_range", "0 to 10"),
         ("[evaluation]\nhead_on_weight = -1", "evaluation.head_on_weight", "0 to"),

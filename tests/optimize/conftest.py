@@ -10,7 +10,7 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.tree import branch_tree
 from vinefab.optimize.bounds import Bounds, SpaceSettings
-from vinefab.optimize.settings import EvaluationSettings, RunSettings, SearchSettings
+from vinefab.optimize.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
 
 
 @pytest.fixture(scope="session")
@@ -24,6 +24,7 @@ def small() -> RunSettings:
     """Six particles, five generations, at most three levels."""
     return RunSettings(
         name="small",
+        optimizer=PartSettings(name="pso"),
         space=SpaceSettings(levels=Bounds(low=1, high=3)),
         search=SearchSettings(population=6, generations=5, seed=3),
         evaluation=EvaluationSettings(fabricable=False, finalists=3, final_poses_per_map=2),

@@ -72,7 +72,7 @@ def test_workers_may_die_and_the_result_is_that_of_threads(tmp_path: Path) -> No
     program, run_file = tmp_path / "program.py", tmp_path / "run.toml"
     program.write_text(PROGRAM)
     run_file.write_text(RUN)
-    subprocess.run([sys.executable, program, run_file, tmp_path], check=True, timeout=300)
+    subprocess.run([sys.executable, program, run_file, tmp_path], check=True, timeout=540)
 
 
 @dataclass(frozen=True)

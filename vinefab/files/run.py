@@ -188,7 +188,7 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         build=_build(form.build),
         growth=GrowthOptions(head_on_half_angle_rad=angle_rad, **growth),
         optimizer=PartSettings(
-            name=form.optimizer.name or ("nsga2" if form.task.objectives else "pso"),
+            name=form.optimizer.name or ("nsga2" if form.task.objectives else "cmaes"),
             parameters=form.optimizer.model_extra or {},
         ),
         search=SearchSettings(**search),

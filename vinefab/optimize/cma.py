@@ -2,7 +2,8 @@
 
 A normal distribution moves towards what is good and takes the shape of what is good; a margin
 keeps whole numbers from freezing (Hamano et al., CatCMA with margin, arXiv:2504.07884). Whole
-numbers with two values are drawn from probabilities, as the package's authors advise.
+numbers with two values are treated like the others: the package's probabilities for categories
+became NaN in long runs of ours.
 """
 
 from collections.abc import Mapping
@@ -23,8 +24,8 @@ LEAST_POPULATION = 4
 # All that changes from one generation to the next, but the generator, which is made anew for each.
 # _B and _D can be computed from _C, but not to the last bit.
 _ARRAYS = {"_mean": float, "_C": float, "_B": float, "_D": float, "_p_sigma": float, "_pc": float}
-_ARRAYS |= {"_A": float, "_pmut": float, "_int_succ": bool, "_q": float, "_s": float}
-_NUMBERS = ("_sigma", "_g", "_iqhist_values", "_Delta", "_gamma", "_delta", "_eps")
+_ARRAYS |= {"_A": float, "_pmut": float, "_int_succ": bool}
+_NUMBERS = ("_sigma", "_g", "_iqhist_values")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,8 +79,7 @@ class Cma:
         self._population = population
         counts = np.array(axes.choices)
         self._real = np.flatnonzero(counts == 0)
-        self._whole = np.flatnonzero(counts > 2)
-        self._binary = np.flatnonzero((counts == 1) | (counts == 2))
+        self._whole = np.flatnonzero(counts > 0)
         self._counts = counts
         self._search = self._new_search(recipe)
         self._generation = 0
@@ -88,19 +88,27 @@ class Cma:
     def ask(self) -> Floats:
         """Return points of the distribution, shape (m, d)."""
         if not self._asked:
-            sequence = np.random.SeedSequence(self._seed, spawn_key=(_STREAM, self._generation))
-            self._search._rng = np.random.RandomState(np.random.MT19937(sequence))
-            self._asked = [self._search.ask() for _ in range(self._population)]
+            self._asked = self._drawn()
         x = np.empty((self._population, len(self._counts)))
         if len(self._real):
             x[:, self._real] = [point.x for point in self._asked]
         if len(self._whole):
             numbers = np.array([point.z for point in self._asked])
             x[:, self._whole] = (numbers + 0.5) / self._counts[self._whole]
-        if len(self._binary):
-            numbers = np.array([point.c.argmax(axis=1) for point in self._asked])
-            x[:, self._binary] = (numbers + 0.5) / self._counts[self._binary]
         return x
+
+    def _drawn(self) -> list[Any]:
+        """Draw a generation at once; the package's `ask` draws a point at a time, slowly."""
+        search, count = self._search, self._population
+        sequence = np.random.SeedSequence(self._seed, spawn_key=(_STREAM, self._generation))
+        rng = np.random.RandomState(np.random.MT19937(sequence))
+        vectors, roots = search._eigen_decomposition()
+        steps = (rng.randn(count, len(roots)) * roots) @ vectors.T
+        v = search._mean + search._sigma * search._A * steps
+        x, z = np.clip(v[:, : len(self._real)], 0.0, 1.0), v[:, len(self._real) :]
+        if len(self._whole):
+            z = _whole_numbers(z, search._z_space, search._z_lim)
+        return [search.Solution(*row) for row in zip(x, z, [None] * count, v, strict=True)]
 
     def tell(self, x: Floats, fitness: Floats) -> None:  # noqa: ARG002 - it knows what it asked
         """Move the distribution by the ranks of the points."""
@@ -141,32 +149,56 @@ class Cma:
         search = CatCMAwM(
             x_space=[[0.0, 1.0]] * len(self._real) or None,
             z_space=[list(range(count)) for count in whole.tolist()] or None,
-            c_space=[2] * len(self._binary) or None,
             population_size=self._population,
-            mean=middles if len(middles) else None,
-            cov=np.diag((recipe.spread * ranges) ** 2) if len(ranges) else None,
+            mean=middles,
+            cov=np.diag((recipe.spread * ranges) ** 2),
         )
         if len(whole):
             # The package looks at one number at a time, which takes most of its time.
             search._discretization = lambda v: _whole_numbers(v, search._z_space, search._z_lim)
+            search._integer_centering = lambda v: _centred(search, v)
         return search
 
 
 def _whole_numbers(v: Floats, values: Floats, limits: Floats) -> Floats:
-    """Return the value of each row that a number stands for, shape (n,).
+    """Return the values that numbers stand for, the shape of the numbers.
 
     Parameters
     ----------
     v
-        The numbers, shape (n,).
+        The numbers, shape (n,) or (m, n).
     values
-        Rising values of each row, shape (n, k).
+        Rising values of each column, shape (n, k).
     limits
         Where one value ends and the next begins, shape (n, k - 1).
     """
-    places = np.count_nonzero(v[:, None] > limits, axis=1)
+    places = np.count_nonzero(v[..., None] > limits, axis=-1)
     found: Floats = values[np.arange(len(values)), places]
     return found
+
+
+def _centred(search: Any, v_raw: Floats) -> Floats:  # noqa: ANN401 - cmaes has no types here
+    """Return the sorted points with whole numbers centred, as the package does row by row.
+
+    The better half is moved: entries whose whole number differs from the mean's onto that number,
+    and the others against the bias that this makes. It also notes which numbers mutated.
+    """
+    columns, better = search._discrete_idx, slice(search._mu)
+    old = v_raw[better][:, columns]
+    middle, whole = search._discretization(search._mean[columns]), search._discretization(old)
+    mutated = whole != middle
+    search._int_succ = mutated.any(axis=0)
+    offsets = whole - old
+    bias = np.where(mutated, offsets, 0.0).sum(axis=0)
+    shares = np.zeros(len(columns))
+    for sign in (1.0, -1.0):
+        moves = np.where(~mutated & (sign * offsets > 0.0), offsets, 0.0).sum(axis=0)
+        against = bias * moves < 0.0
+        shares[against] = np.minimum(1.0, -bias[against] / moves[against])
+    back = ~mutated & (bias * offsets < 0.0)
+    moved = np.where(mutated, whole, old + back * shares * offsets)
+    v_raw[: search._mu, columns] = moved
+    return v_raw
 
 
 def _plain(value: Any) -> object:  # noqa: ANN401 - as above

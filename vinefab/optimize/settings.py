@@ -192,7 +192,7 @@ class RunSettings:
     space: SpaceSettings = field(default_factory=SpaceSettings)
     build: BuildSettings = field(default_factory=BuildSettings)
     growth: GrowthOptions = field(default_factory=GrowthOptions)
-    optimizer: PartSettings = PartSettings(name="pso")
+    optimizer: PartSettings = PartSettings(name="cmaes")
     search: SearchSettings = SearchSettings()
     evaluation: EvaluationSettings = EvaluationSettings()
     objectives: tuple[str, ...] = ()

@@ -6,7 +6,7 @@ import numpy as np
 
 from vinefab.core.units import deg, rad
 from vinefab.model.checked import Floats
-from vinefab.model.design import Design, Level
+from vinefab.model.design import Build, Design, Level
 from vinefab.optimize.axes import Axes
 from vinefab.optimize.bounds import LIMITS, WHOLE, Bounds, BuildSettings, SpaceSettings
 
@@ -92,6 +92,7 @@ class Space:
             for variable in every
             if variable.is_fixed
         }
+        self._builds: dict[int, Build] = {}
 
     def __len__(self) -> int:
         return len(self.variables)
@@ -145,8 +146,14 @@ class Space:
             name=name,
             trunk_length_mm=values[1, "length_mm"],
             levels=levels,
-            build=self.build.build(depth),
+            build=self._build_of(depth),
         )
+
+    def _build_of(self, depth: int) -> Build:
+        """Return the build of designs with so many levels, made once."""
+        if depth not in self._builds:
+            self._builds[depth] = self.build.build(depth)
+        return self._builds[depth]
 
     def vector(self, design: Design) -> Floats:
         """Return a point that stands for a design, as nearly as the bounds allow.

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from threading import RLock
 from typing import TypeVar
 
 import numpy as np
@@ -34,6 +35,12 @@ SNAP = 1e-9
 CROWDED = 8.0
 """Walls nearer to each other than this many steps of the coordinates' grid are crowded: far more
 than rounding, than the tolerance of touching, and than leaving out flat corners can move a wall."""
+
+FIRST_LOOKS = 64
+"""So many looks into prepared polygons make their index (GEOS 3.14 makes it at the second)."""
+
+_MAKING = RLock()
+"""Threads share terrains, and what one makes another must not make again or drop meanwhile."""
 
 MOST_RADII = 64
 """Walls are kept for so many radii, then the oldest are dropped: memory stays bounded."""
@@ -83,19 +90,22 @@ class Terrain:
         radius_mm
             Inflated radius; 0 for the bare centreline.
         """
-        if radius_mm not in self._free:
-            shrunk = shapely.buffer(self._free[0.0], -radius_mm, quad_segs=ARC_SEGMENTS_PER_QUARTER)
-            _make_room(self._free)
-            self._free[radius_mm] = _prepared(shapely.set_precision(shrunk, self.grid_mm))
-        return self._free[radius_mm]
+        with _MAKING:
+            if radius_mm not in self._free:
+                whole, finely = self._free[0.0], ARC_SEGMENTS_PER_QUARTER
+                shrunk = shapely.buffer(whole, -radius_mm, quad_segs=finely)
+                _make_room(self._free)
+                self._free[radius_mm] = _prepared(shapely.set_precision(shrunk, self.grid_mm))
+            return self._free[radius_mm]
 
     def walls(self, radius_mm: float = 0.0) -> WallArrays:
         """Return the walls that a body of some radius meets, indexed, read-only."""
-        if radius_mm not in self._walls:
-            _make_room(self._walls)
-            walls = walls_of(self.free_space(radius_mm), self.grid_mm)
-            self._walls[radius_mm] = indexed(walls, CROWDED * self.grid_mm)
-        return self._walls[radius_mm]
+        with _MAKING:
+            if radius_mm not in self._walls:
+                _make_room(self._walls)
+                walls = walls_of(self.free_space(radius_mm), self.grid_mm)
+                self._walls[radius_mm] = indexed(walls, CROWDED * self.grid_mm)
+            return self._walls[radius_mm]
 
     def contains(self, x_mm: float, y_mm: float, radius_mm: float = 0.0) -> bool:
         """Tell whether a point is in free space; a point on a wall is."""
@@ -191,4 +201,10 @@ def _make_room(kept: dict[float, T]) -> None:
 def _prepared(free: BaseGeometry) -> BaseGeometry:
     """Return the polygons with an index that makes looking up points fast."""
     shapely.prepare(free)
+    if not free.is_empty:
+        # GEOS makes its indices not here but after some looks within the box around the polygons.
+        # Two threads that come first at the same time both make them, and free each other's memory.
+        corners = np.resize(shapely.get_coordinates(free), (FIRST_LOOKS, 2))
+        shapely.contains_xy(free, corners)
+        shapely.shortest_line(free, shapely.points(corners))
     return free

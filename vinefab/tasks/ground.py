@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from threading import Lock
 
 import numpy as np
 import shapely
@@ -15,6 +16,9 @@ from vinefab.tasks.raster import Raster
 MOST_RASTERS = 4
 """Rasters are kept for so many radii, then the oldest is dropped."""
 
+_MAKING = Lock()
+"""Threads share grounds, and only one may make or drop a raster at a time."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ground:
@@ -23,7 +27,7 @@ class Ground:
     Parameters
     ----------
     free
-        Free space: Polygon or MultiPolygon, prepared.
+        Free space: Polygon or MultiPolygon.
     area_mm2
         Its area.
     diagonal_mm
@@ -57,7 +61,6 @@ class Ground:
         free = world.free_space if free is None else free
         if not free.area > 0.0:
             raise BadInputError(f"map {world.name}", "no free space", "some free space")
-        shapely.prepare(free)
         return cls(
             free=free,
             area_mm2=free.area,
@@ -76,12 +79,13 @@ class Ground:
             False: all of the plane that discs about points of the map can reach counts as free.
         """
         key = radius_mm, walls
-        if key not in self._rasters:
-            while len(self._rasters) >= MOST_RASTERS:
-                self._rasters.pop(next(iter(self._rasters)))
-            edges_mm = self.edges_mm if walls else self._open_edges_mm(radius_mm)
-            self._rasters[key] = Raster.of(edges_mm, radius_mm)
-        return self._rasters[key]
+        with _MAKING:
+            if key not in self._rasters:
+                while len(self._rasters) >= MOST_RASTERS:
+                    self._rasters.pop(next(iter(self._rasters)))
+                edges_mm = self.edges_mm if walls else self._open_edges_mm(radius_mm)
+                self._rasters[key] = Raster.of(edges_mm, radius_mm)
+            return self._rasters[key]
 
     def _open_edges_mm(self, radius_mm: float) -> Floats:
         """Return the edges of a box that holds every disc about a point of the map."""

@@ -19,6 +19,24 @@ SCRIPTS = {
 
 TABLE = "price_of_making"
 
+TALKING = {
+    "add_a_rule": "three_level_tree: warning: 1.54 m",
+    "optimize_my_task": "climber",
+    "read_a_run": "winner",
+    "make_a_rig": "parts of pegs_4",
+    "grow_on_my_map": "branches came out",
+    "make_shipped_designs": "plain_vine: made",
+}
+"""What each script says when it has done its work."""
+
+NEEDS = {
+    "read_a_run": ("run",),
+    "make_a_rig": ("rig",),
+    "grow_on_my_map": ("grown.svg",),
+    "make_shipped_designs": ("made", "plain_vine"),
+}
+"""What each is given; the first is what it writes."""
+
 
 @pytest.mark.parametrize(("name", "arguments"), SCRIPTS.items(), ids=SCRIPTS)
 def test_an_example_draws_its_picture(name, arguments, tmp_path):
@@ -43,9 +61,19 @@ def test_the_price_of_making_is_a_table_of_winners_that_pass(tmp_path):
     assert cell["free"][0]["unseen"] != cell["fabricable"][0]["unseen"]
 
 
+@pytest.mark.parametrize("name", TALKING)
+def test_an_example_does_what_it_says(name, tmp_path):
+    script, given = ROOT / "examples" / f"{name}.py", NEEDS.get(name, ())
+    ran = subprocess.run(
+        [sys.executable, script, *given], check=True, cwd=tmp_path, capture_output=True, text=True
+    )
+    assert TALKING[name] in ran.stdout
+    assert all((tmp_path / written).exists() for written in given[:1])
+
+
 def test_every_script_in_the_folder_is_tried():
     scripts = {path.stem for path in (ROOT / "examples").glob("*.py")}
-    assert scripts == {*SCRIPTS, TABLE}
+    assert scripts == {*SCRIPTS, *TALKING, TABLE}
 
 
 def test_the_library_snippet_of_the_readme_runs(tmp_path):

@@ -22,7 +22,7 @@ def reproduce_command(
         list[str],
         typer.Argument(
             metavar="NAME...",
-            help="transfer, convergence, maps, weighting, reach, anchor, search, or all.",
+            help="transfer, convergence, maps, weighting, reach, anchor, search, ablation, or all.",
         ),
     ],
     out: Annotated[Path, typer.Option("--out", help="The folder; a stopped run goes on in it.")],

@@ -20,7 +20,7 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Pose
 from vinefab.optimize.settings import plain_settings
 from vinefab.tasks.evaluate import Site, poses_on
-from vinefab.tasks.reach import QUARTER_SEGMENTS
+from vinefab.tasks.reach import near_chains
 
 FAN_DEG = 120.0
 """Headings are spread evenly over so much, around the start's own."""
@@ -91,8 +91,7 @@ class Redeploying:
 
     def reached(self, place: Site, grown: list[Deployment]) -> float:
         """Return the share of free space within the buffer of all bodies together."""
-        bodies = shapely.MultiLineString([deployment.chain_mm(0).tolist() for deployment in grown])
-        near = shapely.buffer(bodies, self.buffer_mm, quad_segs=QUARTER_SEGMENTS)
+        near = near_chains([d.chain_mm(0).tolist() for d in grown], self.buffer_mm)
         return float(shapely.intersection(near, place.ground.free).area / place.ground.area_mm2)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from vinefab.core.registry import Registry
+from vinefab.experiments.ablation import ablation
 from vinefab.experiments.anchor import anchor
 from vinefab.experiments.convergence import convergence
 from vinefab.experiments.finding import Finding
@@ -23,5 +24,6 @@ EXPERIMENTS: Registry[Callable[[Lab], Finding]] = Registry(
         "reach": reach,
         "anchor": anchor,
         "search": search,
+        "ablation": ablation,
     },
 )

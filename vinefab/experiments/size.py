@@ -16,7 +16,7 @@ class Size:
     repeats
         Runs of `convergence` and `search` [paper: 10].
     ablation_seeds
-        Runs per setting of `ablation` and `price`.
+        Runs per setting of `ablation`.
     population, generations
         Size of a search on coverage; 100 is the size of the paper's swarm in MATLAB.
     wide_population, wide_generations

@@ -62,7 +62,9 @@ def reach_plan(panels: Sequence[Panel], columns: int = 2) -> Figure:
 def _draw(axes: Axes, panel: Panel) -> None:
     if panel.buffer_mm > 0.0:
         lines = [chain for robot in panel.deployments for chain in _chains(robot)]
-        near = shapely.buffer(shapely.MultiLineString(lines), panel.buffer_mm)
+        near = shapely.union_all(
+            shapely.buffer([shapely.LineString(line) for line in lines], panel.buffer_mm)
+        )
         reached = shapely.intersection(near, panel.world.free_space)
         fill(axes, [reached], face=LEVEL_COLOURS[5], edge="none", alpha=0.45, rank=0.5)
     draw_map(axes, panel.world)

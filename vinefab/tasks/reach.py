@@ -7,6 +7,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.growth.batch import Block
@@ -96,9 +97,27 @@ class Reach:
         return outcomes
 
     def _exact_mm2(self, deployment: Deployment, ground: Ground) -> float:
-        body = shapely.MultiLineString(_chains(deployment))
-        reached = shapely.buffer(body, self.buffer_mm, quad_segs=QUARTER_SEGMENTS)
+        reached = near_chains(_chains(deployment), self.buffer_mm)
         return float(shapely.intersection(reached, ground.free).area)
+
+
+def near_chains(chains: Sequence[Sequence[Sequence[float]]], buffer_mm: float) -> BaseGeometry:
+    """Return all that lies within a distance of some lines.
+
+    Parameters
+    ----------
+    chains
+        Points of each line, at least two.
+    buffer_mm
+        The distance.
+
+    Notes
+    -----
+    One line after the other and then together: buffering them all as one shape takes minutes where
+    hundreds of them cross each other, instead of a tenth of a second.
+    """
+    lines = [shapely.LineString(chain) for chain in chains]
+    return shapely.union_all(shapely.buffer(lines, buffer_mm, quad_segs=QUARTER_SEGMENTS))
 
 
 def _outcome(reached_mm2: float, grown_mm: float, ground: Ground) -> Outcome:

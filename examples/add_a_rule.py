@@ -1,0 +1,52 @@
+"""Add a design rule of your own: how much film may be used.
+
+Run it as ``python examples/add_a_rule.py``. A rule is an id, what must hold, limits, a reason, and
+a function that looks at the subject and says what breaks a limit. A rule of vinefab's own is one
+such object in `vinefab/checks/` and a line in `vinefab/checks/rules.py`.
+"""
+
+from vinefab.checks.rule import Hit, Limits, Looked, Rule
+from vinefab.checks.subject import Subject
+from vinefab.files.design import read_design
+from vinefab.files.profile import read_profile
+from vinefab.files.shipped import DEFAULT_RECIPE
+from vinefab.model.tree import branch_tree
+from vinefab.pipeline.check import subject_of
+
+
+def look_at_film(subject: Subject, limits: Limits) -> Looked:
+    """MY-F01: all branches together take no more film than the limits."""
+    film_m = branch_tree(subject.design).total_length_mm / 1000.0
+    breach = limits.most(film_m)
+    if breach is None:
+        return Looked(checked=1)
+    hit = Hit(
+        message="so much film is slow to evert: shorten or leave out branches",
+        severity=breach.severity,
+        measured=film_m,
+        limit=breach.limit,
+    )
+    return Looked(checked=1, hits=(hit,))
+
+
+RULE = Rule(
+    id="MY-F01",
+    title="film in all branches",
+    unit="m",
+    limits={"warning": 1.0, "error": 3.0},
+    reason="our bench deploys no more than this in a minute [measured]",
+    look=look_at_film,
+)
+
+
+def main() -> None:
+    profile = read_profile(DEFAULT_RECIPE)
+    for name in ("plain_vine", "three_level_tree", "grid_explorer"):
+        subject = subject_of(read_design(name), profile)
+        looked = RULE.look(subject, RULE.limits_with({}))
+        found = [f"{h.severity}: {h.measured:.2f} {RULE.unit}, {h.message}" for h in looked.hits]
+        print(f"{name}: {'; '.join(found) or 'keeps the rule'}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,26 @@
+"""Write printable obstacles of a generated map, as a test rig for the bench.
+
+Run it as ``python examples/make_a_rig.py OUT``.
+"""
+
+import sys
+from pathlib import Path
+
+from vinefab.environments.pegs import PegsOptions, pegs_map
+from vinefab.files.printer import read_printer
+from vinefab.files.shipped import DEFAULT_PRINTER
+from vinefab.pipeline.rig import make_rig
+from vinefab.rig.options import RigOptions
+
+
+def main(folder: Path) -> None:
+    world = pegs_map(seed=4, options=PegsOptions(columns=6, rows=6))
+    made = make_rig(world, read_printer(DEFAULT_PRINTER), RigOptions(height_mm=30.0))
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, data in made.files.items():
+        (folder / name).write_bytes(data)
+    print(f"{len(made.rig.parts)} parts of {world.name}, {len(made.files)} files in {folder}")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

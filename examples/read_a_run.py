@@ -1,0 +1,37 @@
+"""Run the optimizer, keep its record, and read the record again without the run file.
+
+Run it as ``python examples/read_a_run.py FOLDER``; a second time it only reads.
+"""
+
+import sys
+from pathlib import Path
+
+from vinefab.optimize.archive import Archive, records_in
+from vinefab.optimize.settings import (
+    EvaluationSettings,
+    MapSettings,
+    RunSettings,
+    SearchSettings,
+)
+from vinefab.pipeline.optimize import search
+
+
+def main(folder: Path) -> None:
+    settings = RunSettings(
+        name="short_run",
+        maps=MapSettings(environment="cave", count=2, seed=1),
+        search=SearchSettings(population=10, generations=4, seed=1),
+        evaluation=EvaluationSettings(fabricable=False),
+    )
+    search(settings, folder, resume=any(folder.glob("*.sqlite")))
+    for path in records_in(folder):
+        archive = Archive.read(path)
+        print(f"{path.name}: {archive.settings.task.name} on {len(archive.maps)} maps")
+        for generation in archive.history:
+            print(f"  generation {generation.number}: best {generation.fitness.max():.4f}")
+        winner = archive.result()
+        print(f"  winner: {winner.best.branch_count} branches, run {winner.run_id}")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

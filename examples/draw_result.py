@@ -22,7 +22,7 @@ from vinefab.model.job import Operation
 from vinefab.pipeline.fabricate import prepare
 from vinefab.report.drawing import draw_deployment, draw_map
 from vinefab.report.figure import house_style, png_bytes
-from vinefab.report.plans import OPERATION_COLOURS
+from vinefab.report.sheet_plan import OPERATION_COLOURS
 from vinefab.rig.build import build_rig
 from vinefab.rig.part import Rig
 

@@ -37,7 +37,7 @@ CROWDED = 8.0
 than rounding, than the tolerance of touching, and than leaving out flat corners can move a wall."""
 
 FIRST_LOOKS = 64
-"""So many looks into prepared polygons make their index (GEOS 3.14 makes it at the second)."""
+"""So many looks into prepared polygons make their index (one is not enough for GEOS 3.14)."""
 
 _MAKING = RLock()
 """Threads share terrains, and what one makes another must not make again or drop meanwhile."""

@@ -42,7 +42,7 @@ def reproduce_command(
     size = QUICK if quick else PAPER
     with voice.progress("reproduce") as show:
         done = reproduce(names, out, size, workers=workers, tell=show, announce=voice.say)
-    table = Table("experiment", "claim", "verdict", "difference [95 %]", "confidence")
+    table = Table("experiment", "verdict", "claim", "difference [95 %]", "confidence")
     for finding in done.findings:
         for claim in finding.claims:
             table.add_row(finding.name, *claim.cells()[:4])

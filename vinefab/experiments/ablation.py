@@ -9,7 +9,7 @@ import numpy as np
 
 from vinefab.core.units import rad
 from vinefab.experiments.exchange import Exchange
-from vinefab.experiments.finding import Finding, Row, interval_text
+from vinefab.experiments.finding import Finding, Row, interval_text, percent_text
 from vinefab.experiments.lab import Lab
 from vinefab.experiments.reach import REACH, reach_run, reach_test, redeployments
 from vinefab.experiments.setups import (
@@ -21,8 +21,9 @@ from vinefab.experiments.setups import (
     trained,
 )
 from vinefab.experiments.size import Size
-from vinefab.experiments.statistics import Interval, difference
+from vinefab.experiments.statistics import Interval, difference, interval
 from vinefab.growth.options import GrowthOptions
+from vinefab.model.checked import Floats
 from vinefab.optimize.bounds import BuildSettings
 from vinefab.optimize.settings import PartSettings, RunSettings
 
@@ -93,6 +94,7 @@ def ablation(lab: Lab) -> Finding:
         }
         if not variant.task:
             results |= _reach(lab, variant, designs)
+            rows += _shares(lab, variant, designs)
         rows += [
             Row(what=f"{variant.name}: {what}", ours=_words(result))
             for what, result in results.items()
@@ -142,6 +144,24 @@ def slim(design: Mapping[str, Any]) -> dict[str, Any]:
     return {**design, **widths}
 
 
+def _shares(lab: Lab, variant: Variant, designs: Mapping[str, dict[str, Any]]) -> list[Row]:
+    """Return what one branched deployment reaches."""
+    return [
+        Row(
+            what=f"{variant.name}: reached by one branched deployment in the {NAMES[environment]}",
+            ours=percent_text(interval(_one(lab, variant, designs, environment))),
+        )
+        for environment in ENVIRONMENTS
+    ]
+
+
+def _one(
+    lab: Lab, variant: Variant, designs: Mapping[str, dict[str, Any]], environment: str
+) -> Floats:
+    test = reach_test(lab.size, designs[environment], environment)
+    return scores_of(lab, [replace(test, task=REACH, growth=variant.growth)])
+
+
 def _reach(
     lab: Lab, variant: Variant, designs: Mapping[str, dict[str, Any]]
 ) -> dict[str, Interval]:
@@ -153,11 +173,7 @@ def _reach(
             for job in redeployments(lab.size, environment)
         ]
         many = np.array([part["share"] for part in lab.do(jobs, "redeploying")])
-        test = replace(
-            reach_test(lab.size, designs[environment], environment),
-            task=REACH,
-            growth=variant.growth,
-        )
+        one = _one(lab, variant, designs, environment)
         what = f"one branched deployment above all of a plain vine in the {NAMES[environment]}"
-        found[what] = difference(scores_of(lab, [test]), many.reshape(1, -1, 1))
+        found[what] = difference(one, many.reshape(1, -1, 1))
     return found

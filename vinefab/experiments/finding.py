@@ -61,12 +61,12 @@ class Claim:
         }
 
     def cells(self) -> tuple[str, ...]:
-        """Return it as cells of a table: claim, verdict, difference, confidence, kept designs."""
+        """Return it as cells of a table: verdict, claim, difference, confidence, kept designs."""
         kept = "-"
         if self.kept is not None:
             kept = f"{interval_text(self.kept, self.digits)}, {self.kept.verdict}"
         difference = interval_text(self.tested, self.digits)
-        return self.text, self.tested.verdict, difference, _percent(self.tested.above), kept
+        return self.tested.verdict, self.text, difference, _percent(self.tested.above), kept
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

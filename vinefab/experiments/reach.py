@@ -125,8 +125,12 @@ def reach(lab: Lab) -> Finding:
         ),
         remarks=(
             "The branching designs are as large as Table 1 allows, because nothing is charged for "
-            "film here; see 'price' for what can be made. The buffer reaches through thin walls in "
-            "this measure, for both kinds of robot alike.",
+            "film here: no such robot can be cut (examples/price_of_making.py says what those that "
+            "can be made reach). The buffer reaches through thin walls in this measure, for both "
+            "kinds of robot alike.",
+            "In the Cave most branches end in a corner or head-on, and children of a branch that "
+            "is stuck stay inside in this model, so most of the planned tree never comes out; "
+            "'ablation' shows what one deployment reaches if they deploy all the same.",
         ),
         pictures=(_picture(lab.size, found),),
         data={

@@ -157,7 +157,7 @@ def _summary(done: Reproduction) -> Section:
     )
 
 
-CLAIM_HEADINGS = ("claim", "verdict", "difference [95 %]", "confidence", "kept designs only")
+CLAIM_HEADINGS = ("verdict", "claim", "difference [95 %]", "confidence", "kept designs only")
 
 
 def _section(finding: Finding) -> Section:

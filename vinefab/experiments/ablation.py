@@ -62,7 +62,7 @@ class Variant:
 
 
 VARIANTS = (
-    Variant(name="as elsewhere (head-on 1 degree, centreline, children of stuck branches stay)"),
+    Variant(name="base (head-on 1 degree, centreline, stuck children stay)"),
     Variant(
         name="head-on half-angle 5 degrees", growth=GrowthOptions(head_on_half_angle_rad=rad(5.0))
     ),
@@ -70,9 +70,7 @@ VARIANTS = (
         name="head-on half-angle 15 degrees",
         growth=GrowthOptions(head_on_half_angle_rad=rad(15.0)),
     ),
-    Variant(
-        name="children of stuck branches deploy", growth=GrowthOptions(children_of_stuck="deploy")
-    ),
+    Variant(name="stuck children deploy", growth=GrowthOptions(children_of_stuck="deploy")),
     Variant(name="inflated body, 24 mm trunk", growth=GrowthOptions(body="inflated")),
     Variant(name="sensor discs reach through walls", task={"clip": "none"}),
 )
@@ -87,9 +85,7 @@ def ablation(lab: Lab) -> Finding:
     for variant in VARIANTS:
         found = Exchange.of(lab, partial(variant.run, size), size.ablation_seeds)
         results = {
-            f"{NAMES[home]} designs above the others in the {NAMES[home]}": found.native_claim(
-                home
-            ).tested
+            f"{NAMES[home]} designs lead in the {NAMES[home]}": found.native_claim(home).tested
             for home in ENVIRONMENTS
         }
         if not variant.task:
@@ -148,7 +144,7 @@ def _shares(lab: Lab, variant: Variant, designs: Mapping[str, dict[str, Any]]) -
     """Return what one branched deployment reaches."""
     return [
         Row(
-            what=f"{variant.name}: reached by one branched deployment in the {NAMES[environment]}",
+            what=f"{variant.name}: reached by one branched, {NAMES[environment]}",
             ours=percent_text(interval(_one(lab, variant, designs, environment))),
         )
         for environment in ENVIRONMENTS
@@ -174,6 +170,6 @@ def _reach(
         ]
         many = np.array([part["share"] for part in lab.do(jobs, "redeploying")])
         one = _one(lab, variant, designs, environment)
-        what = f"one branched deployment above all of a plain vine in the {NAMES[environment]}"
+        what = f"one branched above all plain, {NAMES[environment]}"
         found[what] = difference(one, many.reshape(1, -1, 1))
     return found

@@ -73,6 +73,9 @@ def anchor(lab: Lab) -> Finding:
             "at mu 0.3): they were short and deployed in one small cave. Ours may be as long as "
             "Table 1 allows, wind around more corners and gain more from the capstan; the number "
             "depends on mu, which is assumed, exponentially.",
+            "In the Cave the six branches often condense into one passage and turn at the same "
+            "corners. The model lets them lie there on top of each other; real pouches would share "
+            "one gap. The shipped six_branch_anchor was trained with pouches that must jam.",
         ),
         pictures=(_picture(found),),
         data={

@@ -68,7 +68,7 @@ def maps(lab: Lab) -> Finding:
             "All runs spend the same number of evaluations, and the swarm keeps the luckiest ones "
             "of noisy evaluations as its bests: a fixed pose has no such noise. Variety helps the "
             "kept designs when it comes from more maps; from poses on one map alone it does not "
-            "show here. The maps of our Grid resemble each other more than their poses differ.",
+            "show here.",
         ),
         pictures=(_picture(best),),
         data={name: values.tolist() for name, values in scores.items()},

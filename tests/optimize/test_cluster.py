@@ -44,7 +44,8 @@ def main():
                 killed.append(pid)
 
     threads = search(settings, Path(sys.argv[2]) / "threads")
-    cluster = search(settings, Path(sys.argv[2]) / "cluster", workers=Cluster("local:2"), tell=tell)
+    crew = Cluster("local:2", patience_s=500.0)
+    cluster = search(settings, Path(sys.argv[2]) / "cluster", workers=crew, tell=tell)
     assert len(killed) >= 2, killed
     assert cluster.times.workers == 2 and cluster.times.growth_s > 0.0
     assert cluster.best == threads.best

@@ -30,7 +30,7 @@ from vinefab.tasks.evaluate import Poses
 TRIP_S = 0.1
 """Work in one piece that is sent: a trip there and back takes some milliseconds."""
 
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 """How long a run waits without any worker before it gives up."""
 
 LOOK_S = 2.0

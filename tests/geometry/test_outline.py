@@ -82,6 +82,14 @@ def test_segments_are_long_enough_and_arcs_turn_less_than_175_degrees(sound_desi
             assert abs(math.degrees(segment.turn_rad)) < 175.0
 
 
+def test_fillet_between_almost_parallel_children_is_split(make_plan, make_fan):
+    contour = body_outline(make_plan((40.0, 4.0), (2.0,), [make_fan(2, 400, 4)])).contour
+    assert max(abs(math.degrees(s.turn_rad)) for s in contour.segments) < 175.0
+    between = [s for s in contour.segments if s.part is Part.FILLET and s.turn_rad < -1.5]
+    assert [math.degrees(s.turn_rad) for s in between] == pytest.approx([-88.0, -88.0])
+    assert [s.radius_mm for s in between] == pytest.approx([2.0, 2.0])
+
+
 def test_radii_are_the_designed_ones(make_plan, make_fan):
     pouch = Pouch(shape="round", radius_mm=16.0)
     design = make_plan((40.0, 20.0), (6.5,), [make_fan(3, 120, 160)], pouch=pouch)

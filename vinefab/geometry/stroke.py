@@ -122,9 +122,14 @@ class Pen:
     branches: list[str] = field(default_factory=list)
 
     def go_to(self, point: Point, part: Part, branch: str, bulge: float = 0.0) -> None:
-        """Draw to a point, unless the pen is there already."""
+        """Draw to a point, unless the pen is there already; an arc that turns too far in two."""
         if math.dist(self.points[-1], point) < 1e-9:
             return
+        if abs(bulge) > math.tan(MOST_TURN_RAD / 4.0):
+            (x0, y0), (x1, y1) = self.points[-1], point
+            middle = (x0 + x1 + bulge * (y1 - y0)) / 2.0, (y0 + y1 - bulge * (x1 - x0)) / 2.0
+            bulge = math.tan(math.atan(bulge) / 2.0)
+            self.go_to(middle, part, branch, bulge)
         self.points.append(point)
         self.bulges.append(bulge)
         self.parts.append(part)

@@ -221,7 +221,7 @@ def _tail(design: Design, places: _Places, pattern: Pattern) -> Iterator[Outline
 def _rooms(design: Design, places: _Places, pattern: Pattern) -> Iterator[OutlineProblem]:
     """Check the straight side that is left between the two ends of every kind of branch."""
     trunk = design.trunk_length_mm
-    if pattern.tail.bend:
+    if level_tapers_rad(design, 1)[0]:
         # The side of a tapered trunk ends where the tail's begins.
         trunk = _side_mm(design, 1, 0)
     else:

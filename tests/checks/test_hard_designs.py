@@ -57,3 +57,10 @@ def test_hard_designs_are_answered(block: int, profile: LaserProfile) -> None:
         report = run_checks(Subject.of(design, profile))
         assert all(is_finite(finding) for finding in report.findings), design
         assert 0.0 <= fabrication_penalty(design, sheet_mm=(900.0, 500.0)) < 200.0
+
+
+def test_a_robot_of_a_kilometre_is_refused_at_once(profile: LaserProfile) -> None:
+    endless = Design(name="endless", trunk_length_mm=1e6, build=Build.standard(1))
+    found = [f for f in run_checks(Subject.of(endless, profile)).findings if f.rule == "VF-S01"]
+    assert len(found) == 1
+    assert "more than 64 tiles" in found[0].message

@@ -21,6 +21,9 @@ from vinefab.model.outline import Contour, Segment
 TARGET_MM = 8.0
 """Size of a registration target, a cross."""
 
+MOST_TILES = 64
+"""Nobody puts more sheets together than that; a robot of a kilometre is refused at once."""
+
 LEAST_APART_MM = 50.0
 """Two targets of a tile are at least so far apart."""
 
@@ -87,6 +90,7 @@ def tiles_of(
         If some part has no place to be parted, or two tiles no room for shared targets.
     """
     contours = [path.contour for path in paths]
+    _refuse_many(_least_tiles(contours, room_mm, pass_through=pass_through))
     places = stations_mm(axes, contours)
     parted = [stretches(axes, contour, places) for contour in contours]
     boxes: dict[Piece, Box] = {}
@@ -95,7 +99,11 @@ def tiles_of(
         box = Contour.from_segments([stretch.segment], closed=False).box_mm
         boxes[piece] = _around(boxes[piece], box) if piece in boxes else box
     fits = _fit(boxes, room_mm, pass_through=pass_through)
-    tiles = _merged(_grown(axes, places, boxes, fits), fits)
+    grown = _grown(axes, places, boxes, fits)
+    # Trying all pairs of very many takes too long; merging rarely leaves a quarter of them.
+    _refuse_many(len(grown) // 4)
+    tiles = _merged(grown, fits)
+    _refuse_many(len(tiles))
     number = {piece: row for row, tile in enumerate(tiles) for piece in tile.pieces}
     for path, found in zip(paths, parted, strict=True):
         owners = [number[_joined(axes, places, stretch.piece)] for stretch in found]
@@ -108,6 +116,20 @@ def tiles_of(
     _place_windows(ordered, room_mm, boxes, pass_through=pass_through)
     _register(ordered, room_mm, [region(contour) for contour in contours])
     return ordered
+
+
+def _least_tiles(contours: Sequence[Contour], room_mm: Point, *, pass_through: bool) -> float:
+    """Return a number of windows without which the robot cannot be covered."""
+    whole = contours[0].box_mm
+    for contour in contours[1:]:
+        whole = _around(whole, contour.box_mm)
+    wide, high = (whole[2] - whole[0]) / room_mm[0], (whole[3] - whole[1]) / room_mm[1]
+    return wide if pass_through else max(wide, high)
+
+
+def _refuse_many(count: float) -> None:
+    if count > MOST_TILES:
+        raise NoTilesError(f"it would take more than {MOST_TILES} tiles")
 
 
 def _joined(axes: Axes, places: list[list[float]], piece: Piece) -> Piece:

@@ -29,10 +29,15 @@ def test_a_good_design_has_no_penalty_and_passes(making: Making) -> None:
     assert making.passes(fork(1.2))
 
 
-def test_the_bed_of_the_recipe_counts(making: Making) -> None:
+def test_a_search_keeps_to_one_bed_though_larger_robots_may_be_cut_in_tiles(
+    making: Making,
+) -> None:
     long = fork(1.2, 900.0)
     assert making(long) > 0.0
-    assert not making.passes(long)
+    assert making.passes(long)
+    endless = fork(1.2, 90_000.0)
+    assert making(endless) > making(long)
+    assert not making.passes(endless)
 
 
 def test_a_narrow_fan_is_seen_by_both(making: Making) -> None:

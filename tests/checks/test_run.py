@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 
 from vinefab.checks.rules import RULES
-from vinefab.checks.run import run_checks
+from vinefab.checks.run import joined, run_checks
 from vinefab.checks.subject import Subject
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.files.design import read_design
@@ -134,3 +134,14 @@ def test_rules_can_be_read_without_their_code() -> None:
         assert rule.id == rule_id
         assert rule.title
         assert len(rule.reason) > 20
+
+
+@pytest.mark.parametrize("name", ["three_level_tree", "grid_explorer"])
+@pytest.mark.parametrize("problems", [(), ("an arc is missing",)])
+def test_a_rule_applied_later_reads_as_if_all_had_been_applied_at_once(
+    name: str, problems: tuple[str, ...], profile: LaserProfile
+) -> None:
+    design = replace(read_design(name), waivers=(Waiver(fingerprint="gone", reason="old"),))
+    before = Subject.of(design, profile)
+    after = replace(before, readback={"outline.dxf": problems})
+    assert joined(run_checks(before), run_checks(after, only=("VF-X01",))) == run_checks(after)

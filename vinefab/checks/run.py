@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 from vinefab.checks.limits import by_rule, changed_limits
 from vinefab.checks.rig import RIG_LOOKS, Stand
@@ -11,6 +12,8 @@ from vinefab.checks.subject import Subject
 from vinefab.core.hashing import fingerprint
 from vinefab.model.design import Waiver
 from vinefab.model.finding import CheckReport, Finding, RuleRun, RuleSkipped
+
+Entry = TypeVar("Entry", RuleRun, RuleSkipped, Finding)
 
 
 def run_checks(
@@ -47,6 +50,33 @@ def run_checks(
     report = _report(subject.design.name, outcomes, subject.design.waivers)
     stale = _stale(report.findings, subject.design.waivers)
     return replace(report, recipe=recipe, limits=changed, stale_waivers=stale)
+
+
+def joined(report: CheckReport, more: CheckReport) -> CheckReport:
+    """Return a check in which some rules were applied later, once they could look.
+
+    Parameters
+    ----------
+    report
+        Every rule's outcome so far.
+    more
+        Outcomes of some of the rules for the same design, which take the place of those.
+    """
+    later = {entry.rule for entry in (*more.run, *more.skipped)}
+    return replace(
+        report,
+        run=_instead(report.run, more.run, later),
+        skipped=_instead(report.skipped, more.skipped, later),
+        findings=_instead(report.findings, more.findings, later),
+        stale_waivers=tuple(name for name in report.stale_waivers if name in more.stale_waivers),
+    )
+
+
+def _instead(old: Sequence[Entry], new: Sequence[Entry], rules: set[str]) -> tuple[Entry, ...]:
+    """Return new entries in the place of the old ones about some rules, in the rules' order."""
+    place = {rule: number for number, rule in enumerate(RULES)}
+    entries = [*(entry for entry in old if entry.rule not in rules), *new]
+    return tuple(sorted(entries, key=lambda entry: place[entry.rule]))
 
 
 def run_rig_checks(stand: Stand) -> CheckReport:

@@ -86,15 +86,13 @@ def drawing_text(drawing: Job, path: Path) -> str:
     return text
 
 
-def deploy_from_starts(design: Design, maps: Sequence[Map], body: str = "inflated") -> Deployed:
+def deploy_from_starts(design: Design, maps: Sequence[Map]) -> Deployed:
     """Return a design's deployments from every start of every map.
 
     Parameters
     ----------
     design, maps
         What to grow and where. Without maps the simulator is not even imported.
-    body
-        ``inflated``, for a body has a width, or ``centerline``.
 
     Raises
     ------
@@ -111,7 +109,7 @@ def deploy_from_starts(design: Design, maps: Sequence[Map], body: str = "inflate
     from vinefab.growth.terrain import Terrain  # noqa: PLC0415
     from vinefab.pipeline.grow import growth_options  # noqa: PLC0415
 
-    options = growth_options(body)
+    options = growth_options("inflated")  # for a body has a width
     terrains = [(world, Terrain.of(world)) for world in maps]
     return tuple(
         (_place(world, number), grow(design, terrain, start.pose, options))

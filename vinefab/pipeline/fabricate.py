@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from vinefab.checks.run import run_checks
+from vinefab.checks.built import READBACK
+from vinefab.checks.run import joined, run_checks
 from vinefab.checks.subject import Subject
 from vinefab.export.bom import bill_of_materials
 from vinefab.export.checks_json import checks_text
@@ -129,7 +130,8 @@ def prepare(
             names = {name: tile_name(number, name) for name in own if name != LIBRARY_NAME}
             files |= {new: own[name] for name, new in names.items()}
             problems |= {new: said[name] for name, new in names.items()}
-        report = run_checks(replace(subject, readback=problems))
+        reread = run_checks(replace(subject, readback=problems), only=(READBACK.id,))
+        report = joined(report, reread)
     return Prepared(
         design=design,
         profile=profile,

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from vinefab.checks.limits import by_rule, changed_limits
 from vinefab.checks.rig import RIG_LOOKS, Stand
@@ -13,7 +13,17 @@ from vinefab.core.hashing import fingerprint
 from vinefab.model.design import Waiver
 from vinefab.model.finding import CheckReport, Finding, RuleRun, RuleSkipped
 
-Entry = TypeVar("Entry", RuleRun, RuleSkipped, Finding)
+
+class _OfRule(Protocol):
+    """What a check says of one rule."""
+
+    @property
+    def rule(self) -> str:
+        """The rule's id."""
+        ...
+
+
+_Entry = TypeVar("_Entry", bound=_OfRule)
 
 
 def run_checks(
@@ -72,7 +82,7 @@ def joined(report: CheckReport, more: CheckReport) -> CheckReport:
     )
 
 
-def _instead(old: Sequence[Entry], new: Sequence[Entry], rules: set[str]) -> tuple[Entry, ...]:
+def _instead(old: Sequence[_Entry], new: Sequence[_Entry], rules: set[str]) -> tuple[_Entry, ...]:
     """Return new entries in the place of the old ones about some rules, in the rules' order."""
     place = {rule: number for number, rule in enumerate(RULES)}
     entries = [*(entry for entry in old if entry.rule not in rules), *new]

@@ -7,10 +7,14 @@ import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.export.machine_time import machine_time
-from vinefab.export.motion import contour_time_s, move_time_s, segment_times_s
+from vinefab.export.motion import move_time_s, segment_times_s
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Tool
 from vinefab.model.outline import Contour, Segment
+
+
+def contour_time_s(contour: Contour, speed_mm_s: float, acceleration_mm_s2: float) -> float:
+    return math.fsum(segment_times_s(contour, speed_mm_s, acceleration_mm_s2))
 
 
 def test_a_long_move_is_a_trapezoid_and_a_short_one_a_triangle() -> None:

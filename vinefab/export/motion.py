@@ -28,11 +28,6 @@ def move_time_s(length_mm: float, speed_mm_s: float, acceleration_mm_s2: float) 
     return length_mm / speed_mm_s + speed_mm_s / acceleration_mm_s2
 
 
-def contour_time_s(contour: Contour, speed_mm_s: float, acceleration_mm_s2: float) -> float:
-    """Return the time of one pass along a contour, from rest to rest."""
-    return math.fsum(segment_times_s(contour, speed_mm_s, acceleration_mm_s2))
-
-
 def segment_times_s(
     contour: Contour, speed_mm_s: float, acceleration_mm_s2: float
 ) -> tuple[float, ...]:

@@ -3,9 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from vinefab.export.machine_time import lasered, path_ends
 from vinefab.export.motion import move_time_s, segment_times_s
-from vinefab.model.job import Job, LaserPath
+from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 
 
@@ -36,7 +35,9 @@ class Run:
 def schedule(job: Job, profile: LaserProfile) -> tuple[Run, ...]:
     """Return every pass of a job in the order in which the laser runs it.
 
-    Travel and speeds are those of `vinefab.export.machine_time.machine_time`.
+    The head is at rest at both ends of a path and at its corners (see `vinefab.export.motion`).
+    Travel is straight at the machine's top speed, in process order, from the sheet's lower left.
+    What an impulse sealer does is not in it.
 
     Parameters
     ----------
@@ -62,3 +63,24 @@ def schedule(job: Job, profile: LaserProfile) -> tuple[Run, ...]:
             runs.append(Run(path=path, begins_s=now, times_s=times))
             now, head = runs[-1].ends_s, end
     return tuple(runs)
+
+
+def lasered(job: Job, profile: LaserProfile) -> tuple[Operation, ...]:
+    """Return the operations of a job that the laser runs, in process order.
+
+    Raises
+    ------
+    BadInputError
+        If the recipe lacks an operation of the job.
+    """
+    machined = (op for op in Operation if op.is_machined and job.along(op))
+    return tuple(
+        op for op in machined if all(p.settings_in(profile).by_laser for p in job.along(op))
+    )
+
+
+def path_ends(path: LaserPath) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return where a path begins and where it ends."""
+    first, last = path.contour.points_mm[0], path.contour.points_mm[-1]
+    start = float(first[0]), float(first[1])
+    return start, start if path.contour.closed else (float(last[0]), float(last[1]))

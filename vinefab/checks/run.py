@@ -72,7 +72,7 @@ def joined(report: CheckReport, more: CheckReport) -> CheckReport:
     more
         Outcomes of some of the rules for the same design, which take the place of those.
     """
-    later = {entry.rule for entry in (*more.run, *more.skipped)}
+    later = {run.rule for run in more.run} | {skipped.rule for skipped in more.skipped}
     return replace(
         report,
         run=_instead(report.run, more.run, later),

@@ -8,7 +8,7 @@ from vinefab.geometry.font import text_strokes_mm, text_width_mm
 
 def test_every_letter_and_digit_has_strokes_of_its_own_inside_its_cell():
     seen = set()
-    for letter in string.ascii_uppercase + string.digits + "-_.+/:":
+    for letter in string.ascii_uppercase + string.digits + "-_.+/:=":
         strokes = text_strokes_mm(letter, 6.0)
         points = np.concatenate(strokes)
         assert points.min() >= 0.0
@@ -17,7 +17,7 @@ def test_every_letter_and_digit_has_strokes_of_its_own_inside_its_cell():
         for stroke in strokes:
             assert np.hypot(*np.diff(stroke, axis=0).T).min() >= 1.0
         seen.add(tuple(map(bytes, strokes)))
-    assert len(seen) == 26 + 10 + 6
+    assert len(seen) == 26 + 10 + 7
 
 
 def test_text_is_as_wide_as_its_letters():

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from vinefab.geometry.lettering import lettered, text_width_mm
+from vinefab.geometry.font import lettered, text_width_mm
 from vinefab.model.checked import Floats
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vinefab.geometry.font import lettered
 from vinefab.geometry.laser import laser_job
-from vinefab.geometry.lettering import lettered
 from vinefab.model.checked import Floats
 from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.model.job import LaserPath, Operation

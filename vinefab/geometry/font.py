@@ -6,6 +6,7 @@ Letters are drawn on a grid four units wide and six high; lower case is written 
 import numpy as np
 
 from vinefab.model.checked import Floats
+from vinefab.model.outline import Contour
 
 WIDTH, HEIGHT, ADVANCE = 4, 6, 6
 
@@ -53,6 +54,7 @@ _STROKES = {
     "+": "1333 2422",
     "/": "0046",
     ":": "2122 2425",
+    "=": "1232 1434",
 }
 
 
@@ -71,7 +73,7 @@ def text_strokes_mm(text: str, height_mm: float) -> list[Floats]:
     Parameters
     ----------
     text
-        Letters, digits, space and ``- _ . + / :``; anything else leaves a blank.
+        Letters, digits, space and ``- _ . + / : =``; anything else leaves a blank.
     height_mm
         Height of a capital letter.
 
@@ -86,3 +88,22 @@ def text_strokes_mm(text: str, height_mm: float) -> list[Floats]:
         for place, letter in enumerate(text.upper())
         for word in _STROKES.get(letter, "").split()
     ]
+
+
+def lettered(text: str, corner_mm: tuple[float, float], height_mm: float) -> tuple[Contour, ...]:
+    """Return a line of text as open contours, one per stroke.
+
+    Parameters
+    ----------
+    text, height_mm
+        As in `text_strokes_mm`.
+    corner_mm
+        Lower left corner of the first letter.
+
+    Examples
+    --------
+    >>> [len(stroke.points_mm) for stroke in lettered("T1", (0.0, 0.0), 6.0)]
+    [2, 2, 3, 2]
+    """
+    strokes = text_strokes_mm(text, height_mm)
+    return tuple(Contour.polyline(np.array(corner_mm) + s, closed=False) for s in strokes)

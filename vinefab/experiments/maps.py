@@ -10,9 +10,8 @@ from vinefab.experiments.finding import Claim, Finding, Row, interval_text
 from vinefab.experiments.lab import Lab
 from vinefab.experiments.setups import (
     coverage_run,
-    kept,
+    judged,
     scores_of,
-    trained,
     unseen_test,
     with_evaluation,
 )
@@ -38,15 +37,9 @@ def maps(lab: Lab) -> Finding:
     size = lab.size
     settings = _settings(size)
     runs = [run for group in settings.values() for run in group]
-    found = trained(lab, runs)
-    scores: dict[str, Floats] = {}
-    best: dict[str, Floats] = {}
-    by_hand = unseen_test(size, plain_design(read_design(BY_HAND)), "grid")
-    scores[NOT_OPTIMIZED] = best[NOT_OPTIMIZED] = scores_of(lab, [by_hand])
-    for place, name in enumerate(settings):
-        group = found[place * size.seeds : (place + 1) * size.seeds]
-        scores[name] = scores_of(lab, [unseen_test(size, r["design"], "grid") for r in group])
-        best[name] = scores[name][kept(group)][None]
+    tested, best_tested = judged(lab, list(settings), runs)
+    by_hand = scores_of(lab, [unseen_test(size, plain_design(read_design(BY_HAND)), "grid")])
+    scores, best = {NOT_OPTIMIZED: by_hand, **tested}, {NOT_OPTIMIZED: by_hand, **best_tested}
     return Finding(
         name="maps",
         title="Variety in training (Fig. 3B)",

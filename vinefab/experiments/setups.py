@@ -1,6 +1,6 @@
 """The runs and tests that several experiments share."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -96,3 +96,35 @@ def scores_of(lab: Lab, tests: list[Testing]) -> Floats:
 def kept(found: list[dict[str, Any]]) -> int:
     """Return which run's design is kept: the best by its score in training."""
     return int(np.argmax([run["fitness"] for run in found]))
+
+
+def judged(
+    lab: Lab, names: Sequence[str], runs: list[RunSettings]
+) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """Train several kinds of runs and test their designs on the Grid's unseen maps.
+
+    Parameters
+    ----------
+    lab
+        Where the work is done and kept.
+    names
+        The kinds.
+    runs
+        As many of each kind, one kind after the other.
+
+    Returns
+    -------
+    scores
+        By kind, of all its designs, shape (runs, maps, poses).
+    best
+        Of the kept one only, shape (1, maps, poses).
+    """
+    found, each = trained(lab, runs), len(runs) // len(names)
+    scores: dict[str, Floats] = {}
+    best: dict[str, Floats] = {}
+    for place, name in enumerate(names):
+        group = found[place * each : (place + 1) * each]
+        tests = [unseen_test(lab.size, run["design"], "grid") for run in group]
+        scores[name] = scores_of(lab, tests)
+        best[name] = scores[name][kept(group)][None]
+    return scores, best

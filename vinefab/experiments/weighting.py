@@ -6,10 +6,7 @@ from vinefab.experiments.finding import Claim, Finding, Row, interval_text
 from vinefab.experiments.lab import Lab
 from vinefab.experiments.setups import (
     coverage_run,
-    kept,
-    scores_of,
-    trained,
-    unseen_test,
+    judged,
     with_evaluation,
 )
 from vinefab.experiments.statistics import Statistic, difference, interval, mean, peak, spread
@@ -52,13 +49,7 @@ def weighting(lab: Lab) -> Finding:
         for way in WAYS.values()
         for number in range(size.seeds)
     ]
-    found = trained(lab, runs)
-    scores: dict[str, Floats] = {}
-    best: dict[str, Floats] = {}
-    for place, name in enumerate(WAYS):
-        group = found[place * size.seeds : (place + 1) * size.seeds]
-        scores[name] = scores_of(lab, [unseen_test(size, r["design"], "grid") for r in group])
-        best[name] = scores[name][kept(group)][None]
+    scores, best = judged(lab, list(WAYS), runs)
     return Finding(
         name="weighting",
         title="Weighting of several evaluations (Fig. 3C)",

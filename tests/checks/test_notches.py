@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 
-import numpy as np
 import pytest
 import shapely
 
@@ -11,7 +10,7 @@ from vinefab.checks.notches import between, notches
 from vinefab.checks.run import run_checks
 from vinefab.checks.subject import Subject
 from vinefab.core.rng import child
-from vinefab.model.design import Build, Design, Level, Pouch, default_fillets_mm
+from vinefab.model.design import Design, Pouch
 from vinefab.model.finding import Severity
 from vinefab.model.laser import LaserProfile
 
@@ -19,33 +18,15 @@ Make = Callable[..., Design]
 SPOILT = {"VF-T02", "VF-T03", "VF-C02", "VF-C03", "VF-C04", "VF-C05"}
 
 
-def random_design(rng: np.random.Generator) -> Design:
-    depth = int(rng.integers(2, 5))
-    widths = tuple((float(rng.uniform(20, 50)) * rng.uniform(0.45, 0.8, depth).cumprod()).tolist())
-    levels = tuple(
-        Level(
-            branches=int(rng.integers(1, 4)),
-            length_mm=float(rng.uniform(40, 220)),
-            fan_rad=float(rng.uniform(0.2, 3.5)),
-            growth=float(rng.uniform(0.5, 1.5)),
-        )
-        for _ in range(depth - 1)
-    )
-    radius_mm = float(rng.uniform(0.55, 2.5) * widths[-1])
-    pouch = Pouch(shape="round", radius_mm=radius_mm) if rng.random() < 0.4 else None
-    build = Build(widths_mm=widths, fillet_mm=default_fillets_mm(widths), pouch=pouch)
-    return Design(
-        name="random", trunk_length_mm=float(rng.uniform(80, 300)), levels=levels, build=build
-    )
-
-
 @pytest.mark.parametrize("block", range(3))
 def test_the_outline_has_a_narrow_notch_exactly_where_a_rule_says_so(
-    block: int,
+    block: int, random_design: Make
 ) -> None:
     quiet = 0
     for number in range(60):
-        subject = Subject.of(random_design(child(31, block, number)))
+        subject = Subject.of(
+            random_design(child(31, block, number), shortest_mm=40.0, pouched=True)
+        )
         if not subject.body.is_valid:
             continue
         findings = run_checks(subject).findings

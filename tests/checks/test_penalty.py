@@ -9,7 +9,7 @@ from vinefab.checks.penalty import fabrication_penalty
 from vinefab.checks.run import run_checks
 from vinefab.checks.subject import Subject
 from vinefab.core.rng import child
-from vinefab.model.design import Build, Design, Level, default_fillets_mm
+from vinefab.model.design import Design
 from vinefab.model.finding import Severity
 from vinefab.model.laser import LaserProfile
 
@@ -23,31 +23,13 @@ SHEET_MM = (980.0, 580.0)
 """The usable bed less 10 mm for seam, kerf and overcut."""
 
 
-def random_design(rng: np.random.Generator) -> Design:
-    depth = int(rng.integers(2, 5))
-    widths = tuple((float(rng.uniform(20, 50)) * rng.uniform(0.45, 0.8, depth).cumprod()).tolist())
-    levels = tuple(
-        Level(
-            branches=int(rng.integers(1, 4)),
-            length_mm=float(rng.uniform(60, 220)),
-            fan_rad=float(rng.uniform(0.2, 3.5)),
-            growth=float(rng.uniform(0.5, 1.5)),
-        )
-        for _ in range(depth - 1)
-    )
-    build = Build(widths_mm=widths, fillet_mm=default_fillets_mm(widths), tail_mm=200.0)
-    return Design(
-        name="random", trunk_length_mm=float(rng.uniform(80, 300)), levels=levels, build=build
-    )
-
-
 def errors(design: Design, profile: LaserProfile) -> set[str]:
     report = run_checks(Subject.of(design, profile))
     return {f.rule for f in report.findings if f.severity is Severity.ERROR}
 
 
 @pytest.fixture(scope="module")
-def judged(profile: LaserProfile) -> list[tuple[float, set[str]]]:
+def judged(profile: LaserProfile, random_design: Make) -> list[tuple[float, set[str]]]:
     """Penalty of random designs, and the rules that find errors in them."""
     designs = [random_design(child(11, number)) for number in range(300)]
     return [

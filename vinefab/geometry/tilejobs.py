@@ -12,7 +12,7 @@ from vinefab.geometry.order import in_order
 from vinefab.geometry.passes import BodyPaths
 from vinefab.geometry.pieces import OVERLAP_MM, Axes
 from vinefab.geometry.placement import Placement, place
-from vinefab.geometry.tiling import TARGET_MM, NoTilesError, Point, Tile, tiles_of
+from vinefab.geometry.tiling import TARGET_MM, NoTilesError, Point, Tile, register, tiles_of
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
@@ -57,18 +57,31 @@ def tiled(
     room, margin = profile.machine.usable_mm, profile.machine.margin_mm.value
     contours = [path.contour for path in body.paths]
     best = place(contours, (1e9, room[1]) if pass_through else room, margin)
-    reason, found = "", list[Tiled]()
-    for turn in dict.fromkeys((best.angle_rad, *(() if pass_through else _TURNS_RAD))):
+    found: list[tuple[int, Tiled, list[LaserPath]]] = []
+    reasons: dict[int, str] = {}
+    for row, turn in enumerate(
+        dict.fromkeys((best.angle_rad, *(() if pass_through else _TURNS_RAD)))
+    ):
         placement = _laid(contours, turn, margin)
         paths = [_moved(path, placement) for path in body.paths]
+        size = placement.width_mm + 2.0 * margin, placement.height_mm + 2.0 * margin
         try:
             tiles = tiles_of(_axes(design, placement), paths, room, pass_through=pass_through)
         except NoTilesError as error:
-            reason = reason or str(error)
-            continue
-        size = placement.width_mm + 2.0 * margin, placement.height_mm + 2.0 * margin
-        found.append(Tiled(placement=placement, sheet_mm=size, tiles=tuple(tiles)))
-    return min(found, key=lambda one: len(one.tiles), default=None) or reason
+            reasons[row] = str(error)
+        else:
+            found.append(
+                (row, Tiled(placement=placement, sheet_mm=size, tiles=tuple(tiles)), paths)
+            )
+    # Targets take longest to find, so they are looked for in the fewest tiles first.
+    for row, one, paths in sorted(found, key=lambda option: len(option[1].tiles)):
+        try:
+            register(one.tiles, room, [path.contour for path in paths])
+        except NoTilesError as error:
+            reasons[row] = str(error)
+        else:
+            return one
+    return reasons[min(reasons)]
 
 
 def target_paths(tile: Tile, profile: LaserProfile) -> list[LaserPath]:

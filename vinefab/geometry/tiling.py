@@ -8,6 +8,7 @@ registration targets are marked with one tile and found again for the next one.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 
 import numpy as np
 import shapely
@@ -73,6 +74,8 @@ def tiles_of(
 ) -> list[Tile]:
     """Return the tiles of a robot, in the order in which they are cut, the mouth's first.
 
+    They have no targets yet: see `register`.
+
     Parameters
     ----------
     axes
@@ -87,7 +90,7 @@ def tiles_of(
     Raises
     ------
     NoTilesError
-        If some part has no place to be parted, or two tiles no room for shared targets.
+        If some part has no place to be parted, or there are very many.
     """
     contours = [path.contour for path in paths]
     _refuse_many(_least_tiles(contours, room_mm, pass_through=pass_through))
@@ -114,15 +117,12 @@ def tiles_of(
             )
     ordered = _ordered(axes, places, tiles)
     _place_windows(ordered, room_mm, boxes, pass_through=pass_through)
-    _register(ordered, room_mm, [region(contour) for contour in contours])
     return ordered
 
 
 def _least_tiles(contours: Sequence[Contour], room_mm: Point, *, pass_through: bool) -> float:
     """Return a number of windows without which the robot cannot be covered."""
-    whole = contours[0].box_mm
-    for contour in contours[1:]:
-        whole = _around(whole, contour.box_mm)
+    whole = reduce(_around, (contour.box_mm for contour in contours))
     wide, high = (whole[2] - whole[0]) / room_mm[0], (whole[3] - whole[1]) / room_mm[1]
     return wide if pass_through else max(wide, high)
 
@@ -146,9 +146,7 @@ def _fit(boxes: dict[Piece, Box], room_mm: Point, *, pass_through: bool) -> Call
     spare = 2.0 * _RIM_MM
     wide, high = room_mm[0] - spare, room_mm[1] - spare
     if pass_through:
-        whole = next(iter(boxes.values()))
-        for box in boxes.values():
-            whole = _around(whole, box)
+        whole = reduce(_around, boxes.values())
         if whole[3] - whole[1] > room_mm[1]:
             raise NoTilesError("it is wider than the bed, across the way the film is fed")
         high = math.inf
@@ -288,9 +286,24 @@ def _place_windows(
         tile.low_mm = (x, floor) if pass_through else (x, y)
 
 
-def _register(tiles: list[Tile], room_mm: Point, bodies: list[shapely.Geometry]) -> None:
-    """Find two targets for each tile after the first that an earlier tile can make."""
-    taken = shapely.union_all(bodies)
+def register(tiles: Sequence[Tile], room_mm: Point, contours: Sequence[Contour]) -> None:
+    """Find two targets for each tile after the first that an earlier tile can make.
+
+    Parameters
+    ----------
+    tiles
+        From `tiles_of`; their targets are set.
+    room_mm
+        Width and height of the usable bed.
+    contours
+        All paths of the robot, which targets stay clear of.
+
+    Raises
+    ------
+    NoTilesError
+        If two tiles have no room for shared targets.
+    """
+    taken = shapely.union_all([region(contour) for contour in contours])
     for row, tile in enumerate(tiles):
         if tile.after is None:
             continue

@@ -21,8 +21,11 @@ def test_plugins_are_added_and_a_broken_one_is_kept_as_words(monkeypatch):
         EntryPoint("dark", "math:pi", "vinefab.shades"),
     ]
     monkeypatch.setattr(module, "entry_points", lambda group: offered if group else [])
-    shades = Registry("shade", {"dark": 1})
-    shades.load_plugins("vinefab.shades")
+    shades = Registry("shade", {"dark": 1}, group="vinefab.shades")
+    assert len(shades) == 1
+    assert shades["tau"] == 6.283185307179586
     assert dict(shades) == {"dark": 1, "tau": 6.283185307179586}
     assert "no_such_module_here" in shades.broken["broken"]
     assert "taken" in shades.broken["dark"]
+    with pytest.raises(UnknownNameError, match=r"shade 'broken' does not load \(ModuleNotFound"):
+        shades["broken"]

@@ -9,7 +9,7 @@ from typing import Annotated, cast
 import typer
 
 from vinefab import __version__
-from vinefab.core.errors import VinefabError
+from vinefab.core.errors import InterruptedRunError, VinefabError
 
 COMMANDS = {
     "demo": "Run the main job at small size: maps, optimization, package, rig, report.",
@@ -112,7 +112,8 @@ def main(arguments: Sequence[str]) -> int:
     except UsageProblem as error:
         return _complain(cast("typer.BadParameter", error).format_message(), EXIT_BAD_INPUT)
     except VinefabError as error:
-        return _complain(str(error), EXIT_BAD_INPUT)
+        stopped = isinstance(error, InterruptedRunError)
+        return _complain(str(error), EXIT_INTERRUPTED if stopped else EXIT_BAD_INPUT)
     except BrokenPipeError:
         # Whoever read the output has seen enough; nothing more can be said on it.
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  stays open until the end

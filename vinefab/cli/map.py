@@ -26,11 +26,10 @@ Seed = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives th
 
 def add_to(app: typer.Typer) -> None:
     """Add ``map`` with one subcommand per environment, and ``import``."""
-    maps = typer.Typer(
-        help="Generate or import a map.\n\nExample: vinefab map grid --seed 3 --out grid.geojson",
-        rich_markup_mode=None,
-    )
-    ENVIRONMENTS.load_plugins("vinefab.environments")
+    ENVIRONMENTS.load_plugins()
+    words = ["Generate or import a map.", "Example: vinefab map grid --seed 3 --out grid.geojson"]
+    words += [f"Not loaded: {name} ({why})." for name, why in ENVIRONMENTS.broken.items()]
+    maps = typer.Typer(help="\n\n".join(words), rich_markup_mode=None)
     for name, environment in ENVIRONMENTS.items():
         maps.command(name, help=_help(name, environment))(_generator(environment))
     maps.command("import")(import_command)

@@ -1,5 +1,8 @@
 """``vinefab optimize``: search for the best design."""
 
+import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +11,7 @@ import typer
 from vinefab.cli.optimize_front import FRONT_FILES, write_front
 from vinefab.cli.options import Force, JsonOut, Quiet, Voice
 from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.core.errors import InterruptedRunError
 from vinefab.files.design import design_text
 from vinefab.files.run import read_run
 from vinefab.optimize.history import Progress
@@ -48,7 +52,9 @@ def optimize_command(
     for name in ("best.toml", *(FRONT_FILES if settings.objectives else ())):
         ensure_writable(out / name, force=force)
 
-    with voice.progress(f"optimizing {settings.name}") as show:
+    again = ["vinefab", "optimize", str(run_file), "--out", str(out), "--resume"]
+    again += ["--cluster", cluster] if cluster else ["--workers", str(workers)]
+    with _resumable(shlex.join(again)), voice.progress(f"optimizing {settings.name}") as show:
 
         def tell(progress: Progress) -> None:
             show(progress.generation / progress.generations, progress_words(progress))
@@ -62,3 +68,12 @@ def optimize_command(
     if settings.objectives:
         write_front(result, settings, out, voice)
     voice.say(f"wrote {out / 'best.toml'} and {out / 'run.sqlite'}")
+
+
+@contextmanager
+def _resumable(command: str) -> Iterator[None]:
+    """Say how to go on when the user stops what is done meanwhile."""
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        raise InterruptedRunError("what was done is recorded", command) from stop

@@ -65,23 +65,31 @@ class UnknownNameError(VinefabError, KeyError):
     """A name is not among the known ones; the nearest spelling is offered."""
 
     def __init__(
-        self, kind: str, name: str, known: Iterable[str], source: str | Path | None = None
+        self,
+        kind: str,
+        name: str,
+        known: Iterable[str],
+        source: str | Path | None = None,
+        problem: str = "",
     ) -> None:
         self.kind = kind
         self.name = name
         self.known = tuple(sorted(known))
         self.source = None if source is None else str(source)
-        super().__init__(kind, name, self.known, source)
+        self.problem = problem
+        super().__init__(kind, name, self.known, source, problem)
 
     def __str__(self) -> str:
         where = f"{self.source}: " if self.source else ""
         there = f"there are: {', '.join(self.known)}" if self.known else "there are none"
+        if self.problem:
+            return f"{where}{self.kind} {self.name!r} does not load ({self.problem}); {there}"
         hint = nearest(self.name, self.known)
         return f"{where}no {self.kind} is called {self.name!r}{hint}; {there}"
 
     def at(self, source: str | Path) -> "UnknownNameError":
         """Return the same error with the file that it came from."""
-        return type(self)(self.kind, self.name, self.known, source)
+        return type(self)(self.kind, self.name, self.known, source, self.problem)
 
 
 class ForeignFileError(VinefabError, FileExistsError):
@@ -120,6 +128,18 @@ class WorkersLostError(VinefabError, ConnectionError):
 
     def __str__(self) -> str:
         return f"{self.where}: {self.problem}; --resume goes on with what is recorded"
+
+
+class InterruptedRunError(VinefabError, InterruptedError):
+    """The user stopped something that can go on later."""
+
+    def __init__(self, done: str, command: str) -> None:
+        self.done = done
+        self.command = command
+        super().__init__(done, command)
+
+    def __str__(self) -> str:
+        return f"interrupted; {self.done}; to go on: {self.command}"
 
 
 class ReadBackError(VinefabError, ValueError):

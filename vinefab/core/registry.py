@@ -21,6 +21,8 @@ class Registry(Mapping[str, T], Generic[T]):
         What the parts are, in the words of an error message (``task``, ``optimizer``).
     builtin
         The parts that come with vinefab.
+    group
+        Entry-point group under which installed packages offer more of them; empty: none do.
 
     Attributes
     ----------
@@ -36,14 +38,18 @@ class Registry(Mapping[str, T], Generic[T]):
     False
     """
 
-    def __init__(self, kind: str, builtin: Mapping[str, T]) -> None:
+    def __init__(self, kind: str, builtin: Mapping[str, T], group: str = "") -> None:
         self.kind = kind
         self.broken: dict[str, str] = {}
         self._parts = dict(builtin)
+        self._group = group
 
     def __getitem__(self, name: str) -> T:
         if name not in self._parts:
-            raise UnknownNameError(self.kind, name, self._parts)
+            self.load_plugins()
+        if name not in self._parts:
+            problem = self.broken.get(name, "")
+            raise UnknownNameError(self.kind, name, self._parts, problem=problem)
         return self._parts[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -52,17 +58,15 @@ class Registry(Mapping[str, T], Generic[T]):
     def __len__(self) -> int:
         return len(self._parts)
 
-    def load_plugins(self, group: str) -> None:
-        """Add the parts that installed packages offer under an entry-point group.
+    def load_plugins(self) -> None:
+        """Add the parts that installed packages offer, once.
 
-        Called when an application starts, never on import. A built-in name is never replaced.
-
-        Parameters
-        ----------
-        group
-            Entry-point group, such as ``vinefab.tasks``.
+        Looking for a name that vinefab does not have does so too: every command and every process
+        of a run then finds plug-ins, and nobody else waits for them. A built-in name is never
+        replaced.
         """
-        for point in entry_points(group=group):
+        group, self._group = self._group, ""
+        for point in entry_points(group=group) if group else ():
             if point.name in self._parts:
                 self.broken[point.name] = "the name is taken by a part of vinefab"
                 continue

@@ -64,4 +64,5 @@ ENVIRONMENTS: Registry[Environment] = Registry(
             make=rubble_map,
         ),
     },
+    group="vinefab.environments",
 )

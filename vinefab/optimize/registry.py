@@ -22,6 +22,7 @@ OPTIMIZERS: Registry[Callable[..., Recipe]] = Registry(
         "pso": SwarmRecipe,
         "random": RandomRecipe,
     },
+    group="vinefab.optimizers",
 )
 
 

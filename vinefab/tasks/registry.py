@@ -10,7 +10,9 @@ from vinefab.tasks.reach import Reach
 from vinefab.tasks.task import Task
 
 TASKS: Registry[Callable[..., Task]] = Registry(
-    "task", {"coverage": Coverage, "reach": Reach, "anchoring": Anchoring}
+    "task",
+    {"coverage": Coverage, "reach": Reach, "anchoring": Anchoring},
+    group="vinefab.tasks",
 )
 
 

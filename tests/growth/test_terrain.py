@@ -123,7 +123,7 @@ def test_walls_are_kept_for_a_bounded_number_of_radii(terrain):
 def test_index_lists_every_wall_in_every_cell_that_it_touches(random_map, seed, kind):
     rng = np.random.default_rng(seed)
     arrays = Terrain.of(random_map(rng, kind)).walls()
-    x, y, cell = arrays.box
+    x, y, cell, _ = arrays.box
     columns, rows = arrays.shape
     lines = shapely.linestrings(np.stack([arrays.wall[:, :2], arrays.wall[:, 5:7]], axis=1))
     for number in rng.integers(0, columns * rows, 15):

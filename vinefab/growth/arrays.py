@@ -26,17 +26,18 @@ class WallArrays(NamedTuple):
         this one could meet it, else 0; shape (n, 5).
     vertex
         Vertices that a body can wrap around, where free space takes more than half the turn:
-        x, y and a unit vector into the solid; shape (m, 4).
+        x, y and a unit vector into the solid; shape (m, 4); in the order of their cells.
     vertex_point
         Number of each vertex's place, as in ``link``; shape (m,).
     box
-        Lower left corner of the grid index and the side of its cells; shape (3,), mm.
+        Lower left corner of the grid index and the side of its cells, mm, then cells per mm;
+        shape (4,).
     shape
         Columns and rows of the grid; shape (2,).
     wall_first, wall_item
         Walls that touch each cell, row by row: ``wall_item[wall_first[c]:wall_first[c + 1]]``.
-    vertex_first, vertex_item
-        Vertices in each cell, in the same form.
+    vertex_first
+        First vertex of each cell, with their number at the end.
     """
 
     wall: Floats
@@ -48,7 +49,6 @@ class WallArrays(NamedTuple):
     wall_first: Ints32
     wall_item: Ints32
     vertex_first: Ints32
-    vertex_item: Ints32
 
 
 class TreeArrays(NamedTuple):

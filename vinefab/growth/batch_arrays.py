@@ -20,15 +20,15 @@ class AtlasArrays(NamedTuple):
 
     Parameters
     ----------
-    wall, link, vertex, vertex_point, wall_first, wall_item, vertex_first, vertex_item
+    wall, link, vertex, vertex_point, wall_first, wall_item, vertex_first
         As in `WallArrays`; numbers of walls, points and items count within their page.
     box, shape
-        One row per page; shapes (k, 3) and (k, 2).
+        One row per page; shapes (k, 4) and (k, 2).
     tolerance
         Distances up to this count as touching, mm; shape (k,).
     offset
-        Where each page begins in ``wall``, ``vertex``, ``wall_first``, ``wall_item`` and
-        ``vertex_item``, with the totals at the end; shape (k + 1, 5).
+        Where each page begins in ``wall``, ``vertex``, ``wall_first`` and ``wall_item``, with the
+        totals at the end; shape (k + 1, 4).
     """
 
     wall: Floats
@@ -40,18 +40,14 @@ class AtlasArrays(NamedTuple):
     wall_first: Ints32
     wall_item: Ints32
     vertex_first: Ints32
-    vertex_item: Ints32
     tolerance: Floats
     offset: Ints
 
     @classmethod
     def of(cls, pages: Sequence[WallArrays], tolerances_mm: Sequence[float]) -> "AtlasArrays":
         """Return the atlas of some maps' walls. A single page is not copied."""
-        sizes = [
-            (len(p.wall), len(p.vertex), len(p.wall_first), len(p.wall_item), len(p.vertex_item))
-            for p in pages
-        ]
-        offset = np.zeros((len(pages) + 1, 5), dtype=np.int64)
+        sizes = [(len(p.wall), len(p.vertex), len(p.wall_first), len(p.wall_item)) for p in pages]
+        offset = np.zeros((len(pages) + 1, 4), dtype=np.int64)
         np.cumsum(sizes, axis=0, out=offset[1:])
         return cls(
             wall=_joined([p.wall for p in pages]),
@@ -63,7 +59,6 @@ class AtlasArrays(NamedTuple):
             wall_first=_joined([p.wall_first for p in pages]),
             wall_item=_joined([p.wall_item for p in pages]),
             vertex_first=_joined([p.vertex_first for p in pages]),
-            vertex_item=_joined([p.vertex_item for p in pages]),
             tolerance=_fixed(np.array(tolerances_mm, dtype=np.float64)),
             offset=_fixed(offset),
         )

@@ -18,11 +18,12 @@ through its corner finds everything that it touches in the cells that it is said
 
 
 class _Grid(NamedTuple):
-    """Lower left corner, cell side (mm), columns and rows."""
+    """Lower left corner, cell side (mm), cells per mm, columns and rows."""
 
     x_mm: float
     y_mm: float
     cell_mm: float
+    per_mm: float
     columns: int
     rows: int
 
@@ -40,18 +41,17 @@ def indexed(walls: Walls, near_mm: float) -> WallArrays:
     grid = _grid_over(walls.wall)
     wall_first, wall_item = _listed(grid, *_cells_of_walls(grid, walls.wall))
     crowded = _crowded(walls, wall_item, _lists_at_starts(grid, walls.wall, wall_first), near_mm)
-    vertex_first, vertex_item = _listed(grid, *_cells_of_vertices(grid, walls.vertex))
+    vertex_first, order = _listed(grid, *_cells_of_vertices(grid, walls.vertex))
     arrays = WallArrays(
         wall=np.ascontiguousarray(walls.wall),
         link=np.column_stack([walls.link, crowded]),
-        vertex=np.ascontiguousarray(walls.vertex),
-        vertex_point=walls.vertex_point,
-        box=np.array([grid.x_mm, grid.y_mm, grid.cell_mm]),
+        vertex=walls.vertex[order],
+        vertex_point=walls.vertex_point[order],
+        box=np.array([grid.x_mm, grid.y_mm, grid.cell_mm, grid.per_mm]),
         shape=np.array([grid.columns, grid.rows], dtype=np.int64),
         wall_first=wall_first,
         wall_item=wall_item,
         vertex_first=vertex_first,
-        vertex_item=vertex_item,
     )
     for array in arrays:
         array.setflags(write=False)
@@ -65,22 +65,22 @@ def _grid_over(wall: Floats) -> _Grid:
     rounding may place a trifle outside, is still in it.
     """
     if len(wall) == 0:
-        return _Grid(0.0, 0.0, 1.0, 1, 1)
+        return _Grid(0.0, 0.0, 1.0, 1.0, 1, 1)
     low, high = wall[:, :2].min(axis=0), wall[:, :2].max(axis=0)
     width, height = (high - low).tolist()
     cell = max(np.sqrt(width * height / len(wall)), max(width, height) / (4.0 * len(wall)))
     columns, rows = int(width / cell) + 2, int(height / cell) + 2
     corner = low - 0.5 * cell
-    return _Grid(float(corner[0]), float(corner[1]), float(cell), columns, rows)
+    return _Grid(float(corner[0]), float(corner[1]), float(cell), 1.0 / float(cell), columns, rows)
 
 
 def _column(grid: _Grid, x_mm: Floats) -> Ints:
-    column = np.floor((x_mm - grid.x_mm) / grid.cell_mm)
+    column = np.floor((x_mm - grid.x_mm) * grid.per_mm)
     return np.clip(column, 0, grid.columns - 1).astype(np.int64)
 
 
 def _row(grid: _Grid, y_mm: Floats) -> Ints:
-    row = np.floor((y_mm - grid.y_mm) / grid.cell_mm)
+    row = np.floor((y_mm - grid.y_mm) * grid.per_mm)
     return np.clip(row, 0, grid.rows - 1).astype(np.int64)
 
 

@@ -234,9 +234,9 @@ def _wall_ahead(walls, rules, ray, skip, reach):
     grid cell to grid cell.
     """
     ox, oy, dx, dy = ray
-    cell, columns, rows = walls.box[2], walls.shape[0], walls.shape[1]
-    column = min(max(int((ox - walls.box[0]) / cell), 0), columns - 1)
-    row = min(max(int((oy - walls.box[1]) / cell), 0), rows - 1)
+    cell, per_mm, columns, rows = walls.box[2], walls.box[3], walls.shape[0], walls.shape[1]
+    column = min(max(int((ox - walls.box[0]) * per_mm), 0), columns - 1)
+    row = min(max(int((oy - walls.box[1]) * per_mm), 0), rows - 1)
     right, up = 1 if dx > 0.0 else -1, 1 if dy > 0.0 else -1
     per_column = cell / abs(dx) if dx != 0.0 else math.inf
     per_row = cell / abs(dy) if dy != 0.0 else math.inf
@@ -258,11 +258,12 @@ def _wall_ahead(walls, rules, ray, skip, reach):
 
 
 @inlined
-def _sweep_to(walls, rules, vertex, sweep):
-    """Return how far the tip slides until the turning body meets a vertex; infinity if never.
+def _sweep_to(walls, rules, vertex, sweep, skip, reach):
+    """Return how far the tip slides until the turning body meets a vertex.
 
-    A vertex that the body touches already blocks at once if its solid is on the side that the body
-    turns towards, and not at all otherwise.
+    Infinity if it never does, if it may as well be left out because it is farther than ``reach``,
+    or if the vertex is at one of the places in ``skip``. A vertex that the body touches already
+    blocks at once if its solid is on the side that the body turns towards, else not at all.
     """
     px, py, qx, qy, sx, sy, ux, uy, sense = sweep
     vx, vy = walls.vertex[vertex, 0] - px, walls.vertex[vertex, 1] - py
@@ -272,15 +273,19 @@ def _sweep_to(walls, rules, vertex, sweep):
     # Beyond the wall's line a vertex is out of the body's reach.
     above = sense * ((vy - qy) * sx - (vx - qx) * sy)
     tolerance = rules.tolerance_mm
-    out_of_reach = (closing <= 0.0) | (above <= tolerance)
-    if (ahead < -tolerance) | (along <= tolerance) | ((ahead > tolerance) & out_of_reach):
+    swept = sense * (qx * vy - qy * vx)
+    is_far = swept > reach * closing * (1.0 + 1e-9)
+    out_of_reach = (closing <= 0.0) | (above <= tolerance) | is_far
+    place = walls.vertex_point[vertex]
+    out = (place == skip[0]) | (place == skip[1]) | (ahead < -tolerance) | (along <= tolerance)
+    if out | ((ahead > tolerance) & out_of_reach):
         return math.inf
     if ahead <= tolerance:
         if along > ux * qx + uy * qy + tolerance:
             return math.inf
         solid = sense * (ux * walls.vertex[vertex, 3] - uy * walls.vertex[vertex, 2])
         return 0.0 if solid > 0.0 else math.inf
-    return sense * (qx * vy - qy * vx) / closing
+    return swept / closing
 
 
 @inlined
@@ -293,17 +298,14 @@ def _first_in_cells(walls, rules, sweep, skip, cells, best):
     found, nearest, farthest = best
     first = np.uint64(walls.vertex_first[cells[0]])
     last = np.uint64(walls.vertex_first[cells[1] + 1])
-    for k in range(first, last):
-        item = np.uint64(walls.vertex_item[k])
-        if (walls.vertex_point[item] == skip[0]) | (walls.vertex_point[item] == skip[1]):
-            continue
-        distance = _sweep_to(walls, rules, item, sweep)
+    for vertex in range(first, last):
+        distance = _sweep_to(walls, rules, vertex, sweep, skip, nearest)
         if distance > nearest:
             continue
-        vx, vy = walls.vertex[item, 0] - sweep[0], walls.vertex[item, 1] - sweep[1]
+        vx, vy = walls.vertex[vertex, 0] - sweep[0], walls.vertex[vertex, 1] - sweep[1]
         span = vx * vx + vy * vy
         if found == NO_POINT or distance < nearest or span > farthest:
-            found, nearest, farthest = np.int64(item), distance, span
+            found, nearest, farthest = np.int64(vertex), distance, span
     return found, nearest, farthest
 
 
@@ -329,13 +331,13 @@ def _vertex_swept(walls, rules, sweep, skip, reach):
     px, py, qx, qy, sx, sy = sweep[0], sweep[1], sweep[2], sweep[3], sweep[4], sweep[5]
     x, y = px + qx, py + qy
     zx, zy = x + reach * sx, y + reach * sy
-    x0, y0, cell = walls.box[0], walls.box[1], walls.box[2]
+    x0, y0, cell, per_mm = walls.box[0], walls.box[1], walls.box[2], walls.box[3]
     columns, rows = walls.shape[0], walls.shape[1]
     margin = 2.0 * rules.tolerance_mm
-    bottom = min(max(int((min(py, y, zy) - margin - y0) / cell), 0), rows - 1)
-    top = min(max(int((max(py, y, zy) + margin - y0) / cell), 0), rows - 1)
-    left = min(max(int((min(px, x, zx) - margin - x0) / cell), 0), columns - 1)
-    right = min(max(int((max(px, x, zx) + margin - x0) / cell), 0), columns - 1)
+    bottom = min(max(int((min(py, y, zy) - margin - y0) * per_mm), 0), rows - 1)
+    top = min(max(int((max(py, y, zy) + margin - y0) * per_mm), 0), rows - 1)
+    left = min(max(int((min(px, x, zx) - margin - x0) * per_mm), 0), columns - 1)
+    right = min(max(int((max(px, x, zx) + margin - x0) * per_mm), 0), columns - 1)
     # Under a small triangle it takes longer to leave cells out than to look at them.
     is_wide = right > left + 1 and top > bottom
     best = (NO_POINT, reach, 0.0)
@@ -348,8 +350,8 @@ def _vertex_swept(walls, rules, sweep, skip, reach):
             span = _band(zx, zy, px, py, low, high, span)
             if span[0] > span[1]:
                 continue
-            left = min(max(int((span[0] - margin - x0) / cell), 0), columns - 1)
-            right = min(max(int((span[1] + margin - x0) / cell), 0), columns - 1)
+            left = min(max(int((span[0] - margin - x0) * per_mm), 0), columns - 1)
+            right = min(max(int((span[1] + margin - x0) * per_mm), 0), columns - 1)
         cells = (row * columns + left, row * columns + right)
         best = _first_in_cells(walls, rules, sweep, skip, cells, best)
     return best[0], best[1]
@@ -359,8 +361,14 @@ def _vertex_swept(walls, rules, sweep, skip, reach):
 
 
 @inlined
-def _length_distance(qx, qy, sx, sy, room):
-    """Return how far the tip slides until the body from the pivot is ``room`` long."""
+def _length_distance(qx, qy, sx, sy, room, reach):
+    """Return how far the tip slides until the body from the pivot is ``room`` long.
+
+    Infinity if it is shorter after ``reach``: most slides need no square root.
+    """
+    zx, zy = qx + reach * sx, qy + reach * sy
+    if (room > 0.0) & (zx * zx + zy * zy < room * room):
+        return math.inf
     along = qx * sx + qy * sy
     short = room * room - qx * qx - qy * qy
     if short <= 0.0:
@@ -503,8 +511,9 @@ def _slide(walls, rules, growth, tip, base, length):
     px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
     qx, qy = tip.x - px, tip.y - py
     ux, uy = _heading(rules, growth, tip, tip.x, tip.y)
-    to_length = _length_distance(qx, qy, sx, sy, length - growth.chain_length[tip.pivot])
     to_end = walls.wall[wall, 4] - tip.place if sense > 0.0 else tip.place
+    room = length - growth.chain_length[tip.pivot]
+    to_length = _length_distance(qx, qy, sx, sy, room, to_end)
     reach = min(to_length, to_end)
     ends = (walls.link[wall, 2], walls.link[wall, 3])
     hit, to_hit = NO_WALL, reach
@@ -546,9 +555,7 @@ def _turning(growth, first, last, ux, uy):
     for k in range(first, last):
         dx = growth.points[k + 1, 0] - growth.points[k, 0]
         dy = growth.points[k + 1, 1] - growth.points[k, 1]
-        step = math.sqrt(dx * dx + dy * dy)
-        if step > 0.0:
-            dx, dy = dx / step, dy / step
+        if (dx != 0.0) | (dy != 0.0):
             total += math.atan2(abs(ux * dy - uy * dx), ux * dx + uy * dy)
             ux, uy = dx, dy
     return total
@@ -609,7 +616,8 @@ def _grow_branch(walls, tree, rules, start, growth, branch):
         tip = _stopped(tip, CORNER)
     growth.events[branch], growth.steep[branch] = events, steep
     _record(growth, branch, tip, length)
-    growth.turn[branch] = _turning(growth, base, tip.pivot + 1, ux, uy)
+    # A single event is a flight: straight.
+    growth.turn[branch] = _turning(growth, base, tip.pivot + 1, ux, uy) if events > 1 else 0.0
     return True
 
 
@@ -657,7 +665,7 @@ def grow_branches(walls, tree, rules, start, growth, first, last):
 # Parts of a batch, with the names that `vinefab.growth.arrays` gives them.
 _Walls = namedtuple(
     "_Walls",
-    "wall link vertex vertex_point box shape wall_first wall_item vertex_first vertex_item",
+    "wall link vertex vertex_point box shape wall_first wall_item vertex_first",
 )
 _Tree = namedtuple("_Tree", "parent turn length fits")
 _Rules = namedtuple(
@@ -683,7 +691,6 @@ def _page(atlas, page):
         atlas.wall_first[one[2] : two[2]],
         atlas.wall_item[one[3] : two[3]],
         atlas.vertex_first[one[2] : two[2]],
-        atlas.vertex_item[one[4] : two[4]],
     )
 
 
@@ -782,7 +789,8 @@ def sweep_all(walls, rules, sweeps, vertex):
     walls, rules
         As in `grow_branches`.
     sweeps
-        Pivot, tip from the pivot, direction of sliding, heading and sense, shape (n, 9).
+        Pivot, tip from the pivot, direction of sliding, heading, sense, the two places to leave
+        out, and the reach; shape (n, 12).
     vertex
         The vertices' numbers, shape (n,).
     """
@@ -790,7 +798,8 @@ def sweep_all(walls, rules, sweeps, vertex):
     for k in range(len(vertex)):
         s = sweeps[k]
         sweep = (s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], s[8])
-        distance = _sweep_to(walls, rules, vertex[k], sweep)
+        skip = np.int64(s[9]), np.int64(s[10])
+        distance = _sweep_to(walls, rules, vertex[k], sweep, skip, s[11])
         if distance < math.inf:
             total += distance
     return total

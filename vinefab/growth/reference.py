@@ -98,8 +98,8 @@ class Branch:
         body = self.tip - self.pivots[-1]
         if dot(body, along) < math.cos(math.radians(60.0)) * abs(body):
             self.steep = max(self.steep, abs(body))
-        to_length = self.distance_to_length(along)
         to_end = self.world.walls[wall].length - self.place if self.sense > 0 else self.place
+        to_length = self.distance_to_length(along, to_end)
         met = wall_ahead(self.world, self.tip, along, ends, min(to_length, to_end))
         reach = min(to_length, to_end) if met is None else met.distance
         to_release = self.distance_to_release(along)
@@ -161,9 +161,12 @@ class Branch:
         else:
             self.wall, self.place = following, place
 
-    def distance_to_length(self, along: complex) -> float:
-        """Return how far the tip slides until the length is used up."""
+    def distance_to_length(self, along: complex, reach: float) -> float:
+        """Return how far the tip slides until the length is used up; infinity if not in reach."""
         q, room = self.tip - self.pivots[-1], self.length - self.lengths[-1]
+        at_end = q + reach * along
+        if room > 0.0 and dot(at_end, at_end) < room * room:
+            return math.inf
         short = room * room - q.real * q.real - q.imag * q.imag
         if short <= 0.0:
             return 0.0
@@ -269,7 +272,8 @@ def record(growth: Growth, number: int, branch: Branch, launch: complex) -> bool
     is_full = branch.stop is Stop.FULL_LENGTH
     growth.grown[number] = branch.length if is_full else min(branch.length, grown)
     growth.heading[number] = branch.u.real, branch.u.imag
-    growth.turn[number] = turning(launch, chain)
+    # A single event is a flight: straight.
+    growth.turn[number] = turning(launch, chain) if growth.events[number] > 1 else 0.0
     return True
 
 

@@ -92,9 +92,9 @@ def _tests(terrain: Terrain, poses: tuple[Pose, ...]) -> _Tests:
         rays.append(ray)
         return meeting(walls, rules, *ray)
 
-    def note_sweep(walls: Any, rules: Any, vertex: Any, sweep: Any) -> Any:  # noqa: ANN401
-        sweeps.append((*sweep, vertex))
-        return sweep_to(walls, rules, vertex, sweep)
+    def note_sweep(walls: Any, rules: Any, vertex: Any, *sweep: Any) -> Any:  # noqa: ANN401
+        sweeps.append((*sweep[0], *sweep[1], sweep[2], vertex))
+        return sweep_to(walls, rules, vertex, *sweep)
 
     plain["_meeting"], plain["_sweep_to"] = note_ray, note_sweep
     for start in batch.launches.start.tolist():
@@ -106,8 +106,8 @@ def _tests(terrain: Terrain, poses: tuple[Pose, ...]) -> _Tests:
         events=count,
         rays=np.ascontiguousarray(ray[:, :4]),
         wall=ray[:, 4].astype(np.int64),
-        sweeps=np.ascontiguousarray(sweep[:, :9]),
-        corner=sweep[:, 9].astype(np.int64),
+        sweeps=np.ascontiguousarray(sweep[:, :12]),
+        corner=sweep[:, 12].astype(np.int64),
     )
 
 

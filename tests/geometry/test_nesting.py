@@ -1,9 +1,11 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
 
+from vinefab.core.errors import BadInputError
 from vinefab.geometry.laser import laser_job
 from vinefab.geometry.nesting import APART_MM, nest
 from vinefab.geometry.sheet import SheetOptions
@@ -18,7 +20,7 @@ def bodies(job):
 
 def test_copies_and_other_designs_keep_apart_and_on_the_bed(make_plan, make_fan, profile):
     tree = make_plan((30.0, 14.0), levels=[make_fan(3, 90, 130)], trunk=90.0, tail=80.0)
-    vine = make_plan((20.0,), trunk=150.0, tail=50.0)
+    vine = replace(make_plan((20.0,), trunk=150.0, tail=50.0), name="vine")
     job = laser_job(tree, profile, SheetOptions(copies=3, beside=(vine,)))
     assert (job.facts["robots_wanted"], job.facts["robots_placed"]) == (4, 4)
     robots = bodies(job)
@@ -29,6 +31,19 @@ def test_copies_and_other_designs_keep_apart_and_on_the_bed(make_plan, make_fan,
     assert all(usable.covers(robot) for robot in robots)
     areas = sorted(robot.area for robot in robots)
     assert areas[1:] == pytest.approx([areas[-1]] * 3)
+    labels = [path.label for path in job.along(Operation.WELDCUT)]
+    assert labels == [
+        *(f"outline of plan, part {number} of 4" for number in (1, 2, 3)),
+        "outline of vine, part 4 of 4",
+    ]
+
+
+def test_different_designs_of_one_name_are_refused(make_plan, profile):
+    one, two = make_plan((20.0,), trunk=150.0), make_plan((20.0,), trunk=160.0)
+    with pytest.raises(BadInputError, match="plan twice"):
+        laser_job(one, profile, SheetOptions(beside=(two,)))
+    again = laser_job(one, profile, SheetOptions(beside=(one,)))
+    assert again.facts["robots_placed"] == 2
 
 
 def test_robots_lie_in_each_others_arms(make_plan, make_fan, profile):

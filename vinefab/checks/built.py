@@ -4,6 +4,7 @@ from vinefab.checks.marks import mark_branches, middle_mm
 from vinefab.checks.rule import Hit, Limits, Looked, NotLooked, Rule
 from vinefab.checks.sides import excesses_mm
 from vinefab.checks.subject import Subject
+from vinefab.checks.webs import whose
 from vinefab.model.job import Operation
 from vinefab.model.laser import OperationSettings
 
@@ -15,28 +16,33 @@ def look_built_width(subject: Subject, limits: Limits) -> Looked | NotLooked:
     operation = Operation.WELDCUT if subject.job.along(Operation.WELDCUT) else Operation.WELD
     settings = subject.profile.settings(operation)
     offset_mm = beam_offset_mm(settings) if operation is Operation.WELDCUT else weld_mm(settings)
-    hits, checked = [], 0
-    for path in subject.own(operation):
+    paths = subject.own(operation)
+    checked, worst = 0, dict[int, tuple[float, str]]()
+    for path in paths:
         for row, excess_mm in excesses_mm(subject, path.contour, offset_mm).items():
             checked += 1
-            breach = limits.most(abs(excess_mm))
-            if breach:
-                middle_width_mm = float(
-                    subject.layout.width_mm[row] + subject.layout.end_width_mm[row]
-                )
-                built_mm = middle_width_mm / 2.0 + excess_mm
-                hits.append(
-                    Hit(
-                        message=f"the branch comes out {built_mm:.2f} mm wide in the paths: its "
-                        "joint took its sides, or their seam and kerf are not the recipe's",
-                        measured=abs(excess_mm),
-                        limit=breach.limit,
-                        branches=subject.ids(row),
-                        at_mm=middle_mm(subject.layout, row),
-                        marker=mark_branches(subject.layout, [row]),
-                    )
-                )
+            if abs(excess_mm) > abs(worst.get(row, (0.0, ""))[0]):
+                worst[row] = excess_mm, whose(path, paths)
+    hits = []
+    for row, (excess_mm, of) in sorted(worst.items()):
+        breach = limits.most(abs(excess_mm))
+        if breach:
+            hits.append(_too_wide(subject, row, excess_mm, of, breach.limit))
     return Looked(checked=checked, hits=tuple(hits))
+
+
+def _too_wide(subject: Subject, row: int, excess_mm: float, of: str, limit: float) -> Hit:
+    layout = subject.layout
+    built_mm = float(layout.width_mm[row] + layout.end_width_mm[row]) / 2.0 + excess_mm
+    return Hit(
+        message=f"the branch{of} comes out {built_mm:.2f} mm wide in the paths: its joint took "
+        "its sides, or their seam and kerf are not the recipe's",
+        measured=abs(excess_mm),
+        limit=limit,
+        branches=subject.ids(row),
+        at_mm=middle_mm(layout, row),
+        marker=mark_branches(layout, [row]),
+    )
 
 
 def beam_offset_mm(settings: OperationSettings) -> float:

@@ -40,7 +40,6 @@ def window_penalty(
     takes_kpa = planned_growth_kpa(
         branch_tree(design), build.widths_mm, fit.loose, fit.diameter_mm
     ).max()
-    pouch_mm = build.pouch.flat_width_mm if build.pouch else 0.0
-    burst_kpa = burst_pressure_kpa(max(pouch_mm, *build.widths_mm), allowed_n_mm(profile.material))
+    burst_kpa = burst_pressure_kpa(build.widest_mm, allowed_n_mm(profile.material))
     most_kpa = burst_kpa / values["safety_factor"] / (1.0 + values["margin_percent"] / 100.0)
     return math.log1p(min(_MOST, max(0.0, takes_kpa / most_kpa - 1.0)))

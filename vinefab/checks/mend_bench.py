@@ -135,8 +135,7 @@ class Bench:
         return math.floor(1000.0 * most) / 1000.0
 
     def _burst_kpa(self, build: Build) -> float:
-        widest_mm = max(*build.widths_mm, build.pouch.flat_width_mm if build.pouch else 0.0)
-        return burst_pressure_kpa(widest_mm, allowed_n_mm(self.profile.material))
+        return burst_pressure_kpa(build.widest_mm, allowed_n_mm(self.profile.material))
 
     def _sheet_mm(self) -> tuple[float, float]:
         """Return the room for the bare body: the bed less seam, kerf and the mouth's overcut."""

@@ -1,6 +1,7 @@
 """Rules about the laser's paths: marks, overlaps, sizes, order."""
 
 import math
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -13,15 +14,16 @@ from vinefab.checks.subject import Subject
 from vinefab.geometry.order import frees
 from vinefab.geometry.problem import ProblemKind
 from vinefab.model.checked import Floats
-from vinefab.model.job import LaserPath, Operation
+from vinefab.model.finding import Severity
+from vinefab.model.job import Job, LaserPath, Operation
 
 _NO_RECIPE = NotLooked(reason="needs a recipe, which the paths follow from")
 _ORDER = tuple(Operation)
 
 
 def look_marks(subject: Subject, limits: Limits) -> Looked | NotLooked:
-    """VF-L01: marks stay off the pressurised body."""
-    if subject.job is None:
+    """VF-L01: marks stay off the pressurised body; those that found no room are named."""
+    if subject.job is None or subject.profile is None:
         return _NO_RECIPE
     marks = subject.job.along(Operation.MARK)
     sealed = (*subject.job.along(Operation.WELD), *subject.job.along(Operation.WELDCUT))
@@ -38,7 +40,18 @@ def look_marks(subject: Subject, limits: Limits) -> Looked | NotLooked:
                 limit=breach.limit,
                 aspect=mark.label,
             )
-    return Looked(checked=len(marks), hits=tuple(hits.values()))
+    can_mark = Operation.MARK in subject.profile.recipe.operations
+    note = "" if can_mark else "the recipe has no mark: no fold line, no label"
+    return Looked(checked=len(marks), hits=(*hits.values(), *_left_out(subject.job)), note=note)
+
+
+def _left_out(job: Job) -> Iterator[Hit]:
+    """Yield a hit for everything that should have been marked and was not."""
+    missing = job.facts.get("marks_left_out", ())
+    for words in missing if isinstance(missing, list) else ():
+        yield Hit(
+            message=f"{words}: write it on the film by hand", severity=Severity.INFO, aspect=words
+        )
 
 
 def look_paths(subject: Subject, limits: Limits) -> Looked | NotLooked:
@@ -143,10 +156,10 @@ def _line(path: LaserPath) -> shapely.LineString:
 
 MARKS = Rule(
     id="VF-L01",
-    title="no mark inside the body or near its rim",
+    title="no mark inside the body or near its rim, none left out",
     unit="mm",
     limits={"error": 3.0},
-    reason="a mark weakens film under pressure",
+    reason="a mark weakens film under pressure; a robot without a label is soon nobody's",
     look=look_marks,
 )
 PATHS = Rule(

@@ -25,7 +25,6 @@ def look_pouch(subject: Subject, limits: Limits) -> Looked:
     Their clearance to all other branches is VF-C01's and VF-T03's business, as for any branch.
     """
     pouch = subject.design.build.pouch
-    leaves = [row for row, leaf in enumerate(subject.layout.is_leaf.tolist()) if leaf]
     if pouch is None:
         return Looked(checked=0)
     reach_mm = max(limits["error"], limits["warning"])
@@ -33,30 +32,32 @@ def look_pouch(subject: Subject, limits: Limits) -> Looked:
     hits = gap_hits(subject, limits, found, found.joined & found.pouch)
     hits = (*_drawn(subject, limits, hits),)
     width_mm = subject.design.build.end_widths_mm[-1]
-    if pouch.flat_width_mm <= width_mm:
-        wider = Hit(
-            message="the pouch is no wider than its branch: widen it or leave it out",
-            measured=pouch.flat_width_mm,
-            limit=width_mm,
-            branches=subject.ids(leaves[0]),
-            at_mm=place_mm(subject.layout, leaves[0], at_tip=True),
-            marker=mark_branches(subject.layout, leaves),
-            aspect="width",
-        )
-        hits = (wider, *hits)
     if pouch.length_mm is not None and pouch.length_mm < width_mm:
-        longer = Hit(
-            message="the pouch is shorter than its branch is wide: lengthen it or leave it out",
-            measured=pouch.length_mm,
-            limit=width_mm,
-            branches=subject.ids(leaves[0]),
-            at_mm=place_mm(subject.layout, leaves[0], at_tip=True),
-            marker=mark_branches(subject.layout, leaves),
-            aspect="length",
-        )
-        hits = (longer, *hits)
+        words = "shorter than its branch is wide: lengthen it"
+        hits = (_too_small(subject, pouch.length_mm, words, "length"), *hits)
+    if pouch.flat_width_mm <= width_mm:
+        words = "no wider than its branch: widen it"
+        hits = (_too_small(subject, pouch.flat_width_mm, words, "width"), *hits)
     more = problem_hits(subject, frozenset({ProblemKind.POUCH_WIDTH}), hits)
-    return Looked(checked=len(leaves), hits=(*hits, *more))
+    return Looked(checked=len(_leaves(subject)), hits=(*hits, *more))
+
+
+def _too_small(subject: Subject, measured_mm: float, words: str, aspect: str) -> Hit:
+    """Return a hit about a size of the pouches, all alike, that is less than the leaf's width."""
+    leaves = _leaves(subject)
+    return Hit(
+        message=f"the pouch is {words} or leave it out",
+        measured=measured_mm,
+        limit=subject.design.build.end_widths_mm[-1],
+        branches=subject.ids(leaves[0]),
+        at_mm=place_mm(subject.layout, leaves[0], at_tip=True),
+        marker=mark_branches(subject.layout, leaves),
+        aspect=aspect,
+    )
+
+
+def _leaves(subject: Subject) -> list[int]:
+    return [row for row, leaf in enumerate(subject.layout.is_leaf.tolist()) if leaf]
 
 
 def _drawn(subject: Subject, limits: Limits, hits: tuple[Hit, ...]) -> Iterator[Hit]:

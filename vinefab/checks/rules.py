@@ -32,3 +32,8 @@ _BUILTIN = (
 )
 
 RULES: Registry[Rule] = Registry("rule", {rule.id: rule for rule in _BUILTIN})
+
+SHEET_RULES = frozenset(
+    rule.id for rule in (BED, MARKS, PATHS, ORDER, PLY, MACHINE, STATUS, READBACK)
+)
+"""Rules about a sheet, its recipe and its files; on a sheet of several robots they look once."""

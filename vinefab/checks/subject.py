@@ -1,7 +1,7 @@
 """What the rules look at: a design, its profile, and all that was derived from them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import shapely
 
@@ -109,6 +109,11 @@ class Subject:
             deployments=deployments,
             places=places,
         )
+
+    @classmethod
+    def on_sheet(cls, design: Design, profile: LaserProfile, job: Job) -> "Subject":
+        """Return the subject of a design that lies on a sheet, alone or beside others."""
+        return replace(cls.of(design), profile=profile, job=job)
 
     @property
     def body(self) -> shapely.Polygon:

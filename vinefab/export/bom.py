@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from vinefab.core.jsontext import GENERATOR
 from vinefab.export.machine_time import machine_time
-from vinefab.model.job import Job, Operation
+from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
 
 COLUMNS = ("item", "value", "unit", "standing", "basis")
@@ -68,14 +68,22 @@ def bom_text(job: Job, profile: LaserProfile) -> str:
     return stream.getvalue()
 
 
+def robot_count(job: Job) -> int:
+    """Return how many robots a job makes: it has one path that forms the body of each."""
+    return len(_outlines(job))
+
+
 def body_area_mm2(job: Job) -> float:
     """Return the flat area of the robots of a job, one ply, within the path that forms them.
 
     That is the weld-cut outline or, where sealing and cutting are separate, the weld line; an
     outline that is open at the mouth is closed with a straight line.
     """
-    outlines = job.along(Operation.WELDCUT) or job.along(Operation.WELD)
-    return math.fsum(abs(path.contour.signed_area_mm2) for path in outlines)
+    return math.fsum(abs(path.contour.signed_area_mm2) for path in _outlines(job))
+
+
+def _outlines(job: Job) -> tuple[LaserPath, ...]:
+    return job.along(Operation.WELDCUT) or job.along(Operation.WELD)
 
 
 def film_piece_mm(job: Job, profile: LaserProfile) -> tuple[float, float]:

@@ -1,6 +1,7 @@
 """The record of a check as JSON: ``vinefab/checks-1``."""
 
 import math
+from collections.abc import Sequence
 
 from vinefab.core.jsontext import json_text
 from vinefab.model.finding import CheckReport, Finding
@@ -8,10 +9,20 @@ from vinefab.model.finding import CheckReport, Finding
 SCHEMA = "vinefab/checks-1"
 
 
-def checks_text(report: CheckReport) -> str:
-    """Return every rule that was run or skipped, and all findings, waived ones included."""
+def checks_text(report: CheckReport, beside: Sequence[CheckReport] = ()) -> str:
+    """Return every rule that was run or skipped, and all findings, waived ones included.
+
+    Parameters
+    ----------
+    report
+        The check of the design that the document is about.
+    beside
+        Those of other designs on its sheet, which follow under ``beside``.
+    """
     names = {"design": report.design, "recipe": report.recipe, "units": "mm"}
-    return json_text(SCHEMA, {**names, **checks_content(report)})
+    others = [{"design": other.design, **checks_content(other)} for other in beside]
+    more = {"beside": others} if others else {}
+    return json_text(SCHEMA, {**names, **checks_content(report), **more})
 
 
 def checks_content(report: CheckReport) -> dict[str, object]:

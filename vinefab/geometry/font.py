@@ -62,9 +62,18 @@ def _points(word: str) -> list[tuple[int, int]]:
     return [(int(word[i]), int(word[i + 1])) for i in range(0, len(word), 2)]
 
 
+def unwritten(text: str) -> str:
+    """Return the letters of a text that have no strokes, each once.
+
+    >>> unwritten("caché no. 2 é")
+    'É'
+    """
+    return "".join(dict.fromkeys(c for c in text.upper() if c != " " and c not in _STROKES))
+
+
 def text_width_mm(text: str, height_mm: float) -> float:
     """Return how wide a line of text is."""
-    return max(0, ADVANCE * len(text) - (ADVANCE - WIDTH)) * height_mm / HEIGHT
+    return max(0, ADVANCE * len(text.upper()) - (ADVANCE - WIDTH)) * height_mm / HEIGHT
 
 
 def text_strokes_mm(text: str, height_mm: float) -> list[Floats]:

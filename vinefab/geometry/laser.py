@@ -1,58 +1,24 @@
 """From designs and a recipe to what the laser is to do, placed on the bed."""
 
+import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
+from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg
-from vinefab.geometry.marks import Free, fold_ticks, label_lines, label_paths, mark
+from vinefab.geometry.marking import marks_of
+from vinefab.geometry.marks import fold_ticks
 from vinefab.geometry.nesting import nest
 from vinefab.geometry.order import in_order
 from vinefab.geometry.passes import BodyPaths, body_paths
 from vinefab.geometry.placement import Placement, place
+from vinefab.geometry.robot import Robot
 from vinefab.geometry.sheet import ONE, SheetOptions
 from vinefab.geometry.tilejobs import Tiled, target_paths, tile_jobs, tiled
 from vinefab.model.design import Design
-from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile
-from vinefab.model.outline import Contour
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Robot:
-    """One robot on a sheet.
-
-    Parameters
-    ----------
-    design
-        What it is.
-    body
-        Its paths in the flat layout.
-    placement
-        Where it lies, or None where there was no room for it.
-    """
-
-    design: Design
-    body: BodyPaths
-    placement: Placement | None
-
-    @property
-    def paths(self) -> tuple[LaserPath, ...]:
-        """Its paths on the sheet; none without a place."""
-        return tuple(self.moved(path) for path in self.body.paths if self.placement)
-
-    def moved(self, path: LaserPath) -> LaserPath:
-        """Return one of its paths where it lies."""
-        return LaserPath(
-            operation=path.operation,
-            contour=self.on_sheet(path.contour),
-            label=path.label,
-            of=path.of,
-        )
-
-    def on_sheet(self, contour: Contour) -> Contour:
-        """Return a contour of the flat layout where it lies."""
-        return contour if self.placement is None else self.placement.moved(contour)
 
 
 def laser_job(design: Design, profile: LaserProfile, sheet: SheetOptions = ONE) -> Job:
@@ -73,7 +39,7 @@ def laser_job(design: Design, profile: LaserProfile, sheet: SheetOptions = ONE) 
     Raises
     ------
     BadInputError
-        If the recipe lacks an operation.
+        If the recipe lacks an operation, or two different designs have the same name.
     """
     robots = _placed_robots(design, profile, sheet)
     machine = profile.machine
@@ -93,13 +59,14 @@ def laser_job(design: Design, profile: LaserProfile, sheet: SheetOptions = ONE) 
         name=design.name,
         sheet_width_mm=machine.bed_width_mm.value,
         sheet_height_mm=machine.bed_height_mm.value,
-        paths=in_order([*marks, *bodies]),
+        paths=in_order([*marks.paths, *bodies]),
         facts={
             **_recipe_facts(profile),
             **robots[0].body.facts,
             **_placement_facts(robots, profile),
             **_body_facts(robots[0]),
             **({"tiling": parted} if parted else {}),
+            **marks.facts,
         },
     )
 
@@ -111,61 +78,23 @@ def _tiled_job(design: Design, body: BodyPaths, profile: LaserProfile, parted: T
     within = (*first.low_mm, first.low_mm[0] + room[0], first.low_mm[1] + room[1])
     targets = [path for tile in parted.tiles for path in target_paths(tile, profile)]
     marks = marks_of([robot], [*robot.paths, *targets], profile, within)
-    facts = {**_recipe_facts(profile), **body.facts, **_body_facts(robot)}
-    jobs = tile_jobs(design.name, profile, parted.tiles, marks, facts)
+    facts = {**_recipe_facts(profile), **body.facts, **_body_facts(robot), **marks.facts}
+    jobs = tile_jobs(design.name, profile, parted.tiles, marks.paths, facts)
     made = [mark for mark in targets if mark.operation is Operation.MARK]
     return Job(
         name=design.name,
         sheet_width_mm=parted.sheet_mm[0],
         sheet_height_mm=parted.sheet_mm[1],
-        paths=in_order([*marks, *made, *robot.paths]),
+        paths=in_order([*marks.paths, *made, *robot.paths]),
         facts={**facts, **_placement_facts([robot], profile), "tiles": len(jobs)},
         tiles=jobs,
     )
 
 
-def marks_of(
-    robots: Sequence[Robot],
-    bodies: Sequence[LaserPath],
-    profile: LaserProfile,
-    within: tuple[float, float, float, float],
-) -> list[LaserPath]:
-    """Return fold lines and labels of robots, as far as there is room for them.
-
-    Parameters
-    ----------
-    robots
-        The robots; those without a place get none.
-    bodies
-        All paths that marks must stay clear of.
-    profile
-        Marks are made only where the recipe can mark.
-    within
-        The part of the sheet that marks may use.
-    """
-    if Operation.MARK not in profile.recipe.operations:
-        return []
-    free, marks = Free(bodies, within), []
-    placed = [robot for robot in robots if robot.placement]
-    for robot in placed:
-        for tick in fold_ticks(robot.design, robot.body.reach_mm):
-            moved = robot.on_sheet(tick)
-            if free.has(moved):
-                name = robot.design.name
-                marks.append(mark(moved, f"fold line of {name}", name))
-    for path in marks:
-        free.take(Free([path], within).taken)
-    for number, robot in enumerate(placed, start=1):
-        lines = label_lines(robot.design.name, profile, (number, len(placed)))
-        tail = robot.on_sheet(robot.body.outline.contour).points_mm
-        near = (tail[0] + tail[-1]) / 2.0
-        marks += label_paths(lines, free, (float(near[0]), float(near[1])), robot.design.name)
-    return marks
-
-
 def _placed_robots(design: Design, profile: LaserProfile, sheet: SheetOptions) -> list[Robot]:
     machine, apart = profile.machine, sheet.process == "weld+cut"
     designs = [*[design] * sheet.copies, *sheet.beside]
+    _refuse_namesakes(designs)
     bodies = {id(one): body_paths(one, profile, apart=apart) for one in designs}
     made = [bodies[id(one)] for one in designs]
     contours = [tuple(path.contour for path in body.paths) for body in made]
@@ -175,10 +104,25 @@ def _placed_robots(design: Design, profile: LaserProfile, sheet: SheetOptions) -
         placements = [_alone(design, made[0], profile)]
     else:
         placements = nest(contours, machine.usable_mm, corner)
-    return [
+    robots = [
         Robot(design=one, body=body, placement=placement)
         for one, body, placement in zip(designs, made, placements, strict=True)
     ]
+    count = sum(robot.placement is not None for robot in robots)
+    numbers = itertools.count(1)
+    return [
+        replace(robot, number=next(numbers), count=count) if robot.placement else robot
+        for robot in robots
+    ]
+
+
+def _refuse_namesakes(designs: Sequence[Design]) -> None:
+    """Refuse different designs of one name: paths, labels and findings go by it."""
+    named: dict[str, Design] = {}
+    for design in designs:
+        if named.setdefault(design.name, design) != design:
+            words = "designs of different names on one sheet, or the same design again"
+            raise BadInputError("name", f"{design.name} twice", words)
 
 
 def _alone(design: Design, body: BodyPaths, profile: LaserProfile) -> Placement:

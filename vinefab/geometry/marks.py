@@ -99,7 +99,7 @@ class Free:
 
 
 def label_paths(
-    lines: Sequence[str], free: Free, near_mm: tuple[float, float], name: str
+    lines: Sequence[str], free: Free, near_mm: tuple[float, float], label: str, name: str
 ) -> tuple[LaserPath, ...]:
     """Return lines of text as strokes near a place, level or upright; none if there is no room.
 
@@ -111,6 +111,8 @@ def label_paths(
         The room left; what is written is taken from it.
     near_mm
         Where it should be.
+    label
+        What the strokes are called.
     name
         The design's name.
     """
@@ -126,7 +128,7 @@ def label_paths(
             box, upright = min(found, key=lambda one: math.dist(_middle(one[0]), near_mm))
             free.take(shapely.box(*box))
             return tuple(
-                _mark(stroke, f"label of {name}", name)
+                _mark(stroke, label, name)
                 for stroke in _strokes(lines, height, box, upright=upright)
             )
     return ()

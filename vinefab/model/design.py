@@ -187,6 +187,11 @@ class Build:
         """Lay-flat width of the mouth."""
         return self.widths_mm[0] if self.collar is None else self.collar.flat_width_mm
 
+    @property
+    def widest_mm(self) -> float:
+        """The widest lay-flat width under pressure, pouches included; the collar is clamped."""
+        return max(*self.widths_mm, self.pouch.flat_width_mm if self.pouch else 0.0)
+
     @classmethod
     def standard(
         cls,

@@ -245,5 +245,5 @@ class LaserProfile:
         """
         if operation not in self.recipe.operations:
             known = ", ".join(self.recipe.operations)
-            raise BadInputError(f"recipe {self.recipe.name}", operation, f"one of {known}")
+            raise BadInputError(f"recipe {self.recipe.name}", str(operation), f"one of {known}")
         return self.recipe.operations[operation]

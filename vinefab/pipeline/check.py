@@ -150,7 +150,11 @@ def check_lines(report: CheckReport, *, verbose: bool = False) -> list[str]:
         f"from {limit.source}"
         for limit in report.limits
     ]
-    lines += [f"skipped {skipped.rule}  {skipped.reason}" for skipped in report.skipped]
+    reasons = dict.fromkeys(skipped.reason for skipped in report.skipped)
+    lines += [
+        f"skipped {', '.join(s.rule for s in report.skipped if s.reason == why)}  {why}"
+        for why in reasons
+    ]
     lines += [
         f"warn    stale waiver {name}: nothing of that name was found; take it out of the design"
         for name in report.stale_waivers

@@ -4,9 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from vinefab.checks.built import READBACK
+from vinefab.checks.rules import RULES, SHEET_RULES
 from vinefab.checks.run import joined, run_checks
 from vinefab.checks.subject import Subject
-from vinefab.export.bom import bill_of_materials
+from vinefab.export.bom import bill_of_materials, robot_count
 from vinefab.export.checks_json import checks_text
 from vinefab.export.colours import PRESETS
 from vinefab.export.laser_files import (
@@ -21,7 +22,7 @@ from vinefab.geometry.outline import body_outline
 from vinefab.geometry.sheet import ONE, SheetOptions
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
-from vinefab.model.finding import CheckReport
+from vinefab.model.finding import CheckReport, RuleSkipped
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile, RecipeStatus
 from vinefab.model.tree import branch_tree
@@ -56,8 +57,10 @@ class Prepared:
         The laser files by name, empty when a rule forbids the design.
     readback
         What was wrong with each of them when it was read again.
+    others
+        The other designs on the sheet.
     beside
-        Every rule's outcome for each of the other designs on the sheet.
+        Every rule's outcome for each of them.
     """
 
     design: Design
@@ -66,6 +69,7 @@ class Prepared:
     report: CheckReport
     laser: Mapping[str, bytes] = field(default_factory=dict)
     readback: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    others: tuple[Design, ...] = ()
     beside: tuple[CheckReport, ...] = ()
 
     def refusal(self, *, allow_uncalibrated: bool) -> str:
@@ -113,13 +117,14 @@ def prepare(
     r12
         Write a DXF of release 12 too.
     """
-    subject = Subject.of(design, profile, deployments=tuple(deployments), sheet=sheet)
-    job = laser_job(design, profile, sheet) if subject.job is None else subject.job
+    job = laser_job(design, profile, sheet)
+    subject = replace(Subject.on_sheet(design, profile, job), deployments=tuple(deployments))
     report = run_checks(subject)
-    beside = tuple(run_checks(Subject.of(other, profile)) for other in sheet.beside)
+    others = _others(design, sheet)
+    beside = tuple(_beside(other, profile, job) for other in others)
     files: dict[str, bytes] = {}
     problems: dict[str, tuple[str, ...]] = {}
-    if not report.blocking:
+    if not any(one.blocking for one in (report, *beside)):
         colours = PRESETS[profile.machine.colours]
         hairline_mm = profile.machine.hairline_mm
         files = laser_files(job, colours, hairline_mm=hairline_mm, profile=profile, r12=r12)
@@ -139,8 +144,27 @@ def prepare(
         report=report,
         laser=files,
         readback=problems,
+        others=others,
         beside=beside,
     )
+
+
+def _others(design: Design, sheet: SheetOptions) -> tuple[Design, ...]:
+    """Return the designs of a sheet that differ from the first, each once."""
+    named = {other.name: other for other in sheet.beside}
+    return tuple(other for name, other in named.items() if name != design.name)
+
+
+def _beside(design: Design, profile: LaserProfile, job: Job) -> CheckReport:
+    """Return what the rules say of another robot of a sheet, measured in the sheet's own paths.
+
+    Rules about the sheet as a whole are applied with the first robot only.
+    """
+    report = run_checks(Subject.on_sheet(design, profile, job), only=RULES.keys() - SHEET_RULES)
+    reason = f"looked at once for the whole sheet, with {job.name}"
+    skipped = tuple(RuleSkipped(rule=rule, reason=reason) for rule in sorted(SHEET_RULES))
+    once = replace(report, run=(), skipped=skipped, findings=())
+    return replace(joined(report, once), stale_waivers=())
 
 
 def package(prepared: Prepared) -> dict[str, bytes]:
@@ -156,7 +180,7 @@ def package(prepared: Prepared) -> dict[str, bytes]:
         design=prepared.design,
         profile=prepared.profile,
         job=prepared.job,
-        checks=checks_text(prepared.report),
+        checks=checks_text(prepared.report, prepared.beside),
         preview=png_bytes(job_plan(prepared.job, prepared.report.findings)),
         report=page_html(page_content(prepared)).encode(),
         animation=job_animation(prepared.job, prepared.profile),
@@ -185,11 +209,20 @@ def page_content(prepared: Prepared) -> Report:
 
 def making_sections(prepared: Prepared) -> tuple[Section, ...]:
     """Return what a report says of making: rules, sheet, materials."""
-    outline_mm = body_outline(prepared.design).contour.flattened_mm()
+    job = prepared.job
+    designs = (prepared.design, *prepared.others)
+    reports = (prepared.report, *prepared.beside)
     return (
-        check_section(prepared.report, outline_mm),
-        sheet_section(prepared.job, prepared.report.findings),
-        bom_section(bill_of_materials(prepared.job, prepared.profile)),
+        *(
+            check_section(
+                report,
+                body_outline(design).contour.flattened_mm(),
+                title=f"Design rules: {design.name}" if prepared.others else "Design rules",
+            )
+            for design, report in zip(designs, reports, strict=True)
+        ),
+        sheet_section(job, [finding for report in reports for finding in report.findings]),
+        bom_section(bill_of_materials(job, prepared.profile), robot_count(job)),
     )
 
 

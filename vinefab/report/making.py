@@ -39,7 +39,9 @@ def sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
     )
 
 
-def check_section(report: CheckReport, outline_mm: Floats | None = None) -> Section:
+def check_section(
+    report: CheckReport, outline_mm: Floats | None = None, *, title: str = "Design rules"
+) -> Section:
     """Return every finding, at its place in the outline, and every rule that was run or skipped.
 
     Parameters
@@ -48,6 +50,8 @@ def check_section(report: CheckReport, outline_mm: Floats | None = None) -> Sect
         The check.
     outline_mm
         The body's outline in the flat layout, to mark findings in.
+    title
+        Of the section.
     """
     found = tuple(
         (str(number), *_finding_row(finding))
@@ -73,7 +77,7 @@ def check_section(report: CheckReport, outline_mm: Floats | None = None) -> Sect
     )
     nothing = () if found else ("No rule found anything.",)
     return Section(
-        title="Design rules",
+        title=title,
         paragraphs=(*nothing, *stale, f"Rules run, with how many things each looked at: {ran}."),
         pictures=_marked(report, outline_mm),
         tables=tables,
@@ -121,14 +125,15 @@ def pressure_section(design: Design, profile: LaserProfile) -> Section:
     return Section(title="Pressure", tables=(table,))
 
 
-def bom_section(lines: Sequence[BomLine]) -> Section:
-    """Return the bill of materials."""
+def bom_section(lines: Sequence[BomLine], robots: int = 1) -> Section:
+    """Return the bill of materials of a sheet with so many robots."""
     rows = tuple(
         (line.item, f"{line.value:.4g}", line.unit, line.standing.value, line.basis)
         for line in lines
     )
     headings = ("item", "amount", "unit", "standing", "basis")
-    table = Table(caption="One robot", headings=headings, rows=rows)
+    caption = "One robot" if robots == 1 else f"The whole sheet: {robots} robots"
+    table = Table(caption=caption, headings=headings, rows=rows)
     return Section(title="Bill of materials", tables=(table,))
 
 

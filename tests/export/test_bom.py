@@ -3,12 +3,15 @@ import io
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from vinefab.core.atomic import OWN_MARK
 from vinefab.export.bom import bill_of_materials, body_area_mm2, bom_text
-from vinefab.model.job import Job, Operation
+from vinefab.export.motion import move_time_s
+from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Quantity, Standing
+from vinefab.model.outline import Contour
 
 FINGER_MM2 = 100.0 * 40.0 + math.pi * 20.0**2 / 2
 
@@ -85,3 +88,55 @@ def test_the_csv_holds_every_line_with_unit_and_standing(job: Job, profile: Lase
         assert row["unit"] == line.unit
         assert row["standing"] in {"computed", "assumed"}
         assert row["basis"]
+
+
+def straight(operation: Operation, x0: float, x1: float, y: float) -> LaserPath:
+    contour = Contour.polyline(np.array([[x0, y], [x1, y]]), closed=False)
+    return LaserPath(operation=operation, contour=contour)
+
+
+def test_tiles_are_what_is_run_and_the_whole_is_what_is_made(profile: LaserProfile) -> None:
+    """A seam of 400 mm in two tiles that overlap by 12 mm, and two marks: summed by hand."""
+    whole = Job(
+        name="whole",
+        sheet_width_mm=420.0,
+        sheet_height_mm=60.0,
+        paths=(
+            straight(Operation.MARK, 200.0, 208.0, 10.0),
+            straight(Operation.WELDCUT, 10.0, 410.0, 30.0),
+        ),
+    )
+    one = replace(
+        whole,
+        sheet_width_mm=250.0,
+        paths=(
+            straight(Operation.MARK, 200.0, 208.0, 10.0),
+            straight(Operation.WELDCUT, 10.0, 216.0, 30.0),
+        ),
+    )
+    two = replace(
+        whole,
+        sheet_width_mm=250.0,
+        paths=(
+            straight(Operation.WELDCUT, 34.0, 240.0, 30.0),
+            straight(Operation.REG, 30.0, 38.0, 10.0),
+        ),
+    )
+    tiled = replace(whole, tiles=(one, two))
+    found = {line.item: line for line in bill_of_materials(tiled, profile)}
+    assert found["tiles"].value == 2
+    assert (found["film width"].value, found["film height"].value) == (420.0, 60.0)
+    assert found["weld length"].value == pytest.approx(206.0 + 206.0)
+    assert found["mark length"].value == pytest.approx(8.0)
+    # The fixture's recipe runs everything at 100 mm/s in two passes, travels at 500 mm/s.
+    work_s = 2 * 2 * move_time_s(206.0, 100.0, 1000.0)
+    assert found["machine time, weldcut"].value == pytest.approx(work_s)
+    hops = (
+        *(math.hypot(200.0, 10.0), 8.0, math.hypot(198.0, 20.0), 206.0),
+        *(math.hypot(34.0, 30.0), 206.0),
+    )
+    travel_s = sum(move_time_s(hop, 500.0, 1000.0) for hop in hops)
+    assert found["machine time, travel"].value == pytest.approx(travel_s)
+    mark_s = 2 * move_time_s(8.0, 100.0, 1000.0)
+    assert found["machine time, total"].value == pytest.approx(work_s + travel_s + mark_s)
+    assert "without the time to move and align" in found["machine time, total"].basis

@@ -8,6 +8,8 @@ import shapely
 from shapely import LineString, Point, Polygon
 
 from vinefab.geometry.laser import laser_job
+from vinefab.geometry.outline import body_outline
+from vinefab.geometry.passes import weldcut_offset_mm
 from vinefab.geometry.sheet import SheetOptions
 from vinefab.model.job import Operation
 from vinefab.model.outline import Part
@@ -127,6 +129,31 @@ def test_every_tile_lies_on_the_bed_and_marks_lie_on_the_first(trees, small_bed,
         assert bool(labels) <= (tile.facts["tile"] == 1)
     cuts = [p for p in job.tiles[0].along(Operation.CUT) if Part.MOUTH in p.contour.parts]
     assert len(cuts) == 1
+
+
+@pytest.mark.parametrize("marked", [True, False])
+@pytest.mark.parametrize("name", ["tree", "tapered", "vine"])
+def test_the_film_holds_all_that_is_drawn_on_it(trees, small_bed, name, marked):
+    profile = small_bed
+    if not marked:
+        operations = dict(profile.recipe.operations)
+        operations.pop("mark", None)
+        recipe = dataclasses.replace(profile.recipe, operations=operations)
+        profile = dataclasses.replace(profile, recipe=recipe)
+    job = laser_job(trees[name], profile)
+    film = shapely.box(0.0, 0.0, job.sheet_width_mm, job.sheet_height_mm)
+    rim = profile.machine.margin_mm.value
+    drawn = [*job.paths]
+    for tile in job.tiles:
+        drawn += [dataclasses.replace(p, contour=back(tile, p.contour)) for p in tile.paths]
+    boxes = np.array([path.contour.box_mm for path in drawn])
+    # No larger than needed, and with a rim of the machine's margin all around.
+    assert boxes[:, :2].min(axis=0) == pytest.approx([rim, rim])
+    assert boxes[:, 2:].max(axis=0) == pytest.approx([film.bounds[2] - rim, film.bounds[3] - rim])
+    turn = math.radians(job.facts["rotation_deg"])
+    flat = body_outline(trees[name], weldcut_offset_mm(profile)).contour
+    placed = flat.moved(turn, job.facts["shift_x_mm"], job.facts["shift_y_mm"])
+    assert placed.points_mm == pytest.approx(job.along(Operation.WELDCUT)[0].contour.points_mm)
 
 
 def test_film_that_is_fed_through_moves_along_the_bed_only(trees, small_bed):

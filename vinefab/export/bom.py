@@ -54,7 +54,12 @@ def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
     BadInputError
         If the recipe lacks an operation of the job.
     """
-    return (*_film_lines(job, profile), *_length_lines(job), *_time_lines(job, profile))
+    return (
+        *_film_lines(job, profile),
+        *_tile_lines(job),
+        *_length_lines(job),
+        *_time_lines(job, profile),
+    )
 
 
 def bom_text(job: Job, profile: LaserProfile) -> str:
@@ -90,7 +95,10 @@ def film_piece_mm(job: Job, profile: LaserProfile) -> tuple[float, float]:
     """Return width and height of the least piece of film: what is machined and a rim around it.
 
     The rim is the machine's margin, so that a piece laid into the bed's lower left corner fits.
+    The film of a robot in tiles also holds the targets by which they are aligned.
     """
+    if job.tiles:
+        return job.sheet_width_mm, job.sheet_height_mm
     boxes = [path.contour.box_mm for path in job.paths if path.operation.is_machined]
     low_x, low_y, high_x, high_y = zip(*boxes, strict=True)
     rim = 2.0 * profile.machine.margin_mm.value
@@ -157,6 +165,13 @@ def _roll_line(film: Material, piece_mm: tuple[float, float], standing: Standing
     )
 
 
+def _tile_lines(job: Job) -> list[BomLine]:
+    if not job.tiles:
+        return []
+    basis = "on the same film, one after the other, aligned by targets"
+    return [_computed("tiles", len(job.tiles), "1", basis)]
+
+
 def _length_lines(job: Job) -> list[BomLine]:
     sealed, cut = (Operation.WELD, Operation.WELDCUT), (Operation.WELDCUT, Operation.CUT)
     kinds = [
@@ -164,8 +179,14 @@ def _length_lines(job: Job) -> list[BomLine]:
         ("cut length", cut, "paths that cut through, one pass"),
         ("mark length", (Operation.MARK,), "marks, one pass"),
     ]
+    twice = "; where tiles meet, both count" if job.tiles else ""
     return [
-        _computed(item, math.fsum(job.length_mm(op) for op in operations), "mm", basis)
+        _computed(
+            item,
+            math.fsum(run.length_mm(op) for run in job.runs for op in operations),
+            "mm",
+            f"{basis}{twice}",
+        )
         for item, operations, basis in kinds
     ]
 
@@ -175,6 +196,8 @@ def _time_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
     standing = weakest(time.inputs)
     shares = [(f"machine time, {op}", seconds) for op, seconds in time.work_s.items()]
     basis = "speed up, along, slow down; full stop at corners, slower in tight arcs; passes"
+    if job.tiles:
+        basis += "; all tiles, without the time to move and align the film"
     return [
         BomLine(item=item, value=seconds, unit="s", standing=standing, basis=basis)
         for item, seconds in [

@@ -34,9 +34,10 @@ class MachineTime:
 
 
 def machine_time(job: Job, profile: LaserProfile) -> MachineTime:
-    """Return how long a job should take.
+    """Return how long a job should take, all its tiles if it has any.
 
-    It is the sum of `vinefab.export.schedule.schedule`.
+    It is the sum of `vinefab.export.schedule.schedule` over what the machine runs. What people do
+    between tiles is not in it.
 
     Parameters
     ----------
@@ -50,6 +51,16 @@ def machine_time(job: Job, profile: LaserProfile) -> MachineTime:
     BadInputError
         If the recipe lacks an operation of the job.
     """
+    parts = [_sheet_time(run, profile) for run in job.runs]
+    operations = dict.fromkeys(op for op in Operation if any(op in part.work_s for part in parts))
+    return MachineTime(
+        work_s={op: math.fsum(part.work_s.get(op, 0.0) for part in parts) for op in operations},
+        travel_s=math.fsum(part.travel_s for part in parts),
+        inputs=tuple(quantity for part in parts for quantity in part.inputs),
+    )
+
+
+def _sheet_time(job: Job, profile: LaserProfile) -> MachineTime:
     machine, runs = profile.machine, schedule(job, profile)
     work = {
         operation: math.fsum(

@@ -14,6 +14,7 @@ from vinefab.export.laser_files import (
     PROJECT_NAME,
     SVG_NAME,
 )
+from vinefab.geometry.tilejobs import TARGET
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile, OperationSettings, Quantity, RecipeStatus
@@ -83,7 +84,9 @@ def _film(job: Job, profile: LaserProfile) -> list[str]:
         "Clean the plies and lay them on each other without folds.",
         "Heat-press them flat before welding, to drive out bubbles and wrinkles. The plies must"
         " still come apart by hand afterwards; lower the temperature if they do not.",
-        "Lay the sheet flat into the lower left corner of the bed and hold its rim down.",
+        "Lay the sheet flat into the lower left corner of the bed and hold its rim down."
+        if not job.tiles
+        else "Roll up what hangs over the bed; hold the sheet down where the laser runs.",
     ]
 
 
@@ -116,8 +119,8 @@ def _file(job: Job, colours: Colours) -> list[str]:
         " the settings alone. LightBurn's formats are not published: compare power, speed and size"
         f" with section 4 before you run it, and use {SVG_NAME} if anything differs.",
         "If the program asks for a unit, it is millimetres; scale 100 %.",
-        f"Check after import: the bed is {size}; all paths together measure"
-        f" {x1 - x0:.2f} x {y1 - y0:.2f} mm and begin {x0:.2f} mm from the bed's left and"
+        f"Check after import: the {'film' if job.tiles else 'bed'} is {size}; all paths together"
+        f" measure {x1 - x0:.2f} x {y1 - y0:.2f} mm and begin {x0:.2f} mm from its left and"
         f" {y0:.2f} mm from its lower edge.",
         "Do not join, close, simplify or convert paths: the outline is open at the mouth.",
         "preview.png shows how it should look, animation.svg (open it in a browser) how the beam"
@@ -131,20 +134,38 @@ def _file(job: Job, colours: Colours) -> list[str]:
 
 
 def _tiles(job: Job) -> list[str]:
+    by_laser = any(path.label == TARGET for path in job.along(Operation.MARK))
+    makes = "Each tile marks crosses on the film for later tiles."
+    if not by_laser:
+        makes = (
+            "Each tile shows crosses for later tiles on its REG layer: mark them on the film by"
+            " hand, by the pointer, before the film moves."
+        )
     steps = [
         f"The robot is larger than the bed: run the files tile_1_... to tile_{len(job.tiles)}_..."
         f" in this order, not {DXF_NAME}, which shows the whole.",
-        "Each tile marks crosses on the film for later tiles. Move the film on without letting the"
-        " plies slide, then align: the two crosses drawn on the REG layer of a tile (never cut)"
-        " must lie on the two marked on the film (print-and-cut alignment, or by the pointer).",
+        f"For tile 1 the film's lower left corner lies {_corner(job.tiles[0])}.",
+        f"{makes} Move the film on without letting the plies slide, then align: the two crosses"
+        " drawn on the REG layer of a tile (never cut) must lie on the two marked on the film"
+        " (print-and-cut alignment, or by the pointer).",
         "Paths run twice over 12 mm where tiles meet: that is meant.",
     ]
     for tile in job.tiles[1:]:
         facts = tile.facts
         steps.append(
-            f"Tile {facts['tile']} is aligned to crosses made with tile {facts['aligned_to_tile']}."
+            f"Tile {facts['tile']} is aligned to crosses made with tile {facts['aligned_to_tile']};"
+            f" the film's lower left corner is then {_corner(tile)}."
         )
     return steps
+
+
+def _corner(tile: Job) -> str:
+    """Return where the film's lower left corner lies while a tile is cut, in words."""
+    x, y = (-float(str(tile.facts[f"window_{axis}_mm"])) for axis in "xy")
+    return (
+        f"{abs(x):.0f} mm {'left' if x < 0 else 'right'} of the bed's lower left corner and"
+        f" {abs(y):.0f} mm {'below' if y < 0 else 'above'} it"
+    )
 
 
 def _layers(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:

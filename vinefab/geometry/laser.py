@@ -12,7 +12,7 @@ from vinefab.geometry.marks import fold_ticks
 from vinefab.geometry.nesting import nest
 from vinefab.geometry.order import in_order
 from vinefab.geometry.passes import BodyPaths, body_paths
-from vinefab.geometry.placement import Placement, place
+from vinefab.geometry.placement import Placement, box_around_mm, place
 from vinefab.geometry.robot import Robot
 from vinefab.geometry.sheet import ONE, SheetOptions
 from vinefab.geometry.tilejobs import Tiled, target_paths, tile_jobs, tiled
@@ -79,14 +79,26 @@ def _tiled_job(design: Design, body: BodyPaths, profile: LaserProfile, parted: T
     targets = [path for tile in parted.tiles for path in target_paths(tile, profile)]
     marks = marks_of([robot], [*robot.paths, *targets], profile, within)
     facts = {**_recipe_facts(profile), **body.facts, **_body_facts(robot), **marks.facts}
-    jobs = tile_jobs(design.name, profile, parted.tiles, marks.paths, facts)
-    made = [mark for mark in targets if mark.operation is Operation.MARK]
+    # Targets and labels may lie beyond the robot: the film begins a rim below all of them.
+    paths = [*marks.paths, *targets, *robot.paths]
+    margin = profile.machine.margin_mm.value
+    x0, y0, x1, y1 = box_around_mm(path.contour for path in paths)
+    low = x0 - margin, y0 - margin
+    jobs = tile_jobs(design.name, profile, replace(parted, film_mm=low), marks.paths, facts)
+    shifted = parted.placement.shifted(-low[0], -low[1])
+    whole = [path for path in paths if path.operation is not Operation.REG]
     return Job(
         name=design.name,
-        sheet_width_mm=parted.sheet_mm[0],
-        sheet_height_mm=parted.sheet_mm[1],
-        paths=in_order([*marks.paths, *made, *robot.paths]),
-        facts={**facts, **_placement_facts([robot], profile), "tiles": len(jobs)},
+        sheet_width_mm=x1 - low[0] + margin,
+        sheet_height_mm=y1 - low[1] + margin,
+        paths=in_order(
+            replace(path, contour=path.contour.moved(0.0, -low[0], -low[1])) for path in whole
+        ),
+        facts={
+            **facts,
+            **_placement_facts([replace(robot, placement=shifted)], profile),
+            "tiles": len(jobs),
+        },
         tiles=jobs,
     )
 

@@ -1,8 +1,8 @@
 """How to lay contours on the bed: the smallest turn that fits."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from shapely import MultiPoint, get_coordinates
@@ -44,6 +44,17 @@ class Placement:
         """Return a contour where it lies on the bed."""
         return contour.moved(self.angle_rad, self.dx_mm, self.dy_mm)
 
+    def shifted(self, dx_mm: float, dy_mm: float) -> "Placement":
+        """Return the same, lying elsewhere."""
+        return replace(self, dx_mm=self.dx_mm + dx_mm, dy_mm=self.dy_mm + dy_mm)
+
+
+def box_around_mm(contours: Iterable[Contour]) -> tuple[float, float, float, float]:
+    """Return least x and y, greatest x and y of several contours; exact for arcs."""
+    boxes = np.array([contour.box_mm for contour in contours])
+    (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0).tolist(), boxes[:, 2:].max(axis=0).tolist()
+    return x0, y0, x1, y1
+
 
 def place(contours: Sequence[Contour], room_mm: tuple[float, float], corner_mm: float) -> Placement:
     """Return the smallest turn that fits contours into a room, or else the one that fits best.
@@ -78,8 +89,7 @@ def _placed(
     contours: Sequence[Contour], turn_rad: float, room_mm: tuple[float, float], corner_mm: float
 ) -> Placement:
     """Return the placement after one turn, measured on the exact arcs."""
-    boxes = np.array([contour.moved(turn_rad, 0.0, 0.0).box_mm for contour in contours])
-    (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0).tolist(), boxes[:, 2:].max(axis=0).tolist()
+    x0, y0, x1, y1 = box_around_mm(contour.moved(turn_rad, 0.0, 0.0) for contour in contours)
     width, height = x1 - x0, y1 - y0
     return Placement(
         angle_rad=turn_rad,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,12 +11,15 @@ from vinefab.geometry.marks import mark
 from vinefab.geometry.order import in_order
 from vinefab.geometry.passes import BodyPaths
 from vinefab.geometry.pieces import OVERLAP_MM, Axes
-from vinefab.geometry.placement import Placement, place
+from vinefab.geometry.placement import Placement, box_around_mm, place
 from vinefab.geometry.tiling import TARGET_MM, NoTilesError, Point, Tile, register, tiles_of
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
+
+TARGET = "registration target"
+"""What the lines of a registration target are called."""
 
 _TURNS_RAD = (0.0, math.pi / 2, math.pi / 4, -math.pi / 4)
 
@@ -28,16 +31,16 @@ class Tiled:
     Parameters
     ----------
     placement
-        Where the whole lies on the film.
-    sheet_mm
-        Size of the film around it.
+        Where the whole lies.
     tiles
-        The tiles, in the film's coordinates.
+        The tiles, in the same coordinates.
+    film_mm
+        Lower left corner of the film, in the same coordinates.
     """
 
     placement: Placement
-    sheet_mm: Point
     tiles: tuple[Tile, ...]
+    film_mm: Point = (0.0, 0.0)
 
 
 def tiled(
@@ -64,15 +67,12 @@ def tiled(
     ):
         placement = _laid(contours, turn, margin)
         paths = [_moved(path, placement) for path in body.paths]
-        size = placement.width_mm + 2.0 * margin, placement.height_mm + 2.0 * margin
         try:
             tiles = tiles_of(_axes(design, placement), paths, room, pass_through=pass_through)
         except NoTilesError as error:
             reasons[row] = str(error)
         else:
-            found.append(
-                (row, Tiled(placement=placement, sheet_mm=size, tiles=tuple(tiles)), paths)
-            )
+            found.append((row, Tiled(placement=placement, tiles=tuple(tiles)), paths))
     # Targets take longest to find, so they are looked for in the fewest tiles first.
     for row, one, paths in sorted(found, key=lambda option: len(option[1].tiles)):
         try:
@@ -86,7 +86,7 @@ def tiled(
 
 def target_paths(tile: Tile, profile: LaserProfile) -> list[LaserPath]:
     """Return a tile's registration targets: those that it makes, then those that it finds."""
-    made = [mark(line, "registration target", "") for line in _crosses(tile.made_mm)]
+    made = [mark(line, TARGET, "") for line in _crosses(tile.made_mm)]
     if Operation.MARK not in profile.recipe.operations:
         made = [_reg(path.contour) for path in made]
     return [*made, *(_reg(line) for line in _crosses(tile.found_mm))]
@@ -95,7 +95,7 @@ def target_paths(tile: Tile, profile: LaserProfile) -> list[LaserPath]:
 def tile_jobs(
     name: str,
     profile: LaserProfile,
-    tiles: Sequence[Tile],
+    parted: Tiled,
     marks: Sequence[LaserPath],
     facts: dict[str, object],
 ) -> tuple[Job, ...]:
@@ -107,14 +107,14 @@ def tile_jobs(
         The design's name.
     profile
         Its machine has the bed.
-    tiles
-        The tiles, in the film's coordinates.
+    parted
+        The tiles.
     marks
         Fold line and label, made with the first tile.
     facts
         What holds for all of them.
     """
-    machine, jobs = profile.machine, []
+    machine, tiles, jobs = profile.machine, parted.tiles, []
     corner = machine.margin_mm.value
     for number, tile in enumerate(tiles, start=1):
         shift = corner - tile.low_mm[0], corner - tile.low_mm[1]
@@ -129,8 +129,8 @@ def tile_jobs(
                     **facts,
                     "tile": number,
                     "tiles": len(tiles),
-                    "window_x_mm": -shift[0],
-                    "window_y_mm": -shift[1],
+                    "window_x_mm": -shift[0] - parted.film_mm[0],
+                    "window_y_mm": -shift[1] - parted.film_mm[1],
                     "overlap_mm": OVERLAP_MM,
                     "aligned_to_tile": None if tile.after is None else tile.after + 1,
                     "targets_found_mm": _seen(tile.found_mm, shift),
@@ -157,8 +157,7 @@ def _axes(design: Design, placement: Placement) -> Axes:
 
 
 def _laid(contours: Sequence[Contour], turn_rad: float, corner_mm: float) -> Placement:
-    boxes = np.array([contour.moved(turn_rad, 0.0, 0.0).box_mm for contour in contours])
-    (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0).tolist(), boxes[:, 2:].max(axis=0).tolist()
+    x0, y0, x1, y1 = box_around_mm(contour.moved(turn_rad, 0.0, 0.0) for contour in contours)
     return Placement(
         angle_rad=turn_rad,
         dx_mm=corner_mm - x0,
@@ -170,17 +169,15 @@ def _laid(contours: Sequence[Contour], turn_rad: float, corner_mm: float) -> Pla
 
 
 def _moved(path: LaserPath, placement: Placement) -> LaserPath:
-    contour = placement.moved(path.contour)
-    return LaserPath(operation=path.operation, contour=contour, label=path.label, of=path.of)
+    return replace(path, contour=placement.moved(path.contour))
 
 
 def _shifted(path: LaserPath, shift_mm: Point) -> LaserPath:
-    contour = path.contour.moved(0.0, *shift_mm)
-    return LaserPath(operation=path.operation, contour=contour, label=path.label, of=path.of)
+    return replace(path, contour=path.contour.moved(0.0, *shift_mm))
 
 
 def _reg(contour: Contour) -> LaserPath:
-    return LaserPath(operation=Operation.REG, contour=contour, label="registration target")
+    return LaserPath(operation=Operation.REG, contour=contour, label=TARGET)
 
 
 def _crosses(middles_mm: Sequence[Point]) -> list[Contour]:

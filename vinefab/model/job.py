@@ -113,6 +113,11 @@ class Job:
         positive("sheet_height_mm", self.sheet_height_mm)
         object.__setattr__(self, "facts", MappingProxyType(dict(self.facts)))
 
+    @property
+    def runs(self) -> "tuple[Job, ...]":
+        """What the machine runs, one after the other: the tiles, or the job itself."""
+        return self.tiles or (self,)
+
     def along(self, operation: Operation) -> tuple[LaserPath, ...]:
         """Return the paths of one operation, in order."""
         return tuple(path for path in self.paths if path.operation is operation)

@@ -43,8 +43,8 @@ def job_animation(job: Job, profile: LaserProfile) -> bytes:
     width, height = job.sheet_width_mm, job.sheet_height_mm
     size = max(width, height)
     words = (
-        f"{job.name}: {total_s:.0f} s on the machine, shown {total_s / film_s:.1f} times as fast;"
-        f" {GENERATOR}"
+        f"{job.name}: {total_s:.0f} s on the machine, shown {total_s / film_s:.1f} times as fast"
+        f"{', as if all tiles lay on one bed' if job.tiles else ''}; {GENERATOR}"
     )
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',

@@ -9,7 +9,7 @@ import numpy as np
 
 from vinefab.core.jsontext import json_text
 from vinefab.environments.poses import draw_poses
-from vinefab.growth.batch import Launches, Over
+from vinefab.growth.batch import Batch, Launches, Over
 from vinefab.growth.grow import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.map import Pose
@@ -38,6 +38,7 @@ BATCH_SIZES = (1, 8, 64, 128, 512)
 THREADS = (1, 2)
 MEMORY_AFTER = (10_000, 100_000)
 GROWTHS = 500
+FORESEEN_GROWTHS = 10
 FLOOR_GROWTHS = 100
 """So many that the processor cannot learn the outcome of their tests by heart."""
 
@@ -83,6 +84,9 @@ class Bench:
         Maps of growing size and the same density, grown on from poses anywhere on them.
     floor
         What the tests alone would take.
+    foreseen_ns_per_event
+        Time of one event where the same growth is done again and again, so that the processor
+        foresees every branch of the code: the rest of an event's time is wrong guesses.
     threads
         Evaluations per second by number of threads, by the clock.
     batches
@@ -102,6 +106,7 @@ class Bench:
     ns_per_event: float
     sizes: tuple[Size, ...]
     floor: Floor
+    foreseen_ns_per_event: float
     threads: dict[int, float]
     batches: dict[int, float]
     memory: dict[int, float]
@@ -170,6 +175,7 @@ def bench(progress: Callable[[float, str], None], *, million: bool = False) -> B
         ns_per_event=1e9 * grown_s / count,
         sizes=tuple(sizes),
         floor=floor_on(site.terrain, poses[:FLOOR_GROWTHS]),
+        foreseen_ns_per_event=_foreseen_ns(site.terrain, poses[:FORESEEN_GROWTHS]),
         threads={count: _threaded(site, poses, count) for count in THREADS},
         batches={size: _batched(site.terrain, poses, size) for size in BATCH_SIZES},
         memory=memory,
@@ -184,8 +190,16 @@ def _size(walls: int) -> Size:
     count = len(terrain.walls().wall)
     prepare_s = time.process_time() - began
     batch = batch_on(terrain, free_poses(terrain, GROWTHS))
-    taken_s = least_s(lambda: events(batch))
-    return Size(walls=count, prepare_s=prepare_s, ns_per_event=1e9 * taken_s / events(batch))
+    return Size(walls=count, prepare_s=prepare_s, ns_per_event=_ns_per_event(batch))
+
+
+def _foreseen_ns(terrain: Terrain, poses: tuple[Pose, ...]) -> float:
+    """Return the mean time of an event (ns) in growths that are each done many times over."""
+    return float(np.mean([_ns_per_event(batch_on(terrain, (pose,) * GROWTHS)) for pose in poses]))
+
+
+def _ns_per_event(batch: Batch) -> float:
+    return 1e9 * least_s(lambda: events(batch)) / events(batch)
 
 
 def _evaluate(site: Site, launches: Launches, over: Over = map) -> None:

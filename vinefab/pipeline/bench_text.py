@@ -55,5 +55,7 @@ def _floor(result: Bench) -> list[str]:
         f"floor: {floor.wall_tests:.2f} wall tests of {floor.wall_ns:.1f} ns and "
         f"{floor.corner_tests:.2f} corner tests of {floor.corner_ns:.1f} ns per event"
         f" = {floor.ns_per_event:.1f} ns",
-        f"an event takes {result.ns_per_event:.1f} ns, {result.over_floor:.1f} times that",
+        f"an event takes {result.ns_per_event:.1f} ns, {result.over_floor:.1f} times that; "
+        f"{result.foreseen_ns_per_event:.1f} ns where the processor knows the growth by heart",
+        "the rest beside the tests: wrong guesses of branches, finding cells, the tips themselves",
     ]

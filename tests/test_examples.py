@@ -9,6 +9,12 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from vinefab.files.design import read_design
+from vinefab.files.profile import read_profile
+from vinefab.files.run import read_run
+from vinefab.files.shipped import DEFAULT_RECIPE
+from vinefab.pipeline.check import check
+
 ROOT = Path(__file__).parents[1]
 
 SCRIPTS = {
@@ -74,6 +80,17 @@ def test_an_example_does_what_it_says(name, tmp_path):
 def test_every_script_in_the_folder_is_tried():
     scripts = {path.stem for path in (ROOT / "examples").glob("*.py")}
     assert scripts == {*SCRIPTS, *TALKING, TABLE}
+
+
+@pytest.mark.parametrize("name", ["grid_explorer", "cave_explorer", "six_branch_anchor"])
+def test_a_shipped_winner_is_what_its_run_file_says_and_can_be_made(name):
+    design, run = read_design(name), read_run(ROOT / "examples" / f"{name}.toml")
+    search = run.search
+    made = (run.task.name, run.optimizer.name, search.seed, search.population, search.generations)
+    origin = ("task", "optimizer", "seed", "population", "generations")
+    assert tuple(design.origin[key] for key in origin) == made
+    assert design.build == run.build.build(design.depth)
+    assert not check(design, read_profile(DEFAULT_RECIPE)).blocking
 
 
 def test_the_library_snippet_of_the_readme_runs(tmp_path):

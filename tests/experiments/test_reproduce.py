@@ -15,7 +15,7 @@ from vinefab.experiments.lab import Lab
 from vinefab.experiments.redeploying import Redeploying
 from vinefab.experiments.registry import EXPERIMENTS
 from vinefab.experiments.search import evaluations_to, smoothed
-from vinefab.experiments.setups import coverage_run
+from vinefab.experiments.setups import coverage_run, maps_of
 from vinefab.experiments.size import QUICK
 from vinefab.files.design import read_design
 from vinefab.model.tree import branch_tree
@@ -137,7 +137,7 @@ def test_a_design_survives_being_plain():
 def test_headings_that_meet_the_same_fate_count_once():
     """One heading has one shape; a straight vine too short to meet a wall has one per heading."""
     short = {**plain_design(read_design("plain_vine")), "trunk_length_mm": 14.0, "levels": []}
-    once = Redeploying(design=short, environment="grid", seed=3, headings=1, buffer_mm=20.0)
+    once = Redeploying(design=short, worlds=maps_of("grid", 3, 1), headings=1, buffer_mm=20.0)
     assert once.run()["shapes"] == 1
     # Tips 14 mm from the base, 60 degrees apart, are 14 mm from each other: more than 10.
     three = replace(once, headings=3).run()

@@ -10,7 +10,14 @@ from vinefab.experiments.exchange import Exchange
 from vinefab.experiments.finding import Claim, Finding, Row, interval_text
 from vinefab.experiments.jobs import FIRST_UNSEEN, site
 from vinefab.experiments.lab import Lab
-from vinefab.experiments.setups import ENVIRONMENTS, NAMES, coverage_run, scores_of, unseen_test
+from vinefab.experiments.setups import (
+    ENVIRONMENTS,
+    NAMES,
+    coverage_run,
+    maps_of,
+    scores_of,
+    unseen_test,
+)
 from vinefab.experiments.size import Size
 from vinefab.experiments.statistics import difference, interval
 from vinefab.growth.grow import grow
@@ -170,7 +177,7 @@ def _claims(found: Exchange, home: str, single: dict[str, Floats]) -> list[Claim
 def _picture(found: Exchange) -> Picture:
     panels = []
     for home in ENVIRONMENTS:
-        place = site(home, FIRST_UNSEEN)
+        place = site(maps_of(home, FIRST_UNSEEN, 1), 0)
         ((pose,),) = poses_on([place], 1, [FIRST_UNSEEN])
         robot = grow(design_from(found.kept_design(home)), place.terrain, pose)
         score = float(found.kept_unseen(home, home)[0, 0, 0])

@@ -18,7 +18,7 @@ from vinefab.experiments.setups import (
 )
 from vinefab.experiments.statistics import difference
 from vinefab.model.checked import Floats
-from vinefab.optimize.settings import RunSettings
+from vinefab.optimize.settings import PartSettings, RunSettings
 
 MakeRun = Callable[[str, int], RunSettings]
 """The run of an environment and a number."""
@@ -46,8 +46,22 @@ class Exchange:
     unseen: Mapping[tuple[str, str], Floats]
 
     @classmethod
-    def of(cls, lab: Lab, make_run: MakeRun, count: int) -> "Exchange":
-        """Train designs and test them, as their runs grow robots and score them."""
+    def of(
+        cls, lab: Lab, make_run: MakeRun, count: int, task: PartSettings | None = None
+    ) -> "Exchange":
+        """Train designs and test them, as their runs grow robots and score them.
+
+        Parameters
+        ----------
+        lab
+            Where the work is done and kept.
+        make_run
+            The run of an environment and a number.
+        count
+            Runs in each environment.
+        task
+            What counts in the tests, if it is not what counted in training.
+        """
         runs = {home: [make_run(home, number) for number in range(count)] for home in ENVIRONMENTS}
         found = trained(lab, [run for home in ENVIRONMENTS for run in runs[home]])
         groups = {
@@ -57,12 +71,12 @@ class Exchange:
         designs = {home: [run["design"] for run in group] for home, group in groups.items()}
         training, unseen = {}, {}
         for home in ENVIRONMENTS:
-            run, size = runs[home][0], lab.size
+            size = lab.size
             tests = [training_test(size, design, home) for design in designs[home]]
-            training[home] = scores_of(lab, _as_run(tests, run))
+            training[home] = scores_of(lab, _as_run(tests, runs[home][0], task))
             for place in ENVIRONMENTS:
                 tests = [unseen_test(size, design, place) for design in designs[home]]
-                unseen[home, place] = scores_of(lab, _as_run(tests, run))
+                unseen[home, place] = scores_of(lab, _as_run(tests, runs[place][0], task))
         return cls(
             designs=designs,
             best={home: kept(group) for home, group in groups.items()},
@@ -109,6 +123,14 @@ class Exchange:
         )
 
 
-def _as_run(tests: list[Testing], run: RunSettings) -> list[Testing]:
-    """Return tests that grow robots and score them as a run does."""
-    return [replace(test, task=run.task, growth=run.growth) for test in tests]
+def _as_run(tests: list[Testing], run: RunSettings, task: PartSettings | None) -> list[Testing]:
+    """Return tests on a run's kind of maps that grow robots and score them as it does."""
+    return [
+        replace(
+            test,
+            worlds=replace(test.worlds, options=run.maps.options),
+            task=task or run.task,
+            growth=run.growth,
+        )
+        for test in tests
+    ]

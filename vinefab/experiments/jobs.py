@@ -13,12 +13,11 @@ import numpy as np
 
 from vinefab import __version__
 from vinefab.core.hashing import fingerprint
-from vinefab.environments.registry import ENVIRONMENTS
 from vinefab.experiments.designs import design_from, plain_design
 from vinefab.growth.options import GrowthOptions
 from vinefab.optimize.identity import RunIdentity
 from vinefab.optimize.loop import Search
-from vinefab.optimize.settings import PartSettings, RunSettings, plain_settings
+from vinefab.optimize.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.optimize.training import generated_maps
 from vinefab.pipeline.optimize import penalty_of
 from vinefab.tasks.evaluate import Site, poses_on, score_design
@@ -90,10 +89,8 @@ class Testing:
     ----------
     design
         As `plain_design` gives it.
-    environment
-        Which maps.
-    first, maps
-        Seed of the first map, and how many.
+    worlds
+        The maps; generated ones.
     poses
         Poses on each.
     task
@@ -103,9 +100,7 @@ class Testing:
     """
 
     design: Mapping[str, Any]
-    environment: str
-    first: int
-    maps: int
+    worlds: MapSettings
     poses: int
     task: PartSettings
     growth: GrowthOptions = DEFAULT_GROWTH
@@ -117,12 +112,13 @@ class Testing:
 
     def run(self) -> dict[str, Any]:
         """Return ``scores``, maps by poses, and every term likewise under ``terms``."""
-        sites = tuple(site(self.environment, self.first + index) for index in range(self.maps))
+        sites = tuple(site(self.worlds, index) for index in range(self.worlds.count))
         # Poses go by the map's seed: whoever is tested on a map meets the same ones.
-        poses = poses_on(sites, self.poses, range(self.first, self.first + self.maps))
+        first = self.worlds.seed
+        poses = poses_on(sites, self.poses, range(first, first + self.worlds.count))
         task = make_task(self.task.name, self.task.parameters)
         score = score_design(design_from(self.design), sites, poses, task, self.growth)
-        shape = self.maps, self.poses
+        shape = self.worlds.count, self.poses
         names = tuple(score.evaluations[0].terms)
         terms = {name: [e.terms[name] for e in score.evaluations] for name in names}
         return {
@@ -136,8 +132,12 @@ def done(job: Job) -> dict[str, Any]:
     return job.run()
 
 
+def site(worlds: MapSettings, index: int) -> Site:
+    """Return one of some generated maps, made ready."""
+    return _site(worlds.environment, worlds.seed + index, tuple(sorted(worlds.options.items())))
+
+
 @lru_cache(maxsize=SITES_KEPT)
-def site(environment: str, seed: int) -> Site:
-    """Return a map with the environment's own options, made ready."""
-    kind = ENVIRONMENTS[environment]
-    return Site.of(kind.make(seed, kind.options()))
+def _site(environment: str, seed: int, options: tuple[tuple[str, object], ...]) -> Site:
+    maps = MapSettings(environment=environment, count=1, seed=seed, options=dict(options))
+    return Site.of(generated_maps(maps)[0])

@@ -15,6 +15,7 @@ from vinefab.experiments.setups import (
     NAMES,
     coverage_run,
     kept,
+    maps_of,
     scores_of,
     trained,
     unseen_test,
@@ -31,6 +32,9 @@ from vinefab.tasks.evaluate import poses_on
 
 BUFFER_MM = 40.0
 """Twelve to a 500 mm map. The paper does not publish its buffer; this one is assumed."""
+
+MOST = 0.9
+"""What one branched deployment should reach; the paper's reached 93 and 94 %."""
 
 LONG_MM = 1500.0
 """A plain vine so long that walls stop it, not its length."""
@@ -60,8 +64,7 @@ def redeployments(size: Size, environment: str) -> list[Redeploying]:
     return [
         Redeploying(
             design=plain_design(plain_vine(LONG_MM)),
-            environment=environment,
-            seed=FIRST_UNSEEN + index,
+            worlds=maps_of(environment, FIRST_UNSEEN + index, 1),
             headings=size.headings,
             buffer_mm=BUFFER_MM,
         )
@@ -71,7 +74,8 @@ def redeployments(size: Size, environment: str) -> list[Redeploying]:
 
 def reach_test(size: Size, design: dict[str, Any], environment: str) -> Testing:
     """Return the test of one deployment on the same maps, from the same places."""
-    return replace(unseen_test(size, design, environment, REACH), maps=size.reach_maps, poses=1)
+    worlds = maps_of(environment, FIRST_UNSEEN, size.reach_maps)
+    return replace(unseen_test(size, design, environment, REACH), worlds=worlds, poses=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,7 +121,9 @@ def reach(lab: Lab) -> Finding:
             f"branches) and deployed once from that place. {size.reach_maps} unseen maps of 500 mm "
             "in each environment, areas exact.",
             f"Buffer, lengths and map size are assumed: the paper publishes none of them. Two "
-            f"final shapes count as one when their tips lie within {SAME_MM:g} mm.",
+            f"final shapes count as one when their tips lie within {SAME_MM:g} mm. The paper shows "
+            "one example of each environment and does not say whether its design had met that map "
+            "in training; here no map was met.",
         ),
         rows=tuple(row for environment in ENVIRONMENTS for row in _rows(environment, found, size)),
         claims=tuple(
@@ -128,9 +134,10 @@ def reach(lab: Lab) -> Finding:
             "film here: no such robot can be cut (examples/price_of_making.py says what those that "
             "can be made reach). The buffer reaches through thin walls in this measure, for both "
             "kinds of robot alike.",
-            "In the Cave most branches end in a corner or head-on, and children of a branch that "
-            "is stuck stay inside in this model, so most of the planned tree never comes out; "
-            "'ablation' shows what one deployment reaches if they deploy all the same.",
+            "How far a tree gets in a Cave is decided by how interconnected its passages are: with "
+            "every short cut open, as here, most places can be reached in a few bends; with 0.4 of "
+            "them open ('ablation'), long tours remain that five levels cannot follow. The share "
+            "was chosen on training maps by what the plain vines reach there, not the trees.",
         ),
         pictures=(_picture(lab.size, found),),
         data={
@@ -178,6 +185,10 @@ def _rows(environment: str, found: dict[str, Reached], size: Size) -> list[Row]:
             paper=paper["one"],
         ),
         Row(
+            what=f"{name}: maps of which it reaches more than {100 * MOST:.0f} %",
+            ours=percent_text(interval((part.one > MOST).astype(float))),
+        ),
+        Row(
             what=f"{name}: reached by {size.headings} of a plain vine",
             ours=percent_text(interval(part.many)),
             paper=paper["many"],
@@ -213,9 +224,9 @@ def _claims(environment: str, found: dict[str, Reached], size: Size) -> list[Cla
             kept=difference(part.one, part.many),
         ),
         Claim(
-            text=f"{name}: it reaches more than 90 % (share above that)",
-            tested=_above(part.all_seeds, 0.9),
-            kept=_above(part.one, 0.9),
+            text=f"{name}: it reaches more than {100 * MOST:.0f} % (share above that)",
+            tested=_above(part.all_seeds, MOST),
+            kept=_above(part.one, MOST),
         ),
         Claim(
             text=f"{name}: {size.headings} plain deployments reach less than 70 % (share below)",
@@ -237,8 +248,8 @@ def _picture(size: Size, found: dict[str, Reached]) -> Picture:
     panels = []
     for environment in ENVIRONMENTS:
         job = redeployments(size, environment)[0]
-        place = site(environment, job.seed)
-        ((pose,),) = poses_on([place], 1, [job.seed])
+        place = site(job.worlds, 0)
+        ((pose,),) = poses_on([place], 1, [job.worlds.seed])
         one = grow(design_from(found[environment].design), place.terrain, pose)
         shares = [found[environment].one[0, 0, 0], found[environment].many[0, 0, 0]]
         titles = ("one branched deployment", f"{size.headings} of a plain vine")

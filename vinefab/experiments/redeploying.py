@@ -18,7 +18,7 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.model.checked import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Pose
-from vinefab.optimize.settings import plain_settings
+from vinefab.optimize.settings import MapSettings, plain_settings
 from vinefab.tasks.evaluate import Site, poses_on
 from vinefab.tasks.reach import near_chains
 
@@ -37,8 +37,8 @@ class Redeploying:
     ----------
     design
         As plain values.
-    environment, seed
-        The map.
+    worlds
+        The map: the first of these.
     headings
         How many.
     buffer_mm
@@ -48,8 +48,7 @@ class Redeploying:
     """
 
     design: Mapping[str, Any]
-    environment: str
-    seed: int
+    worlds: MapSettings
     headings: int
     buffer_mm: float
     growth: GrowthOptions = DEFAULT_GROWTH
@@ -65,7 +64,7 @@ class Redeploying:
         ``shapes``; ``stops``, how often each reason stopped a growth; ``each``, the mean share
         that one deployment reaches.
         """
-        place = site(self.environment, self.seed)
+        place = site(self.worlds, 0)
         grown = self.deployments(place)
         tips_mm = np.array([deployment.tips_mm[0] for deployment in grown])
         each = [self.reached(place, [deployment]) for deployment in grown]
@@ -79,7 +78,7 @@ class Redeploying:
 
     def deployments(self, place: Site) -> list[Deployment]:
         """Return one growth for each heading."""
-        ((start,),) = poses_on([place], 1, [self.seed])
+        ((start,),) = poses_on([place], 1, [self.worlds.seed])
         middle_rad = place.world.starts[0].pose.heading_rad
         half_rad = math.radians(FAN_DEG / 2.0)
         design = design_from(self.design)

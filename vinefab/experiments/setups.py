@@ -21,10 +21,21 @@ from vinefab.optimize.settings import (
 
 ENVIRONMENTS = ("grid", "cave")
 NAMES = {"grid": "Grid", "cave": "Cave"}
+OPTIONS: Mapping[str, Mapping[str, object]] = {"grid": {}, "cave": {"loops": 1.0}}
+"""What the maps of an environment have in common, where it is not the generator's default: the
+paper's Cave is "a series of interconnected closed pathways" (DECISIONS.md says how it was set)."""
+
 FIRST_TRAINING = 1
 COVERAGE = PartSettings(name="coverage")
 SWARM = PartSettings(name="particleswarm")
 """The paper's optimizer."""
+
+
+def maps_of(environment: str, first: int, count: int) -> MapSettings:
+    """Return maps of an environment from the seed of the first."""
+    return MapSettings(
+        environment=environment, count=count, seed=first, options=OPTIONS[environment]
+    )
 
 
 def coverage_run(size: Size, environment: str, number: int) -> RunSettings:
@@ -41,7 +52,7 @@ def coverage_run(size: Size, environment: str, number: int) -> RunSettings:
     """
     return RunSettings(
         name=f"coverage_{environment}",
-        maps=MapSettings(environment=environment, count=size.training_maps, seed=FIRST_TRAINING),
+        maps=maps_of(environment, FIRST_TRAINING, size.training_maps),
         task=COVERAGE,
         optimizer=SWARM,
         search=SearchSettings(
@@ -73,9 +84,7 @@ def unseen_test(
     """Return the test of a design on unseen maps of an environment."""
     return Testing(
         design=design,
-        environment=environment,
-        first=FIRST_UNSEEN,
-        maps=size.unseen_maps,
+        worlds=maps_of(environment, FIRST_UNSEEN, size.unseen_maps),
         poses=size.poses,
         task=task,
         growth=growth or DEFAULT_GROWTH,
@@ -85,7 +94,7 @@ def unseen_test(
 def training_test(size: Size, design: Mapping[str, Any], environment: str) -> Testing:
     """Return the test of a design on its training maps, from fresh poses."""
     test = unseen_test(size, design, environment)
-    return replace(test, first=FIRST_TRAINING, maps=size.training_maps)
+    return replace(test, worlds=maps_of(environment, FIRST_TRAINING, size.training_maps))
 
 
 def scores_of(lab: Lab, tests: list[Testing]) -> Floats:

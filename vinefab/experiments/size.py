@@ -45,7 +45,7 @@ class Size:
     maps_at_once: int = 6
     unseen_maps: int = 25
     poses: int = 3
-    reach_maps: int = 10
+    reach_maps: int = 25
     headings: int = 50
 
 

@@ -54,7 +54,9 @@ def test_json_on_standard_output_stands_alone(vinefab, grid):
     assert "plain_vine" in words
 
 
-@pytest.mark.parametrize(("suffix", "start"), [(".svg", b"<?xml"), (".png", b"\x89PNG")])
+@pytest.mark.parametrize(
+    ("suffix", "start"), [(".svg", b"<?xml"), (".png", b"\x89PNG"), (".PNG", b"\x89PNG")]
+)
 def test_grow_draws_a_picture(vinefab, grid, tmp_path, suffix, start):
     picture = tmp_path / f"grown{suffix}"
     for _ in range(2):  # a second run may overwrite what the first one wrote

@@ -6,9 +6,18 @@ from typing import Annotated
 import typer
 
 from vinefab.checks.limits import parsed_limits
-from vinefab.cli.options import EXIT_FINDINGS, DesignIn, Force, JsonOut, Quiet, RecipeIn, Voice
+from vinefab.cli.options import (
+    EXIT_FINDINGS,
+    DesignIn,
+    Force,
+    JsonOut,
+    Quiet,
+    RecipeIn,
+    Voice,
+    ensure_apart,
+    ensure_kind,
+)
 from vinefab.core.atomic import ensure_writable, write_text
-from vinefab.core.errors import BadInputError
 from vinefab.export.checks_json import checks_text
 from vinefab.files.design import design_text, read_design
 from vinefab.files.map import read_map
@@ -76,10 +85,11 @@ def check_command(
     voice = Voice(quiet=quiet, json_out=json_out, force=force)
     robot, profile, limits = read_design(design), read_profile(recipe), parsed_limits(limit or [])
     worlds = [read_map(path) for path in maps or []]
-    _refuse(design, fix, svg, dxf)
-    for path in (fix, svg, dxf):
-        if path is not None:
-            ensure_writable(path, force=force)
+    ensure_kind("--svg", svg, (".svg",), force=force)
+    ensure_kind("--dxf", dxf, (".dxf",), force=force)
+    if fix is not None:
+        ensure_apart("--fix", fix, locate("design", design), "the design itself")
+        ensure_writable(fix, force=force)
     deployed = deploy_from_starts(robot, worlds)
     report = check(robot, profile, limits, deployed, worlds, _rig(rig))
     voice.give_json(checks_text(report))
@@ -91,22 +101,6 @@ def check_command(
     with voice.progress("mending") as told:
         proposal = propose(robot, profile, limits, worlds, lambda share: told(share, ""))
     return _told(voice, proposal, [*score_lines(robot, proposal.design or robot, worlds)], fix)
-
-
-def _refuse(design: str, fix: Path | None, svg: Path | None, dxf: Path | None) -> None:
-    """Refuse files of the wrong kind, and to write a mended design over its own.
-
-    Raises
-    ------
-    BadInputError
-        If an ending is another one, or design and mended design are the same file.
-    """
-    for option, path, ending in (("--svg", svg, ".svg"), ("--dxf", dxf, ".dxf")):
-        if path is not None and path.suffix.lower() != ending:
-            raise BadInputError(option, str(path), f"a file name ending in {ending}")
-    source = locate("design", design)
-    if fix and (fix.resolve() == source.resolve() or (fix.exists() and fix.samefile(source))):
-        raise BadInputError("--fix", str(fix), "another file than the design itself")
 
 
 def _draw(voice: Voice, drawing: Job | None, paths: tuple[Path | None, ...]) -> None:

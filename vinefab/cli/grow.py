@@ -12,15 +12,15 @@ from vinefab.cli.options import (
     PoseIn,
     Quiet,
     Voice,
-    ensure_picture,
+    ensure_kind,
     pose_from,
 )
-from vinefab.core.atomic import ensure_writable, write_bytes
+from vinefab.core.atomic import write_bytes
 from vinefab.core.errors import BadInputError
 from vinefab.files.design import read_design
 from vinefab.files.map import read_map
 from vinefab.model.checked import whole
-from vinefab.pipeline.grow import FRAMES, animation_suffix, deploy, growth_options
+from vinefab.pipeline.grow import FRAMES, deploy, growth_options
 from vinefab.pipeline.history import MOST_FRAMES, frames_of, fronts_from
 
 
@@ -65,11 +65,9 @@ def grow_command(
     Example: vinefab grow three_level_tree --map grid.geojson --svg grown.svg --animate grows.gif
     """
     voice = Voice(quiet=quiet, json_out=json_out, force=force)
-    if svg:
-        ensure_picture(svg, force=force)
+    ensure_kind("--svg", svg, (".svg", ".png"), force=force)
+    ensure_kind("--animate", animate, (".svg", ".gif"), force=force)
     if animate:
-        ensure_writable(animate, force=force)
-        animation_suffix(animate.suffix)
         whole("--frames", frames, 1, MOST_FRAMES)
     if history is not None and json_out is None:
         raise BadInputError("--history", history, "to be given together with --json")

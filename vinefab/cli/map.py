@@ -10,9 +10,8 @@ from typing import Annotated, Any, cast
 import typer
 
 from vinefab.cli import map_info
-from vinefab.cli.options import Force, Quiet, Voice, pose_from
+from vinefab.cli.options import Force, Quiet, Voice, ensure_apart, pose_from
 from vinefab.core.atomic import ensure_writable, write_text
-from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg
 from vinefab.environments.registry import ENVIRONMENTS, Environment
 from vinefab.files.drawing import ImportOptions
@@ -100,8 +99,7 @@ def import_command(
 
     Example: vinefab map import plan.dxf --layer WALLS --wall-mm 120 --out plan.geojson
     """
-    if out.exists() and source.exists() and out.samefile(source):
-        raise BadInputError("--out", str(out), "another file than the one to import")
+    ensure_apart("--out", out, source, "the one to import")
     ensure_writable(out, force=force)
     options = ImportOptions(
         scale_mm_per_unit=scale_mm_per_unit,

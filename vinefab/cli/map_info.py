@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import Force, JsonOut, Quiet, Voice, ensure_picture
+from vinefab.cli.options import Force, JsonOut, Quiet, Voice, ensure_kind
 from vinefab.core.atomic import write_bytes
 from vinefab.files.map import read_map
 from vinefab.pipeline.mapinfo import map_info
@@ -34,8 +34,7 @@ def info_command(
     Example: vinefab map info cave.geojson --width-mm 20 --svg cave.svg
     """
     voice = Voice(quiet=quiet, json_out=json_out, force=force)
-    if svg:
-        ensure_picture(svg, force=force)
+    ensure_kind("--svg", svg, (".svg", ".png"), force=force)
     info = map_info(read_map(map_file), width_mm=width_mm, passages=passages)
     voice.give_json(info_text(info))
     if svg:

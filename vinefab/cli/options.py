@@ -106,19 +106,33 @@ class Voice:
             yield lambda share, words: bar.update(task, completed=share, words=words)
 
 
-def ensure_picture(path: Path, *, force: bool, option: str = "--svg") -> None:
-    """Check, before any work, that a picture can be written: its kind, and its place.
+def ensure_kind(option: str, path: Path | None, endings: tuple[str, ...], *, force: bool) -> None:
+    """Check, before any work, that a file can be written if one is asked for: its kind and place.
 
     Raises
     ------
     BadInputError
-        If the name ends in neither ``.svg`` nor ``.png``.
+        If its name has none of the endings.
     VinefabError
         As `ensure_writable`.
     """
-    if path.suffix.lower() not in (".svg", ".png"):
-        raise BadInputError(option, str(path), "a file name ending in .svg or .png")
+    if path is None:
+        return
+    if path.suffix.lower() not in endings:
+        raise BadInputError(option, str(path), f"a file name ending in {' or '.join(endings)}")
     ensure_writable(path, force=force)
+
+
+def ensure_apart(option: str, path: Path, source: Path, what: str) -> None:
+    """Check that what is to be written is another file than what is read.
+
+    Raises
+    ------
+    BadInputError
+        If they are the same file, through links too; ``what`` says which one is read.
+    """
+    if path.resolve() == source.resolve() or (path.exists() and path.samefile(source)):
+        raise BadInputError(option, str(path), f"another file than {what}")
 
 
 def pose_from(text: str | None, option: str = "--pose") -> Pose | None:

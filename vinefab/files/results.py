@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.core.units import STANDARD_GRAVITY_M_S2
 from vinefab.files.shipped import read_text
 
 COLUMNS = ("measure", "setting", "value", "unit", "uncertainty", "note")
@@ -17,7 +18,10 @@ UNITS = {
         "kPa": 1.0, "Pa": 1e-3, "hPa": 0.1, "MPa": 1000.0, "mbar": 0.1, "bar": 100.0,
         "psi": 6.894757293168361,
     },
-    "N": {"N": 1.0, "gf": 9.80665e-3, "kgf": 9.80665, "lbf": 4.4482216152605},
+    "N": {
+        "N": 1.0, "gf": 1e-3 * STANDARD_GRAVITY_M_S2, "kgf": STANDARD_GRAVITY_M_S2,
+        "lbf": 4.4482216152605,
+    },
     "rad": {"rad": 1.0, "deg": math.pi / 180.0},
 }  # fmt: skip
 """Factor of every known unit, by the unit that is worked in."""

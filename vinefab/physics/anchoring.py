@@ -11,11 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.units import STANDARD_GRAVITY_M_S2
 from vinefab.physics.capstan import capstan_factor
 from vinefab.physics.lumen import inflated_diameter_mm
 from vinefab.physics.pressure import N_MM2_PER_KPA
-
-GRAVITY_M_S2 = 9.81
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,7 +156,7 @@ def payload_over_mass(force_n: float, mass_g: float) -> float:
 
     Examples
     --------
-    >>> round(payload_over_mass(575e-3 * GRAVITY_M_S2, 5.0))
+    >>> round(payload_over_mass(575e-3 * STANDARD_GRAVITY_M_S2, 5.0))
     115
     """
-    return force_n / (mass_g * 1e-3 * GRAVITY_M_S2)
+    return force_n / (mass_g * 1e-3 * STANDARD_GRAVITY_M_S2)

@@ -133,7 +133,7 @@ class Grown:
 
         widths_mm = self.design.build.widths_mm
         figure = deployment_plan(self.world, self.deployment, widths_mm, named=named)
-        return png_bytes(figure) if suffix == ".png" else svg_bytes(figure)
+        return png_bytes(figure) if suffix.lower() == ".png" else svg_bytes(figure)
 
     def animation(self, suffix: str, frames: int = FRAMES) -> bytes:
         """Return the deployment as a moving picture.
@@ -150,7 +150,9 @@ class Grown:
         BadInputError
             If the suffix is another one.
         """
-        kind = animation_suffix(suffix)
+        kind = suffix.lower()
+        if kind not in (".svg", ".gif"):
+            raise BadInputError("suffix", suffix, ".svg or .gif")
         shapes, widths_mm = self.history.even_steps(frames), self.design.build.widths_mm
         if kind == ".svg":
             from vinefab.report.animation_svg import svg_animation  # noqa: PLC0415  as below
@@ -196,19 +198,6 @@ def deploy(design: Design, world: Map, pose: Pose | None, options: GrowthOptions
     return Grown(
         design=design, world=world, options=options, terrain=terrain, deployment=deployment
     )
-
-
-def animation_suffix(suffix: str) -> str:
-    """Return the kind of an animation, ``.svg`` or ``.gif``, from the end of its file's name.
-
-    Raises
-    ------
-    BadInputError
-        If it is neither.
-    """
-    if suffix.lower() not in (".svg", ".gif"):
-        raise BadInputError("--animate", f"*{suffix}", "a file name ending in .svg or .gif")
-    return suffix.lower()
 
 
 def first_start(world: Map) -> Pose:

@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,8 +31,10 @@ def test_the_penalty_is_zero_just_where_the_rule_finds_no_error(profile: LaserPr
     shut = 0
     for number in range(80):
         design = random_design(child(5, number))
-        report = run_checks(Subject.of(design, profile))
-        broken = any(f.rule == "VF-P03" and f.severity is Severity.ERROR for f in report.findings)
+        # The rule looks at no laser paths, so none are laid out.
+        subject = replace(Subject.of(design), profile=profile)
+        report = run_checks(subject, only=("VF-P03",))
+        broken = any(f.severity is Severity.ERROR for f in report.findings)
         assert (window_penalty(design, profile) > 0.0) == broken
         shut += broken
     assert 10 < shut < 70

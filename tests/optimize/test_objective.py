@@ -1,12 +1,19 @@
 import math
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vinefab.optimize.objective import INVALID_FITNESS, objective
+from vinefab.optimize import objective as module
+from vinefab.optimize.objective import INVALID_FITNESS
 
 SCORES = st.floats(-1.0, 1e4)
 PENALTIES = st.floats(1e-12, 1e3)
+
+
+def objective(composite: float, penalty: float, lowest: float, weight: float) -> float:
+    (found,) = module.objective(np.array([composite]), np.array([penalty]), lowest, weight)
+    return float(found)
 
 
 @given(SCORES, SCORES, PENALTIES)

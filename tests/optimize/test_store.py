@@ -87,7 +87,7 @@ def test_a_finished_run_is_read_back_without_computing(
     def forbidden(*_: object) -> None:
         raise AssertionError("evaluated again")
 
-    monkeypatch.setattr("vinefab.optimize.trial.score_designs", forbidden)
+    monkeypatch.setattr("vinefab.optimize.trial.Trial.begin", forbidden)
     second = recorded(tmp_path, small, maps, resume=True)
     assert second.best == first.best
     assert second.score == first.score

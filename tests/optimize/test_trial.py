@@ -1,5 +1,7 @@
 """What the designs of a generation meet, and how their scores are weighed."""
 
+import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -7,10 +9,13 @@ import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.environments.grid import grid_map
+from vinefab.model.design import Design
 from vinefab.model.map import Map
+from vinefab.optimize.crew import Alone, Pool
 from vinefab.optimize.loop import optimize
+from vinefab.optimize.objective import INVALID_FITNESS
 from vinefab.optimize.settings import EvaluationSettings, RunSettings
-from vinefab.optimize.trial import Trial
+from vinefab.optimize.trial import Found, Trial, block_size
 from vinefab.tasks.composite import composite
 
 Maps = tuple[Map, ...]
@@ -89,3 +94,51 @@ def test_branches_that_stop_head_on_cost_what_the_run_says(small: RunSettings, m
     paid = 0.5 * priced.history[0].terms["head_on"]
     assert paid.max() > 0.0
     assert priced.history[0].composite == pytest.approx(free.history[0].composite - paid)
+
+
+class Picky:
+    """A penalty that knows of designs that it cannot judge."""
+
+    def __call__(self, design: Design) -> float:
+        if design.trunk_length_mm > 100.0:
+            raise BadInputError("trunk", design.trunk_length_mm, "shorter")
+        return 0.0 if design.trunk_length_mm > 50.0 else 1.0
+
+
+def test_points_that_are_no_designs_to_the_penalty_are_worth_nothing(
+    fabricable: RunSettings, maps: Maps
+) -> None:
+    trial = Trial.of(fabricable, maps, Picky())
+    x = np.random.default_rng(2).random((30, len(trial.space)))
+    found, _ = trial.evaluate(x, trial.training_poses(1, 0))
+    trunks = np.array([trial.space.design(row).trunk_length_mm for row in x])
+    gone = trunks > 100.0
+    assert (np.isnan(found.score).all(axis=1) == gone).all()
+    assert (np.isnan(found.terms["area"]).all(axis=1) == gone).all()
+    assert found.penalty.tolist() == [float(trunk <= 50.0) for trunk in trunks]
+    fitness = trial.fitness(trial.composites(found.score), found.penalty)
+    assert (fitness[gone] == INVALID_FITNESS).all()
+
+
+def test_any_crew_and_any_parts_find_the_same(fabricable: RunSettings, maps: Maps) -> None:
+    trial = Trial.of(fabricable, maps, Picky())
+    x = np.random.default_rng(3).random((25, len(trial.space)))
+    poses = trial.training_poses(1, 0)
+    whole, _ = trial.evaluate(x, poses)
+    parts = Found.joined([trial.evaluate(part, poses)[0] for part in np.array_split(x, 7)])
+    with ThreadPoolExecutor(3) as threads:
+        shared, spent = trial.begin(x, poses, Pool(threads, 3))()
+    for found in (parts, shared, trial.begin(x, poses, Alone())()[0]):
+        np.testing.assert_array_equal(found.score, whole.score)
+        np.testing.assert_array_equal(found.penalty, whole.penalty)
+        for name, values in whole.terms.items():
+            np.testing.assert_array_equal(found.terms[name], values)
+    assert min(spent) > 0.0
+
+
+def test_everybody_gets_a_block() -> None:
+    for growths in (1, 7, 64, 500, 100_000):
+        for workers in (1, 2, 16, 300):
+            size = block_size(growths, workers)
+            assert 1 <= size <= 128
+            assert math.ceil(growths / size) >= min(workers, growths) // 2

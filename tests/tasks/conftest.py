@@ -11,6 +11,7 @@ from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
 from vinefab.model.tree import branch_tree
 from vinefab.tasks.ground import Ground
+from vinefab.tasks.task import Outcomes
 
 Chain = Sequence[tuple[float, float]]
 
@@ -63,3 +64,17 @@ def pillar_room() -> Map:
 @pytest.fixture
 def room_ground(room: Map) -> Ground:
     return Ground.of(room)
+
+
+@pytest.fixture
+def same() -> Callable[[Outcomes, Outcomes], bool]:
+    """Tell whether outcomes are the same to the last bit."""
+
+    def compare(one: Outcomes, other: Outcomes) -> bool:
+        return (
+            np.array_equal(one.score, other.score)
+            and tuple(one.terms) == tuple(other.terms)
+            and all(np.array_equal(one.terms[name], other.terms[name]) for name in one.terms)
+        )
+
+    return compare

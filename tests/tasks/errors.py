@@ -23,7 +23,7 @@ from vinefab.optimize.space import Space
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import Site, poses_on
 from vinefab.tasks.reach import Reach
-from vinefab.tasks.task import Task, outcomes
+from vinefab.tasks.task import Task, joined, outcomes
 
 NAMES = ("grid", "cave", "rubble", "pegs")
 DESIGNS_PER_MAP = 10
@@ -53,7 +53,8 @@ def pairs(number: int, task: Task, term: str) -> tuple[np.ndarray, float, float]
         began = time.process_time()
         blocks = list(batch.each(lambda block: outcomes(way, block, [site.ground])))
         spent = time.process_time() - began
-        return np.array([(terms[term], score) for b in blocks for score, terms in b]), spent
+        found = joined(blocks)
+        return np.column_stack([found.terms[term], found.score]), spent
 
     fast = replace(task, area="fast")
     scored(fast)  # makes the raster

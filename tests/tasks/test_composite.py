@@ -1,8 +1,9 @@
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vinefab.tasks.composite import COMPOSITES, composite
+from vinefab.tasks.composite import COMPOSITES, composite, composites
 
 SCORES = st.lists(st.floats(0.0, 1.0), min_size=1, max_size=20)
 
@@ -26,3 +27,12 @@ def test_order_does_not_matter_and_bounds_hold(scores: list[float]) -> None:
 
 def test_wide_scores_earn_nothing_for_steadiness() -> None:
     assert composite([0.0, 100.0])["min_deviation"] == pytest.approx(0.25 * 50.0)
+
+
+@given(
+    st.lists(SCORES, min_size=1, max_size=5).map(lambda r: [row[: min(map(len, r))] for row in r])
+)
+def test_many_rows_are_weighed_as_each_alone(rows: list[list[float]]) -> None:
+    for kind in COMPOSITES:
+        alone = [composite(row, 0.3)["mean" if kind == "single" else kind] for row in rows]
+        assert composites(np.array(rows), kind, 0.3).tolist() == alone

@@ -23,8 +23,8 @@ from vinefab.model.checked import Floats
 from vinefab.optimize.parcel import packed, unpacked
 from vinefab.optimize.result import package_versions
 from vinefab.optimize.timing import Ledger, Work
-from vinefab.optimize.trial import Brief, Candidate, Trial
-from vinefab.optimize.workers import Evaluate, in_pieces
+from vinefab.optimize.trial import Brief, Found, Trial
+from vinefab.optimize.workers import Begin, Finish, in_pieces
 from vinefab.tasks.evaluate import Poses
 
 TRIP_S = 0.1
@@ -39,7 +39,7 @@ LOOK_S = 2.0
 MOST_DEATHS = 20
 """So often work is given out anew after it killed several workers; then it must be the work."""
 
-Sent = tuple[list[Candidate], Work]
+Sent = tuple[Found, Work]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,8 +103,8 @@ class Cluster:
             raise BadInputError("--cluster", address, allowed)
 
     @contextmanager
-    def hired(self, trial: Trial, ledger: Ledger) -> Iterator[Evaluate]:
-        """Offer a function that evaluates points on the workers."""
+    def hired(self, trial: Trial, ledger: Ledger) -> Iterator[Begin]:
+        """Offer a function that has points evaluated by the workers."""
         parcel = Parcel.of(trial.brief)
         with self._client() as client:
             ledger.workers = self.count = self._count_workers(client)
@@ -112,17 +112,22 @@ class Cluster:
             sent = client.submit(_received, parcel, key=f"vinefab-{parcel.name}")
             evaluated = 0
 
-            def evaluate(x: Floats, poses: Poses) -> list[Candidate]:
-                nonlocal evaluated
+            def begin(x: Floats, poses: Poses) -> Finish:
                 usual_s = ledger.worked_s / evaluated if evaluated else 0.0
                 pieces = in_pieces(x, self._rows(len(x), usual_s))
-                done = self._gathered(client, [(piece, poses) for piece in pieces], sent)
-                for _, work in done:
-                    ledger.add(work)
-                evaluated += len(x)
-                return [candidate for found, _ in done for candidate in found]
+                work = [client.submit(_evaluated, sent, p, poses, pure=False) for p in pieces]
 
-            yield evaluate
+                def finish() -> Found:
+                    nonlocal evaluated
+                    done = self._gathered(client, work)
+                    for _, spent in done:
+                        ledger.add(spent)
+                    evaluated += len(x)
+                    return Found.joined([found for found, _ in done])
+
+                return finish
+
+            yield begin
 
     def _rows(self, count: int, usual_s: float) -> int:
         """Return how many points to send together: worth a trip, but something for everybody."""
@@ -134,13 +139,11 @@ class Cluster:
     def _gathered(
         self,
         client: Any,  # noqa: ANN401 - distributed has no types
-        parts: Sequence[tuple[Floats, Poses]],
-        sent: Any,  # noqa: ANN401 - as above
+        futures: Sequence[Any],
     ) -> list[Sent]:
         """Return what pieces of work are worth, whoever dies meanwhile."""
         from distributed import KilledWorker  # noqa: PLC0415 - loaded when it is asked for
 
-        futures = [client.submit(_evaluated, sent, *part, pure=False) for part in parts]
         for _ in range(MOST_DEATHS):
             self._await(client, futures)
             try:

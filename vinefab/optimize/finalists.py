@@ -8,6 +8,7 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.model.checked import Floats
 from vinefab.model.design import Design
+from vinefab.model.score import Score
 from vinefab.optimize.costs import costs_of
 from vinefab.optimize.front import archive, non_dominated, spread_out
 from vinefab.optimize.history import Generation
@@ -15,8 +16,8 @@ from vinefab.optimize.objective import INVALID_FITNESS
 from vinefab.optimize.repair import repaired
 from vinefab.optimize.result import Finalist
 from vinefab.optimize.space import Space
-from vinefab.optimize.trial import Candidate, Inspector, Trial
-from vinefab.optimize.workers import Evaluate
+from vinefab.optimize.trial import Found, Inspector, Trial
+from vinefab.optimize.workers import Begin
 from vinefab.tasks.evaluate import Poses
 
 MOST_LOOKS = 200
@@ -147,7 +148,7 @@ def _ranked(history: Sequence[Generation], space: Space, count: int) -> list[tup
 
 
 def judged(
-    points: Sequence[Floats], evaluate: Evaluate, poses: Poses, trial: Trial
+    points: Sequence[Floats], begin: Begin, poses: Poses, trial: Trial
 ) -> tuple[Finalist, ...]:
     """Return points evaluated on fresh poses, best first.
 
@@ -156,24 +157,29 @@ def judged(
     because their fitness is above that of all others; one that fails a full inspection counts as
     penalized.
     """
-    found = [
-        _inspected(_finalist(x, candidate), trial)
-        for x, candidate in zip(points, evaluate(np.array(points), poses), strict=True)
-    ]
+    x = np.array(points)
+    found = begin(x, poses)()
+    finalists = [_finalist(x[row], found, row, poses, trial) for row in range(len(x))]
     # Stable: of equals, the one that was better in training stays first.
-    return tuple(sorted(found, key=lambda finalist: -finalist.fitness))
+    return tuple(
+        sorted((_inspected(f, trial) for f in finalists), key=lambda finalist: -finalist.fitness)
+    )
 
 
-def _finalist(x: Floats, candidate: Candidate) -> Finalist:
-    if candidate.design is None or candidate.score is None:
-        raise BadInputError("finalist", candidate.problem, "a point that was a design before")
+def _finalist(x: Floats, found: Found, row: int, poses: Poses, trial: Trial) -> Finalist:
+    score, penalty = trial.score(found, row, poses), float(found.penalty[row])
     return Finalist(
         x=x,
-        design=candidate.design,
-        score=candidate.score,
-        penalty=candidate.penalty,
-        fitness=candidate.fitness,
+        design=trial.space.design(x),
+        score=score,
+        penalty=penalty,
+        fitness=_fitness(score, penalty, trial),
     )
+
+
+def _fitness(score: Score, penalty: float, trial: Trial) -> float:
+    composite = trial.composites(score.scores[None])
+    return float(trial.fitness(composite, np.array([penalty]))[0])
 
 
 def _inspected(finalist: Finalist, trial: Trial) -> Finalist:
@@ -183,5 +189,4 @@ def _inspected(finalist: Finalist, trial: Trial) -> Finalist:
         return finalist
     if inspector.passes(finalist.design):
         return finalist
-    fitness = trial.fitness(finalist.score, 1.0)
-    return replace(finalist, penalty=1.0, fitness=fitness)
+    return replace(finalist, penalty=1.0, fitness=_fitness(finalist.score, 1.0, trial))

@@ -1,7 +1,7 @@
 """The search itself: generation after generation, then the final."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,8 +20,8 @@ from vinefab.optimize.result import Finalist, RunResult, with_origin
 from vinefab.optimize.settings import RunSettings, SearchSettings
 from vinefab.optimize.store import RunStore
 from vinefab.optimize.timing import Ledger
-from vinefab.optimize.trial import FINAL, Candidate, Penalty, Trial
-from vinefab.optimize.workers import Evaluate, Threads, Workforce
+from vinefab.optimize.trial import FINAL, Penalty, Trial
+from vinefab.optimize.workers import Begin, Threads, Workforce
 from vinefab.tasks.evaluate import Poses
 
 
@@ -112,7 +112,10 @@ class Search:
         progress: Callable[[Progress], None] | None = None,
         workers: int | Workforce = 1,
     ) -> RunResult:
-        """Search; see `optimize`."""
+        """Search; see `optimize`.
+
+        A generation is recorded while the next one is evaluated, so that nobody waits for it.
+        """
         settings, history = self.settings, list[Generation]()
         if store is not None:
             history = store.generations()
@@ -120,15 +123,13 @@ class Search:
                 self.optimizer.restore(store.optimizer_state())
         crew = Threads(workers) if isinstance(workers, int) else workers
         ledger = Ledger(crew.count)
-        with crew.hired(self.trial, ledger) as evaluate:
+        diary = _Diary(store, progress, settings.search, ledger)
+        with crew.hired(self.trial, ledger) as begin:
             while (stopped := why_stop(history, settings.search)) is None:
-                history.append(self._generation(len(history), evaluate, ledger))
-                with ledger.spending("store"):
-                    if store is not None:
-                        store.add(history[-1], self.optimizer.state(), ledger.split())
-                if progress is not None:
-                    progress(_progress(history, settings.search))
-            finalists = self._final(history, store, evaluate, ledger)
+                history.append(self._generation(len(history), begin, diary, ledger))
+                diary.note(history, self.optimizer.state())
+            diary.write()
+            finalists = self._final(history, store, begin, ledger)
         identity = store.identity if store is not None else RunIdentity.of(settings, self.maps)
         if store is not None:
             with ledger.spending("store"):
@@ -146,7 +147,7 @@ class Search:
         """Return the poses that all points of a generation meet."""
         return self.trial.training_poses(self.settings.search.seed, number)
 
-    def _generation(self, number: int, evaluate: Evaluate, ledger: Ledger) -> Generation:
+    def _generation(self, number: int, begin: Begin, diary: "_Diary", ledger: Ledger) -> Generation:
         """Ask, evaluate and tell."""
         began = time.perf_counter()
         with ledger.spending("optimizer"):
@@ -154,21 +155,20 @@ class Search:
         self._check(x)
         poses = self.poses(number)
         with ledger.spending("evaluating"):
-            candidates = evaluate(x, poses)
-        fitness = np.array([candidate.fitness for candidate in candidates])
+            finish = begin(x, poses)
+            diary.write()
+            found = finish()
+        composite = self.trial.composites(found.score)
+        fitness = self.trial.fitness(composite, found.penalty)
         with ledger.spending("optimizer"):
             self.optimizer.tell(x, fitness)
-        weighed = [
-            np.nan if candidate.score is None else self.trial.composite(candidate.score)
-            for candidate in candidates
-        ]
         return Generation(
             number=number,
             x=x,
             fitness=fitness,
-            composite=np.array(weighed),
-            penalty=np.array([candidate.penalty for candidate in candidates]),
-            terms=_mean_terms(candidates),
+            composite=composite,
+            penalty=found.penalty,
+            terms={name: values.mean(axis=1) for name, values in found.terms.items()},
             seconds=time.perf_counter() - began,
         )
 
@@ -183,7 +183,7 @@ class Search:
         self,
         history: Sequence[Generation],
         store: RunStore | None,
-        evaluate: Evaluate,
+        begin: Begin,
         ledger: Ledger,
     ) -> tuple[Finalist, ...]:
         """Return the finalists of the record, or judge them now."""
@@ -194,7 +194,52 @@ class Search:
         count = self.settings.evaluation.final_poses_per_map
         poses = self.trial.poses(self.settings.search.seed, FINAL, 0, count)
         with ledger.spending("evaluating"):
-            return judged(points, evaluate, poses, self.trial)
+            return judged(points, begin, poses, self.trial)
+
+
+class _Diary:
+    """Records generations and tells of them, each while the next one is evaluated.
+
+    Parameters
+    ----------
+    store
+        Where to record; None: nowhere.
+    tell
+        Called for every generation; None: nobody wants to know.
+    search
+        How long the run may be.
+    ledger
+        Where the time that it takes is counted.
+    """
+
+    def __init__(
+        self,
+        store: RunStore | None,
+        tell: Callable[[Progress], None] | None,
+        search: SearchSettings,
+        ledger: Ledger,
+    ) -> None:
+        self._store, self._tell, self._search, self._ledger = store, tell, search, ledger
+        self._next: Callable[[], None] | None = None
+
+    def note(self, history: Sequence[Generation], state: Mapping[str, object]) -> None:
+        """Keep in mind the last generation, and the optimizer's state after it."""
+        last = history[-1]
+
+        def write() -> None:
+            with self._ledger.spending("store"):
+                if self._store is not None:
+                    self._store.add(last, state, self._ledger.split())
+            if self._tell is not None:
+                self._tell(_progress(history, self._search))
+
+        self._next = write
+
+    def write(self) -> None:
+        """Record what is in mind, if anything is."""
+        write, self._next = self._next, None
+        if write is not None:
+            write()
 
 
 def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | None:
@@ -211,18 +256,6 @@ def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | Non
     if search.wall_time_s and sum(g.seconds for g in history) >= search.wall_time_s:
         return "wall_time"
     return None
-
-
-def _mean_terms(candidates: Sequence[Candidate]) -> dict[str, Floats]:
-    """Return each term's mean over the evaluations, per candidate; NaN without a design."""
-    scored = [(row, c.score.evaluations) for row, c in enumerate(candidates) if c.score is not None]
-    if not scored:
-        return {}
-    names = tuple(scored[0][1][0].terms)
-    table = np.array([[[e.terms[name] for name in names] for e in one] for _, one in scored])
-    means = np.full((len(names), len(candidates)), np.nan)
-    means[:, [row for row, _ in scored]] = table.mean(axis=1).T
-    return dict(zip(names, means, strict=True))
 
 
 def _progress(history: Sequence[Generation], search: SearchSettings) -> Progress:

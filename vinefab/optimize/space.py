@@ -9,6 +9,7 @@ from vinefab.model.checked import Floats
 from vinefab.model.design import Build, Design, Level
 from vinefab.optimize.axes import Axes
 from vinefab.optimize.bounds import LIMITS, WHOLE, Bounds, BuildSettings, SpaceSettings
+from vinefab.optimize.fleet import Fleet
 
 DECIMALS = 2
 """Lengths, angles and growth are whole hundredths of their units, so that a design file holds
@@ -93,6 +94,11 @@ class Space:
             if variable.is_fixed
         }
         self._builds: dict[int, Build] = {}
+        self._row = np.array([variable.bounds.low for variable in every])
+        self._free = np.array([index for index, v in enumerate(every) if not v.is_fixed], dtype=int)
+        self._low = self._row[self._free]
+        self._high = np.array([variable.bounds.high for variable in self.variables])
+        self._whole = np.array([v.choices > 0 for v in self.variables], dtype=np.bool_)
 
     def __len__(self) -> int:
         return len(self.variables)
@@ -146,10 +152,38 @@ class Space:
             name=name,
             trunk_length_mm=values[1, "length_mm"],
             levels=levels,
-            build=self._build_of(depth),
+            build=self.build_of(depth),
         )
 
-    def _build_of(self, depth: int) -> Build:
+    def fleet(self, x: Floats) -> Fleet:
+        """Return the designs at many points, as `design` finds them one by one.
+
+        Parameters
+        ----------
+        x
+            Points, shape (m, len(self)).
+        """
+        table = np.tile(self._row, (len(x), 1))
+        table[:, self._free] = self._values(x)
+        level = table[:, 2:].reshape(len(x), int(self.settings.levels.high) - 1, len(LIMITS))
+        of = {name: level[:, :, place] for place, name in enumerate(LIMITS)}
+        return Fleet(
+            depth=table[:, 0].astype(np.int64),
+            trunk_mm=table[:, 1],
+            branches=of["branches"].astype(np.int64),
+            length_mm=of["length_mm"],
+            fan_rad=np.radians(of["angle_deg"]),
+            growth=of["growth_percent"] / 100.0,
+        )
+
+    def _values(self, x: Floats) -> Floats:
+        """Return what `Variable.value` does, for all variables at many points."""
+        low, high = self._low, self._high
+        numbers = np.minimum(high, low + np.trunc(x * (high - low + 1.0)))
+        values = np.clip(_rounded(low + x * (high - low)), low, high)
+        return np.where(self._whole, numbers, values)
+
+    def build_of(self, depth: int) -> Build:
         """Return the build of designs with so many levels, made once."""
         if depth not in self._builds:
             self._builds[depth] = self.build.build(depth)
@@ -177,6 +211,18 @@ class Space:
                 for variable in self.variables
             ]
         )
+
+
+def _rounded(values: Floats) -> Floats:
+    """Return numbers as Python's ``round`` does, which looks at all their decimals."""
+    factor = 10.0**DECIMALS
+    shifted = values * factor
+    whole = np.rint(shifted)
+    rounded: Floats = whole / factor
+    # Multiplying may carry a number over the middle between two others.
+    for place in np.argwhere(np.abs(np.abs(shifted - whole) - 0.5) < 1e-5).tolist():
+        rounded[tuple(place)] = round(float(values[tuple(place)]), DECIMALS)
+    return rounded
 
 
 def _variables(settings: SpaceSettings) -> list[Variable]:

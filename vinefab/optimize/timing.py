@@ -1,7 +1,7 @@
 """Where the time of a run goes."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from typing import NamedTuple
@@ -24,6 +24,11 @@ class Work(NamedTuple):
     growth_s: float = 0.0
     scoring_s: float = 0.0
 
+    @classmethod
+    def total(cls, parts: Iterable["Work"]) -> "Work":
+        """Return the work of several parts together."""
+        return cls(*map(sum, zip(*parts, strict=True)))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeSplit:
@@ -34,7 +39,10 @@ class TimeSplit:
     workers
         How many evaluated at once.
     evaluating_s, optimizer_s, store_s, other_s
-        Parts of the session's time: evaluating points, asking and telling, recording, the rest.
+        Parts of the session's time: evaluating points, asking and telling, recording while nobody
+        evaluates, the rest.
+    beside_s
+        Time of recording while others evaluate; it is part of ``evaluating_s``.
     making_s, growth_s, scoring_s
         Processor time of all workers together while evaluating (see `Work`).
     processor_s
@@ -46,6 +54,7 @@ class TimeSplit:
     optimizer_s: float = 0.0
     store_s: float = 0.0
     other_s: float = 0.0
+    beside_s: float = 0.0
     making_s: float = 0.0
     growth_s: float = 0.0
     scoring_s: float = 0.0
@@ -73,6 +82,7 @@ class TimeSplit:
             "optimizer": self.optimizer_s / total_s,
             "store": self.store_s / total_s,
             "other": self.other_s / total_s,
+            "beside": self.beside_s / total_s,
             "busy": (self.growth_s + self.scoring_s) / room_s,
             "growth": self.growth_s / room_s,
             "scoring": self.scoring_s / room_s,
@@ -92,7 +102,8 @@ class TimeSplit:
         shares = {name: f"{100 * share:.0f} %" for name, share in self.shares.items()}
         return (
             f"time: {self.total_s:.1f} s, of which evaluating {shares['evaluating']}, optimizer "
-            f"{shares['optimizer']}, record {shares['store']}; meanwhile {self.workers} workers "
+            f"{shares['optimizer']}, record {shares['store']} (and {shares['beside']} beside "
+            f"evaluating); meanwhile {self.workers} workers "
             f"were busy growing {shares['growth']}, scoring {shares['scoring']}, "
             f"making designs {shares['making']}"
         )
@@ -115,7 +126,8 @@ class Ledger:
         self.workers = workers
         self._began_s = time.perf_counter()
         self._process_s = time.process_time()
-        self._spent_s = {"evaluating_s": 0.0, "optimizer_s": 0.0, "store_s": 0.0}
+        self._spent_s = dict.fromkeys(("evaluating_s", "optimizer_s", "store_s", "beside_s"), 0.0)
+        self._is_evaluating = False
         self._work = Work()
 
     @property
@@ -125,22 +137,28 @@ class Ledger:
 
     @contextmanager
     def spending(self, part: str) -> Iterator[None]:
-        """Count the time of a block as ``evaluating``, ``optimizer`` or ``store``."""
-        began_s = time.perf_counter()
+        """Count the time of a block as ``evaluating``, ``optimizer`` or ``store``.
+
+        What is done while others evaluate counts as ``beside``.
+        """
+        beside, began_s = self._is_evaluating, time.perf_counter()
+        self._is_evaluating = beside or part == "evaluating"
         try:
             yield
         finally:
-            self._spent_s[f"{part}_s"] += time.perf_counter() - began_s
+            self._is_evaluating = beside
+            name = "beside_s" if beside else f"{part}_s"
+            self._spent_s[name] += time.perf_counter() - began_s
 
     def add(self, work: Work) -> None:
         """Count what workers did."""
-        pairs = zip(self._work, work, strict=True)
-        self._work = Work(*(total + more for total, more in pairs))
+        self._work = Work.total((self._work, work))
 
     def split(self) -> TimeSplit:
         """Return where the time has gone so far."""
         total_s = time.perf_counter() - self._began_s
-        other_s = max(0.0, total_s - sum(self._spent_s.values()))
+        spent_s = sum(self._spent_s.values()) - self._spent_s["beside_s"]
+        other_s = max(0.0, total_s - spent_s)
         work = self._work._asdict()
         return TimeSplit(
             workers=self.workers,

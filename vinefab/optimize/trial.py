@@ -1,32 +1,36 @@
 """What one point of the search is worth."""
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
+
+import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.growth.atlas import Atlas
-from vinefab.growth.batch import Block, Launches
+from vinefab.growth.batch import BLOCK, Block, Launches
 from vinefab.growth.options import GrowthOptions
-from vinefab.model.checked import Floats
-from vinefab.model.deployment import Deployment
-from vinefab.model.design import Design
+from vinefab.growth.scratch import Scratch
+from vinefab.model.checked import Floats, Ints
+from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.optimize.objective import INVALID_FITNESS, objective
+from vinefab.optimize.crew import Alone, Crew, Promise
+from vinefab.optimize.fleet import Fleet, planted
+from vinefab.optimize.fleet_batch import FleetBatch
+from vinefab.optimize.objective import objective
 from vinefab.optimize.settings import EvaluationSettings, PartSettings, RunSettings
 from vinefab.optimize.space import Space
 from vinefab.optimize.timing import Stopwatch, Work
-from vinefab.tasks.composite import composite
+from vinefab.tasks.composite import composites
 from vinefab.tasks.coverage import Coverage
-from vinefab.tasks.evaluate import Poses, Site, poses_on, score_designs
-from vinefab.tasks.ground import Ground
+from vinefab.tasks.evaluate import Poses, Site, poses_on, scores_of
 from vinefab.tasks.reach import Reach
 from vinefab.tasks.registry import make_task
 from vinefab.tasks.sliding import Sliding
-from vinefab.tasks.task import Outcome, Task, outcomes
+from vinefab.tasks.task import Outcomes, Task, joined, outcomes
 
 Penalty = Callable[[Design], float]
 """How far a design is from one that can be made: 0 when it can, else above 0."""
@@ -41,33 +45,60 @@ class Inspector(Protocol):
         ...
 
 
+BLOCKS_EACH, LEAST_BLOCK = 5, 32
+"""Growths done in one go: so few that everybody gets several such blocks and nobody has to wait
+long for the last one, but enough to forget the handing over, unless somebody would get none."""
+
 TRAINING, FINAL, MAPS = 1411, 1412, 1414
 """Streams of the seeds that poses, and maps for a generation, are drawn from."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
-    """One point of the search, evaluated.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Found:
+    """What m points are worth, evaluation by evaluation, k of them; NaN where there is no design.
 
     Parameters
     ----------
-    design
-        The design at the point; None when there is none.
-    score
-        Its score; None without a design.
     penalty
-        Its penalty.
-    fitness
-        What it is worth to the optimizer.
-    problem
-        Why there is no design, or an empty string.
+        How far each design is from one that can be made, shape (m,); 0 where there is no design.
+    score
+        The task's scores, shape (m, k).
+    terms
+        The numbers that scores are made of, each of shape (m, k).
     """
 
-    design: Design | None = None
-    score: Score | None = None
-    penalty: float = 0.0
-    fitness: float = INVALID_FITNESS
-    problem: str = ""
+    penalty: Floats
+    score: Floats
+    terms: Mapping[str, Floats]
+
+    @classmethod
+    def joined(cls, parts: Sequence["Found"]) -> "Found":
+        """Return several parts, at least one, as one."""
+        # A part without any design does not know the terms.
+        names = max((tuple(part.terms) for part in parts), key=len)
+        gaps = [np.full(part.score.shape, np.nan) for part in parts]
+        return cls(
+            penalty=np.concatenate([part.penalty for part in parts]),
+            score=np.concatenate([part.score for part in parts]),
+            terms={
+                name: np.concatenate(
+                    [part.terms.get(name, gap) for part, gap in zip(parts, gaps, strict=True)]
+                )
+                for name in names
+            },
+        )
+
+    def with_penalties(self, penalty: Floats) -> "Found":
+        """Return the same with penalties; a point whose penalty is NaN is no design."""
+        gone = np.isnan(penalty)
+        if not gone.any():
+            return replace(self, penalty=penalty)
+        tables = {name: np.where(gone[:, None], np.nan, v) for name, v in self.terms.items()}
+        return Found(
+            penalty=np.where(gone, 0.0, penalty),
+            score=np.where(gone[:, None], np.nan, self.score),
+            terms=tables,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -109,6 +140,10 @@ class Trial:
         None in a run that does not ask for designs that can be made.
     brief
         What it was made of.
+    radii_mm
+        Body radius per level of the deepest designs; one 0 for bare centrelines.
+    idle
+        Memory for growing that nobody uses now.
     """
 
     sites: tuple[Site, ...]
@@ -119,6 +154,8 @@ class Trial:
     evaluation: EvaluationSettings
     penalty: Penalty | None
     brief: Brief
+    radii_mm: tuple[float, ...]
+    idle: list[Scratch] = field(default_factory=list)
 
     @classmethod
     def of(cls, settings: RunSettings, maps: Sequence[Map], penalty: Penalty | None) -> "Trial":
@@ -154,6 +191,7 @@ class Trial:
             evaluation=evaluation,
             penalty=used,
             brief=Brief(settings=settings, maps=tuple(maps), penalty=used),
+            radii_mm=_radii_mm(space, settings.growth),
         )
 
     def poses(self, seed: int, stream: int, generation: int, count: int) -> Poses:
@@ -176,39 +214,93 @@ class Trial:
         taken = child(seed, MAPS, draw).permutation(len(poses))[:wanted]
         return tuple(places if index in taken else () for index, places in enumerate(poses))
 
-    def evaluate(self, x: Floats, poses: Poses) -> tuple[list[Candidate], Work]:
-        """Return what points are worth; a point that is no design is a result, not an error.
+    def evaluate(self, x: Floats, poses: Poses) -> tuple[Found, Work]:
+        """Return what points are worth, and the processor time that it took; see `begin`."""
+        return self.begin(x, poses, Alone())()
+
+    def begin(self, x: Floats, poses: Poses, crew: Crew) -> Callable[[], tuple[Found, Work]]:
+        """Have a crew find what points are worth; a point that is no design is a result too.
 
         Points do not influence each other: whoever evaluates them, in whatever parts, finds the
-        same.
+        same. The larger designs are begun first, so that nobody has to wait long in the end.
 
         Parameters
         ----------
         x
-            The points, shape (m, d).
+            The points, shape (m, d), m at least 1.
         poses
             For each map, the poses to grow from.
+        crew
+            Who does the work.
 
         Returns
         -------
-        candidates
-            In the order of the points.
-        work
-            The processor time that it took.
+        Callable
+            Waits for the work, and gives what was found in the order of the points, and the
+            processor time that it took.
         """
         watch = Stopwatch()
-        found = [self._unscored(row) for row in x]
-        there = [index for index, candidate in enumerate(found) if candidate.design is not None]
-        designs = [candidate.design for candidate in found if candidate.design is not None]
-        making_s = watch.lap_s()
-        task = TimedTask(self.task)
+        making = self._penalties(x, crew)
+        fleet = self.space.fleet(x)
+        order = np.argsort(-fleet.sizes, kind="stable")
+        there = order[fleet.sizes[order] <= MOST_BRANCHES]
         launches = self.launches(poses)
-        scores = score_designs(designs, self.sites, launches, task, self.growth)
-        grown_s = watch.lap_s()
-        for index, score in zip(there, scores, strict=True):
-            found[index] = self._scored(found[index], score)
-        scoring_s = task.spent_s + watch.lap_s()
-        return found, Work(making_s, grown_s - task.spent_s, scoring_s)
+        growing = self._grown(fleet.part(there), launches, crew) if len(there) else []
+        planning = Work(growth_s=watch.lap_s())
+
+        def finish() -> tuple[Found, Work]:
+            penalty, parts = [p.result() for p in making], [p.result() for p in growing]
+            shape = (len(x), len(launches))
+            found = _found(shape, there, [outcomes for outcomes, _ in parts])
+            spent = [planning, *(work for _, work in penalty), *(work for _, work in parts)]
+            penalties = np.concatenate([values for values, _ in penalty])
+            return found.with_penalties(penalties), Work.total(spent)
+
+        return finish
+
+    def _penalties(self, x: Floats, crew: Crew) -> list[Promise[tuple[Floats, Work]]]:
+        """Have somebody find penalties; NaN where a point is no design, or not to the penalty."""
+        size = len(x) if self.penalty is None else math.ceil(len(x) / (4 * crew.count))
+        return [
+            crew.submit(self._penalties_of, x[first : first + size])
+            for first in range(0, len(x), size)
+        ]
+
+    def _penalties_of(self, x: Floats) -> tuple[Floats, Work]:
+        watch = Stopwatch()
+        penalty = np.zeros(len(x))
+        if self.penalty is not None:
+            for row, point in enumerate(x):
+                try:
+                    penalty[row] = self.penalty(self.space.design(point))
+                except BadInputError:
+                    penalty[row] = np.nan
+        return penalty, Work(making_s=watch.lap_s())
+
+    def _grown(
+        self, fleet: Fleet, launches: Launches, crew: Crew
+    ) -> list[Promise[tuple[Outcomes, Work]]]:
+        """Have somebody grow and score designs, in the order of a batch."""
+        builds = {depth: self.space.build_of(depth) for depth in set(fleet.depth.tolist())}
+        trees = planted(fleet, builds, self.radii_mm)
+        batch = FleetBatch(trees, launches, self.growth, self.idle)
+        grounds = [site.ground for site in self.sites]
+
+        def work(block: Block, watch: Stopwatch) -> tuple[Outcomes, Work]:
+            growth_s = watch.lap_s()
+            found = outcomes(self.task, block, grounds)
+            return found, Work(growth_s=growth_s, scoring_s=watch.lap_s())
+
+        size = block_size(len(batch), crew.count)
+        return [
+            crew.submit(batch.worked, first, size, work) for first in range(0, len(batch), size)
+        ]
+
+    def score(self, found: Found, row: int, poses: Poses) -> Score:
+        """Return what was found of one point that is a design as a score."""
+        one = Outcomes(found.score[row], {name: v[row] for name, v in found.terms.items()})
+        (score,) = scores_of(one, self.task, self.sites, self.launches(poses))
+        return score
 
     def launches(self, poses: Poses) -> Launches:
         """Return the places that robots grow from.
@@ -216,37 +308,25 @@ class Trial:
         Raises
         ------
         BadInputError
-            If a pose is inside an obstacle or outside the bounds.
+            If a pose is not free.
         """
         return Launches.of(self.atlas, poses)
 
-    def _unscored(self, x: Floats) -> Candidate:
-        """Return the design at a point with its penalty, or why there is none."""
-        try:
-            design = self.space.design(x)
-            penalty = 0.0 if self.penalty is None else self.penalty(design)
-        except BadInputError as error:
-            return Candidate(problem=str(error))
-        return Candidate(design=design, penalty=penalty)
+    def composites(self, scores: Floats) -> Floats:
+        """Return the numbers that a run weighs evaluations into, shape (m,).
 
-    def _scored(self, candidate: Candidate, score: Score) -> Candidate:
-        return replace(candidate, score=score, fitness=self.fitness(score, candidate.penalty))
+        Parameters
+        ----------
+        scores
+            Shape (m, k); NaN where there is no design.
+        """
+        kind = self.evaluation.composite
+        return composites(scores, kind, self.evaluation.reference_deviation)
 
-    def composite(self, score: Score) -> float:
-        """Return the number that a run weighs a score's evaluations into."""
-        if self.evaluation.composite == "single":
-            return score.composite["mean"]
-        weighed = composite(score.scores, self.evaluation.reference_deviation)
-        return weighed[self.evaluation.composite]
-
-    def fitness(self, score: Score, penalty: float) -> float:
-        """Return what a design with a score and a penalty is worth to the optimizer."""
-        return objective(
-            self.composite(score),
-            penalty,
-            lowest=self.lowest,
-            weight=self.evaluation.penalty_weight,
-        )
+    def fitness(self, composite: Floats, penalty: Floats) -> Floats:
+        """Return what designs with a composite score and a penalty are worth to the optimizer."""
+        weight = self.evaluation.penalty_weight
+        return objective(composite, penalty, lowest=self.lowest, weight=weight)
 
     @property
     def lowest(self) -> float:
@@ -254,42 +334,57 @@ class Trial:
         return min(0.0, self.task.lowest)
 
 
-class TimedTask:
-    """A task that counts the processor time it takes; not for several threads.
+def block_size(growths: int, workers: int) -> int:
+    """Return how many growths to do in one go.
 
     Parameters
     ----------
-    task
-        The task.
+    growths
+        All of them.
+    workers
+        Who shares them.
+
+    Examples
+    --------
+    >>> [block_size(500, workers) for workers in (1, 2, 8, 100)]
+    [100, 50, 32, 5]
     """
+    fair = math.ceil(growths / (BLOCKS_EACH * workers))
+    return min(max(fair, LEAST_BLOCK), BLOCK, math.ceil(growths / workers))
 
-    def __init__(self, task: Task) -> None:
-        self.task = task
-        self.spent_s = 0.0
 
-    @property
-    def name(self) -> str:
-        """The task's name."""
-        return self.task.name
+def _radii_mm(space: Space, growth: GrowthOptions) -> tuple[float, ...]:
+    """Return the body's radius on each level of the deepest designs, as plans have it."""
+    if growth.body == "centerline":
+        return (0.0,)
+    deepest = space.build_of(int(space.settings.levels.high))
+    return tuple(width_mm / math.pi for width_mm in deepest.widths_mm)
 
-    @property
-    def lowest(self) -> float:
-        """The task's lowest score."""
-        return self.task.lowest
 
-    def evaluate(self, deployment: Deployment, ground: Ground) -> Outcome:
-        """Return what the task finds."""
-        watch = Stopwatch()
-        found = self.task.evaluate(deployment, ground)
-        self.spent_s += watch.lap_s()
-        return found
+def _found(shape: tuple[int, int], there: Ints, parts: Sequence[Outcomes]) -> Found:
+    """Return what was found of points, shape (m, k), where some of them are designs.
 
-    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> list[Outcome]:
-        """Return what the task finds for every growth of a block."""
-        watch = Stopwatch()
-        found = outcomes(self.task, block, grounds)
-        self.spent_s += watch.lap_s()
-        return found
+    Parameters
+    ----------
+    shape
+        Number of points and of launches.
+    there
+        The points that are designs, in the order of the batch.
+    parts
+        What its blocks are worth.
+    """
+    found = joined(parts) if parts else Outcomes(np.empty(0), {})
+
+    def by_design(values: Floats) -> Floats:
+        table = np.full(shape, np.nan)
+        table[there] = values.reshape(shape[1], -1).T
+        return table
+
+    return Found(
+        penalty=np.zeros(shape[0]),
+        score=by_design(found.score),
+        terms={name: by_design(values) for name, values in found.terms.items()},
+    )
 
 
 def _search_task(settings: PartSettings, head_on_weight: float) -> Task:

@@ -7,16 +7,16 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
 from vinefab.model.checked import Floats, whole
+from vinefab.optimize.crew import Pool
 from vinefab.optimize.timing import Ledger
-from vinefab.optimize.trial import Candidate, Trial
+from vinefab.optimize.trial import Found, Trial
 from vinefab.tasks.evaluate import Poses
 
-Evaluate = Callable[[Floats, Poses], list[Candidate]]
-"""Takes points of shape (m, d) and poses, gives the candidates in the points' order."""
+Finish = Callable[[], Found]
+"""Waits for what was begun and gives what was found, in the points' order."""
 
-GROWTHS = 64
-"""Growths in one piece of work for a thread: enough to forget the handing over, few enough that
-no thread has to wait long for the last one."""
+Begin = Callable[[Floats, Poses], Finish]
+"""Takes points of shape (m, d) and poses, and has somebody evaluate them meanwhile."""
 
 SWITCH_S = 5e-4
 """A thread that comes back from compiled code asks for the interpreter after so long, not after
@@ -31,7 +31,7 @@ class Workforce(Protocol):
         """How many at once."""
         ...
 
-    def hired(self, trial: Trial, ledger: Ledger) -> AbstractContextManager[Evaluate]:
+    def hired(self, trial: Trial, ledger: Ledger) -> AbstractContextManager[Begin]:
         """Offer a function that evaluates points, and count in the ledger what it takes.
 
         Parameters
@@ -61,22 +61,25 @@ class Threads:
         self.count = whole("workers", count, 1, 1024)
 
     @contextmanager
-    def hired(self, trial: Trial, ledger: Ledger) -> Iterator[Evaluate]:
-        """Offer a function that evaluates points on the threads."""
+    def hired(self, trial: Trial, ledger: Ledger) -> Iterator[Begin]:
+        """Offer a function that has points evaluated on the threads."""
         usual_s = sys.getswitchinterval()
         with ThreadPoolExecutor(max_workers=self.count) as pool:
+            crew = Pool(pool, self.count)
 
-            def evaluate(x: Floats, poses: Poses) -> list[Candidate]:
-                pieces = in_pieces(x, GROWTHS // max(1, sum(map(len, poses))))
-                over = pool.map if self.count > 1 else map
-                done = list(over(lambda piece: trial.evaluate(piece, poses), pieces))
-                for _, work in done:
-                    ledger.add(work)
-                return [candidate for found, _ in done for candidate in found]
+            def begin(x: Floats, poses: Poses) -> Finish:
+                wait = trial.begin(x, poses, crew)
+
+                def finish() -> Found:
+                    found, spent = wait()
+                    ledger.add(spent)
+                    return found
+
+                return finish
 
             sys.setswitchinterval(SWITCH_S)
             try:
-                yield evaluate
+                yield begin
             finally:
                 sys.setswitchinterval(usual_s)
                 pool.shutdown(cancel_futures=True)

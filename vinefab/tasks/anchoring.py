@@ -17,7 +17,7 @@ from vinefab.physics.anchoring import ASSUMED_FRICTION, pouch_contact_mm2
 from vinefab.physics.lumen import inflated_diameter_mm
 from vinefab.physics.pressure import N_MM2_PER_KPA
 from vinefab.tasks.ground import Ground
-from vinefab.tasks.task import Outcome
+from vinefab.tasks.task import Outcome, Outcomes, together
 
 IDLE_SHARE = 1.0 / 3.0
 """Share of engaged branches that may hold nothing: two of six in the paper's test."""
@@ -87,7 +87,7 @@ class Anchoring:
         """Return the amplification and its terms; the design's own pouch is not known here."""
         return self._outcome(deployment, ground, None)
 
-    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> list[Outcome]:
+    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> Outcomes:
         """Return amplification and terms for every growth of a block, with the designs' pouches.
 
         Parameters
@@ -98,12 +98,14 @@ class Anchoring:
             The maps.
         """
         terrain, plan = block.terrain.tolist(), block.plan.tolist()
-        return [
-            self._outcome(
-                block.deployment(index), grounds[terrain[index]], block.plans[plan[index]].build
-            )
-            for index in range(len(block))
-        ]
+        return together(
+            [
+                self._outcome(
+                    block.deployment(index), grounds[terrain[index]], block.plans[plan[index]].build
+                )
+                for index in range(len(block))
+            ]
+        )
 
     def _outcome(self, deployment: Deployment, ground: Ground, build: Build | None) -> Outcome:
         """Return the amplification, its interval over friction and idle branches, and the rest.

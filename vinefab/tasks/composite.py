@@ -47,3 +47,27 @@ def composite(
         "best": float(values.max()),
         "min_deviation": MEAN_SHARE * mean + (1.0 - MEAN_SHARE) * steadiness,
     }
+
+
+def composites(
+    scores: Floats, kind: str, reference_deviation: float = STANDARD_DEVIATION
+) -> Floats:
+    """Return one of the numbers of `composite` for each of m rows of scores, to the last bit.
+
+    Parameters
+    ----------
+    scores
+        Shape (m, k), k at least 1.
+    kind
+        ``mean``, ``best`` or ``min_deviation``; ``single`` is the mean.
+    reference_deviation
+        As in `composite`.
+    """
+    rows = np.ascontiguousarray(scores)
+    if kind == "best":
+        return np.asarray(rows.max(axis=1))
+    mean = np.asarray(rows.mean(axis=1))
+    if kind != "min_deviation":
+        return mean
+    steadiness = np.maximum(0.0, 1.0 - rows.std(axis=1) / reference_deviation)
+    return np.asarray(MEAN_SHARE * mean + (1.0 - MEAN_SHARE) * steadiness)

@@ -16,7 +16,7 @@ from vinefab.tasks.discs import disc_union, free_disc_areas_mm2
 from vinefab.tasks.ground import Ground
 from vinefab.tasks.raster import Raster
 from vinefab.tasks.sight import seen_areas
-from vinefab.tasks.task import Outcome, one_by_one
+from vinefab.tasks.task import Outcome, Outcomes, joined, one_by_one
 
 ROUNDING = 1e-12
 TERMS = ("area", "count", "length", "film", "eta")
@@ -89,16 +89,15 @@ class Coverage:
         """
         tips_mm = deployment.tips_mm
         seen_mm2, summed_mm2 = self._areas_mm2(tips_mm, ground)
-        (outcome,) = self._outcomes(
+        return self._outcomes(
             np.array([seen_mm2]),
             np.array([summed_mm2]),
             np.array([len(tips_mm)]),
             np.array([deployment.tree.total_length_mm]),
             ground,
-        )
-        return outcome
+        ).one(0)
 
-    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> list[Outcome]:
+    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> Outcomes:
         """Return what `evaluate` would for every growth of a block.
 
         Parameters
@@ -112,7 +111,7 @@ class Coverage:
             return one_by_one(self, block, grounds)
         tips_mm, first = block.tips_mm()
         lengths_mm = block.planned_mm()
-        outcomes: list[Outcome] = []
+        parts: list[Outcomes] = []
         for terrain, one, two in block.by_terrain():
             raster = self._raster(grounds[terrain])
             if raster is None:
@@ -120,12 +119,14 @@ class Coverage:
             begins = first[one : two + 1] - first[one]
             seen, summed = raster.covered_mm2(tips_mm[first[one] : first[two]], begins)
             counts = np.diff(begins)
-            outcomes += self._outcomes(seen, summed, counts, lengths_mm[one:two], grounds[terrain])
-        return outcomes
+            parts.append(
+                self._outcomes(seen, summed, counts, lengths_mm[one:two], grounds[terrain])
+            )
+        return joined(parts)
 
     def _outcomes(
         self, seen_mm2: Floats, summed_mm2: Floats, tips: Ints, length_mm: Floats, ground: Ground
-    ) -> list[Outcome]:
+    ) -> Outcomes:
         """Return score and terms for several final states on one map."""
         overlap = np.zeros_like(seen_mm2)
         sees = summed_mm2 > 0.0
@@ -142,11 +143,8 @@ class Coverage:
             - self.weight_length * length
             - self.weight_film * film
         )
-        columns = (score, area, count, length, film, 1.0 - overlap)
-        return [
-            (row[0], dict(zip(TERMS, row[1:], strict=True)))
-            for row in zip(*(column.tolist() for column in columns), strict=True)
-        ]
+        columns = (area, count, length, film, 1.0 - overlap)
+        return Outcomes(score, dict(zip(TERMS, columns, strict=True)))
 
     def _areas_mm2(self, tips_mm: Floats, ground: Ground) -> tuple[float, float]:
         """Return the area of the union of the discs and the sum of their areas."""

@@ -1,6 +1,6 @@
 """Score designs over maps and poses."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from vinefab.model.map import Map, Pose
 from vinefab.model.score import Evaluation, Score
 from vinefab.tasks.composite import composite
 from vinefab.tasks.ground import Ground
-from vinefab.tasks.task import Task, outcomes
+from vinefab.tasks.task import Outcomes, Task, joined, outcomes
 
 Poses = tuple[tuple[Pose, ...], ...]
 """For each map, the poses to grow from."""
@@ -147,17 +147,40 @@ def score_designs(
     options = options or GrowthOptions()
     batch = Batch([Plan.of(design, options) for design in designs], launches, options)
     grounds = [site.ground for site in sites]
-    blocks = batch.each(lambda block: outcomes(task, block, grounds), over)
-    found = [outcome for block in blocks for outcome in block]
+    found = joined(list(batch.each(lambda block: outcomes(task, block, grounds), over)))
+    return tuple(scores_of(found, task, sites, launches))
+
+
+def scores_of(
+    found: Outcomes, task: Task, sites: Sequence[Site], launches: Launches
+) -> Iterator[Score]:
+    """Give the score of each design of a batch.
+
+    Parameters
+    ----------
+    found
+        What its growths are worth, in the order of the batch.
+    task
+        The task.
+    sites
+        The maps.
+    launches
+        Where the designs grew from.
+    """
+    count = len(found.score) // len(launches)
     names = [sites[terrain].world.name for terrain in launches.terrain.tolist()]
-    scores = []
-    for index in range(len(designs)):
+    values, terms = found.score.tolist(), {n: v.tolist() for n, v in found.terms.items()}
+    for design in range(count):
         evaluations = tuple(
-            Evaluation(map_name=name, pose=pose, score=score, terms=terms)
-            for name, pose, (score, terms) in zip(
-                names, launches.poses, found[index :: len(designs)], strict=True
+            Evaluation(
+                map_name=name,
+                pose=pose,
+                score=values[row],
+                terms={term: column[row] for term, column in terms.items()},
+            )
+            for row, name, pose in zip(
+                range(design, len(values), count), names, launches.poses, strict=True
             )
         )
         weighed = composite([evaluation.score for evaluation in evaluations])
-        scores.append(Score(task=task.name, evaluations=evaluations, composite=weighed))
-    return tuple(scores)
+        yield Score(task=task.name, evaluations=evaluations, composite=weighed)

@@ -15,7 +15,7 @@ from vinefab.model.checked import Floats, Ints, positive
 from vinefab.model.deployment import Deployment
 from vinefab.tasks.ground import Ground
 from vinefab.tasks.raster import Chains
-from vinefab.tasks.task import Outcome, one_by_one
+from vinefab.tasks.task import Outcome, Outcomes, joined, one_by_one
 
 QUARTER_SEGMENTS = 32
 """Sides of the polygon that stands for a quarter of a round end: it has 0.04 % less area."""
@@ -61,9 +61,10 @@ class Reach:
                     np.array([0, points]),
                 )
             ).tolist()
-        return _outcome(reached_mm2, float(deployment.grown_mm.sum()), ground)
+        grown_mm = float(deployment.grown_mm.sum())
+        return _outcomes(np.array([reached_mm2]), np.array([grown_mm]), ground).one(0)
 
-    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> list[Outcome]:
+    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> Outcomes:
         """Return what `evaluate` would for every growth of a block.
 
         Parameters
@@ -75,7 +76,7 @@ class Reach:
         """
         if self.area == "exact":
             return one_by_one(self, block, grounds)
-        growth, outcomes = block.growth, list[Outcome]()
+        growth, parts = block.growth, list[Outcomes]()
         for terrain, one, two in block.by_terrain():
             ground = grounds[terrain]
             raster = ground.raster(self.buffer_mm)
@@ -90,11 +91,8 @@ class Reach:
             )
             reached_mm2 = raster.reached_mm2(chains)
             grown_mm = _sums(growth.grown, block.branch[one : two + 1])
-            outcomes += [
-                _outcome(area, length, ground)
-                for area, length in zip(reached_mm2.tolist(), grown_mm, strict=True)
-            ]
-        return outcomes
+            parts.append(_outcomes(reached_mm2, grown_mm, ground))
+        return joined(parts)
 
     def _exact_mm2(self, deployment: Deployment, ground: Ground) -> float:
         reached = near_chains(_chains(deployment), self.buffer_mm)
@@ -120,14 +118,15 @@ def near_chains(chains: Sequence[Sequence[Sequence[float]]], buffer_mm: float) -
     return shapely.union_all(shapely.buffer(lines, buffer_mm, quad_segs=QUARTER_SEGMENTS))
 
 
-def _outcome(reached_mm2: float, grown_mm: float, ground: Ground) -> Outcome:
-    share = min(1.0, reached_mm2 / ground.area_mm2)
-    return share, {"reached_mm2": reached_mm2, "grown_mm": grown_mm}
+def _outcomes(reached_mm2: Floats, grown_mm: Floats, ground: Ground) -> Outcomes:
+    share = np.minimum(1.0, reached_mm2 / ground.area_mm2)
+    return Outcomes(share, {"reached_mm2": reached_mm2, "grown_mm": grown_mm})
 
 
-def _sums(values: Floats, first: Ints) -> list[float]:
+def _sums(values: Floats, first: Ints) -> Floats:
     """Return the sum of each stretch, added up as a deployment of its own would be."""
-    return [float(values[one:two].sum()) for one, two in itertools.pairwise(first.tolist())]
+    sums = [float(values[one:two].sum()) for one, two in itertools.pairwise(first.tolist())]
+    return np.array(sums, dtype=np.float64)
 
 
 def _chains(deployment: Deployment) -> list[list[list[float]]]:

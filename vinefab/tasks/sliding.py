@@ -1,5 +1,6 @@
 """A task whose score falls with branches that stop head-on."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ from vinefab.growth.batch import Block
 from vinefab.model.checked import Ints
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.tasks.ground import Ground
-from vinefab.tasks.task import Outcome, Task, outcomes
+from vinefab.tasks.task import Outcome, Outcomes, Task, outcomes
 
 TERM = "head_on"
 
@@ -44,10 +45,11 @@ class Sliding:
 
     def evaluate(self, deployment: Deployment, ground: Ground) -> Outcome:
         """Return the task's score less the price, and its terms with ``head_on``, the share."""
+        score, terms = self.task.evaluate(deployment, ground)
         share = _share(deployment.stop)
-        return self._priced(self.task.evaluate(deployment, ground), share)
+        return score - self.weight * share, {**terms, TERM: share}
 
-    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> list[Outcome]:
+    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> Outcomes:
         """Return what `evaluate` would for every growth of a block.
 
         Parameters
@@ -57,16 +59,11 @@ class Sliding:
         grounds
             The maps.
         """
-        edges = block.branch.tolist()
         stop = block.growth.stop
-        return [
-            self._priced(outcome, _share(stop[edges[index] : edges[index + 1]]))
-            for index, outcome in enumerate(outcomes(self.task, block, grounds))
-        ]
-
-    def _priced(self, outcome: Outcome, share: float) -> Outcome:
-        score, terms = outcome
-        return score - self.weight * share, {**terms, TERM: share}
+        ends = itertools.pairwise(block.branch.tolist())
+        share = np.array([_share(stop[one:two]) for one, two in ends])
+        score, terms = outcomes(self.task, block, grounds)
+        return Outcomes(score - self.weight * share, {**terms, TERM: share})
 
 
 def _share(stop: Ints) -> float:

@@ -1,14 +1,38 @@
 """What a task is: it looks at one final state and says what it is worth."""
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
+
+from vinefab.core.errors import BadInputError
 from vinefab.growth.batch import Block
+from vinefab.model.checked import Floats
 from vinefab.model.deployment import Deployment
 from vinefab.tasks.ground import Ground
 
 Outcome = tuple[float, Mapping[str, float]]
 """A score, higher is better, and the named numbers that it is made of."""
+
+
+class Outcomes(NamedTuple):
+    """What j growths are worth.
+
+    Parameters
+    ----------
+    score
+        Shape (j,).
+    terms
+        The named numbers that the scores are made of, each of shape (j,).
+    """
+
+    score: Floats
+    terms: Mapping[str, Floats]
+
+    def one(self, index: int) -> Outcome:
+        """Return what one of the growths is worth."""
+        terms = {name: float(values[index]) for name, values in self.terms.items()}
+        return float(self.score[index]), terms
 
 
 class Task(Protocol):
@@ -41,7 +65,7 @@ class Task(Protocol):
 class BlockTask(Protocol):
     """A task that scores many growths at once faster than one by one."""
 
-    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> list[Outcome]:
+    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> Outcomes:
         """Return what `Task.evaluate` would for every growth of a block.
 
         Parameters
@@ -54,17 +78,44 @@ class BlockTask(Protocol):
         ...
 
 
-def outcomes(task: Task, block: Block, grounds: Sequence[Ground]) -> list[Outcome]:
+def outcomes(task: Task, block: Block, grounds: Sequence[Ground]) -> Outcomes:
     """Return a task's score and terms for every growth of a block."""
     if isinstance(task, BlockTask):
         return task.evaluate_block(block, grounds)
     return one_by_one(task, block, grounds)
 
 
-def one_by_one(task: Task, block: Block, grounds: Sequence[Ground]) -> list[Outcome]:
+def one_by_one(task: Task, block: Block, grounds: Sequence[Ground]) -> Outcomes:
     """Return a task's score and terms for every growth of a block, each from its deployment."""
     terrain = block.terrain.tolist()
-    return [
-        task.evaluate(block.deployment(index), grounds[terrain[index]])
-        for index in range(len(block))
-    ]
+    return together(
+        [
+            task.evaluate(block.deployment(index), grounds[terrain[index]])
+            for index in range(len(block))
+        ]
+    )
+
+
+def together(found: Sequence[Outcome]) -> Outcomes:
+    """Return several growths' scores and terms as columns.
+
+    Raises
+    ------
+    BadInputError
+        If a task gives other terms for some growths than for others.
+    """
+    names = tuple(found[0][1]) if found else ()
+    for _, terms in found:
+        if tuple(terms) != names:
+            raise BadInputError("a task's terms", list(terms), f"always the same: {list(names)}")
+    rows = np.array([(score, *terms.values()) for score, terms in found], dtype=np.float64)
+    columns = np.ascontiguousarray(rows.reshape(len(found), 1 + len(names)).T)
+    return Outcomes(columns[0], dict(zip(names, columns[1:], strict=True)))
+
+
+def joined(parts: Sequence[Outcomes]) -> Outcomes:
+    """Return the outcomes of several blocks, at least one, as those of one."""
+    if len(parts) == 1:
+        return parts[0]
+    terms = {name: np.concatenate([part.terms[name] for part in parts]) for name in parts[0].terms}
+    return Outcomes(np.concatenate([part.score for part in parts]), terms)

@@ -1,6 +1,5 @@
 """The examples and the library snippet of the README, run as a user would run them."""
 
-import json
 import re
 import subprocess
 import sys
@@ -22,8 +21,6 @@ SCRIPTS = {
     "draw_result": (),
 }
 
-
-TABLE = "price_of_making"
 
 TALKING = {
     "add_a_rule": "three_level_tree: warning: 1.54 m",
@@ -55,18 +52,6 @@ def test_an_example_draws_its_picture(name, arguments, tmp_path):
         assert sum(darkness[:250]) > 0.02 * image.width * image.height
 
 
-def test_the_price_of_making_is_a_table_of_winners_that_pass(tmp_path):
-    script, out = ROOT / "examples" / f"{TABLE}.py", tmp_path / "price.json"
-    sizes = ("--seeds", "1", "--unseen", "1", "--population", "4", "--generations", "1")
-    which = ("--tasks", "coverage", "--environments", "cave")
-    command = [sys.executable, script, *sizes, *which, "--out", out]
-    ran = subprocess.run(command, check=True, cwd=tmp_path, capture_output=True, text=True)
-    assert "| cave | coverage |" in ran.stdout
-    (cell,) = json.loads(out.read_text())
-    assert [run["passes"] for run in cell["fabricable"]] == [True]
-    assert cell["free"][0]["unseen"] != cell["fabricable"][0]["unseen"]
-
-
 @pytest.mark.parametrize("name", TALKING)
 def test_an_example_does_what_it_says(name, tmp_path):
     script, given = ROOT / "examples" / f"{name}.py", NEEDS.get(name, ())
@@ -79,7 +64,7 @@ def test_an_example_does_what_it_says(name, tmp_path):
 
 def test_every_script_in_the_folder_is_tried():
     scripts = {path.stem for path in (ROOT / "examples").glob("*.py")}
-    assert scripts == {*SCRIPTS, *TALKING, TABLE}
+    assert scripts == {*SCRIPTS, *TALKING}
 
 
 @pytest.mark.parametrize("name", ["grid_explorer", "cave_explorer", "six_branch_anchor"])

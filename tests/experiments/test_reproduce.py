@@ -17,6 +17,7 @@ from vinefab.experiments.registry import EXPERIMENTS
 from vinefab.experiments.search import evaluations_to, smoothed
 from vinefab.experiments.setups import coverage_run, maps_of
 from vinefab.experiments.size import QUICK
+from vinefab.experiments.variants import VARIANTS
 from vinefab.files.design import read_design
 from vinefab.model.tree import branch_tree
 
@@ -39,7 +40,7 @@ def test_all_experiments_stand_on_the_page_and_in_the_numbers(folder):
     assert document["schema"] == "vinefab/reproduction-1"
     assert list(document["experiments"]) == list(EXPERIMENTS)
     assert "Smoke run" in page
-    assert page.count("data:image/svg+xml") >= len(EXPERIMENTS) - 1  # ablation is a table
+    assert page.count("data:image/svg+xml") >= len(EXPERIMENTS)
     for name, found in document["experiments"].items():
         assert f"{name}: {found['title']}" in page
         assert found["numbers"]
@@ -47,6 +48,26 @@ def test_all_experiments_stand_on_the_page_and_in_the_numbers(folder):
             interval = claim["difference"]
             assert interval["low"] <= interval["value"] <= interval["high"] or claim["kept_designs"]
             assert (claim["verdict"] == "held") == (interval["low"] > 0.0)
+            assert 0.0 < interval["p"] <= 1.0
+    assert document["claims_held_corrected"] <= document["claims_held"]
+
+
+def test_fabricable_winners_pass_the_check(folder):
+    document = json.loads((folder / "reproduction.json").read_text())
+    for found in document["experiments"]["price"]["data"].values():
+        assert found["passes"]["fabricable"] == QUICK.seeds
+        assert np.shape(found["free"]) == np.shape(found["fabricable"])
+
+
+def test_every_variant_says_what_it_asks(folder):
+    document = json.loads((folder / "reproduction.json").read_text())
+    data = document["experiments"]["ablation"]["data"]
+    assert list(data) == [variant.name for variant in VARIANTS]
+    for variant in VARIANTS:
+        assert len(data[variant.name]["differences"]) == 2 * len(variant.asks)
+    sight, free = data["sensors see in line of sight (tests only)"], data["base"]
+    lead = "Grid designs lead in the Grid"
+    assert sight["differences"][lead] != free["differences"][lead]
 
 
 def test_the_page_needs_nothing_else(folder):

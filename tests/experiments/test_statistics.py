@@ -45,6 +45,25 @@ def test_shared_maps_are_paired(rng):
     assert difference(better, maps, same_maps=False).verdict == "not held: undecided"
 
 
+def test_paired_runs_are_drawn_together(rng):
+    """Every run gains a little over its pair; runs differ far more from each other."""
+    runs = rng.normal(0.0, 1.0, (6, 25, 1)) + rng.normal(0.0, 3.0, (6, 1, 1))
+    better = runs + 0.05
+    found = difference(better, runs, same_runs=True)
+    assert (found.low, found.high) == (pytest.approx(0.05), pytest.approx(0.05))
+    assert not difference(better, runs).held
+
+
+def test_p_agrees_with_the_normal_law_and_with_the_interval(rng):
+    values = rng.normal(0.0, 1.0, (1, 300, 1))
+    for shift in (-0.2, -0.05, 0.0, 0.03, 0.1, 0.3):
+        moved = values - values.mean() + shift
+        found = interval(moved)
+        known = 2.0 * norm.sf(abs(shift) / (values.std() / np.sqrt(300)))
+        assert found.p == pytest.approx(min(1.0, known), abs=0.03)
+        assert (found.p < 0.05) == (found.low > 0.0 or found.high < 0.0)
+
+
 @pytest.mark.parametrize("statistic", [mean, spread, peak])
 def test_a_group_does_not_differ_from_itself(rng, statistic):
     values = rng.normal(size=(1, 20, 3))

@@ -22,7 +22,8 @@ def reproduce_command(
         list[str],
         typer.Argument(
             metavar="NAME...",
-            help="transfer, convergence, maps, weighting, reach, anchor, search, ablation, or all.",
+            help="transfer, convergence, maps, weighting, reach, anchor, search, ablation, price, "
+            "or all.",
         ),
     ],
     out: Annotated[Path, typer.Option("--out", help="The folder; a stopped run goes on in it.")],
@@ -42,7 +43,7 @@ def reproduce_command(
     size = QUICK if quick else PAPER
     with voice.progress("reproduce") as show:
         done = reproduce(names, out, size, workers=workers, tell=show, announce=voice.say)
-    table = Table("experiment", "verdict", "claim", "difference [95 %]", "confidence")
+    table = Table("experiment", "verdict", "claim", "difference [95 %]", "p")
     for finding in done.findings:
         for claim in finding.claims:
             table.add_row(finding.name, *claim.cells()[:4])

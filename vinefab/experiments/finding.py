@@ -1,11 +1,15 @@
 """What an experiment finds: numbers beside the paper's, and claims that hold or do not."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from vinefab.core.resampling import holm
 from vinefab.experiments.statistics import Interval
 from vinefab.report.content import Picture
+
+LEVEL = 0.05
+CLAIM_HEADINGS = ("verdict", "claim", "difference [95 %]", "p", "confidence", "kept designs only")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,12 +65,13 @@ class Claim:
         }
 
     def cells(self) -> tuple[str, ...]:
-        """Return it as cells of a table: verdict, claim, difference, confidence, kept designs."""
+        """Return it as cells of a table, under `CLAIM_HEADINGS`."""
         kept = "-"
         if self.kept is not None:
             kept = f"{interval_text(self.kept, self.digits)}, {self.kept.verdict}"
         difference = interval_text(self.tested, self.digits)
-        return self.tested.verdict, self.text, difference, _percent(self.tested.above), kept
+        sure = _percent(self.tested.above)
+        return self.tested.verdict, self.text, difference, p_text(self.tested.p), sure, kept
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,6 +117,19 @@ class Finding:
         }
 
 
+def held(findings: Sequence[Finding]) -> tuple[int, int]:
+    """Return how many claims hold, and how many there are."""
+    claims = [claim for finding in findings for claim in finding.claims]
+    return sum(claim.tested.held for claim in claims), len(claims)
+
+
+def held_corrected(findings: Sequence[Finding]) -> int:
+    """Return how many claims hold still when p is corrected for their number (Holm)."""
+    tested = [claim.tested for finding in findings for claim in finding.claims]
+    corrected = holm([found.p for found in tested])
+    return sum(found.held and p < LEVEL for found, p in zip(tested, corrected, strict=True))
+
+
 def interval_text(found: Interval, digits: int = 3) -> str:
     """Return a number with its interval in words."""
     return f"{found.value:.{digits}f} [{found.low:.{digits}f}, {found.high:.{digits}f}]"
@@ -122,11 +140,16 @@ def percent_text(found: Interval) -> str:
     return f"{100 * found.value:.1f} % [{100 * found.low:.1f}, {100 * found.high:.1f}]"
 
 
+def p_text(p: float) -> str:
+    """Return a p-value; a bootstrap of so many resamples tells none apart below 0.001."""
+    return "< 0.001" if p < 0.001 else f"{p:.3f}"
+
+
 def _percent(share: float) -> str:
     """Return a confidence; a bootstrap never makes sure."""
     return "> 99.9 %" if share > 0.999 else f"{100 * share:.1f} %"
 
 
 def _plain(found: Interval) -> dict[str, float]:
-    names = ("value", "low", "high", "above")
+    names = ("value", "low", "high", "above", "p")
     return {name: getattr(found, name) for name in names}

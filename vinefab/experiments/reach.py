@@ -131,9 +131,8 @@ def reach(lab: Lab) -> Finding:
         ),
         remarks=(
             "The branching designs are as large as Table 1 allows, because nothing is charged for "
-            "film here: no such robot can be cut (examples/price_of_making.py says what those that "
-            "can be made reach). The buffer reaches through thin walls in this measure, for both "
-            "kinds of robot alike.",
+            "film here: no such robot can be cut ('price' says what those that can be made reach). "
+            "The buffer reaches through thin walls in this measure, for both kinds of robot alike.",
             "How far a tree gets in a Cave is decided by how interconnected its passages are: with "
             "every short cut open, as here, most places can be reached in a few bends; with 0.4 of "
             "them open ('ablation'), long tours remain that five levels cannot follow. The share "

@@ -9,6 +9,7 @@ from vinefab.experiments.convergence import convergence
 from vinefab.experiments.finding import Finding
 from vinefab.experiments.lab import Lab
 from vinefab.experiments.maps import maps
+from vinefab.experiments.price import price
 from vinefab.experiments.reach import reach
 from vinefab.experiments.search import search
 from vinefab.experiments.transfer import transfer
@@ -25,5 +26,6 @@ EXPERIMENTS: Registry[Callable[[Lab], Finding]] = Registry(
         "anchor": anchor,
         "search": search,
         "ablation": ablation,
+        "price": price,
     },
 )

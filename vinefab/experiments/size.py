@@ -21,6 +21,8 @@ class Size:
         Size of a search on coverage; 100 is the size of the paper's swarm in MATLAB.
     wide_population, wide_generations
         The same for `reach` and `anchor`.
+    making_population, making_generations
+        The same for `price`.
     training_maps
         Maps that a design is trained on.
     maps_at_once
@@ -41,6 +43,8 @@ class Size:
     generations: int = 40
     wide_population: int = 60
     wide_generations: int = 25
+    making_population: int = 20
+    making_generations: int = 15
     training_maps: int = 24
     maps_at_once: int = 6
     unseen_maps: int = 25
@@ -59,6 +63,8 @@ QUICK = Size(
     generations=2,
     wide_population=4,
     wide_generations=2,
+    making_population=4,
+    making_generations=1,
     training_maps=3,
     maps_at_once=2,
     unseen_maps=3,

@@ -56,6 +56,11 @@ class Interval:
         return self.low > 0.0
 
     @property
+    def p(self) -> float:
+        """Two-sided bootstrap p-value of a difference of 0; at least 1 in `RESAMPLES`."""
+        return min(1.0, max(2.0 * min(self.above, 1.0 - self.above), 1.0 / RESAMPLES))
+
+    @property
     def verdict(self) -> str:
         """``held``, or in which of two ways not."""
         if self.held:
@@ -78,7 +83,12 @@ def interval(values: Floats, statistic: Statistic = mean) -> Interval:
 
 
 def difference(
-    first: Floats, second: Floats, statistic: Statistic = mean, *, same_maps: bool = True
+    first: Floats,
+    second: Floats,
+    statistic: Statistic = mean,
+    *,
+    same_maps: bool = True,
+    same_runs: bool = False,
 ) -> Interval:
     """Return how much larger a statistic is for one group of designs than for another.
 
@@ -91,9 +101,13 @@ def difference(
     same_maps
         Whether both met the same maps and poses: then the same maps are drawn for both, which
         pairs them.
+    same_runs
+        Whether the runs of both are pairs, such as runs with the same seeds: then the same runs
+        are drawn for both.
     """
     one = _resampled(first, statistic, _draws(first, 0, 1))
-    two = _resampled(second, statistic, _draws(second, 2, 1 if same_maps else 3))
+    draws = _draws(second, 0 if same_runs else 2, 1 if same_maps else 3)
+    two = _resampled(second, statistic, draws)
     return _interval([one, two], [first, second], statistic)
 
 

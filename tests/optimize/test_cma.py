@@ -3,7 +3,7 @@ import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.optimize.axes import Axes
-from vinefab.optimize.cma import Cma, CmaRecipe, _centred, _whole_numbers
+from vinefab.optimize.cma import Cma, CmaRecipe
 
 MIXED = Axes(choices=(4, 0, 2, 0, 0, 0), levels=(0, 0, 0, 3, 3, 3), depth=0, least_depth=1)
 
@@ -53,47 +53,3 @@ def test_too_few_points_are_refused() -> None:
         CmaRecipe().start(MIXED, population=3, seed=1)
     with pytest.raises(BadInputError, match="spread"):
         CmaRecipe(spread=0.0)
-
-
-def test_whole_numbers_are_found_as_the_package_finds_them() -> None:
-    axes = Axes(choices=(4, 3, 7), levels=(0, 0, 0))
-    search = CmaRecipe().start(axes, population=8, seed=1)
-    assert isinstance(search, Cma)
-    values, limits = search._search._z_space, search._search._z_lim
-    rng = np.random.default_rng(1)
-    drawn = rng.uniform(-1.0, 8.0, (300, 3))
-    for v in [*drawn, *np.round(2.0 * drawn) / 2.0]:
-        expected = type(search._search)._discretization(search._search, v)
-        np.testing.assert_array_equal(_whole_numbers(v, values, limits), expected)
-
-
-def test_whole_numbers_are_centred_as_the_package_centres_them() -> None:
-    axes = Axes(choices=(4, 3, 7, 0), levels=(0, 0, 0, 0))
-    search = CmaRecipe(spread=0.5).start(axes, population=30, seed=1)
-    assert isinstance(search, Cma)
-    rng = np.random.default_rng(2)
-    inner = search._search
-    for _ in range(40):
-        v = np.column_stack([rng.random(30), rng.uniform(-1.0, 7.0, (30, 3))])
-        expected = type(inner)._integer_centering(inner, v.copy())
-        mutated = inner._int_succ.copy()
-        np.testing.assert_allclose(_centred(inner, v.copy()), expected, rtol=0.0, atol=1e-12)
-        np.testing.assert_array_equal(inner._int_succ, mutated)
-        inner._mean[1:] = rng.uniform(0.0, 3.0, 3)
-
-
-def test_points_are_drawn_from_the_packages_distribution() -> None:
-    axes = Axes(choices=(0, 5, 0), levels=(0, 0, 0))
-    many = {}
-    for drawn in (False, True):
-        search = CmaRecipe().start(axes, population=4000, seed=3)
-        assert isinstance(search, Cma)
-        search._search._mean[:] = (0.3, 0.9, 1.2)  # two continuous ones, then the whole number
-        search._search._C[0, 1] = search._search._C[1, 0] = 0.02
-        if not drawn:
-            search._asked = [search._search.ask() for _ in range(4000)]
-        many[drawn] = search.ask()
-    for one, other in ((many[True], many[False]),):
-        np.testing.assert_allclose(one.mean(axis=0), other.mean(axis=0), atol=0.03)
-        np.testing.assert_allclose(np.cov(one.T), np.cov(other.T), atol=0.01)
-        assert np.corrcoef(one[:, 0], one[:, 2])[0, 1] > 0.3

@@ -83,41 +83,29 @@ class Cma:
         self._counts = counts
         self._search = self._new_search(recipe)
         self._generation = 0
-        self._asked: list[Any] = []
+        self._drawn: Floats | None = None
 
     def ask(self) -> Floats:
         """Return points of the distribution, shape (m, d)."""
-        if not self._asked:
-            self._asked = self._drawn()
+        reals, numbers = self._search.within(self._points())
         x = np.empty((self._population, len(self._counts)))
-        if len(self._real):
-            x[:, self._real] = [point.x for point in self._asked]
-        if len(self._whole):
-            numbers = np.array([point.z for point in self._asked])
-            x[:, self._whole] = (numbers + 0.5) / self._counts[self._whole]
+        x[:, self._real] = reals
+        x[:, self._whole] = (numbers + 0.5) / self._counts[self._whole]
         return x
 
-    def _drawn(self) -> list[Any]:
-        """Draw a generation at once; the package's `ask` draws a point at a time, slowly."""
-        search, count = self._search, self._population
-        sequence = np.random.SeedSequence(self._seed, spawn_key=(_STREAM, self._generation))
-        rng = np.random.RandomState(np.random.MT19937(sequence))
-        vectors, roots = search._eigen_decomposition()
-        steps = (rng.randn(count, len(roots)) * roots) @ vectors.T
-        v = search._mean + search._sigma * search._A * steps
-        x, z = np.clip(v[:, : len(self._real)], 0.0, 1.0), v[:, len(self._real) :]
-        if len(self._whole):
-            z = _whole_numbers(z, search._z_space, search._z_lim)
-        return [search.Solution(*row) for row in zip(x, z, [None] * count, v, strict=True)]
+    def _points(self) -> Floats:
+        """Return this generation's points as they were drawn."""
+        if self._drawn is None:
+            sequence = np.random.SeedSequence(self._seed, spawn_key=(_STREAM, self._generation))
+            rng = np.random.RandomState(np.random.MT19937(sequence))
+            self._drawn = self._search.sample(rng, self._population)
+        return self._drawn
 
     def tell(self, x: Floats, fitness: Floats) -> None:  # noqa: ARG002 - it knows what it asked
         """Move the distribution by the ranks of the points."""
-        self.ask()
-        ranks = np.empty(self._population)
         # Of equals, the order in which they were drawn decides, which is as good as any.
-        ranks[np.argsort(-fitness, kind="stable")] = np.arange(self._population)
-        self._search.tell(list(zip(self._asked, ranks.tolist(), strict=True)))
-        self._asked = []
+        self._search.learn(self._points()[np.argsort(-fitness, kind="stable")])
+        self._drawn = None
         self._generation += 1
 
     def state(self) -> Mapping[str, object]:
@@ -133,7 +121,7 @@ class Cma:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from a state."""
         self._generation = state["generation"]
-        self._asked = []
+        self._drawn = None
         for name, value in state.items():
             if name in _ARRAYS:
                 setattr(self._search, name, np.array(value, dtype=_ARRAYS[name]))
@@ -141,64 +129,18 @@ class Cma:
                 setattr(self._search, name, value)
 
     def _new_search(self, recipe: CmaRecipe) -> Any:  # noqa: ANN401 - cmaes has no types here
-        from cmaes import CatCMAwM  # noqa: PLC0415 - loads scipy's statistics, which takes a second
+        from vinefab.optimize.cma_search import Distribution  # noqa: PLC0415 - takes a second
 
         whole = self._counts[self._whole]
         ranges = np.concatenate([np.ones(len(self._real)), whole])
         middles = np.concatenate([np.full(len(self._real), 0.5), (whole - 1.0) / 2.0])
-        search = CatCMAwM(
+        return Distribution(
             x_space=[[0.0, 1.0]] * len(self._real) or None,
             z_space=[list(range(count)) for count in whole.tolist()] or None,
             population_size=self._population,
             mean=middles,
             cov=np.diag((recipe.spread * ranges) ** 2),
         )
-        if len(whole):
-            # The package looks at one number at a time, which takes most of its time.
-            search._discretization = lambda v: _whole_numbers(v, search._z_space, search._z_lim)
-            search._integer_centering = lambda v: _centred(search, v)
-        return search
-
-
-def _whole_numbers(v: Floats, values: Floats, limits: Floats) -> Floats:
-    """Return the values that numbers stand for, the shape of the numbers.
-
-    Parameters
-    ----------
-    v
-        The numbers, shape (n,) or (m, n).
-    values
-        Rising values of each column, shape (n, k).
-    limits
-        Where one value ends and the next begins, shape (n, k - 1).
-    """
-    places = np.count_nonzero(v[..., None] > limits, axis=-1)
-    found: Floats = values[np.arange(len(values)), places]
-    return found
-
-
-def _centred(search: Any, v_raw: Floats) -> Floats:  # noqa: ANN401 - cmaes has no types here
-    """Return the sorted points with whole numbers centred, as the package does row by row.
-
-    The better half is moved: entries whose whole number differs from the mean's onto that number,
-    and the others against the bias that this makes. It also notes which numbers mutated.
-    """
-    columns, better = search._discrete_idx, slice(search._mu)
-    old = v_raw[better][:, columns]
-    middle, whole = search._discretization(search._mean[columns]), search._discretization(old)
-    mutated = whole != middle
-    search._int_succ = mutated.any(axis=0)
-    offsets = whole - old
-    bias = np.where(mutated, offsets, 0.0).sum(axis=0)
-    shares = np.zeros(len(columns))
-    for sign in (1.0, -1.0):
-        moves = np.where(~mutated & (sign * offsets > 0.0), offsets, 0.0).sum(axis=0)
-        against = bias * moves < 0.0
-        shares[against] = np.minimum(1.0, -bias[against] / moves[against])
-    back = ~mutated & (bias * offsets < 0.0)
-    moved = np.where(mutated, whole, old + back * shares * offsets)
-    v_raw[: search._mu, columns] = moved
-    return v_raw
 
 
 def _plain(value: Any) -> object:  # noqa: ANN401 - as above

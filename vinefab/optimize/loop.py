@@ -124,9 +124,11 @@ class Search:
         crew = Threads(workers) if isinstance(workers, int) else workers
         ledger = Ledger(crew.count)
         diary = _Diary(store, progress, settings.search, ledger)
+        poses = self.poses(len(history))
         with crew.hired(self.trial, ledger) as begin:
             while (stopped := why_stop(history, settings.search)) is None:
-                history.append(self._generation(len(history), begin, diary, ledger))
+                last, poses = self._generation(len(history), poses, begin, diary, ledger)
+                history.append(last)
                 diary.note(history, self.optimizer.state())
             diary.write()
             finalists = self._final(history, store, begin, ledger)
@@ -147,22 +149,24 @@ class Search:
         """Return the poses that all points of a generation meet."""
         return self.trial.training_poses(self.settings.search.seed, number)
 
-    def _generation(self, number: int, begin: Begin, diary: "_Diary", ledger: Ledger) -> Generation:
-        """Ask, evaluate and tell."""
+    def _generation(
+        self, number: int, poses: Poses, begin: Begin, diary: "_Diary", ledger: Ledger
+    ) -> tuple[Generation, Poses]:
+        """Ask, evaluate and tell; return the poses of the next generation too."""
         began = time.perf_counter()
         with ledger.spending("optimizer"):
             x = self.optimizer.ask()
         self._check(x)
-        poses = self.poses(number)
         with ledger.spending("evaluating"):
             finish = begin(x, poses)
             diary.write()
+            next_poses = self.poses(number + 1)
             found = finish()
         composite = self.trial.composites(found.score)
         fitness = self.trial.fitness(composite, found.penalty)
         with ledger.spending("optimizer"):
             self.optimizer.tell(x, fitness)
-        return Generation(
+        generation = Generation(
             number=number,
             x=x,
             fitness=fitness,
@@ -171,6 +175,7 @@ class Search:
             terms={name: values.mean(axis=1) for name, values in found.terms.items()},
             seconds=time.perf_counter() - began,
         )
+        return generation, next_poses
 
     def _check(self, x: Floats) -> None:
         shaped = x.ndim == 2 and len(x) > 0 and x.shape[1] == len(self.trial.space)

@@ -208,7 +208,9 @@ class RunStore:
         """Make the tables, or check those that are there; record the session."""
         with system_errors(self.path):
             self._connection.execute("PRAGMA journal_mode = WAL")
-            self._connection.execute("PRAGMA synchronous = FULL")
+            # In WAL mode only a power cut, not a kill, can then cost the last generations, and
+            # nothing but them; waiting for the disk would take longer than many generations.
+            self._connection.execute("PRAGMA synchronous = NORMAL")
             names = self._connection.execute("SELECT name FROM sqlite_master").fetchall()
         if not names:
             self._create(maps)

@@ -1,7 +1,7 @@
 """Who does pieces of work: the threads of a pool, or whoever asks."""
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import Generic, ParamSpec, Protocol, TypeVar
 
@@ -38,6 +38,10 @@ class Crew(Protocol):
         """Have a piece of work done, at once or later."""
         ...
 
+    def wait(self, promises: Sequence[Promise[object]]) -> None:
+        """Wait until all work is done, or some of it went wrong."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class Pool:
@@ -59,6 +63,11 @@ class Pool:
     ) -> Promise[Result]:
         """Have a thread do a piece of work."""
         return self.threads.submit(work, *given, **named)
+
+    def wait(self, promises: Sequence[Promise[object]]) -> None:
+        """Sleep until all is done; waking up for every piece would keep threads from working."""
+        futures = [promise for promise in promises if isinstance(promise, Future)]
+        wait(futures, return_when=FIRST_EXCEPTION)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,3 +91,6 @@ class Alone:
     ) -> Promise[Result]:
         """Do a piece of work."""
         return Done(work(*given, **named))
+
+    def wait(self, promises: Sequence[Promise[object]]) -> None:
+        """Nothing is left to be done."""

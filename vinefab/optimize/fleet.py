@@ -36,6 +36,9 @@ class Fleet:
         Length of the trunk, shape (m,).
     branches, length_mm, fan_rad, growth
         As in `vinefab.model.design.Level`, shape (m, n); without meaning beyond a design's depth.
+    counts
+        Number of branches on each level, the trunk's first, shape (m, n + 1); at most so many that
+        it is too many.
     """
 
     depth: Ints
@@ -44,22 +47,14 @@ class Fleet:
     length_mm: Floats
     fan_rad: Floats
     growth: Floats
+    counts: Ints
 
     def __len__(self) -> int:
         return len(self.depth)
 
     @property
-    def counts(self) -> Ints:
-        """Number of branches on each level, the trunk's first, shape (m, n + 1)."""
-        below = np.arange(self.branches.shape[1]) < self.depth[:, None] - 1
-        # More than any design may have is more than enough, whatever comes after.
-        counts = np.ones((len(self), 1 + self.branches.shape[1]))
-        np.cumprod(np.where(below, self.branches, 0.0), axis=1, out=counts[:, 1:])
-        return np.minimum(counts, MOST_BRANCHES + 1.0).astype(np.int64)
-
-    @property
     def sizes(self) -> Ints:
-        """Number of branches of each design, shape (m,); at most so many that it is too many."""
+        """Number of branches of each design, shape (m,)."""
         return np.asarray(self.counts.sum(axis=1))
 
     def part(self, rows: Ints) -> "Fleet":
@@ -71,7 +66,23 @@ class Fleet:
             length_mm=self.length_mm[rows],
             fan_rad=self.fan_rad[rows],
             growth=self.growth[rows],
+            counts=self.counts[rows],
         )
+
+
+def branch_counts(depth: Ints, branches: Ints) -> Ints:
+    """Return the number of branches on each level as `Fleet.counts` has it.
+
+    Parameters
+    ----------
+    depth, branches
+        As in `Fleet`.
+    """
+    below = np.arange(branches.shape[1]) < depth[:, None] - 1
+    # More than any design may have is more than enough, whatever comes after.
+    counts = np.ones((len(depth), 1 + branches.shape[1]))
+    np.cumprod(np.where(below, branches, 0.0), axis=1, out=counts[:, 1:])
+    return np.minimum(counts, MOST_BRANCHES + 1.0).astype(np.int64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,7 +9,7 @@ from vinefab.model.checked import Floats
 from vinefab.model.design import Build, Design, Level
 from vinefab.optimize.axes import Axes
 from vinefab.optimize.bounds import LIMITS, WHOLE, Bounds, BuildSettings, SpaceSettings
-from vinefab.optimize.fleet import Fleet
+from vinefab.optimize.fleet import Fleet, branch_counts
 
 DECIMALS = 2
 """Lengths, angles and growth are whole hundredths of their units, so that a design file holds
@@ -167,13 +167,15 @@ class Space:
         table[:, self._free] = self._values(x)
         level = table[:, 2:].reshape(len(x), int(self.settings.levels.high) - 1, len(LIMITS))
         of = {name: level[:, :, place] for place, name in enumerate(LIMITS)}
+        depth, branches = table[:, 0].astype(np.int64), of["branches"].astype(np.int64)
         return Fleet(
-            depth=table[:, 0].astype(np.int64),
+            depth=depth,
             trunk_mm=table[:, 1],
-            branches=of["branches"].astype(np.int64),
+            branches=branches,
             length_mm=of["length_mm"],
             fan_rad=np.radians(of["angle_deg"]),
             growth=of["growth_percent"] / 100.0,
+            counts=branch_counts(depth, branches),
         )
 
     def _values(self, x: Floats) -> Floats:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import accumulate, chain, pairwise
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -45,8 +46,8 @@ class Inspector(Protocol):
         ...
 
 
-BLOCKS_EACH, LEAST_BLOCK = 5, 32
-"""Growths done in one go: so few that everybody gets several such blocks and nobody has to wait
+SHARE_LEFT, LEAST_BLOCK = 1.5, 32
+"""Growths done in one go: what is left over so many times the workers, so that nobody has to wait
 long for the last one, but enough to forget the handing over, unless somebody would get none."""
 
 TRAINING, FINAL, MAPS = 1411, 1412, 1414
@@ -245,22 +246,28 @@ class Trial:
         order = np.argsort(-fleet.sizes, kind="stable")
         there = order[fleet.sizes[order] <= MOST_BRANCHES]
         launches = self.launches(poses)
-        growing = self._grown(fleet.part(there), launches, crew) if len(there) else []
+        parts = _in_two(there) if crew.count > 1 else [there]
+        growing = [self._grown(fleet.part(part), launches, crew) for part in parts if len(part)]
         planning = Work(growth_s=watch.lap_s())
 
         def finish() -> tuple[Found, Work]:
-            penalty, parts = [p.result() for p in making], [p.result() for p in growing]
+            crew.wait([*making, *chain.from_iterable(growing)])
+            penalty = [promise.result() for promise in making]
+            grown = [[promise.result() for promise in blocks] for blocks in growing]
             shape = (len(x), len(launches))
-            found = _found(shape, there, [outcomes for outcomes, _ in parts])
-            spent = [planning, *(work for _, work in penalty), *(work for _, work in parts)]
-            penalties = np.concatenate([values for values, _ in penalty])
-            return found.with_penalties(penalties), Work.total(spent)
+            found = _found(shape, parts, [[found for found, _ in blocks] for blocks in grown])
+            spent = [planning, *(work for _, work in (*penalty, *chain.from_iterable(grown)))]
+            if penalty:
+                found = found.with_penalties(np.concatenate([values for values, _ in penalty]))
+            return found, Work.total(spent)
 
         return finish
 
     def _penalties(self, x: Floats, crew: Crew) -> list[Promise[tuple[Floats, Work]]]:
         """Have somebody find penalties; NaN where a point is no design, or not to the penalty."""
-        size = len(x) if self.penalty is None else math.ceil(len(x) / (4 * crew.count))
+        if self.penalty is None:
+            return []
+        size = math.ceil(len(x) / (4 * crew.count))
         return [
             crew.submit(self._penalties_of, x[first : first + size])
             for first in range(0, len(x), size)
@@ -291,10 +298,8 @@ class Trial:
             found = outcomes(self.task, block, grounds)
             return found, Work(growth_s=growth_s, scoring_s=watch.lap_s())
 
-        size = block_size(len(batch), crew.count)
-        return [
-            crew.submit(batch.worked, first, size, work) for first in range(0, len(batch), size)
-        ]
+        ends = accumulate(block_sizes(len(batch), crew.count), initial=0)
+        return [crew.submit(batch.worked, one, two - one, work) for one, two in pairwise(ends)]
 
     def score(self, found: Found, row: int, poses: Poses) -> Score:
         """Return what was found of one point that is a design as a score."""
@@ -334,8 +339,8 @@ class Trial:
         return min(0.0, self.task.lowest)
 
 
-def block_size(growths: int, workers: int) -> int:
-    """Return how many growths to do in one go.
+def block_sizes(growths: int, workers: int) -> list[int]:
+    """Return how many growths to do in one go, block after block, larger ones first.
 
     Parameters
     ----------
@@ -346,11 +351,18 @@ def block_size(growths: int, workers: int) -> int:
 
     Examples
     --------
-    >>> [block_size(500, workers) for workers in (1, 2, 8, 100)]
-    [100, 50, 32, 5]
+    >>> block_sizes(375, workers=2)
+    [125, 84, 56, 37, 32, 32, 9]
+    >>> block_sizes(20, workers=4)
+    [5, 5, 5, 5]
     """
-    fair = math.ceil(growths / (BLOCKS_EACH * workers))
-    return min(max(fair, LEAST_BLOCK), BLOCK, math.ceil(growths / workers))
+    least = min(LEAST_BLOCK, math.ceil(growths / workers))
+    sizes, left = list[int](), growths
+    while left > 0:
+        share = math.ceil(left / (SHARE_LEFT * workers))
+        sizes.append(min(max(share, least), BLOCK, left))
+        left -= sizes[-1]
+    return sizes
 
 
 def _radii_mm(space: Space, growth: GrowthOptions) -> tuple[float, ...]:
@@ -361,30 +373,34 @@ def _radii_mm(space: Space, growth: GrowthOptions) -> tuple[float, ...]:
     return tuple(width_mm / math.pi for width_mm in deepest.widths_mm)
 
 
-def _found(shape: tuple[int, int], there: Ints, parts: Sequence[Outcomes]) -> Found:
+def _in_two(rows: Ints) -> list[Ints]:
+    """Return every fourth of some designs, and the others: those to plan while these are grown."""
+    fourth = np.arange(len(rows)) % 4 == 0
+    return [rows[fourth], rows[~fourth]]
+
+
+def _found(
+    shape: tuple[int, int], parts: Sequence[Ints], outcomes: Sequence[Sequence[Outcomes]]
+) -> Found:
     """Return what was found of points, shape (m, k), where some of them are designs.
 
     Parameters
     ----------
     shape
         Number of points and of launches.
-    there
-        The points that are designs, in the order of the batch.
     parts
-        What its blocks are worth.
+        The points of each batch, in its order.
+    outcomes
+        What the blocks of each batch are worth.
     """
-    found = joined(parts) if parts else Outcomes(np.empty(0), {})
-
-    def by_design(values: Floats) -> Floats:
-        table = np.full(shape, np.nan)
-        table[there] = values.reshape(shape[1], -1).T
-        return table
-
-    return Found(
-        penalty=np.zeros(shape[0]),
-        score=by_design(found.score),
-        terms={name: by_design(values) for name, values in found.terms.items()},
-    )
+    score, terms = np.full(shape, np.nan), dict[str, Floats]()
+    for rows, blocks in zip(parts, outcomes, strict=False):
+        found = joined(blocks)
+        score[rows] = found.score.reshape(shape[1], -1).T
+        for name, values in found.terms.items():
+            table = terms.setdefault(name, np.full(shape, np.nan))
+            table[rows] = values.reshape(shape[1], -1).T
+    return Found(penalty=np.zeros(shape[0]), score=score, terms=terms)
 
 
 def _search_task(settings: PartSettings, head_on_weight: float) -> Task:

@@ -5,7 +5,7 @@ import pytest
 
 from vinefab.checks.run import run_checks
 from vinefab.checks.subject import Subject
-from vinefab.model.design import Design
+from vinefab.model.design import Collar, Design
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.laser import LaserProfile
 
@@ -63,3 +63,19 @@ def test_an_overcut_shorter_than_the_recipes_is_found(
     _, found = seam_findings(replace(subject, profile=longer))
     assert len(found) == count
     assert all(finding.measured == pytest.approx(2.0) for finding in found)
+
+
+def test_a_collar_is_as_wide_as_its_clamp_and_not_as_the_trunk(
+    make: Make, profile: LaserProfile
+) -> None:
+    """Its straight part is longer here than all else of the trunk."""
+    collar = Collar(clamp_diameter_mm=50.0, length_mm=250.0, flare_mm=60.0)
+    design = make(trunk_mm=200.0, tail_mm=330.0, collar=collar)
+    report = run_checks(Subject.of(design, profile), only=("VF-W04", "VF-P05"))
+    assert report.findings == ()
+    assert [run.checked for run in report.run] == [1, 1 + 2]
+
+
+def test_a_taper_steeper_than_its_branch_is_found(make: Make, profile: LaserProfile) -> None:
+    report = run_checks(Subject.of(make(trunk_mm=10.0, taper=(0.3,)), profile))
+    assert "VF-C03" in {finding.rule for finding in report.blocking}

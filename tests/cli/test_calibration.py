@@ -102,6 +102,37 @@ def test_a_calibrated_recipe_is_calibrated_again_by_what_is_new(vinefab, tmp_pat
     assert profile.material.friction.uncertainty == pytest.approx(0.0198, abs=1e-3)
 
 
+def test_peel_crotches_and_energies_are_kept_in_the_recipe(vinefab, tmp_path):
+    table, mine, again = tmp_path / "r.csv", tmp_path / "mine.toml", tmp_path / "again.toml"
+    table.write_text(
+        "measure,setting,value,unit,uncertainty\npeel,25,10,N,0.5\ncrotch_burst,8,45,kPa,\n"
+        "matrix,46.8 6,weldcut,,\nmatrix,81.8 6,weldcut,,\nmatrix,143.0 6,cut,,\n"
+    )
+    record = tmp_path / "said.json"
+    assert vinefab("calibrate", table, "--out", mine, "--json", record, "-q")[0] == 0
+    (window,) = [
+        w for w in json.loads(record.read_text())["windows"] if w["operation"] == "weldcut"
+    ]
+    assert (window["focus_mm"], window["most_mj_mm"]["value"]) == (6.0, 81.8)
+    table.write_text("measure,setting,value,unit,uncertainty\nfriction_incline,,20,deg,1\n")
+    assert vinefab("calibrate", table, "--recipe", mine, "--out", again, "-q")[0] == 0
+    recipe = read_profile(again).recipe
+    peel = recipe.coupons["peel_n_mm"]
+    assert (peel.value, peel.uncertainty, peel.standing) == (0.4, 0.02, Standing.MEASURED)
+    assert recipe.coupons["crotch_fillet_mm"].value == 8.0
+    (sealing,) = [w for w in recipe.windows if w.operation == "weldcut"]
+    assert (sealing.least_mj_mm.value, sealing.most_mj_mm.value) == (46.8, 81.8)
+    assert sealing.most_mj_mm.source.startswith("r.csv: energy matrix: 2 of 3 lines")
+    code, words, _ = vinefab("profiles", again)
+    assert code == 0
+    assert "coupons.peel_n_mm" in words
+    assert "weldcut.focus_6_mm.most_mj_mm" in words
+    # 7.2 W at 60 mm/s: more than what the coupons call right
+    code, words, _ = vinefab("check", "plain_vine", "--recipe", again)
+    assert code == 0
+    assert "weldcut runs 120.0 mJ/mm, but the coupons say" in words
+
+
 BAD = {
     "no file": ("missing.csv", None, "no such file"),
     "empty": ("r.csv", "", "no row with a value"),

@@ -210,6 +210,16 @@ def test_outward_offset_beyond_the_fillet_leaves_an_exact_corner(make_plan, make
     assert np.abs(contour.points_mm - [corner, 0.0]).sum(axis=1).min() < 1e-9
 
 
+@pytest.mark.parametrize(("trunk", "hidden"), [(13.9, True), (14.2, False)])
+def test_a_taper_whose_end_hides_in_its_base_is_named(make_plan, trunk, hidden):
+    """Discs of 20 and 6 mm: nearer than 14 mm / 0.99, the hull has no side to be drawn."""
+    outline = body_outline(make_plan((40.0,), trunk=trunk, taper=(0.3,)))
+    assert (ProblemKind.NO_ROOM in kinds(outline)) is hidden
+    if not hidden:
+        tip = max(outline.contour.points_mm[:, 0])
+        assert trunk < tip <= trunk + 6.0
+
+
 @pytest.mark.parametrize(
     ("widths", "level", "options", "kind"),
     [

@@ -12,6 +12,7 @@ from vinefab.geometry.order import closes, in_order
 from vinefab.geometry.outline import body_outline
 from vinefab.geometry.passes import WEB_MM, body_paths, closed_cut, weld_offset_mm
 from vinefab.geometry.sheet import SheetOptions
+from vinefab.model.design import Collar
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.outline import Contour, Part
 
@@ -71,6 +72,16 @@ def test_overcut_never_leaves_the_straight_that_it_starts_on(make_plan):
     assert closed_cut(outline, 0.0).points_mm[-1].tolist() == pytest.approx(
         closed_cut(outline, 0.0).points_mm[0].tolist()
     )
+
+
+def test_a_cut_around_nothing_but_arcs_begins_at_the_mouth(make_plan, sealing):
+    """A collar that takes all of the tail and more: found by VF-B02, and drawn all the same."""
+    wide = Collar(clamp_diameter_mm=100.0, length_mm=0.0, flare_mm=100.0)
+    vine = make_plan((20.0,), trunk=100.0, tail=0.0, collar=wide)
+    assert body_outline(vine, 2.0).problems
+    cut = body_paths(vine, sealing, apart=True).paths[1].contour
+    assert closes(cut)
+    assert cut.length_mm > 200.0
 
 
 def test_process_is_the_recipes_unless_asked_for(tree, profile, sealing):

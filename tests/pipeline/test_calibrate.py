@@ -124,17 +124,52 @@ def test_balloons_of_different_widths_bear_the_same_load(tmp_path):
     assert load == pytest.approx(70 * 20 / math.pi)
 
 
-def test_what_is_only_for_people_is_told(tmp_path):
+def test_peel_and_crotch_are_kept(tmp_path):
     text = HEADER + (
-        "peel,25,10,N,\npeel,25,12,N,\ncrotch_burst,2,30,kPa,\ncrotch_burst,8,45,kPa,\n"
-        "matrix,46.8 6,weldcut,,\nmatrix,143.0 6,weldcut,,\nmatrix,46.8 0,burnt,,\n"
+        "peel,25,10,N,\npeel,25,12,N,\n"
+        "crotch_burst,2,30,kPa,2\ncrotch_burst,8,45,kPa,2\ncrotch_burst,8,41,kPa,2\n"
     )
-    words = "\n".join(fitted(tmp_path, text).remarks)
-    assert "0.440 N/mm" in words
-    assert "fillet of 8 mm held most" in words
-    assert "focus 6 mm: seals and cuts at 46.8 to 143.0" in words
-    assert "focus 0 mm: nowhere" in words
-    assert "120.0 mJ/mm at focus 6" in words
+    found = fitted(tmp_path, text).numbers
+    peel = found["coupons.peel_n_mm"]
+    assert (peel.value, peel.readings) == (pytest.approx(0.44), 2)
+    assert peel.uncertainty == pytest.approx(0.04)  # half the difference of two readings
+    assert found["coupons.crotch_fillet_mm"].value == 8.0
+    assert found["coupons.crotch_burst_kpa"].value == pytest.approx(43.0)
+    assert found["coupons.crotch_burst_kpa"].uncertainty == pytest.approx(2.0)
+
+
+def test_one_peel_without_uncertainty_is_kept_without_one(tmp_path):
+    found = fitted(tmp_path, HEADER + "peel,25,10,N,\n").numbers["coupons.peel_n_mm"]
+    assert (found.value, found.uncertainty, found.readings) == (0.4, 0.0, 1)
+
+
+MATRIX = {8.7: "nothing", 15.3: "weld", 26.7: "weld", 46.8: "weldcut", 81.8: "weldcut",
+          143.0: "cut", 250.0: "weldcut"}  # fmt: skip
+
+
+def test_windows_are_runs_of_neighbouring_lines_that_were_right(tmp_path):
+    rows = [f"matrix,{energy:g} 6,{word},," for energy, word in MATRIX.items()]
+    found = fitted(tmp_path, HEADER + "\n".join([*rows, "matrix,46.8 0,burnt,,"]) + "\n")
+    windows = {(w.operation, w.focus_mm): w for w in found.windows}
+    right = windows["weldcut", 6.0]
+    # the line at 250 mJ/mm came out right by itself, beyond one that did not
+    assert (right.least_mj_mm.value, right.most_mj_mm.value) == (46.8, 81.8)
+    assert "3 of 7 lines" in right.least_mj_mm.source
+    sealed = windows["weld", 6.0]
+    assert (sealed.least_mj_mm.value, sealed.most_mj_mm.value) == (15.3, 26.7)
+    assert windows["weldcut", 0.0].least_mj_mm is None
+    assert [right.holds(energy) for energy in (40.0, 60.0, 100.0)] == [False, True, False]
+    words = "\n".join(found.remarks)
+    assert "weldcut at focus 6 mm: sealed and cut from 46.8 to 81.8 mJ/mm" in words
+    assert "weldcut at focus 0 mm: nowhere sealed and cut" in words
+    assert "the recipe runs weldcut at 120.0 mJ/mm, focus 6 mm" in words
+
+
+def test_lines_of_one_energy_must_all_be_right(tmp_path):
+    rows = ["matrix,46.8 6,weldcut,,", "matrix,46.8 6,burnt,,", "matrix,81.8 6,weldcut,,"]
+    found = fitted(tmp_path, HEADER + "\n".join(rows) + "\n").windows
+    (right,) = [window for window in found if window.operation == "weldcut"]
+    assert (right.least_mj_mm.value, right.most_mj_mm.value) == (81.8, 81.8)
 
 
 NONSENSE = {

@@ -1,12 +1,13 @@
 """Rules about the recipe: whether it suits the film, the machine and the person who trusts it."""
 
 import math
+from collections.abc import Iterator
 
 from vinefab.checks.rule import Hit, Limits, Looked, NotLooked, Rule
 from vinefab.checks.subject import Subject
 from vinefab.model.finding import Severity
 from vinefab.model.job import Operation
-from vinefab.model.laser import RecipeStatus
+from vinefab.model.laser import LaserProfile, RecipeStatus
 
 _NO_RECIPE = NotLooked(reason="needs a recipe")
 
@@ -51,14 +52,27 @@ def look_machine(subject: Subject, _: Limits) -> Looked | NotLooked:
 
 
 def look_status(subject: Subject, _: Limits) -> Looked | NotLooked:
-    """VF-L06: the recipe was tried on the user's machine."""
+    """VF-L06: the recipe was tried on the user's machine, and runs what came out right there."""
     if subject.profile is None:
         return _NO_RECIPE
     recipe = subject.profile.recipe
-    if recipe.status is not RecipeStatus.UNVERIFIED:
-        return Looked(checked=1)
-    words = f"recipe {recipe.name} is unverified: cut the coupons and calibrate it first"
-    return Looked(checked=1, hits=(_warning(words, ""),))
+    hits = [*_energy_hits(subject.profile)]
+    if recipe.status is RecipeStatus.UNVERIFIED:
+        words = f"recipe {recipe.name} is unverified: cut the coupons and calibrate it first"
+        hits.insert(0, _warning(words, ""))
+    return Looked(checked=1 + len(recipe.windows), hits=tuple(hits))
+
+
+def _energy_hits(profile: LaserProfile) -> Iterator[Hit]:
+    """Yield a hit for each operation that runs an energy that failed on the coupons."""
+    for window in profile.recipe.windows:
+        settings = profile.recipe.operations.get(window.operation)
+        if settings is None or settings.focus_offset_mm.value != window.focus_mm:
+            continue
+        energy = settings.line_energy_mj_mm(profile.machine)
+        if not window.holds(energy):
+            words = f"{window.operation} runs {energy:.1f} mJ/mm, but the coupons say: "
+            yield _warning(f"{words}{window.words()}", f"energy {window.operation}")
 
 
 def _warning(words: str, aspect: str) -> Hit:

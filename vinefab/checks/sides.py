@@ -5,7 +5,10 @@ import math
 import numpy as np
 
 from vinefab.checks.subject import Subject
+from vinefab.geometry.crotch import taper_rad
 from vinefab.model.outline import Contour, Part, Segment
+
+_NEAR_MM = 1e-3
 
 
 def excesses_mm(subject: Subject, contour: Contour, offset_mm: float) -> dict[int, float]:
@@ -27,7 +30,7 @@ def excesses_mm(subject: Subject, contour: Contour, offset_mm: float) -> dict[in
     rows = {name: row for row, name in enumerate(subject.names)}
     sides: dict[tuple[int, bool], tuple[float, float]] = {}
     for segment in flat.segments:
-        if segment.part not in (Part.SIDE, Part.TAIL) or segment.bulge or not segment.branch:
+        if not _is_side(subject, segment):
             continue
         row = rows[segment.branch]
         left, beyond = _beyond_mm(subject, row, segment, offset_mm)
@@ -36,6 +39,18 @@ def excesses_mm(subject: Subject, contour: Contour, offset_mm: float) -> dict[in
             sides[row, left] = length, beyond
     both = sorted(row for row, left in sides if left and (row, False) in sides)
     return {row: sides[row, True][1] + sides[row, False][1] for row in both}
+
+
+def _is_side(subject: Subject, segment: Segment) -> bool:
+    """Whether a segment is a straight side of a branch; a collar's are as wide as its clamp."""
+    if segment.part not in (Part.SIDE, Part.TAIL) or segment.bulge or not segment.branch:
+        return False
+    collar = subject.design.build.collar
+    if segment.part is Part.SIDE or collar is None:
+        return True
+    return min(segment.start_mm[0], segment.end_mm[0]) > collar.reach_mm - _NEAR_MM - (
+        subject.layout.tail_mm
+    )
 
 
 def _flat(subject: Subject, contour: Contour) -> Contour:
@@ -57,8 +72,9 @@ def _beyond_mm(
     ends = np.array([segment.start_mm, segment.end_mm]) - base
     across = ends @ np.array([-along[1], along[0]])
     half, end_half = layout.width_mm[row] / 2.0, layout.end_width_mm[row] / 2.0
-    sin = (half - end_half) / layout.tree.length_mm[row]
-    meant = (half + offset_mm - np.maximum(ends @ along, 0.0) * sin) / math.sqrt(1.0 - sin**2)
+    lean_rad = taper_rad(half, end_half, float(layout.tree.length_mm[row]))
+    meant = half + offset_mm - np.maximum(ends @ along, 0.0) * math.sin(lean_rad)
+    meant /= math.cos(lean_rad)
     if segment.part is Part.TAIL:
         meant = np.full(2, half + offset_mm)
     beyond = np.abs(across) - meant

@@ -14,7 +14,6 @@ from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile, Machine, Material, OperationSettings, Quantity
 
 SCHEMA = "vinefab/job-1"
-_MJ_PER_J = 1000.0
 
 
 def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) -> str:
@@ -51,6 +50,8 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
                 "title": recipe.title,
                 "status": str(recipe.status),
                 "source": recipe.source,
+                "coupons": {key: plain_quantity(q) for key, q in recipe.coupons.items()},
+                "windows": [window.words() for window in recipe.windows],
             },
             "operations": [
                 _operation(operation, job, profile, colours)
@@ -72,10 +73,9 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
 
 def line_energy_mj_mm(machine: Machine, settings: OperationSettings) -> Quantity:
     """Return the energy per length of path, all passes: power over speed."""
-    power_w = machine.power_w.value * settings.power_percent.value / 100.0
     used = machine.power_w, settings.power_percent, settings.speed_mm_s
     return Quantity(
-        value=settings.passes * power_w / settings.speed_mm_s.value * _MJ_PER_J,
+        value=settings.line_energy_mj_mm(machine),
         standing=weakest(used),
         source="power / speed x passes",
     )

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from vinefab.core.errors import BadInputError
 from vinefab.files.profile_forms import (
+    CouponsForm,
     MachineForm,
     MaterialForm,
     MeasuredForm,
@@ -19,6 +20,7 @@ from vinefab.files.profile_forms import (
 from vinefab.files.shipped import locate
 from vinefab.files.toml import Form, check, read_toml
 from vinefab.model.laser import (
+    EnergyWindow,
     LaserProfile,
     Machine,
     Material,
@@ -75,6 +77,8 @@ def profile_of(document: Mapping[str, Any], path: Path) -> LaserProfile:
             operations=_operations(form),
             growth=_nouns(form.growth) if form.growth else {},
             limits=form.limits,
+            coupons=_nouns(form.coupons) if form.coupons else {},
+            windows=_windows(form.coupons),
         ),
     )
 
@@ -87,6 +91,18 @@ def _with_measured(material: Material, form: MeasuredForm | None) -> Material:
         burst_kpa=found.get("burst_kpa", material.burst_kpa),
         burst_width_mm=found.get("burst_width_mm", material.burst_width_mm),
         friction=found.get("friction", material.friction),
+    )
+
+
+def _windows(form: CouponsForm | None) -> tuple[EnergyWindow, ...]:
+    return tuple(
+        EnergyWindow(
+            operation=window.operation,
+            focus_mm=window.focus_mm,
+            least_mj_mm=window.least_mj_mm.noun() if window.least_mj_mm else None,
+            most_mj_mm=window.most_mj_mm.noun() if window.most_mj_mm else None,
+        )
+        for window in (form.windows if form else ())
     )
 
 

@@ -136,6 +136,24 @@ class GrowthForm(Form):
     width_mm: Positive
 
 
+class WindowForm(Form):
+    """A table ``[[coupons.windows]]``: line energies at which coupons came out right."""
+
+    operation: Literal["weld", "weldcut"]
+    focus_mm: Annotated[float, Field(ge=-1000, le=1000)]
+    least_mj_mm: Positive | None = None
+    most_mj_mm: Positive | None = None
+
+
+class CouponsForm(Form):
+    """The table ``[coupons]`` of a recipe: what coupons said that no other table holds."""
+
+    peel_n_mm: NotNegative | None = None
+    crotch_burst_kpa: Positive | None = None
+    crotch_fillet_mm: Positive | None = None
+    windows: list[WindowForm] = Field(default_factory=list)
+
+
 class RecipeForm(NamedForm):
     """A file in ``laser_profiles/recipes``."""
 
@@ -148,4 +166,5 @@ class RecipeForm(NamedForm):
     sealer: SealerForm | None = None
     measured: MeasuredForm | None = None
     growth: GrowthForm | None = None
+    coupons: CouponsForm | None = None
     limits: dict[str, dict[str, float]] = Field(default_factory=dict)

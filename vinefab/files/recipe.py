@@ -1,6 +1,6 @@
 """Calibrated recipes out: a recipe file with fitted numbers in the place of assumed ones."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +10,10 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR
 from vinefab.files.shipped import locate
 from vinefab.files.toml import read_toml
-from vinefab.model.laser import RecipeStatus
+from vinefab.model.laser import EnergyWindow, Quantity, RecipeStatus
 from vinefab.physics.estimate import Estimate
 
-_OWN_TABLES = ("measured", "growth")
+_OWN_TABLES = ("measured", "growth", "coupons")
 
 
 def calibrated_text(
@@ -21,6 +21,7 @@ def calibrated_text(
     out: Path,
     numbers: Mapping[str, Estimate],
     *,
+    windows: Sequence[EnergyWindow],
     status: RecipeStatus,
     results: Path,
 ) -> str:
@@ -34,6 +35,8 @@ def calibrated_text(
         Where it will lie; its name is the recipe's name.
     numbers
         Fitted numbers by their place, as in `vinefab.pipeline.calibrate.Calibration`.
+    windows
+        Line energies that came out right; none keeps those of the recipe.
     status
         How far it has been tried.
     results
@@ -55,6 +58,8 @@ def calibrated_text(
         table, key = place.split(".")
         target = _table(document, table)
         target[key] = _number(estimate, results)
+    if windows:
+        _table(document, "coupons")["windows"] = [_window(window, results) for window in windows]
     return f"# {GENERATOR}\n{tomli_w.dumps(document)}"
 
 
@@ -76,4 +81,17 @@ def _number(estimate: Estimate, results: Path) -> dict[str, object]:
     }
     if estimate.uncertainty > 0.0:
         content["uncertainty"] = float(f"{estimate.uncertainty:.3g}")
+    return content
+
+
+def _window(window: EnergyWindow, results: Path) -> dict[str, object]:
+    content: dict[str, object] = {"operation": window.operation, "focus_mm": window.focus_mm}
+    for name in ("least_mj_mm", "most_mj_mm"):
+        energy: Quantity | None = getattr(window, name)
+        if energy is not None:
+            content[name] = {
+                "value": energy.value,
+                "standing": str(energy.standing),
+                "source": f"{results.name}: {energy.source}",
+            }
     return content

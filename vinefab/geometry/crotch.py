@@ -9,6 +9,10 @@ LEFT, RIGHT = 1, -1
 """Sides of a strip, seen along its direction away from the joint; and of the core."""
 
 
+STEEPEST = 0.99
+"""Sine of the largest angle by which the sides of a tapered branch may lean."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Strip:
     """One side of a branch as its joint sees it.
@@ -75,8 +79,10 @@ def taper_rad(base_half_mm: float, end_half_mm: float, length_mm: float) -> floa
 
     The hull of two discs of radii a and b, a length l apart, has sides that lean by
     asin((a - b) / l); discs that hide each other have none, and give what is left of a right angle.
+    Such a branch is a named problem.
     """
-    return math.asin(max(-0.99, min(0.99, (base_half_mm - end_half_mm) / length_mm)))
+    sin = (base_half_mm - end_half_mm) / length_mm
+    return math.asin(max(-STEEPEST, min(STEEPEST, sin)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from vinefab.geometry.crotch import crotch_reach_mm
+from vinefab.geometry.crotch import STEEPEST, crotch_reach_mm
 from vinefab.geometry.joint import (
     Joint,
     allowed_reach_mm,
@@ -91,7 +91,7 @@ _WORDS = {
     ),
     ProblemKind.NO_ROOM: (
         "Fillets, joints or pouches at the two ends of {names} leave {found:.3g} mm of straight "
-        "side, {limit:.3g} mm are needed: make it longer, or fillets and pouch smaller."
+        "side, {limit:.3g} mm are needed: make it longer, or fillets, pouch or taper smaller."
     ),
     ProblemKind.POUCH_WIDTH: (
         "The pouch of {names} is {found:.4g} mm wide, its branch asks for at least {limit:.4g} mm."
@@ -237,9 +237,15 @@ def _rooms(design: Design, places: _Places, pattern: Pattern) -> Iterator[Outlin
 
 
 def _side_mm(design: Design, level: int, child: int) -> float:
-    """Return the length of a branch's side between the discs at its ends."""
-    lean = level_tapers_rad(design, level)[child]
-    return level_lengths_mm(design, level)[child] * math.cos(lean)
+    """Return the length of a branch's side between the discs at its ends.
+
+    It is negative where the larger disc hides the smaller one: what the branch is too short by.
+    """
+    build, length = design.build, level_lengths_mm(design, level)[child]
+    least = (build.widths_mm[level - 1] - build.end_widths_mm[level - 1]) / 2.0 / STEEPEST
+    if length < least:
+        return length - least
+    return length * math.cos(level_tapers_rad(design, level)[child])
 
 
 def _room(

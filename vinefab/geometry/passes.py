@@ -162,9 +162,9 @@ def mouth_cut(outline: Contour, overcut_mm: float) -> Contour:
 def closed_cut(outline: Contour, overcut_mm: float) -> Contour:
     """Return the cut all around an open outline and across its mouth.
 
-    It begins in the middle of the longest straight of the tail, away from crotches and tips, and
-    runs past its start by the overcut: a path without ends would leave a bridge where the laser
-    turns on and off.
+    It begins in the middle of the longest straight of the tail, away from crotches and tips (of
+    the mouth, where nothing else is straight), and runs past its start by the overcut: a path
+    without ends would leave a bridge where the laser turns on and off.
 
     Parameters
     ----------
@@ -180,11 +180,12 @@ def closed_cut(outline: Contour, overcut_mm: float) -> Contour:
         part=Part.MOUTH,
         branch=segments[0].branch,
     )
+    ring = [*segments, mouth]
     straight = [row for row, s in enumerate(segments) if not s.bulge and s.part is Part.TAIL]
-    straight = straight or [row for row, s in enumerate(segments) if not s.bulge]
-    row = max(straight, key=lambda row: segments[row].length_mm)
-    before, after = split(segments[row], 0.5)
-    around = [after, *segments[row + 1 :], mouth, *segments[:row], before]
+    straight = straight or [row for row, s in enumerate(segments) if not s.bulge] or [-1]
+    row = max(straight, key=lambda row: ring[row].length_mm) % len(ring)
+    before, after = split(ring[row], 0.5)
+    around = [after, *ring[row + 1 :], *ring[:row], before]
     if overcut_mm > 0.0:
         around.append(split(after, min(1.0, overcut_mm / after.length_mm))[0])
     return Contour.from_segments(around, closed=False)

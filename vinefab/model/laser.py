@@ -190,6 +190,46 @@ class OperationSettings:
         """Whether the laser runs it."""
         return self.tool is Tool.LASER
 
+    def line_energy_mj_mm(self, machine: Machine) -> float:
+        """Return the energy per length of path, all passes: power over speed."""
+        power_w = machine.power_w.value * self.power_percent.value / 100.0
+        return 1000.0 * self.passes * power_w / self.speed_mm_s.value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EnergyWindow:
+    """Between which line energies coupons came out right.
+
+    Parameters
+    ----------
+    operation
+        What they were right for: ``weld`` sealed, ``weldcut`` sealed and came apart.
+    focus_mm
+        The focus offset that they were run at.
+    least_mj_mm, most_mj_mm
+        The range, or None where nothing came out right.
+    """
+
+    operation: str
+    focus_mm: float
+    least_mj_mm: Quantity | None
+    most_mj_mm: Quantity | None
+
+    def holds(self, energy_mj_mm: float) -> bool:
+        """Whether a line energy lies within; one part in a hundred is no difference."""
+        if self.least_mj_mm is None or self.most_mj_mm is None:
+            return False
+        return 0.99 * self.least_mj_mm.value <= energy_mj_mm <= 1.01 * self.most_mj_mm.value
+
+    def words(self) -> str:
+        """Return it as a line."""
+        did = "sealed and cut" if self.operation == "weldcut" else "sealed without cutting"
+        where = f"{self.operation} at focus {self.focus_mm:g} mm"
+        if self.least_mj_mm is None or self.most_mj_mm is None:
+            return f"{where}: nowhere {did}"
+        low, high = self.least_mj_mm.value, self.most_mj_mm.value
+        return f"{where}: {did} from {low:.1f} to {high:.1f} mJ/mm"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe:
@@ -210,6 +250,11 @@ class Recipe:
         ``storage_kpa``, ``friction``, ``width_mm``); empty where nobody measured them.
     limits
         Limits of design rules that differ for this recipe: rule id to name to value.
+    coupons
+        What else coupons said (``peel_n_mm``, ``crotch_burst_kpa``, ``crotch_fillet_mm``); no
+        prediction uses it.
+    windows
+        Between which line energies coupons came out right.
     """
 
     name: str
@@ -219,6 +264,8 @@ class Recipe:
     operations: Mapping[str, OperationSettings]
     growth: Mapping[str, Quantity] = field(default_factory=dict)
     limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    coupons: Mapping[str, Quantity] = field(default_factory=dict)
+    windows: tuple[EnergyWindow, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,16 +1,18 @@
 """From coupon results to a calibrated recipe: fitted numbers, each with its uncertainty."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from statistics import fmean, stdev
 
 from vinefab.core.errors import BadInputError
 from vinefab.files.results import Reading, Results
 from vinefab.model.job import Operation
-from vinefab.model.laser import LaserProfile, RecipeStatus
+from vinefab.model.laser import EnergyWindow, LaserProfile, RecipeStatus
 from vinefab.physics.estimate import Estimate, mean
 from vinefab.physics.growth_fit import GrownPath, fit_growth
 from vinefab.physics.pressure import allowed_line_load_n_mm, line_load_n_mm
+from vinefab.pipeline.energy import energy_windows, window_lines
 from vinefab.pipeline.kerf import fit_kerfs
 
 BALLOONS_TESTED = 3
@@ -28,6 +30,8 @@ class Calibration:
     numbers
         Fitted numbers by their place in a recipe file (``weldcut.kerf_mm``,
         ``measured.burst_kpa``, ``growth.friction``).
+    windows
+        Line energies at which the matrix came out right.
     status
         How far the recipe has been tried now.
     remarks
@@ -35,6 +39,7 @@ class Calibration:
     """
 
     numbers: Mapping[str, Estimate]
+    windows: tuple[EnergyWindow, ...]
     status: RecipeStatus
     remarks: tuple[str, ...]
 
@@ -58,9 +63,16 @@ def calibrate(results: Results, profile: LaserProfile) -> Calibration:
         **_burst(results),
         **_friction(results),
         **_growth(results),
+        **_peel(results),
+        **_crotches(results),
     }
-    status = _status(numbers, profile)
-    return Calibration(numbers=numbers, status=status, remarks=tuple(_remarks(results, profile)))
+    windows = energy_windows(results, profile)
+    return Calibration(
+        numbers=numbers,
+        windows=windows,
+        status=_status(numbers, profile),
+        remarks=tuple(window_lines(windows, profile)),
+    )
 
 
 def _burst(results: Results) -> dict[str, Estimate]:
@@ -178,46 +190,43 @@ def _seal_is_known(numbers: Mapping[str, Estimate], profile: LaserProfile) -> bo
     return "weld.seam_width_mm" in numbers
 
 
-def _remarks(results: Results, profile: LaserProfile) -> list[str]:
-    remarks = []
-    loads = [r.value / _positive_setting(r, "strip width in mm") for r in results.of("peel")]
-    if loads:
-        remarks.append(f"peel: {math.fsum(loads) / len(loads):.3f} N/mm, mean of {len(loads)}")
-    crotches = results.of("crotch_burst")
-    if crotches:
-        best = max(crotches, key=lambda reading: reading.value)
-        remarks.append(f"crotches: a fillet of {best.setting} mm held most, {best.value:.1f} kPa")
-    remarks += _windows(results, profile)
-    return remarks
-
-
-def _windows(results: Results, profile: LaserProfile) -> list[str]:
-    """Return, per focus, at which line energies the plies were sealed and cut at once."""
-    good: dict[float, list[float]] = {}
-    for reading in results.of("matrix"):
-        energy, focus = _cell(reading)
-        good.setdefault(focus, [])
-        if reading.word == "weldcut":
-            good[focus].append(energy)
-    lines = [
-        f"focus {focus:g} mm: seals and cuts at {min(found):.1f} to {max(found):.1f} mJ/mm"
-        if found
-        else f"focus {focus:g} mm: nowhere both sealed and cut"
-        for focus, found in sorted(good.items())
+def _peel(results: Results) -> dict[str, Estimate]:
+    """Return the force that parts the plies, per width of the strip."""
+    readings = results.of("peel")
+    if not readings:
+        return {}
+    widths = [_positive_setting(reading, "strip width in mm") for reading in readings]
+    sigmas = [
+        None if r.sigma is None else r.sigma / w for r, w in zip(readings, widths, strict=True)
     ]
-    settings = profile.recipe.operations.get(Operation.WELDCUT)
-    if lines and settings is not None:
-        power_w = profile.machine.power_w.value * settings.power_percent.value / 100.0
-        energy = 1000.0 * settings.passes * power_w / settings.speed_mm_s.value
-        focus = settings.focus_offset_mm.value
-        lines.append(f"the recipe runs {energy:.1f} mJ/mm at focus {focus:g} mm")
-    return lines
+    loads = [r.value / w for r, w in zip(readings, widths, strict=True)]
+    return {"coupons.peel_n_mm": _average(loads, sigmas)}
 
 
-def _cell(reading: Reading) -> tuple[float, float]:
-    try:
-        energy, focus = (float(word) for word in reading.setting.split())
-    except ValueError as error:
-        words = "line energy in mJ/mm and focus offset in mm, such as 46.8 6, as setting"
-        raise reading.wrong(reading.setting, words) from error
-    return energy, focus
+def _crotches(results: Results) -> dict[str, Estimate]:
+    """Return which of the crotch fillets held most, and what it held."""
+    held: dict[float, list[Reading]] = {}
+    for reading in results.of("crotch_burst"):
+        radius_mm = _positive_setting(reading, "fillet radius in mm")
+        _pressure(reading)
+        held.setdefault(radius_mm, []).append(reading)
+    if not held:
+        return {}
+    burst = {
+        radius: _average([r.value for r in readings], [r.sigma for r in readings])
+        for radius, readings in held.items()
+    }
+    best = max(burst, key=lambda radius: (burst[radius].value, -radius))
+    radius = Estimate(value=best, uncertainty=0.0, readings=burst[best].readings)
+    return {"coupons.crotch_burst_kpa": burst[best], "coupons.crotch_fillet_mm": radius}
+
+
+def _average(values: Sequence[float], sigmas: Sequence[float | None]) -> Estimate:
+    """Return a mean that nothing is predicted from: one reading without uncertainty will do.
+
+    The worse of scatter and stated uncertainties counts; 0 where there is neither.
+    """
+    count = len(values)
+    scatter = stdev(values) / math.sqrt(count) if count > 1 else 0.0
+    stated = math.hypot(*(sigma or 0.0 for sigma in sigmas)) / count
+    return Estimate(value=fmean(values), uncertainty=max(scatter, stated), readings=count)

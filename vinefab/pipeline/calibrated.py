@@ -4,8 +4,10 @@ import tomllib
 from pathlib import Path
 
 from vinefab.core.jsontext import json_text
+from vinefab.export.job_json import plain_quantity
 from vinefab.files.profile import profile_of
 from vinefab.files.recipe import calibrated_text
+from vinefab.physics.estimate import Estimate
 from vinefab.pipeline.calibrate import Calibration
 
 SCHEMA = "vinefab/calibration-1"
@@ -23,7 +25,12 @@ def calibrated_recipe(
         for beside it, then by name.
     """
     text = calibrated_text(
-        recipe, out, calibration.numbers, status=calibration.status, results=results
+        recipe,
+        out,
+        calibration.numbers,
+        windows=calibration.windows,
+        status=calibration.status,
+        results=results,
     )
     profile_of(tomllib.loads(text), out)
     return text
@@ -34,11 +41,16 @@ def calibration_lines(calibration: Calibration) -> list[str]:
     numbers = calibration.numbers
     width = max((len(name) for name in numbers), default=0)
     lines = [
-        f"{name:<{width}}  {number.value:.4g} +- {number.uncertainty:.2g}  measured,"
+        f"{name:<{width}}  {_words(number)}  measured,"
         f" {number.readings} reading{'s' if number.readings > 1 else ''}"
         for name, number in numbers.items()
     ]
     return [*lines, *calibration.remarks, f"status: {calibration.status}"]
+
+
+def _words(number: Estimate) -> str:
+    spread = f" +- {number.uncertainty:.2g}" if number.uncertainty > 0.0 else ""
+    return f"{number.value:.4g}{spread}"
 
 
 def calibration_json(calibration: Calibration) -> str:
@@ -55,6 +67,20 @@ def calibration_json(calibration: Calibration) -> str:
                 }
                 for name, number in calibration.numbers.items()
             },
+            "windows": [
+                {
+                    "operation": window.operation,
+                    "focus_mm": window.focus_mm,
+                    **{
+                        name: None if energy is None else plain_quantity(energy)
+                        for name, energy in (
+                            ("least_mj_mm", window.least_mj_mm),
+                            ("most_mj_mm", window.most_mj_mm),
+                        )
+                    },
+                }
+                for window in calibration.windows
+            ],
             "remarks": list(calibration.remarks),
         },
     )

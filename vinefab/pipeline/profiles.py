@@ -109,7 +109,15 @@ def _recipe_numbers(profile: LaserProfile) -> dict[str, Quantity]:
         if settings.by_laser:
             numbers[f"{operation}.line_energy_mj_mm"] = line_energy_mj_mm(profile.machine, settings)
             numbers[f"{operation}.fluence_mj_mm2"] = fluence_mj_mm2(profile.machine, settings)
-    return numbers | _prefixed("growth", profile.recipe.growth)
+    recipe = profile.recipe
+    numbers |= _prefixed("growth", recipe.growth) | _prefixed("coupons", recipe.coupons)
+    for window in recipe.windows:
+        place = f"{window.operation}.focus_{window.focus_mm:g}_mm"
+        for name in ("least_mj_mm", "most_mj_mm"):
+            energy: Quantity | None = getattr(window, name)
+            if energy is not None:
+                numbers[f"{place}.{name}"] = energy
+    return numbers
 
 
 def _prefixed(prefix: str, numbers: Mapping[str, Quantity]) -> dict[str, Quantity]:

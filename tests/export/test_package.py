@@ -195,6 +195,37 @@ def test_the_readme_warns_of_a_robot_larger_than_the_bed(content: PackageContent
     assert "beyond the bed" in words(replace(content, job=small))
 
 
+def test_the_readme_says_how_often_paths_are_run(content: PackageContent) -> None:
+    """The fixture's recipe takes two passes for everything; one pass needs no words."""
+    text = words(content)
+    assert "let the program run mark 2 times and weld 2 times and weldcut 2 times" in text
+    once = {name: replace(s, passes=1) for name, s in content.profile.recipe.operations.items()}
+    recipe = replace(content.profile.recipe, operations=once)
+    assert "let the program run" not in words(
+        replace(content, profile=replace(content.profile, recipe=recipe))
+    )
+    files = package_files(content)
+    for job in (content.job, replace(content.job, paths=content.job.paths[3:4])):
+        drawn = laser_files(job)["outline.dxf"].decode()
+        assert drawn.count("\nAcDbPolyline\n") == len(job.paths)
+    assert "outline.lbrn2" in files
+
+
+def test_the_readme_says_where_the_film_of_tiles_lies(content: PackageContent) -> None:
+    facts = [
+        {"tile": 1, "window_x_mm": -190.2, "window_y_mm": -100.4, "aligned_to_tile": None},
+        {"tile": 2, "window_x_mm": 290.0, "window_y_mm": -20.0, "aligned_to_tile": 1},
+    ]
+    tiles = tuple(replace(content.job, facts=fact) for fact in facts)
+    text = words(replace(content, job=replace(content.job, tiles=tiles)))
+    assert "For tile 1 the film's lower left corner lies 190 mm right of the bed's lower" in text
+    assert "left corner and 100 mm above it" in text
+    assert "lower left corner is then 290 mm left of the bed's" in text
+    assert "Check after import: the film is 150 x 80 mm" in text
+    # the fixture marks an arrow, but no targets
+    assert "mark them on the film by hand" in text
+
+
 def check_in(folder: Path, command: list[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         command, cwd=folder, check=False, capture_output=True, text=True, timeout=30

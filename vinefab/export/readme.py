@@ -214,6 +214,7 @@ def _machine(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
         "Leave kerf, offset and beam compensation at 0: seam and kerf are in the paths already.",
         "Keep the order of section 4 and switch off any sorting of paths: once the sheet is cut"
         " free, the film moves.",
+        *_repeats(job, profile),
     ]
     steps.extend(
         f"WARNING: {' and '.join(group)} have the same layer and colour here and run with one"
@@ -229,6 +230,22 @@ def _machine(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
         )
     steps.append("TPU fumes are harmful: run the extraction, and never leave the laser alone.")
     return steps
+
+
+def _repeats(job: Job, profile: LaserProfile) -> list[str]:
+    """Return how often operations are run that take several passes."""
+    several = [
+        f"{operation} {settings.passes} times"
+        for operation in Operation
+        if operation.is_machined and job.along(operation)
+        if (settings := profile.settings(operation)).by_laser and settings.passes > 1
+    ]
+    if not several:
+        return []
+    return [
+        "Every path is in the DXF and SVG files once; let the program run"
+        f" {' and '.join(several)} ({PROJECT_NAME} says so already)."
+    ]
 
 
 def _measure(design: Design, job: Job, profile: LaserProfile) -> list[str]:

@@ -103,6 +103,7 @@ def _one_pass(design: Design, profile: LaserProfile) -> BodyPaths:
         "weldcut_seam_mm": settings.seam_width_mm.value,
         "weldcut_kerf_mm": settings.kerf_mm.value,
         "weldcut_passes": settings.passes,
+        "cut_passes": profile.settings(Operation.CUT).passes,
         "mouth_overcut_mm": overcut,
     }
     return BodyPaths(paths=paths, outline=outline, reach_mm=offset, facts=facts)
@@ -127,6 +128,7 @@ def _apart(design: Design, profile: LaserProfile) -> BodyPaths:
         "web_mm": WEB_MM,
         "cut_offset_mm": cut_offset_mm(profile),
         "cut_kerf_mm": cut.kerf_mm.value,
+        "cut_passes": cut.passes,
         "cut_overcut_mm": overcut,
     }
     problems = outline.problems or around.problems

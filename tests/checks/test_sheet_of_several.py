@@ -106,7 +106,7 @@ def test_what_finds_no_room_to_be_marked_is_a_notice(fork: Design, profile: Lase
     told = replace(job, facts={**job.facts, "marks_left_out": ["no room for the label of fork"]})
     (finding,) = found(fork, profile, told, "VF-L01")
     assert finding.severity is Severity.INFO
-    assert "label of fork: write it on the film by hand" in finding.message
+    assert "label of fork: mark the film by hand" in finding.message
     assert found(fork, profile, job, "VF-L01") == []
 
 

@@ -70,3 +70,18 @@ def test_boards_fill_a_bed_without_touching():
     assert len(shapes) == 4
     for one, two in itertools.combinations(shapes, 2):
         assert one.distance(two) >= APART_MM
+
+
+def test_what_is_nearly_as_long_as_the_bed_is_placed_first_where_that_helps():
+    """By area a T comes first and lies upright where it takes the least: a slat is in its way."""
+    tee = [(0, 0), (120, 0), (120, 20), (70, 20), (70, 140), (50, 140), (50, 20), (0, 20)]
+    slat = [(0, 0), (200, 0), (200, 20), (0, 20)]
+    robots = [(Contour.polyline(np.array(s, dtype=float), closed=True),) for s in (tee, slat)]
+    found = nest(robots, (210.0, 160.0), 5.0)
+    assert None not in found
+    one, two = (
+        shapely.Polygon(place.moved(robot[0]).points_mm)
+        for place, robot in zip(found, robots, strict=True)
+    )
+    assert one.distance(two) >= APART_MM
+    assert shapely.box(5.0, 5.0, 215.0, 165.0).covers(shapely.union(one, two))

@@ -49,9 +49,7 @@ def _left_out(job: Job) -> Iterator[Hit]:
     """Yield a hit for everything that should have been marked and was not."""
     missing = job.facts.get("marks_left_out", ())
     for words in missing if isinstance(missing, list) else ():
-        yield Hit(
-            message=f"{words}: write it on the film by hand", severity=Severity.INFO, aspect=words
-        )
+        yield Hit(message=f"{words}: mark the film by hand", severity=Severity.INFO, aspect=words)
 
 
 def look_paths(subject: Subject, limits: Limits) -> Looked | NotLooked:

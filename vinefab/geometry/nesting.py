@@ -132,18 +132,51 @@ def nest(
     """
     if len(robots) == 1:
         return [place(robots[0], room_mm, corner_mm)]
-    bed = _Bed(room_mm)
     shapes = [_shape(contours) for contours in robots]
+    rows = range(len(robots))
+    # The largest first: small ones find room between its branches. Long ones first where that
+    # leaves some without a place: what is nearly as long as the bed has few places.
+    orders = (
+        sorted(rows, key=lambda row: (-shapes[row].area, row)),
+        sorted(rows, key=lambda row: (-_long_mm(shapes[row]), row)),
+    )
+    found: list[Placement | None] = []
+    for order in orders:
+        tried = _nested(shapes, order, room_mm, corner_mm)
+        if not found or _count(tried) > _count(found):
+            found = tried
+        if None not in found:
+            break
+    return found
+
+
+def _nested(
+    shapes: Sequence[shapely.Polygon],
+    order: Sequence[int],
+    room_mm: tuple[float, float],
+    corner_mm: float,
+) -> list[Placement | None]:
+    """Return where robots lie that are placed in an order."""
+    bed = _Bed(room_mm)
     stamps: dict[bytes, list[_Stamp]] = {}
-    found: list[Placement | None] = [None] * len(robots)
-    # The largest first: small ones find room between its branches.
-    for row in sorted(range(len(robots)), key=lambda row: (-shapes[row].area, row)):
+    found: list[Placement | None] = [None] * len(shapes)
+    for row in order:
         key = shapes[row].wkb
         if key not in stamps:
             turns = np.arange(TURNS) * math.tau / TURNS
             stamps[key] = [bed.stamp(shapes[row], turn) for turn in turns.tolist()]
         found[row] = _put(bed, stamps[key], corner_mm)
     return found
+
+
+def _count(placements: Sequence[Placement | None]) -> int:
+    return sum(placement is not None for placement in placements)
+
+
+def _long_mm(shape: shapely.Polygon) -> float:
+    """Return the length of a robot: the longer side of the least box around it, turned freely."""
+    x, y = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shape))[:3].T
+    return float(np.hypot(np.diff(x), np.diff(y)).max())
 
 
 def _put(bed: _Bed, stamps: list[_Stamp], corner_mm: float) -> Placement | None:

@@ -168,6 +168,16 @@ def test_film_that_is_fed_through_moves_along_the_bed_only(trees, small_bed):
     assert "wider than the bed" in wide.facts["tiling"]
 
 
+def test_targets_take_little_more_film_than_the_robot(make_plan, profile):
+    """Film of the bed's whole height (400 mm) is not needed for the crosses of a vine of 40 mm."""
+    vine = make_plan((40.0,), trunk=1500.0, tail=200.0)
+    job = laser_job(vine, profile, SheetOptions(pass_through=True))
+    assert len(job.tiles) > 2
+    assert job.sheet_height_mm < 300.0
+    for tile in job.tiles[1:]:
+        assert math.dist(*tile.facts["targets_found_mm"]) >= 150.0
+
+
 def test_what_has_no_place_to_be_parted_says_so(make_plan, small_bed):
     job = laser_job(make_plan((300.0,), trunk=400.0, tail=200.0), small_bed)
     assert job.tiles == ()

@@ -28,6 +28,12 @@ MOST_TILES = 64
 LEAST_APART_MM = 50.0
 """Two targets of a tile are at least so far apart."""
 
+APART_ENOUGH_MM = 150.0
+"""Targets this far apart need no more film than that (assumed)."""
+
+_BESIDE_MM = (15.0, 30.0, 60.0, 120.0, 180.0, 240.0)
+"""How far beyond the robot's box targets are looked for, before the whole window is."""
+
 _RIM_MM = 15.0
 """Kept free around a tile's paths, so that windows overlap enough to share targets."""
 
@@ -304,12 +310,13 @@ def register(tiles: Sequence[Tile], room_mm: Point, contours: Sequence[Contour])
         If two tiles have no room for shared targets.
     """
     taken = shapely.union_all([region(contour) for contour in contours])
+    robot = reduce(_around, (contour.box_mm for contour in contours))
     for row, tile in enumerate(tiles):
         if tile.after is None:
             continue
         others = [tile.after, *(other for other in range(row) if other != tile.after)]
         for other in others:
-            pair = _pair(_shared(tile.low_mm, tiles[other].low_mm, room_mm), taken)
+            pair = _near_pair(_shared(tile.low_mm, tiles[other].low_mm, room_mm), robot, taken)
             if pair:
                 tile.after, tile.found_mm = other, pair
                 tiles[other].made_mm += pair
@@ -326,6 +333,20 @@ def _shared(one: Point, two: Point, room_mm: Point) -> Box:
     low = [max(a, b) + rim for a, b in zip(one, two, strict=True)]
     high = [min(a, b) + room - rim for a, b, room in zip(one, two, room_mm, strict=True)]
     return low[0], low[1], high[0], high[1]
+
+
+def _near_pair(box: Box, robot: Box, taken: shapely.Geometry) -> list[Point]:
+    """Return two free places of a box that are far enough apart, or else as far as possible.
+
+    Places near the robot's own box go first: film that holds nothing but a target is lost.
+    """
+    for beside_mm in _BESIDE_MM:
+        low = [max(a, b - beside_mm) for a, b in zip(box[:2], robot[:2], strict=True)]
+        high = [min(a, b + beside_mm) for a, b in zip(box[2:], robot[2:], strict=True)]
+        pair = _pair((low[0], low[1], high[0], high[1]), taken)
+        if pair and math.dist(*pair) >= APART_ENOUGH_MM:
+            return pair
+    return _pair(box, taken)
 
 
 def _pair(box: Box, taken: shapely.Geometry) -> list[Point]:

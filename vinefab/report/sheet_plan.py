@@ -155,7 +155,8 @@ def _title(job: Job, findings: tuple[Finding, ...], *, cropped: bool) -> str:
     order = "numbers give the order, dots the start, arrows the direction"
     if len(run_paths(job)) > MOST_NUMBERS:
         order = "dots give the start of each path, arrows its direction"
-    bed = f"bed {job.sheet_width_mm:g} x {job.sheet_height_mm:g} mm"
+    sheet = "film, in tiles," if job.tiles else "bed"
+    bed = f"{sheet} {job.sheet_width_mm:g} x {job.sheet_height_mm:g} mm"
     parts = [job.name, order, f"lower left of the {bed}" if cropped else bed]
     blocking = sum(finding.blocks for finding in findings)
     return "; ".join([*parts, f"{blocking} blocking findings"] if blocking else parts)

@@ -89,6 +89,9 @@ def test_a_ratio_is_that_of_the_means(rng):
     found = ratio(first, second)
     assert found.value == pytest.approx(first.mean() / second.mean() - 1.0)
     assert found.low < -0.5 < found.high or abs(found.value + 0.5) < 0.05
+    beyond = ratio(first, second, beyond=-0.6)
+    assert beyond.value == pytest.approx(found.value + 0.6)
+    assert beyond.held
 
 
 def test_intervals_cover_the_truth_as_often_as_they_say():

@@ -111,18 +111,20 @@ def difference(
     return _interval([one, two], [first, second], statistic)
 
 
-def ratio(first: Floats, second: Floats) -> Interval:
+def ratio(first: Floats, second: Floats, *, beyond: float = 0.0) -> Interval:
     """Return mean of one group over that of another, less 1; runs paired, maps not.
 
     Parameters
     ----------
     first, second
         Scores of the same runs on different maps, shapes (runs, ..., ...).
+    beyond
+        What is subtracted: how far the change lies above this one.
     """
     one = _resampled(first, mean, _draws(first, 0, 1))
     two = _resampled(second, mean, _draws(second, 0, 3))
-    shares = one / two - 1.0
-    return _summary(float(first.mean() / second.mean() - 1.0), shares)
+    shares = one / two - 1.0 - beyond
+    return _summary(float(first.mean() / second.mean() - 1.0 - beyond), shares)
 
 
 def _interval(samples: list[Floats], values: list[Floats], statistic: Statistic) -> Interval:

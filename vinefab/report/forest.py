@@ -46,7 +46,7 @@ def forest(
         What the differences are.
     """
     with house_style():
-        size = (3.0 + 2.2 * len(panels), 1.1 + 0.3 * len(variants))
+        size = (2.6 + 1.6 * len(panels), 1.3 + 0.28 * len(variants))
         figure = Figure(figsize=size, layout="constrained")
         places = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
         for axes, (title, results) in zip(places, panels.items(), strict=True):
@@ -56,7 +56,7 @@ def forest(
         places[0].set_ylim(len(variants) - 0.5, -0.5)
         figure.supxlabel(label, fontsize=9, color=INK)
         figure.legend(
-            handles=_keys(), loc="outside lower center", ncols=2, fontsize=8, frameon=False
+            handles=_keys(), loc="outside upper center", ncols=2, fontsize=8, frameon=False
         )
     return figure
 

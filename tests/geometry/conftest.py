@@ -91,6 +91,13 @@ NAMED_DESIGNS = {
     "narrow_collar_without_a_straight_part": plan(
         (40.0,), tail=100.0, collar=Collar(clamp_diameter_mm=20.0, length_mm=0.0, flare_mm=40.0)
     ),
+    "narrow_collar_that_reaches_the_trunk": plan(
+        (44.0,),
+        trunk=25.0,
+        tail=60.0,
+        pouch=Pouch(shape="round", radius_mm=31.0),
+        collar=Collar(clamp_diameter_mm=12.0, length_mm=30.0, flare_mm=28.0),
+    ),
     "tapered_trunk_with_a_collar": plan(
         (40.0,), tail=100.0, taper=(0.5,), collar=Collar(clamp_diameter_mm=32.0)
     ),
@@ -160,8 +167,9 @@ class Twin:
             # A pouch takes the round end's place, also where it is shorter than that.
             shape = shape.intersection(box(-1e4, -1e4, 0.0, 1e4))
         if branch == 0:
-            # A round end may be larger than trunk and tail together: the mouth still cuts it off.
-            shape = shape.intersection(box(-length - layout.tail_mm, -1e4, 1e4, 1e4))
+            # Behind its base lies the tail: as wide, or narrowed by a collar that the disc at the
+            # base would stick out of.
+            shape = shape.intersection(box(-length, -1e4, 1e4, 1e4))
         return self.at(shape, layout.end_mm[branch], layout.heading_rad[branch])
 
     def disc(self, radius_mm, place=(0.0, 0.0)):

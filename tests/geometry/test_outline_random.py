@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import event, given, settings
+from hypothesis import event, example, given, settings
 from hypothesis import strategies as st
 from shapely import LineString, Polygon
 
@@ -92,6 +92,19 @@ ODD = designs(
 )
 
 
+def bare_corners_mm2(design):
+    """What a tapered trunk without a tail loses: its sides begin at the corners of the mouth.
+
+    They touch the base's disc a little farther on, by an arc that is too short to be drawn; with
+    a tail there is a corner where both straight sides meet. In 120 mm it is 0.3 um a side.
+    """
+    build = design.build
+    half, length = build.widths_mm[0] / 2, design.trunk_length_mm
+    lean = math.asin(min(0.99, (build.widths_mm[0] - build.end_widths_mm[0]) / 2 / length))
+    bare = build.tail_mm < half * math.tan(lean / 2)
+    return half * (1 / math.cos(lean) - 1) * length if bare and half * lean < 0.05 else 0.0
+
+
 def check(design, twin):
     """Compare an outline without problems with the union of plain shapes."""
     outline = body_outline(design)
@@ -108,7 +121,7 @@ def check(design, twin):
     shape = Polygon(contour.flattened_mm(FINE_MM))
     # Chords leave out a little of every arc.
     chords_mm2 = FINE_MM * sum(segment.length_mm for segment in segments if segment.bulge)
-    allowed_mm2 = 1e-5 * union.area + chords_mm2
+    allowed_mm2 = 1e-5 * union.area + chords_mm2 + bare_corners_mm2(design)
     if shape.is_valid:
         assert contour.signed_area_mm2 == pytest.approx(union.area, rel=0, abs=allowed_mm2)
         assert shape.symmetric_difference(union).area <= 2 * allowed_mm2
@@ -123,8 +136,17 @@ def check(design, twin):
     assert shapely.distance(edge, walk).max() <= 0.01
 
 
+WITHOUT_TAIL = Design(
+    name="any",
+    trunk_length_mm=121.604,
+    levels=(Level(branches=2, length_mm=10.0, fan_rad=math.radians(20), growth=0.86),),
+    build=Build(widths_mm=(8.0, 2.0), fillet_mm=(2.0,), taper=(0.62, 0.4), tail_mm=0.0),
+)
+
+
 @settings(max_examples=120)
 @given(ORDINARY)
+@example(WITHOUT_TAIL)
 def test_designs_like_the_papers(twin, design):
     check(design, twin)
 

@@ -126,7 +126,11 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
         ("[space]\nlength_mm = [nan, 2]", "space.length_mm[1]", "finite"),
         ("[space]\nbranches = [2, 3.5]", "space.branches", "whole"),
         ("[space]\nlevels = [2, 50]", "space.levels", "1 to 10"),
-        ("[[space.level]]\nnumber = 6\nlength_mm = 5", "space.level 6", "1 \\(the trunk\\) to 5"),
+        (
+            "[[space.level]]\nnumber = 6\nlength_mm = 5",
+            "space.level.number",
+            "1 \\(the trunk\\) to 5",
+        ),
         ("[[space.level]]\nnumber = 1\nbranches = 3", "space.level 1.branches", "length_mm"),
         (
             "[[space.level]]\nnumber = 2\n[[space.level]]\nnumber = 2",

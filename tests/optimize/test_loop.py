@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
+from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.optimize.axes import Axes
-from vinefab.optimize.bounds import Bounds, SpaceSettings
+from vinefab.optimize.bounds import Bounds, BuildSettings, SpaceSettings
 from vinefab.optimize.history import Generation, Progress
-from vinefab.optimize.loop import optimize, why_stop
+from vinefab.optimize.loop import Search, optimize, why_stop
 from vinefab.optimize.objective import INVALID_FITNESS
 from vinefab.optimize.optimizer import Optimizer
 from vinefab.optimize.random import RandomSearch
@@ -192,6 +193,19 @@ def test_runs_that_cannot_be_are_refused(
     )
     with pytest.raises(BadInputError, match="every variable fixed"):
         optimize(replace(small, space=fixed), maps)
+
+
+def test_what_no_search_could_help_is_refused_at_once(small: RunSettings, maps: Maps) -> None:
+    wide = replace(
+        small,
+        build=BuildSettings(trunk_width_mm=400.0),
+        growth=GrowthOptions(body="inflated"),
+    )
+    with pytest.raises(BadInputError, match="a trunk with room at a start"):
+        Search.of(wide, maps, None)
+    huge = SpaceSettings(levels=Bounds(low=10, high=10), branches=Bounds(low=9, high=10))
+    with pytest.raises(BadInputError, match="at most 100000 branches"):
+        Search.of(replace(small, space=huge), maps, None)
 
 
 def past(*best: float, seconds: float = 1.0) -> list[Generation]:

@@ -10,7 +10,7 @@ from vinefab.environments.cave import cave_map
 from vinefab.environments.grid import grid_map
 from vinefab.model.map import Map
 from vinefab.tasks.ground import Ground
-from vinefab.tasks.sight import seen_areas
+from vinefab.tasks.sight import _hit, seen_areas
 
 DISC = math.pi * 80.0**2
 
@@ -93,3 +93,23 @@ def test_what_is_seen_lies_in_free_space_and_overlaps_once() -> None:
     assert union.difference(ground.free).area < 1e-3 * union.area
     discs = shapely.union_all(shapely.buffer(shapely.points(places), 60.0, quad_segs=64))
     assert union.difference(discs.buffer(0.1)).area < 1e-6
+
+
+def test_walls_seen_edge_on_hide_nothing_and_stop_nothing() -> None:
+    """Tips slide along walls: sensors lie on lines of walls, to the last digit or nearly."""
+    hole = shapely.box(400, 400, 600, 600)
+    ground = Ground.of(Map(name="edge", bounds=shapely.box(0, 0, 1000, 1000), obstacles=(hole,)))
+    for below in (0.0, 1e-13, 1e-9, 3e-6):
+        for x, away in ((350.0, 50.0), (400.0, 0.0), (600.0, 0.0), (620.0, 20.0)):
+            segment = 80.0**2 * math.acos(away / 80.0) - away * math.sqrt(80.0**2 - away**2)
+            expected = DISC - 0.5 * segment
+            assert area(ground, x, 400.0 - below) == pytest.approx(expected, rel=1e-5)
+        assert area(ground, 450.0, 400.0 - below) == pytest.approx(0.5 * DISC, rel=1e-5)
+
+
+def test_a_ray_along_a_wall_meets_it_between_its_ends() -> None:
+    first, along = np.array([3.0, 0.0]), np.array([2.0, 0.0])
+    for angle in (0.0, 1e-300, 1e-17, math.pi):
+        place = _hit(angle, first, along)
+        assert 3.0 <= place[0] <= 5.0
+        assert place[1] == 0.0

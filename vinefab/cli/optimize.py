@@ -60,7 +60,7 @@ def optimize_command(
             show(progress.generation / progress.generations, progress_words(progress))
 
         crew = workforce(workers, cluster)
-        result = search(settings, out, resume=resume, workers=crew, tell=tell)
+        result = search(settings, out, resume=resume, workers=crew, tell=tell, source=run_file)
     write_text(out / "best.toml", design_text(result.best), force=force)
     for line in result_lines(result):
         voice.say(line)

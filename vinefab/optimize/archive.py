@@ -136,6 +136,7 @@ class Archive:
             history=self.history,
             stopped=self.stopped,
             times=self.sessions[-1].times,
+            asked=self.settings.evaluation.fabricable,
         )
 
 

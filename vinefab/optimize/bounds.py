@@ -140,9 +140,11 @@ def _check_bounds(key: str, name: str, bounds: Bounds, limits: tuple[float, floa
 def _check_level(level: int, table: Mapping[str, Bounds], deepest: int) -> None:
     key = f"space.level {level}"
     if not 1 <= level <= deepest:
-        raise BadInputError(key, level, f"1 (the trunk) to {deepest}")
-    allowed = tuple(LIMITS) if level > 1 else ("length_mm",)
+        allowed = f"1 (the trunk) to {deepest}, the most levels of the space"
+        raise BadInputError("space.level.number", level, allowed)
+    known = tuple(LIMITS) if level > 1 else ("length_mm",)
     for name, bounds in table.items():
-        if name not in allowed:
-            raise BadInputError(f"{key}.{name}", name, f"one of {', '.join(allowed)}")
+        if name not in known:
+            given = [bounds.low, bounds.high]
+            raise BadInputError(f"{key}.{name}", given, f"only {', '.join(known)} there")
         _check_bounds(f"{key}.{name}", name, bounds, LIMITS[name])

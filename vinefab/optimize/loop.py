@@ -8,6 +8,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.model.checked import Floats
+from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.map import Map
 from vinefab.optimize.costs import check_objectives, costs_of
 from vinefab.optimize.finalists import finalist_points, judged
@@ -103,6 +104,7 @@ class Search:
             optimizer.weigh(lambda x: costs_of(x, trial.space, settings.costs), trial.lowest)
         search = cls(settings=settings, maps=tuple(maps), trial=trial, optimizer=optimizer)
         trial.launches(search.poses(0))
+        _check_room(trial, search.poses(0))
         return search
 
     def run(
@@ -143,6 +145,7 @@ class Search:
             history=tuple(history),
             stopped=stopped,
             times=ledger.split(),
+            asked=settings.evaluation.fabricable,
         )
 
     def poses(self, number: int) -> Poses:
@@ -245,6 +248,31 @@ class _Diary:
         write, self._next = self._next, None
         if write is not None:
             write()
+
+
+def _check_room(trial: Trial, poses: Poses) -> None:
+    """Complain of designs that are too large, or trunks too wide, whatever a search would do.
+
+    Raises
+    ------
+    BadInputError
+        If even the design with the fewest branches has too many, or no trunk has room anywhere
+        at the poses of a generation.
+    """
+    space = trial.space
+    least = int(space.fleet(np.zeros((1, len(space)))).sizes[0])
+    if least > MOST_BRANCHES:
+        allowed = f"designs with at most {MOST_BRANCHES} branches; the smallest has more"
+        raise BadInputError("space", "too many levels or branches", allowed)
+    radius_mm = trial.radii_mm[0]
+    rooms = [
+        site.terrain.have_room(site.terrain.starts_mm(places), radius_mm).any()
+        for site, places in zip(trial.sites, poses, strict=True)
+        if places
+    ]
+    if radius_mm > 0.0 and not any(rooms):
+        allowed = f"a trunk with room at a start of the maps: inflated it is {2 * radius_mm:.0f} mm"
+        raise BadInputError("build.trunk_width_mm", space.build.trunk_width_mm, allowed)
 
 
 def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | None:

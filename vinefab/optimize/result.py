@@ -59,6 +59,8 @@ class RunResult:
         Why it stopped: ``generations``, ``evaluations``, ``stall`` or ``wall_time``.
     times
         Where the time of this session went.
+    asked
+        Whether the run asked for designs that can be made.
     """
 
     run_id: str
@@ -67,6 +69,7 @@ class RunResult:
     history: tuple[Generation, ...]
     stopped: str
     times: TimeSplit = field(default_factory=TimeSplit)
+    asked: bool = True
 
     @property
     def score(self) -> Score:

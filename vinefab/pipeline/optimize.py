@@ -1,11 +1,12 @@
 """A run of the optimizer, with its maps, its penalty and its record."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, located
 from vinefab.core.jsontext import json_text
 from vinefab.files.map import read_map
 from vinefab.files.profile import read_profile
@@ -78,6 +79,7 @@ def search(
     resume: bool = False,
     workers: int | Workforce = 1,
     tell: Tell | None = None,
+    source: Path | None = None,
 ) -> RunResult:
     """Run the optimizer and keep its record in a folder.
 
@@ -93,6 +95,8 @@ def search(
         Threads, or who else evaluates; no result depends on it.
     tell
         Called after every generation.
+    source
+        The file that the settings come from, for errors.
 
     Raises
     ------
@@ -100,9 +104,10 @@ def search(
         If the settings, the maps or the folder cannot be used; the record stays whole, and none
         is begun for a run that cannot go.
     """
-    maps = training_maps(settings)
-    penalty = penalty_of(settings)
-    job = Search.of(settings, maps, penalty)
+    with located(source) if source else nullcontext():
+        maps = training_maps(settings)
+        penalty = penalty_of(settings)
+        job = Search.of(settings, maps, penalty)
     identity = RunIdentity.of(settings, maps, penalty)
     with RunStore.open(folder, identity, maps=maps, resume=resume) as store:
         return job.run(store=store, progress=tell, workers=workers)
@@ -122,6 +127,8 @@ def result_lines(result: RunResult) -> list[str]:
     best, score = result.best, result.score
     weighed = ", ".join(f"{name} {value:.4f}" for name, value in score.composite.items())
     made = "passes the rules of making" if result.fabricable else "breaks rules of making"
+    if not result.asked:
+        made = "nobody asked whether it can be made"
     return [
         f"run {result.run_id}: {len(result.history)} generations, {result.evaluations} designs "
         f"evaluated, stopped by {result.stopped}",

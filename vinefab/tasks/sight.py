@@ -109,9 +109,14 @@ def _nearest(rays: Floats, first: Floats, along: Floats) -> tuple[Ints, Floats]:
 
 
 def _hit(angle_rad: float, first: Floats, along: Floats) -> Floats:
-    """Return where a ray meets the line of a wall."""
+    """Return where a ray meets a wall, at its end if that rounds to beyond it.
+
+    A wall on whose line the sensor lies is seen edge-on, and a ray along it meets it anywhere.
+    """
     ray = np.array([math.cos(angle_rad), math.sin(angle_rad)])
-    return np.asarray(ray * (_cross(first, along) / _cross(ray, along)))
+    ahead = float(_cross(ray, along))
+    share = float(_cross(first, ray)) / ahead if ahead != 0.0 else 0.0
+    return np.asarray(first + min(max(share, 0.0), 1.0) * along)
 
 
 def _arc(one: float, two: float, radius_mm: float) -> Floats:

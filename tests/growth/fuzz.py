@@ -19,7 +19,7 @@ from vinefab.growth.atlas import Atlas
 from vinefab.growth.batch import Batch, Block, Launches
 from vinefab.growth.grow import grow
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plan
+from vinefab.growth.plans import Plans
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
@@ -219,11 +219,7 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     )
     designs = [nasty_design(rng, size_mm) for _ in range(DESIGNS_PER_MAP)]
     poses = [nasty_pose(rng, ground) for _ in range(GROWTHS_PER_MAP // DESIGNS_PER_MAP)]
-    batch = Batch(
-        [Plan.of(design, options) for design in designs],
-        Launches.of(Atlas([ground]), [poses]),
-        options,
-    )
+    batch = Batch(Plans.of(designs, options), Launches.of(Atlas([ground]), [poses]), options)
 
     def events(block: Block) -> tuple[int, int]:
         return int(block.growth.events.sum()), int(block.growth.events.max())

@@ -12,7 +12,7 @@ from vinefab.growth.atlas import MOST_KEPT, Atlas
 from vinefab.growth.batch import Batch, Launches
 from vinefab.growth.grow import grow
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plan
+from vinefab.growth.plans import Plans
 from vinefab.growth.terrain import Terrain
 from vinefab.model.map import Map, Pose
 
@@ -32,7 +32,7 @@ def case(request, random_map, random_pose, random_tree):
     poses = [[random_pose(rng, ground) for _ in range(5)] for ground in terrains]
     designs = [random_tree(rng) for _ in range(9)]
     launches = Launches.of(Atlas(terrains), poses)
-    batch = Batch([Plan.of(design, options) for design in designs], launches, options)
+    batch = Batch(Plans.of(designs, options), launches, options)
     alone = [
         grow(design, ground, pose, options)
         for ground, places in zip(terrains, poses, strict=True)

@@ -14,13 +14,13 @@ from vinefab.growth.atlas import Atlas
 from vinefab.growth.batch import Batch, Launches
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan
+from vinefab.growth.plans import Plans
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.tree import branch_tree
 from vinefab.optimize.bounds import LIMITS, Bounds, BuildSettings, SpaceSettings
-from vinefab.optimize.fleet import LARGEST_KEPT, planted
-from vinefab.optimize.fleet_batch import FleetBatch
+from vinefab.optimize.planting import LARGEST_KEPT, planted
 from vinefab.optimize.space import DECIMALS, Space, _rounded
 
 WIDE = Space(
@@ -54,7 +54,7 @@ def test_a_fleet_has_the_plans_of_its_designs(space: Space, body: str) -> None:
     radii_mm = (0.0,) if body == "centerline" else tuple(w / math.pi for w in deepest)
     fleet = space.fleet(x)
     builds = {depth: space.build_of(depth) for depth in range(1, 6)}
-    trees = planted(fleet, builds, radii_mm)
+    trees = planted(fleet, builds, radii_mm).each
     assert fleet.sizes.tolist() == [design.branch_count for design in designs]
     assert len(trees[2:5]) == 3
     for design, made in zip(designs, trees, strict=True):
@@ -82,8 +82,8 @@ def test_a_fleet_grows_as_its_designs_do(space: Space, body: str) -> None:
     deepest = space.build_of(int(space.settings.levels.high)).widths_mm
     radii_mm = (0.0,) if body == "centerline" else tuple(w / math.pi for w in deepest)
     builds = {depth: space.build_of(depth) for depth in range(1, 6)}
-    fleet = FleetBatch(planted(space.fleet(x), builds, radii_mm), launches, options, [])
-    batch = Batch([Plan.of(space.design(row), options) for row in x], launches, options)
+    fleet = Batch(planted(space.fleet(x), builds, radii_mm), launches, options)
+    batch = Batch(Plans.of([space.design(row) for row in x], options), launches, options)
     assert len(fleet) == len(batch)
     assert [everything(d) for d in fleet.deployments()] == [
         everything(d) for d in batch.deployments()
@@ -116,7 +116,7 @@ def test_trees_too_large_for_a_design_are_counted_but_never_planted() -> None:
     assert sizes[1] > MOST_BRANCHES
     assert sizes[2] == 2**10 - 1
     assert sizes[2] > LARGEST_KEPT
-    tree = planted(space.fleet(x[2:]), {10: space.build_of(10)}, (0.0,))[0].tree
+    tree = planted(space.fleet(x[2:]), {10: space.build_of(10)}, (0.0,)).each[0].tree
     np.testing.assert_array_equal(tree.parent, branch_tree(space.design(x[2])).parent)
 
 

@@ -17,7 +17,7 @@ from vinefab.environments.registry import ENVIRONMENTS
 from vinefab.growth.atlas import Atlas
 from vinefab.growth.batch import Batch, Launches
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plan
+from vinefab.growth.plans import Plans
 from vinefab.optimize.bounds import BuildSettings, SpaceSettings
 from vinefab.optimize.space import Space
 from vinefab.tasks.coverage import Coverage
@@ -47,7 +47,7 @@ def pairs(number: int, task: Task, term: str) -> tuple[np.ndarray, float, float]
     designs = [space.design(x) for x in rng.random((DESIGNS_PER_MAP, len(space)))]
     options = GrowthOptions(children_of_stuck=rng.choice(["stop", "deploy"]))
     launches = Launches.of(Atlas([site.terrain]), poses_on([site], POSES_PER_MAP, [number]))
-    batch = Batch([Plan.of(design, options) for design in designs], launches, options)
+    batch = Batch(Plans.of(designs, options), launches, options)
 
     def scored(way: Task) -> tuple[np.ndarray, float]:
         began = time.process_time()

@@ -13,7 +13,7 @@ from vinefab.environments.poses import draw_poses
 from vinefab.growth.atlas import Atlas
 from vinefab.growth.batch import Batch, Launches
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plan
+from vinefab.growth.plans import Plans
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map
@@ -68,7 +68,7 @@ def test_trees_on_grid_maps_are_within_the_stated_error(radius: float) -> None:
         site = Site.of(grid_map(seed))
         options = GrowthOptions(children_of_stuck="deploy")
         launches = Launches.of(Atlas([site.terrain]), [draw_poses(site.world, 4, seed)])
-        for grown in Batch([Plan.of(tree, options)], launches, options).deployments():
+        for grown in Batch(Plans.of([tree], options), launches, options).deployments():
             seen, summed = covered(site.ground, grown.tips_mm, radius)
             each = free_disc_areas_mm2(grown.tips_mm, radius, site.ground.edges_mm)
             assert summed == pytest.approx(each.sum(), rel=5e-3)
@@ -134,7 +134,7 @@ def test_blocks_score_as_single_deployments_do(body: str, same: Callable[..., bo
     sites = [Site.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
     poses = [draw_poses(site.world, 3, 5, clearance_mm=14.0) for site in sites]
     launches = Launches.of(Atlas([site.terrain for site in sites]), poses)
-    batch = Batch([Plan.of(design, options) for design in plans], launches, options)
+    batch = Batch(Plans.of(plans, options), launches, options)
     grounds = [site.ground for site in sites]
     for size in (1, 4, 7, 100):
         pairs = batch.each(

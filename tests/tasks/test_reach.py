@@ -11,7 +11,7 @@ from vinefab.environments.poses import draw_poses
 from vinefab.growth.atlas import Atlas
 from vinefab.growth.batch import Batch, Launches
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plan
+from vinefab.growth.plans import Plans
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map
@@ -91,7 +91,7 @@ def test_blocks_score_as_single_deployments_do(body: str, same: Callable[..., bo
     sites = [Site.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
     poses = [draw_poses(site.world, 3, 5, clearance_mm=14.0) for site in sites]
     launches = Launches.of(Atlas([site.terrain for site in sites]), poses)
-    batch = Batch([Plan.of(design, options) for design in designs], launches, options)
+    batch = Batch(Plans.of(designs, options), launches, options)
     grounds = [site.ground for site in sites]
     for task in (Reach(area="fast"), Reach(area="fast", buffer_mm=0.1), Reach()):
         for size in (1, 5, 100):

@@ -9,7 +9,7 @@ from vinefab.environments.poses import draw_poses
 from vinefab.growth.atlas import Atlas
 from vinefab.growth.batch import Batch, Launches
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plan
+from vinefab.growth.plans import Plans
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.tasks.coverage import Coverage
@@ -47,7 +47,7 @@ def test_blocks_score_as_single_deployments_do(same: Callable[..., bool]) -> Non
     options = GrowthOptions(head_on_half_angle_rad=0.3)
     site = Site.of(grid_map(1))
     launches = Launches.of(Atlas([site.terrain]), [draw_poses(site.world, 9, 5)])
-    batch = Batch([Plan.of(tree, options)], launches, options)
+    batch = Batch(Plans.of([tree], options), launches, options)
     seen = set()
     for block in batch.each(
         lambda b: (TASK.evaluate_block(b, [site.ground]), one_by_one(TASK, b, [site.ground])),

@@ -4,17 +4,17 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.growth.arrays import Growth
 from vinefab.growth.atlas import Atlas
-from vinefab.growth.batch_arrays import JobArrays, TreesArrays
+from vinefab.growth.batch_arrays import JobArrays
 from vinefab.growth.grow import POINTS_PER_BRANCH, SPARE_POINTS, rules_of
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plan
+from vinefab.growth.plans import Plans
 from vinefab.growth.scratch import Scratch
 from vinefab.model.checked import Floats, Ints
 from vinefab.model.deployment import Deployment, Stop
@@ -97,8 +97,6 @@ class Block:
         Which design and which launch each is, shape (j,).
     plans, launches
         Those of the batch.
-    lengths_mm
-        Planned length of each plan's tree.
     branch, room
         Where each growth's branches and chain points begin, shape (j + 1,).
     growth
@@ -107,9 +105,8 @@ class Block:
 
     plan: Ints
     launch: Ints
-    plans: Sequence[Plan]
+    plans: Plans
     launches: Launches
-    lengths_mm: Floats
     branch: Ints
     room: Ints
     growth: Growth
@@ -130,7 +127,7 @@ class Block:
 
     def planned_mm(self) -> Floats:
         """Return the planned length of each growth's tree, shape (j,)."""
-        return self.lengths_mm[self.plan]
+        return self.plans.lengths_mm[self.plan]
 
     @property
     def deployed(self) -> NDArray[np.bool_]:
@@ -167,7 +164,7 @@ class Block:
         one, two = self.branch[index], self.branch[index + 1]
         first_point = self.growth.first_point[one + index : two + index + 1].copy()
         room = self.room[index]
-        plan = self.plans[self.plan[index]]
+        plan = self.plans.each[self.plan[index]]
         return Deployment(
             tree=plan.tree,
             pose=self.launches.poses[self.launch[index]],
@@ -191,6 +188,8 @@ class Batch:
         Where to grow them from.
     options
         Choices of the growth model, the ones that the plans were made with.
+    idle
+        Memory that other batches have used and nobody uses now; threads may share it.
 
     Notes
     -----
@@ -199,17 +198,20 @@ class Batch:
     nothing that is written to, so results do not depend on who works them off.
     """
 
-    def __init__(self, plans: Sequence[Plan], launches: Launches, options: GrowthOptions) -> None:
-        self.plans = tuple(plans)
+    def __init__(
+        self,
+        plans: Plans,
+        launches: Launches,
+        options: GrowthOptions,
+        idle: list[Scratch] | None = None,
+    ) -> None:
+        self.plans = plans
         self.launches = launches
         self._rules = rules_of(options, 0.0)
-        self._trees = TreesArrays.of([plan.arrays() for plan in self.plans])
-        self._lengths_mm = np.array([plan.tree.total_length_mm for plan in self.plans])
-        self._spans = _Spans.of(self.plans)
-        self._walls = launches.atlas.arrays(self._spans.radii_mm)
-        self._page = launches.atlas.pages(self._spans.radii_mm)
+        self._walls = launches.atlas.arrays(plans.spans.radii_mm)
+        self._page = launches.atlas.pages(plans.spans.radii_mm)
         # Appending and popping are safe between threads.
-        self._idle: list[Scratch] = []
+        self._idle = [] if idle is None else idle
 
     def __len__(self) -> int:
         return len(self.plans) * len(self.launches)
@@ -229,14 +231,25 @@ class Batch:
         size
             Growths per block.
         """
+        yield from over(lambda first: self.worked(first, size, work), range(0, len(self), size))
 
-        def done(first: int) -> Result:
-            scratch = self._idle.pop() if self._idle else Scratch()
-            result = work(self._block(first, size, scratch))
-            self._idle.append(scratch)
-            return result
+    def worked(self, first: int, size: int, work: Callable[[Block], Result]) -> Result:
+        """Grow some growths, and return what some work makes of them.
 
-        yield from over(done, range(0, len(self), size))
+        Parameters
+        ----------
+        first, size
+            The growths ``first .. first + size - 1``, as far as there are any.
+        work
+            Called with the block, whose arrays are used again afterwards.
+        """
+        try:
+            scratch = self._idle.pop()
+        except IndexError:
+            scratch = Scratch()
+        result = work(self._block(first, size, scratch))
+        self._idle.append(scratch)
+        return result
 
     def deployments(self, over: Over = map) -> list[Deployment]:
         """Grow everything and return what `vinefab.growth.grow.grow` would for each growth."""
@@ -258,12 +271,13 @@ class Batch:
         jobs = self._jobs(plan, launch, room_each)
         growth = scratch.growth(len(plan), int(jobs.branch[-1]), int(jobs.room[-1]))
         terrain = self.launches.terrain[launch]
-        for level in range(int(self._spans.levels[plan].max())):
-            jobs.page[:] = self._page[terrain, self._spans.radius[plan, level]]
-            jobs.until[:] = self._spans.until[plan, level]
-            for job in np.flatnonzero(self._spans.is_wider[plan, level]).tolist():
-                self._look_for_room(job, jobs, growth, level)
-            kernel.grow_jobs(self._walls, self._trees, self._rules, jobs, growth, 0, len(plan))
+        spans, trees = self.plans.spans, self.plans.trees
+        for span in range(int(spans.number[plan].max())):
+            jobs.page[:] = self._page[terrain, spans.radius[plan, span]]
+            jobs.until[:] = spans.until[plan, span]
+            for job in np.flatnonzero(spans.is_wider[plan, span]).tolist():
+                self._look_for_room(job, jobs, growth, span)
+            kernel.grow_jobs(self._walls, trees, self._rules, jobs, growth, 0, len(plan))
             if (jobs.done < jobs.until).any():
                 return None
         return Block(
@@ -271,14 +285,13 @@ class Batch:
             launch=launch,
             plans=self.plans,
             launches=self.launches,
-            lengths_mm=self._lengths_mm,
             branch=jobs.branch,
             room=jobs.room,
             growth=growth,
         )
 
     def _jobs(self, plan: Ints, launch: Ints, room_each: int) -> JobArrays:
-        branches = np.diff(self._trees.first)[plan]
+        branches = np.diff(self.plans.trees.first)[plan]
         branch, room = np.zeros((2, len(plan) + 1), dtype=np.int64)
         np.cumsum(branches, out=branch[1:])
         np.cumsum(room_each * branches + SPARE_POINTS, out=room[1:])
@@ -301,39 +314,9 @@ class Batch:
         if first > 0:
             ends = growth.first_point[jobs.branch[job] + job + 1 :]
             start = growth.points[
-                jobs.room[job] - 1 + ends[self.plans[plan].tree.parent[first:last]]
+                jobs.room[job] - 1 + ends[self.plans.each[plan].tree.parent[first:last]]
             ]
-        radii_mm = self.plans[plan].radii_mm
-        terrain = int(jobs.page[job]) // len(self._spans.radii_mm)
+        radii_mm = self.plans.each[plan].radii_mm
+        terrain = int(jobs.page[job]) // len(self.plans.spans.radii_mm)
         fits = self.launches.atlas.terrains[terrain].have_room(start, radii_mm[level])
         jobs.fits[jobs.branch[job] + first : jobs.branch[job] + last] = fits
-
-
-class _Spans(NamedTuple):
-    """The spans of all plans as tables, a row per plan and a column per level."""
-
-    radii_mm: tuple[float, ...]
-    levels: Ints
-    radius: Ints
-    until: Ints
-    is_wider: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, plans: Sequence[Plan]) -> "_Spans":
-        """Return the tables; beyond a plan's last level nothing is left to grow."""
-        radii_mm = tuple(sorted({radius for plan in plans for radius in plan.radii_mm}))
-        levels = np.array([len(plan.radii_mm) for plan in plans])
-        spans = cls(
-            radii_mm,
-            levels,
-            radius=np.zeros((len(plans), levels.max()), dtype=np.int64),
-            until=np.zeros((len(plans), levels.max()), dtype=np.int64),
-            is_wider=np.zeros((len(plans), levels.max()), dtype=np.bool_),
-        )
-        for row, plan in enumerate(plans):
-            spans.until[row] = len(plan)
-            spans.until[row, : levels[row]] = plan.edges[1:]
-            spans.radius[row, : levels[row]] = np.searchsorted(radii_mm, plan.radii_mm)
-            # Only a body wider than what reached the place can lack room there.
-            spans.is_wider[row, : levels[row]] = np.diff(plan.radii_mm, prepend=0.0) > 0.0
-        return spans

@@ -11,7 +11,7 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.growth.atlas import Atlas
-from vinefab.growth.batch import BLOCK, Block, Launches
+from vinefab.growth.batch import BLOCK, Batch, Block, Launches
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.scratch import Scratch
 from vinefab.model.checked import Floats, Ints
@@ -19,9 +19,9 @@ from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.optimize.crew import Alone, Crew, Promise
-from vinefab.optimize.fleet import Fleet, planted
-from vinefab.optimize.fleet_batch import FleetBatch
+from vinefab.optimize.fleet import Fleet
 from vinefab.optimize.objective import objective
+from vinefab.optimize.planting import planted
 from vinefab.optimize.settings import EvaluationSettings, PartSettings, RunSettings
 from vinefab.optimize.space import Space
 from vinefab.optimize.timing import Stopwatch, Work
@@ -289,17 +289,22 @@ class Trial:
     ) -> list[Promise[tuple[Outcomes, Work]]]:
         """Have somebody grow and score designs, in the order of a batch."""
         builds = {depth: self.space.build_of(depth) for depth in set(fleet.depth.tolist())}
-        trees = planted(fleet, builds, self.radii_mm)
-        batch = FleetBatch(trees, launches, self.growth, self.idle)
+        plans = planted(fleet, builds, self.radii_mm)
+        batch = Batch(plans, launches, self.growth, self.idle)
         grounds = [site.ground for site in self.sites]
 
-        def work(block: Block, watch: Stopwatch) -> tuple[Outcomes, Work]:
-            growth_s = watch.lap_s()
-            found = outcomes(self.task, block, grounds)
-            return found, Work(growth_s=growth_s, scoring_s=watch.lap_s())
+        def grown(first: int, size: int) -> tuple[Outcomes, Work]:
+            watch = Stopwatch()
+
+            def work(block: Block) -> tuple[Outcomes, Work]:
+                growth_s = watch.lap_s()
+                found = outcomes(self.task, block, grounds)
+                return found, Work(growth_s=growth_s, scoring_s=watch.lap_s())
+
+            return batch.worked(first, size, work)
 
         ends = accumulate(block_sizes(len(batch), crew.count), initial=0)
-        return [crew.submit(batch.worked, one, two - one, work) for one, two in pairwise(ends)]
+        return [crew.submit(grown, one, two - one) for one, two in pairwise(ends)]
 
     def score(self, found: Found, row: int, poses: Poses) -> Score:
         """Return what was found of one point that is a design as a score."""

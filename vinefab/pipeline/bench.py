@@ -159,7 +159,7 @@ def bench(progress: Callable[[float, str], None], *, million: bool = False) -> B
         sizes.append(_size(wanted))
     progress(0.6, "references")
     batch = batch_on(site.terrain, poses)
-    branches, count = len(batch) * len(batch.plans[0]), events(batch)
+    branches, count = len(batch) * len(batch.plans.each[0]), events(batch)
     grown_s = least_s(lambda: events(batch))
     evaluated_s = least_s(lambda: _evaluate(site, batch.launches))
     reference, error_mm = _reference(site.terrain, poses[:25])

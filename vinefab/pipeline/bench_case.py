@@ -9,7 +9,7 @@ from vinefab.environments.grid import GridOptions, grid_map
 from vinefab.growth.atlas import Atlas
 from vinefab.growth.batch import Batch, Launches
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plan
+from vinefab.growth.plans import Plans
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
@@ -65,7 +65,7 @@ def free_poses(terrain: Terrain, count: int) -> tuple[Pose, ...]:
 def batch_on(terrain: Terrain, poses: tuple[Pose, ...]) -> Batch:
     """Return the growths of the tree from some poses on a map."""
     launches = Launches.of(Atlas([terrain]), [poses])
-    return Batch([Plan.of(tree_of_40(), OPTIONS)], launches, OPTIONS)
+    return Batch(Plans.of([tree_of_40()], OPTIONS), launches, OPTIONS)
 
 
 def events(batch: Batch) -> int:

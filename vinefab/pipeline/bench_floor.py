@@ -84,7 +84,7 @@ def _tests(terrain: Terrain, poses: tuple[Pose, ...]) -> _Tests:
     """Return every test that some growths make, by running the kernel as plain Python."""
     batch = batch_on(terrain, poses)
     walls, rules = terrain.walls(), rules_of(OPTIONS, terrain.tolerance_mm)
-    plan, rays, sweeps, count = batch.plans[0], [], [], 0
+    plan, rays, sweeps, count = batch.plans.each[0], [], [], 0
     plain = _plain_kernel()
     meeting, sweep_to = plain["_meeting"], plain["_sweep_to"]
 

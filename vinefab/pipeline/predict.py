@@ -8,7 +8,7 @@ import numpy as np
 from vinefab.growth.atlas import Atlas
 from vinefab.growth.batch import Batch, Launches
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plan
+from vinefab.growth.plans import Plans
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.measure import MEASURES, Outcomes
@@ -121,7 +121,7 @@ def deploy_on(design: Design, place: Place, trials: Trials, tell: Tell = tell_no
     """
     tell(0.0, f"{design.name}: growing")
     launches = place.launches()
-    batch = Batch([Plan.of(design, trials.options)], launches, trials.options)
+    batch = Batch(Plans.of([design], trials.options), launches, trials.options)
     deployments = tuple(batch.deployments())
     columns = np.empty((len(deployments), len(MEASURES)))
     terrain = launches.terrain.tolist()

@@ -12,7 +12,7 @@ from vinefab.core.units import deg, rad
 from vinefab.environments.poses import draw_poses
 from vinefab.growth.atlas import Atlas
 from vinefab.growth.batch import Batch, Launches
-from vinefab.growth.plan import Plan
+from vinefab.growth.plans import Plans
 from vinefab.model.checked import Floats
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
@@ -54,7 +54,7 @@ def heat_of(design: Design, site: Site, trials: Trials, poses: int = POSES) -> H
     varied = replace(site.around_starts, starts=tuple(_varied(start) for start in world.starts))
     drawn = draw_poses(varied, poses, trials.seed)
     launches = Launches.of(Atlas([site.terrain]), [drawn])
-    batch = Batch([Plan.of(design, trials.options)], launches, trials.options)
+    batch = Batch(Plans.of([design], trials.options), launches, trials.options)
     deployments = batch.deployments()
     low_mm, cell_mm, shape = _raster(world)
     passed = np.zeros(shape)

@@ -14,6 +14,7 @@ from vinefab.core.units import rad
 from vinefab.growth.batch import Batch, Launches
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan
+from vinefab.growth.plans import Plans
 from vinefab.model.checked import Floats, frozen_floats
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
@@ -98,7 +99,7 @@ class Bench:
     ) -> Floats:
         """Return the quick measures of every plan from every pose, shape (plans, launches, 5)."""
         launches = self.launches if poses is None else Launches.of(self.launches.atlas, poses)
-        grown = Batch(plans, launches, options).deployments()
+        grown = Batch(Plans.joined(plans), launches, options).deployments()
         terrain = np.repeat(launches.terrain, len(plans)).tolist()
         rows = [
             quick_measures(deployment, self.design, self.place.sites[index])

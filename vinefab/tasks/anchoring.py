@@ -101,7 +101,9 @@ class Anchoring:
         return together(
             [
                 self._outcome(
-                    block.deployment(index), grounds[terrain[index]], block.plans[plan[index]].build
+                    block.deployment(index),
+                    grounds[terrain[index]],
+                    block.plans.each[plan[index]].build,
                 )
                 for index in range(len(block))
             ]

@@ -10,7 +10,7 @@ from vinefab.environments.poses import draw_poses
 from vinefab.growth.atlas import Atlas
 from vinefab.growth.batch import Batch, Launches, Over
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plan import Plan
+from vinefab.growth.plans import Plans
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
@@ -145,7 +145,7 @@ def score_designs(
     if not designs:
         return ()
     options = options or GrowthOptions()
-    batch = Batch([Plan.of(design, options) for design in designs], launches, options)
+    batch = Batch(Plans.of(designs, options), launches, options)
     grounds = [site.ground for site in sites]
     found = joined(list(batch.each(lambda block: outcomes(task, block, grounds), over)))
     return tuple(scores_of(found, task, sites, launches))

@@ -1,0 +1,98 @@
+"""Several designs made ready for growth, as columns of numbers for compiled code."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vinefab.growth.batch_arrays import TreesArrays
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plan
+from vinefab.model.checked import Floats, Ints
+from vinefab.model.design import Design
+
+
+class Spans(NamedTuple):
+    """The spans of all plans as tables, a row per plan and a column per span.
+
+    Parameters
+    ----------
+    radii_mm
+        All body radii, rising.
+    number
+        How many spans each plan has; what stands beyond them has no meaning.
+    radius
+        Which of the radii.
+    until
+        First branch that is not in the span.
+    is_wider
+        Whether the body is wider than what reached its base, and so may lack room there.
+    """
+
+    radii_mm: tuple[float, ...]
+    number: Ints
+    radius: Ints
+    until: Ints
+    is_wider: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plans:
+    """What growth needs of several designs.
+
+    Parameters
+    ----------
+    each
+        The plans one by one.
+    trees
+        Their branches, one tree after the other.
+    lengths_mm
+        Planned length of each tree.
+    spans
+        Which branches are grown on the same walls.
+    """
+
+    each: Sequence[Plan]
+    trees: TreesArrays
+    lengths_mm: Floats
+    spans: Spans
+
+    def __len__(self) -> int:
+        return len(self.each)
+
+    @classmethod
+    def of(cls, designs: Sequence[Design], options: GrowthOptions) -> "Plans":
+        """Return the plans of some designs, at least one."""
+        return cls.joined([Plan.of(design, options) for design in designs])
+
+    @classmethod
+    def joined(cls, plans: Sequence[Plan]) -> "Plans":
+        """Return some plans, at least one, as columns."""
+        return cls(
+            each=tuple(plans),
+            trees=TreesArrays.of([plan.arrays() for plan in plans]),
+            lengths_mm=np.array([plan.tree.total_length_mm for plan in plans]),
+            spans=_spans(plans),
+        )
+
+
+def _spans(plans: Sequence[Plan]) -> Spans:
+    """Return the spans of plans; beyond a plan's last one nothing is left to grow."""
+    radii_mm = tuple(sorted({radius for plan in plans for radius in plan.radii_mm}))
+    number = np.array([len(plan.radii_mm) for plan in plans])
+    spans = Spans(
+        radii_mm,
+        number,
+        radius=np.zeros((len(plans), number.max()), dtype=np.int64),
+        until=np.zeros((len(plans), number.max()), dtype=np.int64),
+        is_wider=np.zeros((len(plans), number.max()), dtype=np.bool_),
+    )
+    for row, plan in enumerate(plans):
+        spans.until[row] = len(plan)
+        spans.until[row, : number[row]] = plan.edges[1:]
+        spans.radius[row, : number[row]] = np.searchsorted(radii_mm, plan.radii_mm)
+        # Only a body wider than what reached the place can lack room there.
+        spans.is_wider[row, : number[row]] = np.diff(plan.radii_mm, prepend=0.0) > 0.0
+    return spans

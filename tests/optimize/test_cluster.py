@@ -27,6 +27,7 @@ PROGRAM = """
 import os, signal, sys
 from pathlib import Path
 from vinefab.files.run import read_run
+from vinefab.optimize import cluster as module
 from vinefab.optimize.cluster import Cluster
 from vinefab.pipeline.optimize import search
 
@@ -42,7 +43,11 @@ def main():
             for pid in pids[: progress.generation // 2]:
                 os.kill(pid, signal.SIGKILL)
                 killed.append(pid)
+        if progress.generation == 5:
+            # As if dask had not started them again: none is left, and none would come.
+            Client.current().cluster.scale(0)
 
+    module.REHIRE_S = 5.0
     threads = search(settings, Path(sys.argv[2]) / "threads")
     crew = Cluster("local:2", patience_s=500.0)
     cluster = search(settings, Path(sys.argv[2]) / "cluster", workers=crew, tell=tell)

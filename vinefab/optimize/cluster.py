@@ -11,7 +11,7 @@ import math
 import pickle
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -35,6 +35,10 @@ PATIENCE_S = 300.0
 
 LOOK_S = 2.0
 """How often it looks whether there are workers."""
+
+REHIRE_S = 60.0
+"""A process of this computer that dies while it starts is not started again by dask: new ones are
+made when there has been none for so long. Under heavy load a start takes ten seconds or more."""
 
 MOST_DEATHS = 20
 """So often work is given out anew after it killed several workers; then it must be the work."""
@@ -98,6 +102,7 @@ class Cluster:
         self.address = address
         self.count = self._local_count()
         self._patience_s = patience_s
+        self._rehire: Callable[[], object] | None = None
         if importlib.util.find_spec("distributed") is None:
             allowed = "only with the extra: pip install 'vinefab[cluster]'"
             raise BadInputError("--cluster", address, allowed)
@@ -157,13 +162,17 @@ class Cluster:
 
     def _await(self, client: Any, futures: Sequence[Any]) -> None:  # noqa: ANN401 - as above
         """Wait until all is done or failed, as long as there are workers."""
-        alone_since_s = time.monotonic()
+        alone_since_s = hired_s = time.monotonic()
         while unfinished := [future for future in futures if not future.done()]:
+            now_s = time.monotonic()
             if client.nthreads():
-                alone_since_s = time.monotonic()
-            elif time.monotonic() - alone_since_s > self._patience_s:
+                alone_since_s = hired_s = now_s
+            elif now_s - alone_since_s > self._patience_s:
                 problem = f"no worker for {self._patience_s:g} s"
                 raise WorkersLostError(f"cluster {self.address}", problem)
+            elif self._rehire is not None and now_s - hired_s > REHIRE_S:
+                hired_s = now_s
+                self._rehire()
             _wait(unfinished)
 
     def _local_count(self) -> int:
@@ -192,6 +201,7 @@ class Cluster:
                 ) as cluster,
                 Client(cluster) as client,  # type: ignore[no-untyped-call]
             ):
+                self._rehire = lambda: (cluster.scale(0), cluster.scale(self.count))
                 yield client
             return
         file = self.address.endswith(".json")

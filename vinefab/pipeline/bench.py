@@ -24,8 +24,8 @@ from vinefab.pipeline.bench_case import (
 )
 from vinefab.pipeline.bench_floor import Floor, floor_on
 from vinefab.pipeline.bench_memory import peak_mb
-from vinefab.pipeline.bench_reference import Course, grow_tree, tips_mm
-from vinefab.pipeline.bench_time import least_s
+from vinefab.pipeline.bench_reference import Branch, Course, grow_tree, tips_mm
+from vinefab.pipeline.bench_time import least_each_s, least_s
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import Site, score_designs
 
@@ -160,15 +160,16 @@ def bench(progress: Callable[[float, str], None], *, million: bool = False) -> B
     progress(0.6, "references")
     batch = batch_on(site.terrain, poses)
     branches, count = len(batch) * len(batch.plans.each[0]), events(batch)
-    grown_s = least_s(lambda: events(batch))
-    evaluated_s = least_s(lambda: _evaluate(site, batch.launches))
-    reference, error_mm = _reference(site.terrain, poses[:25])
+    reference = _Reference(site.terrain, poses[:25])
+    grown_s, evaluated_s, reference_s = least_each_s(
+        (lambda: events(batch), lambda: _evaluate(site, batch.launches), reference.grow)
+    )
     progress(0.8, "threads and batches")
     return Bench(
         branches_per_s=branches / grown_s,
         evaluations_per_s=len(batch) / evaluated_s,
-        reference_branches_per_s=reference,
-        reference_error_mm=error_mm,
+        reference_branches_per_s=reference.branches / reference_s,
+        reference_error_mm=reference.error_mm(),
         twin_branches_per_s=_twin(site.terrain, poses[:5]),
         evaluation_over_growth=evaluated_s / grown_s,
         events_per_branch=count / branches,
@@ -206,16 +207,22 @@ def _evaluate(site: Site, launches: Launches, over: Over = map) -> None:
     score_designs([tree_of_40()], [site], launches, Coverage(area="fast"), OPTIONS, over)
 
 
-def _reference(terrain: Terrain, poses: tuple[Pose, ...]) -> tuple[float, float]:
-    """Return the reference's branches per second, and how far its tips are from the kernel's."""
-    course, tree = Course(terrain.free_space()), branch_tree(tree_of_40())
-    error_mm = 0.0
-    for pose in poses:
-        tips = tips_mm(grow_tree(course, tree, pose, OPTIONS))
-        exact = grow(tree_of_40(), terrain, pose, OPTIONS).tips_mm
-        error_mm = max(error_mm, float(np.abs(tips - exact).max()))
-    taken_s = least_s(lambda: [grow_tree(course, tree, pose, OPTIONS) for pose in poses], 2)
-    return len(poses) * len(tree) / taken_s, error_mm
+class _Reference:
+    """The growths of the tree from some poses, by the Shapely reference."""
+
+    def __init__(self, terrain: Terrain, poses: tuple[Pose, ...]) -> None:
+        self._terrain, self._poses = terrain, poses
+        self._course, self._tree = Course(terrain.free_space()), branch_tree(tree_of_40())
+        self.branches = len(poses) * len(self._tree)
+
+    def grow(self) -> list[list[Branch]]:
+        return [grow_tree(self._course, self._tree, pose, OPTIONS) for pose in self._poses]
+
+    def error_mm(self) -> float:
+        """Return how far its tips are from the kernel's at most."""
+        exact = [grow(tree_of_40(), self._terrain, pose, OPTIONS).tips_mm for pose in self._poses]
+        found = [tips_mm(branches) for branches in self.grow()]
+        return max(float(np.abs(a - b).max()) for a, b in zip(found, exact, strict=True))
 
 
 def _twin(terrain: Terrain, poses: tuple[Pose, ...]) -> float:

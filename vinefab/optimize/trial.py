@@ -246,8 +246,8 @@ class Trial:
         order = np.argsort(-fleet.sizes, kind="stable")
         there = order[fleet.sizes[order] <= MOST_BRANCHES]
         launches = self.launches(poses)
-        parts = _in_two(there) if crew.count > 1 else [there]
-        growing = [self._grown(fleet.part(part), launches, crew) for part in parts if len(part)]
+        parts = [part for part in (_in_two(there) if crew.count > 1 else [there]) if len(part)]
+        growing = [self._grown(fleet.part(part), launches, crew) for part in parts]
         planning = Work(growth_s=watch.lap_s())
 
         def finish() -> tuple[Found, Work]:
@@ -399,7 +399,7 @@ def _found(
         What the blocks of each batch are worth.
     """
     score, terms = np.full(shape, np.nan), dict[str, Floats]()
-    for rows, blocks in zip(parts, outcomes, strict=False):
+    for rows, blocks in zip(parts, outcomes, strict=True):
         found = joined(blocks)
         score[rows] = found.score.reshape(shape[1], -1).T
         for name, values in found.terms.items():

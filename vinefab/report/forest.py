@@ -9,22 +9,11 @@ from matplotlib.lines import Line2D
 
 from vinefab.report.colours import INK, LEVEL_COLOURS, SOFT
 from vinefab.report.figure import house_style
+from vinefab.report.paper_charts import Known
 
 
-class Judged(Protocol):
+class Judged(Known, Protocol):
     """A difference with an interval."""
-
-    @property
-    def value(self) -> float:
-        """The difference."""
-
-    @property
-    def low(self) -> float:
-        """Lower end."""
-
-    @property
-    def high(self) -> float:
-        """Upper end."""
 
     @property
     def held(self) -> bool:

@@ -39,20 +39,15 @@ def composite(
     >>> composite([0.2, 0.6])["mean"]
     0.4
     """
-    values = np.asarray(scores, dtype=np.float64)
-    mean = float(values.mean())
-    steadiness = max(0.0, 1.0 - float(values.std()) / reference_deviation)
-    return {
-        "mean": mean,
-        "best": float(values.max()),
-        "min_deviation": MEAN_SHARE * mean + (1.0 - MEAN_SHARE) * steadiness,
-    }
+    row = np.asarray(scores, dtype=np.float64)[None]
+    kinds = ("mean", "best", "min_deviation")
+    return {kind: float(composites(row, kind, reference_deviation)[0]) for kind in kinds}
 
 
 def composites(
     scores: Floats, kind: str, reference_deviation: float = STANDARD_DEVIATION
 ) -> Floats:
-    """Return one of the numbers of `composite` for each of m rows of scores, to the last bit.
+    """Return one of the numbers of `composite` for each of m rows of scores.
 
     Parameters
     ----------

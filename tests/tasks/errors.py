@@ -32,6 +32,8 @@ TASKS: dict[str, tuple[Task, str]] = {
     "coverage, free space": (Coverage(), "area"),
     "coverage, raw discs": (Coverage(clip="none"), "area"),
     "coverage, r = 20 mm": (Coverage(radius_mm=20.0), "area"),
+    "coverage, sight": (Coverage(clip="sight"), "area"),
+    "coverage, sight, r = 20 mm": (Coverage(clip="sight", radius_mm=20.0), "area"),
     "reach": (Reach(), "reached_mm2"),
     "reach, 15 mm": (Reach(buffer_mm=15.0), "reached_mm2"),
 }
@@ -78,13 +80,13 @@ def main() -> None:
     """Print the table."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     head = ("n", 7), ("mean %", 9), ("rms %", 9), ("most %", 9), ("score", 9), ("times", 7)
-    sys.stdout.write(f"{'task':24}{''.join(f'{word:>{width}}' for word, width in head)}\n")
+    sys.stdout.write(f"{'task':28}{''.join(f'{word:>{width}}' for word, width in head)}\n")
     for name, (task, term) in TASKS.items():
         share, score, faster = errors(task, term, count)
         percent = 100.0 * share
         rms, most = np.sqrt(np.mean(percent**2)), np.abs(percent).max()
         sys.stdout.write(
-            f"{name:24}{len(share):7}{percent.mean():9.4f}{rms:9.4f}{most:9.4f}"
+            f"{name:28}{len(share):7}{percent.mean():9.4f}{rms:9.4f}{most:9.4f}"
             f"{np.abs(score).max():9.5f}{faster:7.0f}\n"
         )
 

@@ -19,7 +19,8 @@ def errors() -> ModuleType:
 
 
 def test_fast_scores_of_random_deployments_are_near_the_exact_ones(errors: ModuleType) -> None:
-    for task, term in (errors.TASKS["coverage, raw discs"], errors.TASKS["reach"]):
+    for name in ("coverage, raw discs", "coverage, sight", "reach"):
+        task, term = errors.TASKS[name]
         share, score, faster = errors.errors(task, term, 40)
         assert len(share) > 40
         assert 0.0 < np.abs(share).max() < 0.01

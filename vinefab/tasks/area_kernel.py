@@ -1,8 +1,8 @@
 """Compiled measures of free space: strips, discs and bodies on them, and gaps.
 
-The second and last compiled file of vinefab. Like `vinefab.growth.kernel` it imports nothing of
-ours, because a compiled file does not notice when another file changes. The arrays are described
-in `vinefab.tasks.raster`.
+The second compiled file of vinefab. Like `vinefab.growth.kernel` it imports nothing of ours,
+because a compiled file does not notice when another file changes. The arrays are described in
+`vinefab.tasks.raster`.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls

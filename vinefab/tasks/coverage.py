@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 import shapely
@@ -14,12 +14,19 @@ from vinefab.model.checked import Floats, Ints, number, positive, whole
 from vinefab.model.deployment import Deployment
 from vinefab.tasks.discs import disc_union, free_disc_areas_mm2
 from vinefab.tasks.ground import Ground
-from vinefab.tasks.raster import Raster
 from vinefab.tasks.sight import seen_areas
 from vinefab.tasks.task import Outcome, Outcomes, joined, one_by_one
 
 ROUNDING = 1e-12
 TERMS = ("area", "count", "length", "film", "eta")
+
+
+class Strips(Protocol):
+    """A free space on which the areas of discs are measured fast."""
+
+    def covered_mm2(self, tips_mm: Floats, first: Ints) -> tuple[Floats, Floats]:
+        """Return the area that sets of discs see together, and the sum of what each sees."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,9 +55,10 @@ class Coverage:
         whole discs, as the paper's words have it. ``sight``: free space that no wall hides from
         the sensor.
     area
-        ``exact``: by polygons, for a score that is reported. ``fast``: by strips of free space
-        (`raster.Raster.covered_mm2` says how exact), a hundred times faster, for searching; taken
-        only where ``clip`` is not ``sight`` and the map is not too large for such discs.
+        ``exact``: by polygons, for a score that is reported. ``fast``: by strips of free space,
+        or lines across it in line of sight (`raster.Raster.covered_mm2` and
+        `sight_lines.SightLines.covered_mm2` say how exact), a hundred times faster, for searching;
+        taken only where the map is not too large for such discs.
     """
 
     name: ClassVar[str] = "coverage"
@@ -107,17 +115,17 @@ class Coverage:
         grounds
             The maps.
         """
-        if self.area == "exact" or self.clip == "sight":
+        if self.area == "exact":
             return one_by_one(self, block, grounds)
         tips_mm, first = block.tips_mm()
         lengths_mm = block.planned_mm()
         parts: list[Outcomes] = []
         for terrain, one, two in block.by_terrain():
-            raster = self._raster(grounds[terrain])
-            if raster is None:
+            strips = self._strips(grounds[terrain])
+            if strips is None:
                 return one_by_one(self, block, grounds)
             begins = first[one : two + 1] - first[one]
-            seen, summed = raster.covered_mm2(tips_mm[first[one] : first[two]], begins)
+            seen, summed = strips.covered_mm2(tips_mm[first[one] : first[two]], begins)
             counts = np.diff(begins)
             parts.append(
                 self._outcomes(seen, summed, counts, lengths_mm[one:two], grounds[terrain])
@@ -150,9 +158,9 @@ class Coverage:
         """Return the area of the union of the discs and the sum of their areas."""
         if len(tips_mm) == 0:
             return 0.0, 0.0
-        raster = self._raster(ground) if self.area == "fast" else None
-        if raster is not None:
-            seen, summed = raster.covered_mm2(tips_mm, np.array([0, len(tips_mm)]))
+        strips = self._strips(ground) if self.area == "fast" else None
+        if strips is not None:
+            seen, summed = strips.covered_mm2(tips_mm, np.array([0, len(tips_mm)]))
             return float(seen[0]), float(summed[0])
         if self.clip == "sight":
             each_mm2, union = seen_areas(tips_mm, self.radius_mm, ground.edges_mm)
@@ -163,8 +171,8 @@ class Coverage:
         each_mm2 = free_disc_areas_mm2(tips_mm, self.radius_mm, ground.edges_mm)
         return shapely.intersection(union, ground.free).area, float(each_mm2.sum())
 
-    def _raster(self, ground: Ground) -> Raster | None:
-        """Return the strips to measure on, or None where areas are measured by polygons."""
+    def _strips(self, ground: Ground) -> Strips | None:
+        """Return what to measure on fast, or None where areas are measured by polygons."""
         if self.clip == "sight":
-            return None
+            return ground.sight_lines(self.radius_mm)
         return ground.raster(self.radius_mm, walls=self.clip == "free")

@@ -1,8 +1,10 @@
 """What tasks need of a map, computed once per map."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from threading import Lock
+from typing import TypeVar
 
 import numpy as np
 import shapely
@@ -12,12 +14,16 @@ from vinefab.core.errors import BadInputError
 from vinefab.model.checked import Floats, frozen_floats
 from vinefab.model.map import Map
 from vinefab.tasks.raster import Raster
+from vinefab.tasks.sight_lines import SightLines
+
+Key = TypeVar("Key")
+Made = TypeVar("Made")
 
 MOST_RASTERS = 4
-"""Rasters are kept for so many radii, then the oldest is dropped."""
+"""Rasters, and lines of sight, are kept for so many radii, then the oldest are dropped."""
 
 _MAKING = Lock()
-"""Threads share grounds, and only one may make or drop a raster at a time."""
+"""Threads share grounds, and only one may make or drop such a thing at a time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,6 +47,7 @@ class Ground:
     diagonal_mm: float
     edges_mm: Floats
     _rasters: dict[tuple[float, bool], Raster | None] = field(default_factory=dict)
+    _sight_lines: dict[float, SightLines | None] = field(default_factory=dict)
 
     @classmethod
     def of(cls, world: Map, free: BaseGeometry | None = None) -> "Ground":
@@ -78,14 +85,22 @@ class Ground:
         walls
             False: all of the plane that discs about points of the map can reach counts as free.
         """
-        key = radius_mm, walls
-        with _MAKING:
-            if key not in self._rasters:
-                while len(self._rasters) >= MOST_RASTERS:
-                    self._rasters.pop(next(iter(self._rasters)))
-                edges_mm = self.edges_mm if walls else self._open_edges_mm(radius_mm)
-                self._rasters[key] = Raster.of(edges_mm, radius_mm)
-            return self._rasters[key]
+
+        def make() -> Raster | None:
+            edges_mm = self.edges_mm if walls else self._open_edges_mm(radius_mm)
+            return Raster.of(edges_mm, radius_mm)
+
+        return _kept(self._rasters, (radius_mm, walls), make)
+
+    def sight_lines(self, radius_mm: float) -> SightLines | None:
+        """Return the lines to measure sight on, made once; None if they would be too many.
+
+        Parameters
+        ----------
+        radius_mm
+            How far sensors see.
+        """
+        return _kept(self._sight_lines, radius_mm, lambda: SightLines.of(self.edges_mm, radius_mm))
 
     def _open_edges_mm(self, radius_mm: float) -> Floats:
         """Return the edges of a box that holds every disc about a point of the map."""
@@ -93,6 +108,16 @@ class Ground:
         reach_mm = 1.01 * radius_mm
         box = (x_min - reach_mm, y_min - reach_mm, x_max + reach_mm, y_max + reach_mm)
         return _edges_mm(shapely.box(*box))
+
+
+def _kept(things: dict[Key, Made], key: Key, make: Callable[[], Made]) -> Made:
+    """Return what is kept under a key, made once, dropping the oldest where there are many."""
+    with _MAKING:
+        if key not in things:
+            while len(things) >= MOST_RASTERS:
+                things.pop(next(iter(things)))
+            things[key] = make()
+        return things[key]
 
 
 def _edges_mm(free: BaseGeometry) -> Floats:

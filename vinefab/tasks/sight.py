@@ -12,7 +12,9 @@ from vinefab.model.checked import Floats, Ints
 TOUCHING_MM = 1e-6
 """A wall so near to a sensor is one that it lies on."""
 
-_NUDGE_MM = 1e-5
+NUDGE_MM = 1e-5
+"""How far off such a wall it is taken to be."""
+
 _ARC_STEP_RAD = math.pi / 32.0
 _SLACK = 1e-9
 
@@ -24,7 +26,7 @@ def seen_areas(
 
     A point is seen when it lies within the radius and no wall is between. The areas are exact;
     in the union, arcs are polygons of the same area as their sectors. A sensor on a wall sees
-    what a sensor 1e-5 mm off it would.
+    what a sensor 1e-5 mm off it would, in the widest wedge of free space that it lies at.
 
     Parameters
     ----------
@@ -76,9 +78,7 @@ def _walls(centre_mm: Floats, radius_mm: float, edges_mm: Floats) -> tuple[Float
     """
     near = edges_mm[_distances(edges_mm - centre_mm) < radius_mm]
     touched = near[_distances(near - centre_mm) < TOUCHING_MM]
-    runs = touched[:, 1] - touched[:, 0]
-    normals = np.column_stack([-runs[:, 1], runs[:, 0]]) / np.hypot(runs[:, 0], runs[:, 1])[:, None]
-    centre = centre_mm + _NUDGE_MM * normals.sum(axis=0)
+    centre = centre_mm + NUDGE_MM * _off(touched - centre_mm)
     first, last = near[:, 0] - centre, near[:, 1] - centre
     faces = _cross(first, last) > 0.0
     first, along = first[faces], (last - first)[faces]
@@ -91,6 +91,24 @@ def _walls(centre_mm: Floats, radius_mm: float, edges_mm: Floats) -> tuple[Float
     end = np.clip((-half + root) / square, 0.0, 1.0)[:, None]
     some = (end > begin)[:, 0]
     return (first + begin * along)[some], (first + end * along)[some], centre
+
+
+def _off(touched: Floats) -> Floats:
+    """Return the direction off some walls at the origin: the middle of the widest wedge there."""
+    runs = touched[:, 1] - touched[:, 0]
+    runs /= np.hypot(runs[:, 0], runs[:, 1])[:, None]
+    leaving, arriving = (
+        np.hypot(touched[:, end, 0], touched[:, end, 1]) > TOUCHING_MM for end in (1, 0)
+    )
+    if not (leaving.any() and arriving.any()):
+        return np.zeros(2)
+    one, two = runs[leaving, None], -runs[None, arriving]
+    wedges = np.arctan2(_cross(one, two), (one * two).sum(axis=-1)) % math.tau
+    wedges = np.where(wedges > 0.0, wedges, math.tau).min(axis=1)
+    widest = int(wedges.argmax())
+    (x, y), half = runs[leaving][widest].tolist(), 0.5 * float(wedges[widest])
+    cosine, sine = math.cos(half), math.sin(half)
+    return np.array([cosine * x - sine * y, cosine * y + sine * x])
 
 
 def _nearest(rays: Floats, first: Floats, along: Floats) -> tuple[Ints, Floats]:

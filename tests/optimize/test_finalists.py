@@ -10,7 +10,7 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.optimize.bounds import BuildSettings, SpaceSettings
 from vinefab.optimize.loop import optimize
-from vinefab.optimize.repair import repaired
+from vinefab.optimize.repair import MOST_LOOKS, PATIENCE, STEPS, Effort, Repairs, repaired
 from vinefab.optimize.settings import RunSettings
 from vinefab.optimize.space import Space
 
@@ -56,6 +56,8 @@ def test_when_none_passes_the_best_are_repaired(fabricable: RunSettings, maps: M
     assert all((generation.penalty > 0.0).all() for generation in result.history)
     assert result.fabricable
     assert result.best.trunk_length_mm <= shortest - 1.0
+    assert result.repair.startswith("no design that the search found can be made; ")
+    assert result.repair.endswith("changes of the 3 best were tried, and 3 of them can be made now")
     assert result.best == optimize(fabricable, maps, penalty=strict).best
 
 
@@ -64,6 +66,7 @@ def test_a_winner_that_nothing_can_mend_is_marked(fabricable: RunSettings, maps:
     assert not result.fabricable
     assert result.finalists[0].penalty == 1.0
     assert result.finalists[0].fitness < -0.5
+    assert "100 changes of the 2 best were tried, and none can be made" in result.repair
 
 
 def test_a_repair_stays_near_and_is_always_the_same() -> None:
@@ -71,14 +74,43 @@ def test_a_repair_stays_near_and_is_always_the_same() -> None:
     x = np.full(len(space), 0.9)
     strict = Strict(150.0, even)
     mended = repaired(x, space, strict, strict.passes)
-    assert mended is not None
-    design = space.design(mended)
+    assert mended.passed
+    design = space.design(mended.x)
     assert strict(design) == 0.0
     assert even(design)
-    assert np.count_nonzero(mended != x) < len(x)
+    assert np.count_nonzero(mended.x != x) < len(x)
     again = repaired(x, space, strict, strict.passes)
-    assert np.array_equal(mended, again)
-    assert repaired(x, space, replace(strict, longest_mm=0.0), strict.passes) is None
+    assert np.array_equal(mended.x, again.x)
+    assert not repaired(x, space, replace(strict, longest_mm=0.0), strict.passes).passed
+
+
+def test_a_hopeless_repair_is_given_up() -> None:
+    space = Space(SpaceSettings(), BuildSettings())
+    x, effort = np.full(len(space), 0.9), Effort()
+    looked = list[Design]()
+
+    def flat(design: Design) -> float:
+        looked.append(design)
+        return 1.5
+
+    given_up = repaired(x, space, flat, even, effort)
+    assert not given_up.passed
+    assert len(looked) == PATIENCE + 1
+    assert effort.steps == STEPS - PATIENCE
+    assert given_up.penalty == 1.5
+
+
+def test_many_repairs_share_one_effort() -> None:
+    space = Space(SpaceSettings(), BuildSettings())
+    points = [np.full(len(space), share) for share in np.linspace(0.1, 0.9, 40)]
+    repairs = Repairs.of(points, space, lambda _: 1.5, even)
+    assert repairs.mended == []
+    assert f"; {STEPS} changes of the {-(-STEPS // PATIENCE)} best were tried" in repairs.words
+    assert repairs.words.endswith("none can be made, the least penalty left is 1.5")
+    # A full look takes fifty times as long as a change.
+    looks = list[Design]()
+    Repairs.of(points, space, lambda _: 0.0, lambda design: looks.append(design) is not None)
+    assert len(looks) == 2 * MOST_LOOKS
 
 
 def test_refusals_do_not_stop_a_repair() -> None:
@@ -90,5 +122,5 @@ def test_refusals_do_not_stop_a_repair() -> None:
         return 0.0
 
     mended = repaired(np.full(len(space), 0.9), space, refusing, even)
-    assert mended is not None
-    assert space.design(mended).depth == 2
+    assert mended.passed
+    assert space.design(mended.x).depth == 2

@@ -1,6 +1,6 @@
 import sqlite3
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -158,9 +158,91 @@ def test_a_foreign_database_is_kept(tmp_path: Path, small: RunSettings, maps: Ma
         recorded(tmp_path, small, maps, resume=True)
 
 
-def test_two_processes_cannot_write_the_same_generation(
+@dataclass
+class Trunk:
+    """A penalty on trunks beyond a length, after whose last call the user stops the run."""
+
+    most_mm: float
+    calls_left: int = 10**9
+
+    def __call__(self, design: Design) -> float:
+        self.calls_left -= 1
+        if self.calls_left < 0:
+            raise KeyboardInterrupt
+        return max(0.0, design.trunk_length_mm - self.most_mm) / 100.0
+
+    def passes(self, design: Design) -> bool:
+        return self(design) == 0.0
+
+
+@pytest.fixture
+def too_short_mm(fabricable: RunSettings, maps: Maps) -> float:
+    """A trunk so short that the search finds none."""
+    history = optimize(fabricable, maps, penalty=Trunk(most_mm=0.0)).history
+    return min(100.0 * float(generation.penalty.min()) for generation in history) - 1.0
+
+
+def stopped(*_: object, **__: object) -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("place", ["loop.judged", "store.RunStore.finish"])
+def test_a_run_stopped_while_it_is_judged_ends_as_the_undisturbed_one(
+    tmp_path: Path,
+    fabricable: RunSettings,
+    maps: Maps,
+    monkeypatch: pytest.MonkeyPatch,
+    place: str,
+) -> None:
+    folder, penalty = tmp_path / "struck", Trunk(most_mm=150.0)
+    recorded(tmp_path / "whole", fabricable, maps, penalty)
+    with monkeypatch.context() as patch:
+        patch.setattr(f"vinefab.optimize.{place}", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            recorded(folder, fabricable, maps, penalty)
+    assert len(content(folder)["generation"]) == 5
+    assert content(folder)["finalist"] == []
+    recorded(folder, fabricable, maps, penalty, resume=True)
+    assert content(folder) == content(tmp_path / "whole")
+
+
+def test_a_run_stopped_in_its_repair_ends_as_the_undisturbed_one(
+    tmp_path: Path, fabricable: RunSettings, maps: Maps, too_short_mm: float
+) -> None:
+    folder = tmp_path / "struck"
+    whole = recorded(tmp_path / "whole", fabricable, maps, Trunk(most_mm=too_short_mm))
+    assert "changes of the 3 best were tried, and 3 of them can be made now" in whole.repair
+    # 30 designs are penalized by the search; what comes after is the repair.
+    for calls in (31, 35):
+        halfway = Trunk(most_mm=too_short_mm, calls_left=calls)
+        with pytest.raises(KeyboardInterrupt):
+            recorded(folder, fabricable, maps, halfway, resume=True)
+        assert len(content(folder)["generation"]) == 5
+        assert content(folder)["finalist"] == []
+    for _ in range(2):  # the second time from the record alone
+        again = recorded(folder, fabricable, maps, Trunk(most_mm=too_short_mm), resume=True)
+        assert (again.best, again.repair) == (whole.best, whole.repair)
+        assert content(folder) == content(tmp_path / "whole")
+
+
+def test_a_second_process_is_refused_before_it_begins(
     tmp_path: Path, small: RunSettings, maps: Maps
 ) -> None:
+    identity = RunIdentity.of(small, maps)
+    with RunStore.open(tmp_path / "run", identity) as one:
+        before = content(tmp_path / "run")
+        with pytest.raises(CannotWriteError, match="another process is going on with the same run"):
+            RunStore.open(tmp_path / "run", identity, resume=True)
+        assert content(tmp_path / "run") == before
+        one.add(optimize(small, maps).history[0], {"generation": 1})
+    RunStore.open(tmp_path / "run", identity, resume=True).close()
+
+
+def test_two_processes_cannot_write_the_same_generation(
+    tmp_path: Path, small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the system has no locks, the record itself keeps two processes apart."""
+    monkeypatch.setattr("vinefab.optimize.store.hold", lambda *_: None)
     identity = RunIdentity.of(small, maps)
     with (
         RunStore.open(tmp_path, identity) as one,
@@ -171,6 +253,26 @@ def test_two_processes_cannot_write_the_same_generation(
         with pytest.raises(CannotWriteError, match="another process"):
             two.add(generation, {"generation": 1})
         assert len(two.generations()) == 1
+
+
+def test_a_record_begun_for_a_run_that_is_refused_goes_away(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    identity, folder = RunIdentity.of(small, maps), tmp_path / "deep" / "run"
+
+    def refuse(error: Exception, *, resume: bool = False) -> None:
+        with RunStore.open(folder, identity, resume=resume):
+            raise error
+
+    with pytest.raises(BadInputError):
+        refuse(BadInputError("--cluster", "nowhere", "somewhere"))
+    assert not (folder / FILE_NAME).exists()
+    # What stops a run from outside leaves what it has, and so does a run that had begun before.
+    with pytest.raises(InterruptedError):
+        refuse(InterruptedError())
+    with pytest.raises(BadInputError):
+        refuse(BadInputError("--cluster", "nowhere", "somewhere"), resume=True)
+    assert (folder / FILE_NAME).exists()
 
 
 def test_a_place_that_cannot_be_written_is_named(

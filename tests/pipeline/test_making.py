@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import pytest
 
-from vinefab.core.errors import BadInputError
 from vinefab.files.profile import read_profile
 from vinefab.files.shipped import DEFAULT_RECIPE
 from vinefab.model.design import Build, Design, Level, Waiver
@@ -67,7 +66,9 @@ def test_leaves_that_cannot_grow_at_what_the_trunk_stands_are_seen_by_both(
     assert not making.passes(narrow)
 
 
-def test_a_pressure_that_no_design_can_work_at_is_refused(making: Making) -> None:
-    making.check_build(Build.standard(1))
-    with pytest.raises(BadInputError, match=r"build\.pressure_kpa is 60\.0.*lower the pressure"):
-        making.check_build(replace(Build.standard(1), pressure_kpa=60.0))
+def test_a_complaint_names_the_rules_that_forbid_a_design(making: Making) -> None:
+    assert making.complaint(fork(1.2)) == ""
+    told = making.complaint(fork(0.1))
+    assert told.startswith("VF-T02, VF-C02, VF-C03 (the outline crosses itself")
+    # It needs tiles, which a search does not take but the check does.
+    assert making.complaint(fork(1.2, 900.0)) == ""

@@ -51,6 +51,7 @@ def contest_command(
         seeds=seeds,
         unseen=unseen,
         poses=poses,
+        sources=tuple(run_files),
     )
     with voice.progress("comparing") as show:
         rows = contest_rows(contest, out / "bouts.jsonl", jobs=jobs, tell=show, force=force)

@@ -9,13 +9,14 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.optimize_front import FRONT_FILES, write_front
-from vinefab.cli.options import Force, JsonOut, Quiet, Voice
+from vinefab.cli.options import EXIT_FINDINGS, Force, JsonOut, Quiet, Voice
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.errors import InterruptedRunError
 from vinefab.files.design import design_text
 from vinefab.files.run import read_run
 from vinefab.optimize.history import Progress
 from vinefab.pipeline.optimize import (
+    complaint_of,
     progress_words,
     result_json,
     result_lines,
@@ -42,7 +43,7 @@ def optimize_command(
     json_out: JsonOut = None,
     quiet: Quiet = False,
     force: Force = False,
-) -> None:
+) -> int:
     """Search for the best design; every generation is kept, so that --resume goes on from there.
 
     Example: vinefab optimize examples/grid_coverage.toml --out run --workers 2
@@ -62,12 +63,14 @@ def optimize_command(
         crew = workforce(workers, cluster)
         result = search(settings, out, resume=resume, workers=crew, tell=tell, source=run_file)
     write_text(out / "best.toml", design_text(result.best), force=force)
-    for line in result_lines(result):
+    complaint = complaint_of(result, settings)
+    for line in result_lines(result, complaint):
         voice.say(line)
     voice.give_json(result_json(result))
     if settings.objectives:
         write_front(result, settings, out, voice)
     voice.say(f"wrote {out / 'best.toml'} and {out / 'run.sqlite'}")
+    return EXIT_FINDINGS if complaint else 0
 
 
 @contextmanager

@@ -5,7 +5,7 @@ import re
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from vinefab.core.errors import CannotWriteError, ForeignFileError, VinefabError
@@ -28,7 +28,8 @@ def ensure_writable(path: Path, *, force: bool = False) -> None:
     Parameters
     ----------
     path
-        The file to be written; its folder is made when missing.
+        The file to be written. A missing folder is made to see whether it can be, and taken away
+        again: a command that is refused later leaves none behind.
     force
         Overwrite even what vinefab did not write.
 
@@ -40,7 +41,15 @@ def ensure_writable(path: Path, *, force: bool = False) -> None:
         If the folder cannot be made or written to, or the path is no plain file.
     """
     with _system_errors(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
+        made = _make(path.parent)
+        try:
+            _check_writable(path, force=force)
+        finally:
+            _take_away(made)
+
+
+def _check_writable(path: Path, *, force: bool) -> None:
+    with _system_errors(path):
         if path.is_dir():
             raise CannotWriteError(path, "it is a folder")
         if path.exists() and not path.is_file():
@@ -76,8 +85,8 @@ def write_bytes(path: Path, data: bytes, *, force: bool = False) -> Path:
     ForeignFileError, CannotWriteError
         As in `ensure_writable`; nothing that was there has changed then.
     """
-    ensure_writable(path, force=force)
-    with _system_errors(path):
+    with folder_to_fill(path.parent), _system_errors(path):
+        _check_writable(path, force=force)
         if path.exists() and not force and _kind(_ends(path)) != _kind(data[:_LOOK_BYTES]):
             raise ForeignFileError(path, "is another kind of file")
         target = path.resolve()
@@ -131,16 +140,61 @@ def new_folder(path: Path, mark: str, *, force: bool = False) -> Iterator[Path]:
         If the system refuses.
     """
     ensure_own_folder(path, mark, force=force)
-    with _system_errors(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
-    try:
-        yield temporary
+    with folder_to_fill(path.parent):
         with _system_errors(path):
-            _add_manifest(temporary)
-            _put_in_place(temporary, path)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+            temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+        try:
+            yield temporary
+            with _system_errors(path):
+                _add_manifest(temporary)
+                _put_in_place(temporary, path)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
+@contextmanager
+def folder_to_fill(path: Path) -> Iterator[None]:
+    """Make a folder and those above it; if the block raises, take away what it left empty of them.
+
+    Parameters
+    ----------
+    path
+        The folder; one that is there already stays whatever happens.
+
+    Raises
+    ------
+    CannotWriteError
+        If the system refuses.
+    """
+    with _system_errors(path):
+        made = _make(path)
+    try:
+        yield
+    except BaseException:
+        _take_away(made)
+        raise
+
+
+def _make(folder: Path) -> list[Path]:
+    """Make a folder and those above it, and return which were missing, the deepest first."""
+    missing = []
+    for place in (folder, *folder.parents):
+        if place.exists():
+            break
+        missing.append(place)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        _take_away(missing)
+        raise
+    return missing
+
+
+def _take_away(folders: list[Path]) -> None:
+    """Remove folders, deepest first, that are empty."""
+    for folder in folders:
+        with suppress(OSError):
+            folder.rmdir()
 
 
 def ensure_own_folder(path: Path, mark: str, *, force: bool = False) -> None:

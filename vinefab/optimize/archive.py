@@ -60,6 +60,8 @@ class Archive:
         Why it stopped; an empty string before it has.
     sessions
         In order.
+    repair
+        What was done because no design of the search could be made, in words.
     """
 
     path: Path
@@ -70,6 +72,7 @@ class Archive:
     finalists: tuple[Finalist, ...]
     stopped: str
     sessions: tuple[Session, ...]
+    repair: str = ""
 
     @classmethod
     def read(cls, path: Path) -> "Archive":
@@ -110,6 +113,7 @@ class Archive:
             finalists=read_finalists(connection, space),
             stopped=kept.get("stopped", ""),
             sessions=tuple(_session(*row) for row in sessions),
+            repair=kept.get("repair", ""),
         )
 
     @property
@@ -137,6 +141,7 @@ class Archive:
             stopped=self.stopped,
             times=self.sessions[-1].times,
             asked=self.settings.evaluation.fabricable,
+            repair=self.repair,
         )
 
 

@@ -7,6 +7,7 @@ results depend neither on the workers nor on how the work was cut.
 """
 
 import importlib.util
+import json
 import math
 import pickle
 import threading
@@ -15,6 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from vinefab.core.errors import BadInputError, WorkersLostError
@@ -32,6 +34,9 @@ TRIP_S = 0.1
 
 PATIENCE_S = 300.0
 """How long a run waits without any worker before it gives up."""
+
+CONNECT_S = 10.0
+"""How long a scheduler may take to answer the first call."""
 
 LOOK_S = 2.0
 """How often it looks whether there are workers."""
@@ -205,9 +210,13 @@ class Cluster:
                 yield client
             return
         file = self.address.endswith(".json")
+        if file and not _names_scheduler(Path(self.address)):
+            # dask would wait until it appears, or end in a traceback
+            allowed = "a file that a running dask scheduler wrote, tcp://HOST:PORT, or local:N"
+            raise BadInputError("--cluster", self.address, allowed)
         where = {"scheduler_file": self.address} if file else {"address": self.address}
         try:
-            client = Client(**where, timeout=10)  # type: ignore[no-untyped-call]
+            client = Client(**where, timeout=CONNECT_S)  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:
             allowed = f"a running dask scheduler ({' '.join(str(error).split())[:80]})"
             raise BadInputError("--cluster", self.address, allowed) from error
@@ -222,6 +231,15 @@ class Cluster:
             problem = f"no worker within {self._patience_s:g} s"
             raise WorkersLostError(f"cluster {self.address}", problem) from error
         return sum(client.nthreads().values())
+
+
+def _names_scheduler(path: Path) -> bool:
+    """Return whether a file is there and says where a scheduler is."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(document, dict) and isinstance(document.get("address"), str)
 
 
 def _wait(unfinished: Sequence[Any]) -> None:

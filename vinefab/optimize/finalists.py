@@ -1,7 +1,7 @@
 """Choosing the winner: the best of the run, evaluated once more."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from vinefab.optimize.costs import costs_of
 from vinefab.optimize.front import archive, non_dominated, spread_out
 from vinefab.optimize.history import Generation
 from vinefab.optimize.objective import INVALID_FITNESS
-from vinefab.optimize.repair import repaired
+from vinefab.optimize.repair import Repairs
 from vinefab.optimize.result import Finalist
 from vinefab.optimize.space import Space
 from vinefab.optimize.trial import Found, Inspector, Trial
@@ -24,9 +24,25 @@ MOST_LOOKS = 200
 """So many designs of a run are looked at in full at most: a look takes some 50 ms."""
 
 
-def finalist_points(
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Chosen:
+    """The points that are judged once more at the end of a run.
+
+    Parameters
+    ----------
+    points
+        At least one.
+    repair
+        What was done to mend them, in words; empty where nothing had to be.
+    """
+
+    points: list[Floats]
+    repair: str = ""
+
+
+def chosen(
     history: Sequence[Generation], trial: Trial, count: int, costs: Sequence[str] = ()
-) -> list[Floats]:
+) -> Chosen:
     """Return the points that are judged once more at the end of a run.
 
     Without a full inspection these are the best of the run. With one, they are the best that
@@ -50,16 +66,16 @@ def finalist_points(
         If no point of the run was a design.
     """
     if costs and (front := front_points(history, trial, count, costs)):
-        return front
+        return Chosen(points=front)
     if not isinstance(trial.penalty, Inspector):
-        return best_points(history, trial.space, count)
+        return Chosen(points=best_points(history, trial.space, count))
     inspector = trial.penalty
     passing = _passing(history, trial.space, count, inspector.passes)
     if passing:
-        return passing
+        return Chosen(points=passing)
     best = best_points(history, trial.space, count)
-    mended = [repaired(x, trial.space, trial.penalty, inspector.passes) for x in best]
-    return [x for x in mended if x is not None] or best
+    repairs = Repairs.of(best, trial.space, trial.penalty, inspector.passes)
+    return Chosen(points=repairs.mended or best, repair=repairs.words)
 
 
 def front_points(

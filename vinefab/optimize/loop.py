@@ -11,7 +11,7 @@ from vinefab.model.checked import Floats
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.map import Map
 from vinefab.optimize.costs import check_objectives, costs_of
-from vinefab.optimize.finalists import finalist_points, judged
+from vinefab.optimize.finalists import chosen, judged
 from vinefab.optimize.history import Generation, Progress
 from vinefab.optimize.identity import RunIdentity
 from vinefab.optimize.nsga import FrontFinder
@@ -133,11 +133,11 @@ class Search:
                 history.append(last)
                 diary.note(history, self.optimizer.state())
             diary.write()
-            finalists = self._final(history, store, begin, ledger)
+            finalists, repair = self._final(history, store, begin, ledger)
         identity = store.identity if store is not None else RunIdentity.of(settings, self.maps)
         if store is not None:
             with ledger.spending("store"):
-                store.finish(finalists, stopped, ledger.split())
+                store.finish(finalists, stopped, ledger.split(), repair)
         return RunResult(
             run_id=identity.run_id,
             best=with_origin(finalists[0], settings, identity.run_id, identity.versions),
@@ -146,6 +146,7 @@ class Search:
             stopped=stopped,
             times=ledger.split(),
             asked=settings.evaluation.fabricable,
+            repair=repair,
         )
 
     def poses(self, number: int) -> Poses:
@@ -193,16 +194,16 @@ class Search:
         store: RunStore | None,
         begin: Begin,
         ledger: Ledger,
-    ) -> tuple[Finalist, ...]:
-        """Return the finalists of the record, or judge them now."""
+    ) -> tuple[tuple[Finalist, ...], str]:
+        """Return the finalists of the record, or judge them now; and what was repaired."""
         if store is not None and (kept := store.finalists(self.trial.space)):
-            return kept
+            return kept, store.repair
         finalists, costs = self.settings.evaluation.finalists, self.settings.costs
-        points = finalist_points(history, self.trial, finalists, costs)
+        found = chosen(history, self.trial, finalists, costs)
         count = self.settings.evaluation.final_poses_per_map
         poses = self.trial.poses(self.settings.search.seed, FINAL, 0, count)
         with ledger.spending("evaluating"):
-            return judged(points, begin, poses, self.trial)
+            return judged(found.points, begin, poses, self.trial), found.repair
 
 
 class _Diary:

@@ -61,6 +61,8 @@ class RunResult:
         Where the time of this session went.
     asked
         Whether the run asked for designs that can be made.
+    repair
+        What was done because no design of the search could be made, in words; else empty.
     """
 
     run_id: str
@@ -70,6 +72,7 @@ class RunResult:
     stopped: str
     times: TimeSplit = field(default_factory=TimeSplit)
     asked: bool = True
+    repair: str = ""
 
     @property
     def score(self) -> Score:

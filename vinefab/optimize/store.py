@@ -1,13 +1,16 @@
 """The record of a run: one SQLite file that is whole after a crash at any moment."""
 
 import json
+import os
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
-from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.atomic import folder_to_fill
+from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
+from vinefab.core.hold import hold
 from vinefab.core.jsontext import GENERATOR
 from vinefab.model.map import Map
 from vinefab.optimize.history import Generation
@@ -42,6 +45,9 @@ _TABLES = (
 )
 
 
+BUSY = "another process is going on with the same run"
+
+
 class RunStore:
     """One run's record, open for reading and writing.
 
@@ -69,6 +75,8 @@ class RunStore:
         self.drift: tuple[str, ...] = ()
         self._connection = connection
         self._session = 0
+        self._held: int | None = None
+        self._is_new = False
 
     @classmethod
     def open(
@@ -84,7 +92,7 @@ class RunStore:
         Parameters
         ----------
         folder
-            Made when missing.
+            Made when missing. One process at a time may go on with what it holds.
         identity
             What the run is; a record to resume must be of the same.
         maps
@@ -99,20 +107,27 @@ class RunStore:
         UnreadableFileError
             If what it holds is not a record that this version reads.
         CannotWriteError
-            If the system refuses.
+            If the system refuses, or another process is going on with the run.
         """
         path = folder / FILE_NAME
         if path.exists() and not resume:
             raise BadInputError("--out", str(folder), "a folder without a run, or --resume")
-        with system_errors(path):
-            folder.mkdir(parents=True, exist_ok=True)
-            connection = sqlite3.connect(path, isolation_level=None)
-        try:
-            store = cls(path, connection, identity)
-            store._begin(maps)
-        except BaseException:
-            connection.close()
-            raise
+        with folder_to_fill(folder):
+            held = hold(folder, BUSY)
+            is_new = not path.exists()
+            try:
+                with system_errors(path):
+                    connection = sqlite3.connect(path, isolation_level=None)
+                store = cls(path, connection, identity)
+                store._held, store._is_new = held, is_new
+            except BaseException:
+                _let_go(held)
+                raise
+            try:
+                store._begin(maps)
+            except BaseException:
+                store._leave(remove=is_new)
+                raise
         return store
 
     def generations(self) -> list[Generation]:
@@ -163,9 +178,25 @@ class RunStore:
             self._note(times)
 
     def finish(
-        self, finalists: Sequence[Finalist], stopped: str, times: TimeSplit | None = None
+        self,
+        finalists: Sequence[Finalist],
+        stopped: str,
+        times: TimeSplit | None = None,
+        repair: str = "",
     ) -> None:
-        """Record how the run ended; doing so again changes nothing."""
+        """Record how the run ended; doing so again changes nothing.
+
+        Parameters
+        ----------
+        finalists
+            Best first.
+        stopped
+            Why it ended.
+        times
+            Where the time of this session has gone.
+        repair
+            What was done because no design of the search could be made, in words.
+        """
         rows = [
             (place, to_blob(f.x), f.penalty, f.fitness, score_to_text(f.score))
             for place, f in enumerate(finalists)
@@ -173,7 +204,8 @@ class RunStore:
         with self._transaction() as connection:
             connection.execute("DELETE FROM finalist")
             connection.executemany("INSERT INTO finalist VALUES (?, ?, ?, ?, ?)", rows)
-            connection.execute("INSERT OR REPLACE INTO run VALUES ('stopped', ?)", (stopped,))
+            words = [("stopped", stopped), *([("repair", repair)] if repair else [])]
+            connection.executemany("INSERT OR REPLACE INTO run VALUES (?, ?)", words)
             self._note(times)
 
     def finalists(self, space: Space) -> tuple[Finalist, ...]:
@@ -187,15 +219,37 @@ class RunStore:
         with system_errors(self.path):
             return read_finalists(self._connection, space)
 
+    @property
+    def repair(self) -> str:
+        """What was done because no design of the search could be made, in words."""
+        with system_errors(self.path):
+            question = "SELECT value FROM run WHERE key = 'repair'"
+            row = self._connection.execute(question).fetchone()
+        return "" if row is None else str(row[0])
+
     def close(self) -> None:
         """Close the file."""
-        self._connection.close()
+        self._leave(remove=False)
 
     def __enter__(self) -> "RunStore":
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Close the file; one that was begun for a run that is refused goes away again."""
+        refused = kind is not None and issubclass(kind, BadInputError | UnknownNameError)
+        self._leave(remove=refused and self._is_new and not self._has_generations())
+
+    def _has_generations(self) -> bool:
+        with system_errors(self.path):
+            return self._connection.execute("SELECT 1 FROM generation").fetchone() is not None
+
+    def _leave(self, *, remove: bool) -> None:
+        self._connection.close()
+        if remove:
+            for ending in ("", "-wal", "-shm"):
+                self.path.with_name(f"{FILE_NAME}{ending}").unlink(missing_ok=True)
+        _let_go(self._held)
+        self._held = None
 
     def _note(self, times: TimeSplit | None) -> None:
         if times is not None:
@@ -270,3 +324,8 @@ class RunStore:
                 if self._connection.in_transaction:
                     self._connection.execute("ROLLBACK")
                 raise
+
+
+def _let_go(held: int | None) -> None:
+    if held is not None:
+        os.close(held)

@@ -10,8 +10,8 @@ from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
 
-from vinefab.core.atomic import ensure_writable
-from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.atomic import ensure_writable, folder_to_fill
+from vinefab.core.errors import BadInputError, UnreadableFileError, located
 from vinefab.core.hashing import fingerprint
 from vinefab.core.jsontext import GENERATOR
 from vinefab.environments.registry import ENVIRONMENTS
@@ -59,6 +59,8 @@ class Contest:
         the same seed on the same maps and meet the same poses; every number has its own maps.
     unseen, poses
         Maps that no run has trained on, and poses on each, to test every winner on.
+    sources
+        The problems' files, for errors; may be left out.
     """
 
     problems: tuple[RunSettings, ...]
@@ -66,6 +68,7 @@ class Contest:
     seeds: int = 10
     unseen: int = 25
     poses: int = 3
+    sources: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
         whole("--seeds", self.seeds, 1, 1000)
@@ -178,7 +181,7 @@ def fight(bout: Bout) -> Row:
     """Run one bout."""
     began_s = time.perf_counter()
     settings = bout.settings
-    result = Search.of(settings, generated_maps(settings.maps), penalty_of(settings)).run()
+    result = _search(settings).run()
     weighed = settings.evaluation.composite
     sites = _unseen_sites(
         settings.maps.environment, json.dumps(dict(settings.maps.options)), bout.unseen
@@ -238,20 +241,44 @@ def contest_rows(
     ------
     ForeignFileError, UnreadableFileError
         If the record is something else.
+    BadInputError
+        If a problem cannot be run; nothing is written then.
     """
     ensure_writable(record, force=force)
     known = _recorded(record)
     bouts = contest.bouts()
     todo = [bout for bout in bouts if bout.key not in known]
-    with record.open("a", encoding="utf-8") as stream:
+    _check(contest, todo)
+    for done, row in enumerate(_fought(todo, jobs), start=len(bouts) - len(todo) + 1):
+        _add(record, row)
+        known[row.key] = row
+        tell(done / len(bouts), f"{row.problem} {row.contender} {row.unseen:.4f}")
+    return [known[bout.key] for bout in bouts]
+
+
+def _check(contest: Contest, todo: Sequence[Bout]) -> None:
+    """Complain of a problem that cannot be run, before anything is, and say from which file."""
+    looked = set[tuple[str, str]]()
+    names = [problem.name for problem in contest.problems]
+    sources: dict[str, str | Path] = dict(zip(names, contest.sources or names, strict=True))
+    for bout in todo:
+        who = bout.settings.name, bout.contender
+        if who not in looked:
+            looked.add(who)
+            with located(sources[bout.settings.name]):
+                _search(bout.settings)
+
+
+def _search(settings: RunSettings) -> Search:
+    return Search.of(settings, generated_maps(settings.maps), penalty_of(settings))
+
+
+def _add(record: Path, row: Row) -> None:
+    """Write a line at the end of the record, which is begun when it is missing or empty."""
+    with folder_to_fill(record.parent), record.open("a", encoding="utf-8") as stream:
         if stream.tell() == 0:
             stream.write(json.dumps({"schema": "vinefab/bouts-1", "generator": GENERATOR}) + "\n")
-        for done, row in enumerate(_fought(todo, jobs), start=len(bouts) - len(todo) + 1):
-            stream.write(json.dumps(asdict(row)) + "\n")
-            stream.flush()
-            known[row.key] = row
-            tell(done / len(bouts), f"{row.problem} {row.contender} {row.unseen:.4f}")
-    return [known[bout.key] for bout in bouts]
+        stream.write(json.dumps(asdict(row)) + "\n")
 
 
 def _fought(bouts: Sequence[Bout], jobs: int) -> Iterator[Row]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from vinefab.core.atomic import folder_to_fill
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.jsontext import json_text
 from vinefab.files.map import read_map
@@ -22,6 +23,7 @@ from vinefab.optimize.training import generated_maps
 from vinefab.optimize.trial import Penalty
 from vinefab.optimize.workers import Threads, Workforce
 from vinefab.pipeline.making import Making
+from vinefab.pipeline.possible import Question, refuse_impossible
 
 Tell = Callable[[Progress], None]
 
@@ -39,13 +41,24 @@ def penalty_of(settings: RunSettings) -> Penalty | None:
     Raises
     ------
     BadInputError
-        If the run's pressure is more than the recipe's seam stands, whatever the design.
+        If some rule forbids every design that the run could find.
     """
     if not settings.evaluation.fabricable:
         return None
-    making = Making(profile=read_profile(settings.evaluation.recipe or DEFAULT_RECIPE))
-    making.check_build(settings.build.build(1))
+    making = _making(settings)
+    refuse_impossible(Question.of(settings, making.profile, making.sheet_mm))
     return making
+
+
+def _making(settings: RunSettings) -> Making:
+    return Making(profile=read_profile(settings.evaluation.recipe or DEFAULT_RECIPE))
+
+
+def complaint_of(result: RunResult, settings: RunSettings) -> str:
+    """Return which rules forbid to make a run's winner; empty if none does, or nobody asked."""
+    if result.fabricable or not result.asked:
+        return ""
+    return _making(settings).complaint(result.best)
 
 
 def workforce(workers: int, cluster: str | None) -> Workforce:
@@ -109,7 +122,10 @@ def search(
         penalty = penalty_of(settings)
         job = Search.of(settings, maps, penalty)
     identity = RunIdentity.of(settings, maps, penalty)
-    with RunStore.open(folder, identity, maps=maps, resume=resume) as store:
+    with (
+        folder_to_fill(folder),
+        RunStore.open(folder, identity, maps=maps, resume=resume) as store,
+    ):
         return job.run(store=store, progress=tell, workers=workers)
 
 
@@ -122,20 +138,40 @@ def progress_words(progress: Progress) -> str:
     )
 
 
-def result_lines(result: RunResult) -> list[str]:
-    """Return how a run ended as lines for the user."""
+def result_lines(result: RunResult, complaint: str = "") -> list[str]:
+    """Return how a run ended as lines for the user.
+
+    Parameters
+    ----------
+    result
+        The run.
+    complaint
+        Which rules forbid to make its winner (`complaint_of`).
+    """
     best, score = result.best, result.score
     weighed = ", ".join(f"{name} {value:.4f}" for name, value in score.composite.items())
-    made = "passes the rules of making" if result.fabricable else "breaks rules of making"
-    if not result.asked:
-        made = "nobody asked whether it can be made"
+    repair = [f"repair: {result.repair}"] if result.repair else []
+    failed = f"found no robot that can be made: the winner breaks {complaint}"
     return [
         f"run {result.run_id}: {len(result.history)} generations, {result.evaluations} designs "
         f"evaluated, stopped by {result.stopped}",
-        f"winner {best.name}: {best.branch_count} branches on {best.depth} levels; {made}",
+        *repair,
+        f"winner {best.name}: {best.branch_count} branches on {best.depth} levels; "
+        f"{_made(result, complaint)}",
         f"on {len(score.evaluations)} fresh poses on the training maps (simulated): {weighed}",
         result.times.words,
+        *([failed] if complaint else []),
     ]
+
+
+def _made(result: RunResult, complaint: str) -> str:
+    if not result.asked:
+        return "nobody asked whether it can be made"
+    if complaint:
+        return "breaks rules of making"
+    if result.fabricable:
+        return "passes the rules of making"
+    return "passes the check, though not the search's stricter rules: see vinefab check"
 
 
 def result_json(result: RunResult) -> str:
@@ -146,6 +182,7 @@ def result_json(result: RunResult) -> str:
         "stopped": result.stopped,
         "evaluations": result.evaluations,
         "fabricable": result.fabricable,
+        "repair": result.repair,
         "composite": dict(result.score.composite),
         "finalists": [
             {"fitness": f.fitness, "penalty": f.penalty, "composite": dict(f.score.composite)}

@@ -17,9 +17,10 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.model.map import Map, Pose
 from vinefab.physics.anchoring import amplification_interval, tip_force_n
-from vinefab.tasks.anchoring import Anchoring, path_turn_rad, tip_gaps_mm
+from vinefab.tasks.anchoring import Anchoring
 from vinefab.tasks.evaluate import Site, score_design
 from vinefab.tasks.ground import Ground
+from vinefab.tasks.leaves import path_turn_rad, tip_gaps_mm
 
 Ended = Callable[..., Deployment]
 LINE = [(0, 0), (10, 10)]

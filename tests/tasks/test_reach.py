@@ -6,6 +6,7 @@ import pytest
 import shapely
 
 from vinefab.core.errors import BadInputError
+from vinefab.environments.cave import cave_map
 from vinefab.environments.grid import GridOptions, grid_map
 from vinefab.environments.poses import draw_poses
 from vinefab.growth.atlas import Atlas
@@ -68,6 +69,27 @@ def test_cells_stay_within_the_band_that_is_proven(pillar_room: Map) -> None:
             assert least - 1e-6 * most < fast < most * (1.0 + 1e-3)
             exact = shapely.intersection(line.buffer(buffer_mm, quad_segs=64), ground.free).area
             assert fast == pytest.approx(exact, rel=1e-2)
+
+
+def test_the_bound_holds_for_robots_with_branches() -> None:
+    fan = Level(branches=3, length_mm=90.0, fan_rad=2.0, growth=0.7)
+    tree = Design(name="t", trunk_length_mm=150.0, levels=(fan, fan), build=Build.standard(3))
+    options = GrowthOptions(children_of_stuck="deploy")
+    for world in (grid_map(2), cave_map(1)):
+        site = Site.of(world)
+        launches = Launches.of(Atlas([site.terrain]), [draw_poses(world, 3, 5)])
+        for end in Batch(Plans.of([tree], options), launches, options).deployments():
+            chains = [end.chain_mm(k).tolist() for k in np.flatnonzero(end.deployed)]
+            for buffer_mm in (8.0, 40.0):
+                task = Reach(buffer_mm=buffer_mm, area="fast")
+                fast = task.evaluate(end, site.ground)[1]["reached_mm2"]
+                half = buffer_mm / STRIPS_PER_RADIUS / math.sqrt(2.0)
+                least, most = (
+                    shapely.intersection(near_chains(chains, buffer_mm + d), site.ground.free).area
+                    for d in (-half, half)
+                )
+                # The exact shape's round ends are polygons of 0.04 % less area.
+                assert 0.9995 * least < fast < 1.0005 * most
 
 
 def test_a_body_that_reaches_everything_reaches_the_free_area(

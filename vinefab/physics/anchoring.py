@@ -10,8 +10,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import STANDARD_GRAVITY_M_S2
+from vinefab.model.checked import Floats
 from vinefab.physics.capstan import capstan_factor
 from vinefab.physics.lumen import inflated_diameter_mm
 from vinefab.physics.pressure import N_MM2_PER_KPA
@@ -68,6 +71,12 @@ def pouch_contact_mm2(length_mm: float, width_mm: float, gap_mm: float) -> float
     if inflated_diameter_mm(width_mm) <= gap_mm:
         return 0.0
     return length_mm * (width_mm - math.pi * gap_mm / 2.0)
+
+
+def pouch_contacts_mm2(length_mm: Floats, width_mm: Floats, gap_mm: Floats) -> Floats:
+    """Return what `pouch_contact_mm2` does for many pouches at once, shape (m,)."""
+    wide = inflated_diameter_mm(width_mm) > gap_mm
+    return np.where(wide, length_mm * (width_mm - math.pi * gap_mm / 2.0), 0.0)
 
 
 def tip_force_n(pressure_kpa: float, contact_mm2: float, friction: float) -> float:

@@ -6,6 +6,12 @@ Standing of the formulas: published, standard results. They hold while the hoop 
 """
 
 import math
+from typing import TypeVar
+
+from vinefab.model.checked import Floats
+
+Widths = TypeVar("Widths", float, Floats)
+"""One, or many at once."""
 
 POUCH_RADIUS = 0.763
 """Equatorial radius of an inflated round pouch over its flat radius (published, mylar balloon)."""
@@ -17,7 +23,7 @@ POUCH_VOLUME = 1.2185
 """Volume of an inflated round pouch over its flat radius cubed (published, mylar balloon)."""
 
 
-def inflated_diameter_mm(width_mm: float) -> float:
+def inflated_diameter_mm(width_mm: Widths) -> Widths:
     """Return the diameter D = 2 w / pi of an inflated tube of lay-flat lumen width w.
 
     Examples

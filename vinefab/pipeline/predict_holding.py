@@ -20,7 +20,7 @@ from vinefab.physics.anchoring import (
 from vinefab.physics.pressure import allowed_line_load_n_mm
 from vinefab.pipeline.predict import Trip
 from vinefab.pipeline.predict_measures import pouch_size_mm
-from vinefab.tasks.anchoring import path_turn_rad, tip_gaps_mm
+from vinefab.tasks.leaves import path_turn_rad, tip_gaps_mm
 
 FRICTIONS = (ASSUMED_FRICTION.low, ASSUMED_FRICTION.value, ASSUMED_FRICTION.high)
 

@@ -6,26 +6,21 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
 from vinefab.growth.batch import Block
-from vinefab.model.checked import Floats, Ints, number
-from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.checked import Ints, number
+from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build
-from vinefab.physics.anchoring import ASSUMED_FRICTION, pouch_contact_mm2
-from vinefab.physics.lumen import inflated_diameter_mm
+from vinefab.physics.anchoring import ASSUMED_FRICTION
 from vinefab.physics.pressure import N_MM2_PER_KPA
 from vinefab.tasks.ground import Ground
-from vinefab.tasks.task import Outcome, Outcomes, together
+from vinefab.tasks.leaves import Grown, Leaves
+from vinefab.tasks.pull import Pouches, Pull, contacts
+from vinefab.tasks.task import Outcome, Outcomes
 
 IDLE_SHARE = 1.0 / 3.0
 """Share of engaged branches that may hold nothing: two of six in the paper's test."""
-
-TOUCHING_MM = 1e-6
-"""A wall so near to a tip is one that it lies on; tips are right to about 1e-9 mm."""
-
-STEP_BACK_MM = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +80,10 @@ class Anchoring:
 
     def evaluate(self, deployment: Deployment, ground: Ground) -> Outcome:
         """Return the amplification and its terms; the design's own pouch is not known here."""
-        return self._outcome(deployment, ground, None)
+        joints_rad = np.abs(deployment.tree.offset_rad) if self.count_joint_angles else None
+        leaves = Leaves.of(Grown.of(deployment), joints_rad, whole=self.only_full_length)
+        pouches = self._pouches([None], np.zeros(1, dtype=np.int64))
+        return self._outcomes(leaves, pouches, [(ground, 0, 1)]).one(0)
 
     def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> Outcomes:
         """Return amplification and terms for every growth of a block, with the designs' pouches.
@@ -97,19 +95,19 @@ class Anchoring:
         grounds
             The maps.
         """
-        terrain, plan = block.terrain.tolist(), block.plan.tolist()
-        return together(
-            [
-                self._outcome(
-                    block.deployment(index),
-                    grounds[terrain[index]],
-                    block.plans.each[plan[index]].build,
-                )
-                for index in range(len(block))
-            ]
-        )
+        used, which = np.unique(block.plan, return_inverse=True)
+        plans = [block.plans.each[index] for index in used.tolist()]
+        joints_rad = None
+        if self.count_joint_angles:
+            own = [np.abs(plan.tree.offset_rad) for plan in plans]
+            joints_rad = np.concatenate([own[index] for index in which.tolist()])
+        leaves = Leaves.of(Grown.of_block(block), joints_rad, whole=self.only_full_length)
+        places = [(grounds[terrain], one, two) for terrain, one, two in block.by_terrain()]
+        return self._outcomes(leaves, self._pouches([plan.build for plan in plans], which), places)
 
-    def _outcome(self, deployment: Deployment, ground: Ground, build: Build | None) -> Outcome:
+    def _outcomes(
+        self, leaves: Leaves, pouches: Pouches, places: Sequence[tuple[Ground, int, int]]
+    ) -> Outcomes:
         """Return the amplification, its interval over friction and idle branches, and the rest.
 
         Terms: ``leaves`` that deployed; ``engaged`` of them; ``mean_turn_rad`` and
@@ -117,46 +115,57 @@ class Anchoring:
         of the engaged leaves idle, those that turned most; ``high``, with all at the high one;
         ``force_n``, what they hold together, 0 where pouch or pressure are not known; ``capped``,
         how many are held back by film or seam.
+
+        Parameters
+        ----------
+        leaves
+            The leaves of some growths.
+        pouches
+            Of each growth.
+        places
+            Each map with the growths ``one .. two - 1`` on it.
         """
-        leaves = self._leaves(deployment)
-        engaged, contact_mm2 = self._contacts(deployment, ground, leaves, self._pouch_mm(build))
-        turns_rad = path_turn_rad(deployment, joints=self.count_joint_angles)[leaves[engaged]]
-        order = np.argsort(turns_rad, kind="stable")
+        engaged, contact_mm2 = contacts(leaves, pouches, places)
+        growth, turn_rad = leaves.growth[engaged], leaves.turn_rad[engaged]
+        order = np.lexsort((turn_rad, growth))
+        growth = growth[order]
         pull = Pull(
-            turns_rad=turns_rad[order],
-            press_n=self._press_n(build) * contact_mm2[engaged][order],
-            limit_n=self._limit_n(build),
+            growths=leaves.growths,
+            growth=growth,
+            turns_rad=turn_rad[order],
+            press_n=pouches.press_n_mm2[growth] * contact_mm2[engaged][order],
+            limit_n=pouches.limit_n[growth],
         )
-        held = pull.amplifications(self.friction)
-        sure = math.ceil(len(held) * (1.0 - IDLE_SHARE) - 1e-9)
-        return float(held.sum()), {
-            "leaves": float(len(leaves)),
-            "engaged": float(len(held)),
-            "mean_turn_rad": float(turns_rad.mean()) if len(held) else 0.0,
-            "largest_turn_rad": float(turns_rad.max(initial=0.0)),
-            "low": float(pull.amplifications(self.friction_low)[:sure].sum()),
-            "high": float(pull.amplifications(self.friction_high).sum()),
-            "force_n": float((held * pull.press_n).sum() * self.friction),
-            "capped": float(np.count_nonzero(held < np.exp(self.friction * pull.turns_rad))),
+        held, count = pull.amplifications(self.friction), pull.summed(np.ones(len(growth)))
+        sure = pull.amplifications(self.friction_low) * pull.are_among_first(1.0 - IDLE_SHARE)
+        free = np.exp(self.friction * pull.turns_rad)
+        terms = {
+            "leaves": np.bincount(leaves.growth, minlength=leaves.growths).astype(np.float64),
+            "engaged": count,
+            "mean_turn_rad": pull.summed(pull.turns_rad) / np.maximum(count, 1.0),
+            "largest_turn_rad": pull.largest_turns_rad(),
+            "low": pull.summed(sure),
+            "high": pull.summed(pull.amplifications(self.friction_high)),
+            "force_n": pull.summed(held * pull.press_n) * self.friction,
+            "capped": pull.summed(np.less(held, free).astype(np.float64)),
         }
+        return Outcomes(pull.summed(held), terms)
 
-    def _leaves(self, deployment: Deployment) -> Ints:
-        """Return the leaves whose tips came out, shape (m,)."""
-        out = deployment.tree.is_leaf & deployment.deployed & (deployment.grown_mm > 0.0)
-        if self.only_full_length:
-            out &= np.equal(deployment.stop, Stop.FULL_LENGTH)
-        return np.flatnonzero(out)
+    def _pouches(self, builds: Sequence[Build | None], which: Ints) -> Pouches:
+        """Return the pouches of growths, shape (j,) each.
 
-    def _contacts(
-        self, deployment: Deployment, ground: Ground, leaves: Ints, size_mm: tuple[float, float]
-    ) -> tuple[NDArray[np.bool_], Floats]:
-        """Return which leaves are engaged, and the area that each pouch presses on a wall."""
-        length_mm, width_mm = size_mm
-        if width_mm == 0.0:
-            return np.ones(len(leaves), dtype=np.bool_), np.zeros(len(leaves))
-        gap_mm = tip_gaps_mm(deployment, leaves, ground)
-        contact_mm2 = [pouch_contact_mm2(length_mm, width_mm, gap) for gap in gap_mm.tolist()]
-        return inflated_diameter_mm(width_mm) > gap_mm, np.array(contact_mm2, dtype=np.float64)
+        Parameters
+        ----------
+        builds
+            How some designs are built.
+        which
+            Design of each growth, shape (j,).
+        """
+        rows = [
+            (*self._pouch_mm(build), self._press_n_mm2(build), self._limit_n(build))
+            for build in builds
+        ]
+        return Pouches(*np.array(rows, dtype=np.float64)[which].T)
 
     def _pouch_mm(self, build: Build | None) -> tuple[float, float]:
         """Return flat length and width of the pouches, zeros where there are none."""
@@ -169,7 +178,7 @@ class Anchoring:
         side_mm = math.sqrt(math.pi) * (pouch.radius_mm or 0.0)
         return pouch.length_mm or side_mm, pouch.width_mm or side_mm
 
-    def _press_n(self, build: Build | None) -> float:
+    def _press_n_mm2(self, build: Build | None) -> float:
         """Return the force per mm2 of contact on both walls together, 2 P; 0 where unknown."""
         return 2.0 * N_MM2_PER_KPA * build.pressure_kpa if build else 0.0
 
@@ -179,82 +188,3 @@ class Anchoring:
         if build is None or not known:
             return math.inf
         return 2.0 * build.widths_mm[-1] * min(known)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pull:
-    """The engaged leaves of one robot, those that turned least first.
-
-    Parameters
-    ----------
-    turns_rad
-        Turn on the way to each tip, shape (m,).
-    press_n
-        Force of each pouch on both its walls, shape (m,); 0 where it is not known.
-    limit_n
-        The most that one leaf can be pulled with.
-    """
-
-    turns_rad: Floats
-    press_n: Floats
-    limit_n: float
-
-    def amplifications(self, friction: float) -> Floats:
-        """Return what each leaf holds over what its pouch alone holds, shape (m,).
-
-        e^(mu gamma), or less where the film would tear or the seam open before that.
-        """
-        tip_n = self.press_n * friction
-        with np.errstate(divide="ignore", invalid="ignore"):
-            most = np.where(tip_n > 0.0, self.limit_n / tip_n, np.inf)
-        return np.asarray(np.minimum(np.exp(friction * self.turns_rad), most))
-
-
-def path_turn_rad(deployment: Deployment, *, joints: bool = False) -> Floats:
-    """Return the sum of absolute turns from the base to each tip, shape (n,).
-
-    Parameters
-    ----------
-    deployment
-        Where the robot ended.
-    joints
-        Whether planned angles at joints count beside those at contacts and base hinges.
-    """
-    tree = deployment.tree
-    total = deployment.contact_turn_rad.copy()
-    if joints:
-        total += np.abs(tree.offset_rad)
-    for level in range(2, int(tree.level.max()) + 1):
-        members = tree.level == level
-        total[members] += total[tree.parent[members]]
-    return total
-
-
-def tip_gaps_mm(deployment: Deployment, branches: Ints, ground: Ground) -> Floats:
-    """Return how wide free space is at the tips of some branches, across each, shape (m,).
-
-    Exact for the map's walls, measured 1e-3 mm behind the tip; a tip that lies on a wall has its
-    gap on the free side.
-
-    Parameters
-    ----------
-    deployment
-        Where the robot ended.
-    branches
-        Branches that have grown, shape (m,).
-    ground
-        The map.
-    """
-    from vinefab.tasks import area_kernel  # noqa: PLC0415  numba takes a second to import
-
-    last = deployment.first_point[1:][branches] - 1
-    tips = deployment.points_mm[last]
-    along = tips - deployment.points_mm[last - 1]
-    length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-12)[:, None]
-    along = along / length
-    # A little behind the tip: where a branch stopped at a wall, across it is along the wall.
-    tips = tips - np.minimum(STEP_BACK_MM, 0.5 * length) * along
-    across = np.column_stack([-along[:, 1], along[:, 0]])
-    out = np.zeros(len(branches))
-    area_kernel.gaps(tips, across, ground.edges_mm, TOUCHING_MM, out)
-    return out

@@ -1,4 +1,4 @@
-"""Compiled measures of free space: strips, discs and bodies on them, and gaps.
+"""Compiled measures of free space: strips, and discs and bodies on them.
 
 The second compiled file of vinefab. Like `vinefab.growth.kernel` it imports nothing of ours,
 because a compiled file does not notice when another file changes. The arrays are described in
@@ -328,57 +328,3 @@ def _nearness(x, y, dx, dy, radius):
     if radius > 0.5 and away <= (radius - 0.5) * (radius - 0.5):
         return 1.0
     return min(max(radius + 0.5 - math.sqrt(away), 0.0), 1.0)
-
-
-# --- Gaps -------------------------------------------------------------------------------------
-
-
-@compiled
-def gaps(tips, across, edges, tolerance, out):
-    """Write down how wide free space is at some points, each across some direction.
-
-    Parameters
-    ----------
-    tips
-        The points, in free space or on its border, mm; shape (m, 2).
-    across
-        Unit vectors along which to measure, shape (m, 2).
-    edges
-        Directed edges with the free space on their left, shape (e, 2, 2), mm.
-    tolerance
-        A wall so near counts as touched, mm.
-    out
-        Where the results go, mm; shape (m,).
-    """
-    for k in range(len(tips)):
-        out[k] = _gap(tips[k, 0], tips[k, 1], across[k, 0], across[k, 1], edges, tolerance)
-
-
-@inlined
-def _gap(x, y, ux, uy, edges, tolerance):
-    """Return the free length of a line on both sides of one of its points.
-
-    A wall through the point itself hides the side that it is solid on; between two such walls
-    back to back the sides are added up, as if the point were free.
-    """
-    before, after, turned = math.inf, math.inf, 0
-    for e in range(len(edges)):
-        ax, ay = edges[e, 0, 0] - x, edges[e, 0, 1] - y
-        bx, by = edges[e, 1, 0] - x, edges[e, 1, 1] - y
-        side_a, side_b = ux * ay - uy * ax, ux * by - uy * bx
-        if (side_a > 0.0) == (side_b > 0.0):
-            continue
-        share = side_a / (side_a - side_b)
-        place = ux * (ax + share * (bx - ax)) + uy * (ay + share * (by - ay))
-        if abs(place) <= tolerance:
-            # An edge that crosses the line from left to right has its free side ahead.
-            turned += 1 if side_b < side_a else -1
-        elif place > 0.0:
-            after = min(after, place)
-        else:
-            before = min(before, -place)
-    if turned > 0:
-        return after
-    if turned < 0:
-        return before
-    return before + after

@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.model.checked import Floats, frozen_floats
 from vinefab.model.map import Map
+from vinefab.tasks.cells import WallCells
 from vinefab.tasks.raster import Raster
 from vinefab.tasks.sight_lines import SightLines
 
@@ -21,6 +22,12 @@ Made = TypeVar("Made")
 
 MOST_RASTERS = 4
 """Rasters, and lines of sight, are kept for so many radii, then the oldest are dropped."""
+
+TOUCHING_MM = 1e-6
+"""A wall so near to a tip is one that it lies on; tips are right to about 1e-9 mm."""
+
+MARGIN = 1e-6
+"""Walls are listed in cells that they miss by this share of a cell, far above rounding."""
 
 _MAKING = Lock()
 """Threads share grounds, and only one may make or drop such a thing at a time."""
@@ -48,6 +55,7 @@ class Ground:
     edges_mm: Floats
     _rasters: dict[tuple[float, bool], Raster | None] = field(default_factory=dict)
     _sight_lines: dict[float, SightLines | None] = field(default_factory=dict)
+    _cells: dict[str, WallCells] = field(default_factory=dict)
 
     @classmethod
     def of(cls, world: Map, free: BaseGeometry | None = None) -> "Ground":
@@ -101,6 +109,24 @@ class Ground:
             How far sensors see.
         """
         return _kept(self._sight_lines, radius_mm, lambda: SightLines.of(self.edges_mm, radius_mm))
+
+    @property
+    def cells(self) -> WallCells:
+        """The edges by cells, about as many as there are edges, made once."""
+
+        def make() -> WallCells:
+            walls_mm = self.edges_mm.reshape(-1, 4)
+            size_mm = np.ptp(self.edges_mm, axis=(0, 1))
+            even_mm = math.sqrt(float(size_mm.prod()) / len(walls_mm))
+            side_mm = max(even_mm, float(size_mm.max()) / len(walls_mm))
+            while True:
+                reach_mm = MARGIN * side_mm + 2.0 * TOUCHING_MM
+                cells = WallCells.of(walls_mm, side_mm, reach_mm)
+                if cells is not None:
+                    return cells
+                side_mm *= 2.0
+
+        return _kept(self._cells, "all", make)
 
     def _open_edges_mm(self, radius_mm: float) -> Floats:
         """Return the edges of a box that holds every disc about a point of the map."""

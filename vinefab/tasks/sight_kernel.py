@@ -1,7 +1,8 @@
-"""Compiled measure of what sensors see past walls, line by line.
+"""Compiled measure of what sensors see past walls, line by line, and the walls by cells.
 
-The third and last compiled file of vinefab. Like the others it imports nothing of ours. The arrays
-are described in `vinefab.tasks.sight_lines`. Walls have free space on their left.
+The third compiled file of vinefab. Like the others it imports nothing of ours. The arrays are
+described in `vinefab.tasks.sight_lines` and `vinefab.tasks.cells`. Walls have free space on their
+left.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -41,73 +42,71 @@ def _jit(function: Callable[..., Any], *, forceinline: bool) -> Any:  # noqa: AN
 
 
 @compiled
-def count(walls, box, rows, columns, reach, number):
+def count(walls, grid, reach, number):
     """Add up how many walls come within a distance of each cell.
 
     Parameters
     ----------
-    walls
-        Both ends of each wall, shape (e, 4), mm.
-    box
-        Lower left corner and the side of the cells, mm.
-    rows, columns
-        How many cells there are.
+    walls, grid
+        As in `vinefab.tasks.cells.WallCells`, mm.
     reach
         The distance, mm.
     number
-        Where the result goes, row by row; zeros, shape (rows * columns,).
+        Where the result goes, row by row; zeros.
     """
     for e in range(len(walls)):
-        lowest, highest = _rows(walls[e], box, rows, reach)
+        lowest, highest = _rows(walls[e], grid, reach)
         for row in range(lowest, highest + 1):
-            left, right = _columns(walls[e], box, row, columns, reach)
+            left, right = _columns(walls[e], grid, row, reach)
             for column in range(left, right + 1):
-                number[row * columns + column] += 1
+                number[row * int(grid[3]) + column] += 1
 
 
 @compiled
-def place(walls, box, rows, columns, reach, free, item):
+def place(walls, grid, reach, free, item):
     """Write down which walls come within a distance of each cell.
 
     Parameters
     ----------
-    walls, box, rows, columns, reach
+    walls, grid, reach
         As in `count`.
     free
-        Where the walls of each cell begin; counted up, shape (rows * columns,).
+        Where the walls of each cell begin; counted up.
     item
         Where the walls go, in rising order in each cell.
     """
     for e in range(len(walls)):
-        lowest, highest = _rows(walls[e], box, rows, reach)
+        lowest, highest = _rows(walls[e], grid, reach)
         for row in range(lowest, highest + 1):
-            left, right = _columns(walls[e], box, row, columns, reach)
+            left, right = _columns(walls[e], grid, row, reach)
             for column in range(left, right + 1):
-                item[free[row * columns + column]] = e
-                free[row * columns + column] += 1
+                cell = row * int(grid[3]) + column
+                item[free[cell]] = e
+                free[cell] += 1
 
 
 @inlined
-def _rows(wall, box, rows, reach):
+def _rows(wall, grid, reach):
     """Return the first and the last row of cells that a wall comes near."""
     low, high = min(wall[1], wall[3]) - reach, max(wall[1], wall[3]) + reach
-    lowest = max(math.floor((low - box[1]) / box[2]), 0)
-    return lowest, min(math.floor((high - box[1]) / box[2]), rows - 1)
+    lowest = max(math.floor((low - grid[1]) / grid[2]), 0)
+    return lowest, min(math.floor((high - grid[1]) / grid[2]), int(grid[4]) - 1)
 
 
 @inlined
-def _columns(wall, box, row, columns, reach):
+def _columns(wall, grid, row, reach):
     """Return the first and the last cell of a row that a wall comes near; at most some too many."""
     ax, ay, dx, dy = wall[0], wall[1], wall[2] - wall[0], wall[3] - wall[1]
-    low, high = box[1] + row * box[2] - reach, box[1] + (row + 1) * box[2] + reach
+    low, high = grid[1] + row * grid[2] - reach, grid[1] + (row + 1) * grid[2] + reach
     # The part of the wall that is near enough in y bounds what can be near in x.
     first, last = 0.0, 1.0
     if dy != 0.0:
         one, two = (low - ay) / dy, (high - ay) / dy
         first, last = max(0.0, min(one, two)), min(1.0, max(one, two))
     x_one, x_two = ax + first * dx, ax + last * dx
-    left = max(math.floor((min(x_one, x_two) - reach - box[0]) / box[2]), 0)
-    return left, min(math.floor((max(x_one, x_two) + reach - box[0]) / box[2]), columns - 1)
+    left = max(math.floor((min(x_one, x_two) - reach - grid[0]) / grid[2]), 0)
+    right = math.floor((max(x_one, x_two) + reach - grid[0]) / grid[2])
+    return left, min(right, int(grid[3]) - 1)
 
 
 # --- Sensors on lines -------------------------------------------------------------------------
@@ -115,7 +114,7 @@ def _columns(wall, box, row, columns, reach):
 
 @compiled
 def see(
-    tips, first, sensor, walls, cell, cell_first, item, line, near, index, begins, run, seen, summed
+    tips, first, sensor, walls, grid, cell_first, item, line, near, index, begins, run, seen, summed
 ):
     """Write down the area that sensors see together, and the sum of what each sees.
 
@@ -131,13 +130,9 @@ def see(
     sensor
         How far sensors see, how near a wall counts as touched, and how far off it a sensor is
         moved then, mm; shape (3,).
-    walls
-        Both ends of each wall, shape (e, 4), mm.
-    cell
-        Lower left corner and side of the cells, mm, and columns and rows; shape (5,).
-    cell_first, item
-        Walls that can hide something from a sensor in each cell, row by row:
-        ``item[cell_first[c]:cell_first[c + 1]]``.
+    walls, grid, cell_first, item
+        As in `vinefab.tasks.cells.WallCells`: walls that can hide something from a sensor in each
+        cell, mm.
     line
         Lower side of the lowest strip, and how high each is, mm; shape (2,).
     near
@@ -156,7 +151,7 @@ def see(
         own = tips[first[j] : first[j + 1]]
         index[3, 0] = 0
         for k in range(len(own)):
-            begin, end = _cell(own[k, 0], own[k, 1], cell, cell_first)
+            begin, end = _cell(own[k, 0], own[k, 1], grid, cell_first)
             walls_here = item[begin:end]
             _step_off(own[k], sensor, walls, walls_here)
             index[3, k + 1] = _look(own[k], sensor[0], walls, walls_here, near, index[3, k])
@@ -164,11 +159,11 @@ def see(
 
 
 @inlined
-def _cell(x, y, cell, cell_first):
+def _cell(x, y, grid, cell_first):
     """Return where the walls of the cell of a place begin and end."""
-    column = min(max(int((x - cell[0]) / cell[2]), 0), int(cell[3]) - 1)
-    row = min(max(int((y - cell[1]) / cell[2]), 0), int(cell[4]) - 1)
-    at = row * int(cell[3]) + column
+    column = min(max(int((x - grid[0]) / grid[2]), 0), int(grid[3]) - 1)
+    row = min(max(int((y - grid[1]) / grid[2]), 0), int(grid[4]) - 1)
+    at = row * int(grid[3]) + column
     return cell_first[at], cell_first[at + 1]
 
 

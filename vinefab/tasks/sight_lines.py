@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vinefab.model.checked import Floats, Ints
+from vinefab.tasks.cells import WallCells
 from vinefab.tasks.sight import NUDGE_MM, TOUCHING_MM
 
 LINES_PER_RADIUS = 40
@@ -15,8 +16,7 @@ DIRECTIONS = 16
 """Directions between which that of the lines is chosen."""
 
 MOST_LINES = 1_000_000
-MOST_ENTRIES = 20_000_000
-"""Larger indexes of walls would not pay: 160 MB."""
+"""More would not pay: every growth looks at all of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,14 +31,8 @@ class SightLines:
         How far sensors see.
     direction
         Cosine and sine of the angle between x and the lines on the map.
-    walls_mm
-        Both ends of each wall, with free space on the left, turned; shape (e, 4).
-    cell
-        Lower left corner and side of the cells, mm, and columns and rows; shape (5,).
-    first
-        Where the walls of each cell begin in ``item``, row by row, with the total at the end.
-    item
-        Walls that come within the radius of each cell.
+    cells
+        Walls that come within the radius of each cell, with free space on their left, turned.
     line
         Lower side of the lowest strip and how high each is, mm; shape (2,).
     lines
@@ -47,10 +41,7 @@ class SightLines:
 
     radius_mm: float
     direction: tuple[float, float]
-    walls_mm: Floats
-    cell: Floats
-    first: Ints
-    item: Ints
+    cells: WallCells
     line: Floats
     lines: int
 
@@ -65,34 +56,23 @@ class SightLines:
         radius_mm
             How far sensors see.
         """
-        from vinefab.tasks import sight_kernel  # noqa: PLC0415  numba takes a second to import
-
         step_mm = radius_mm / LINES_PER_RADIUS
         direction = _direction(edges_mm, step_mm)
-        walls_mm = _turned(edges_mm, direction).reshape(-1, 4)
-        low, high = walls_mm.reshape(-1, 2).min(axis=0), walls_mm.reshape(-1, 2).max(axis=0)
-        columns, rows = (max(1, math.ceil(float(size) / radius_mm)) for size in high - low)
-        lines = max(1, math.ceil(float(high[1] - low[1]) / step_mm))
-        if max(lines, columns * rows) > MOST_LINES:
+        walls_mm = _turned(edges_mm, direction)
+        low_mm, high_mm = float(walls_mm[..., 1].min()), float(walls_mm[..., 1].max())
+        lines = max(1, math.ceil((high_mm - low_mm) / step_mm))
+        if lines > MOST_LINES:
             return None
         # Sensors that lie outside by rounding have the walls of the nearest cell.
         reach_mm = radius_mm + 2.0 * TOUCHING_MM
-        grid = np.array([*low, radius_mm])
-        number = np.zeros(columns * rows, dtype=np.int64)
-        sight_kernel.count(walls_mm, grid, rows, columns, reach_mm, number)
-        first = np.concatenate([[0], np.cumsum(number)])
-        if first[-1] > MOST_ENTRIES:
+        cells = WallCells.of(walls_mm.reshape(-1, 4), radius_mm, reach_mm)
+        if cells is None:
             return None
-        item = np.empty(first[-1], dtype=np.int64)
-        sight_kernel.place(walls_mm, grid, rows, columns, reach_mm, first[:-1].copy(), item)
         return cls(
             radius_mm=radius_mm,
             direction=direction,
-            walls_mm=walls_mm,
-            cell=np.array([*grid, columns, rows]),
-            first=first,
-            item=item,
-            line=np.array([low[1], step_mm]),
+            cells=cells,
+            line=np.array([low_mm, step_mm]),
             lines=lines,
         )
 
@@ -119,19 +99,21 @@ class SightLines:
         seen_mm2, summed_mm2
             Shape (j,) each.
         """
-        from vinefab.tasks import sight_kernel  # noqa: PLC0415  as above
+        from vinefab.tasks import sight_kernel  # noqa: PLC0415  numba takes a second to import
 
         tips_mm = _turned(tips_mm, self.direction)
-        sensors, walls = self._room(tips_mm, first)
+        sensors = int(np.diff(first).max(initial=0))
+        number = np.concatenate([[0], np.cumsum(self.cells.numbers_at(tips_mm))])
+        walls = int(np.diff(number[first]).max(initial=0))
         seen, summed = np.zeros((2, len(first) - 1))
         sight_kernel.see(
             tips_mm,
             first,
             np.array([self.radius_mm, TOUCHING_MM, NUDGE_MM]),
-            self.walls_mm,
-            self.cell,
-            self.first,
-            self.item,
+            self.cells.walls_mm,
+            self.cells.grid,
+            self.cells.first,
+            self.cells.item,
             self.line,
             np.empty((walls, 4)),
             np.empty((4, sensors + 1), dtype=np.int64),
@@ -141,14 +123,6 @@ class SightLines:
             summed,
         )
         return seen, summed
-
-    def _room(self, tips_mm: Floats, first: Ints) -> tuple[int, int]:
-        """Return the most sensors, and walls before them, of any set."""
-        low, side_mm, shape = self.cell[:2], self.cell[2], self.cell[3:]
-        column, row = np.clip(((tips_mm - low) / side_mm).astype(np.int64), 0, shape - 1).T
-        cells = (row * shape[0] + column).astype(np.int64)
-        walls = np.concatenate([[0], np.cumsum(self.first[cells + 1] - self.first[cells])])
-        return int(np.diff(first).max(initial=0)), int(np.diff(walls[first]).max(initial=0))
 
 
 def _turned(points_mm: Floats, direction: tuple[float, float]) -> Floats:

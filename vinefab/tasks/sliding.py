@@ -1,13 +1,12 @@
 """A task whose score falls with branches that stop head-on."""
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from vinefab.growth.batch import Block
-from vinefab.model.checked import Ints
+from vinefab.model.checked import Floats, Ints
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.tasks.ground import Ground
 from vinefab.tasks.task import Outcome, Outcomes, Task, outcomes
@@ -46,7 +45,7 @@ class Sliding:
     def evaluate(self, deployment: Deployment, ground: Ground) -> Outcome:
         """Return the task's score less the price, and its terms with ``head_on``, the share."""
         score, terms = self.task.evaluate(deployment, ground)
-        share = _share(deployment.stop)
+        share = float(_shares(deployment.stop, np.array([0, len(deployment.stop)]))[0])
         return score - self.weight * share, {**terms, TERM: share}
 
     def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> Outcomes:
@@ -59,15 +58,24 @@ class Sliding:
         grounds
             The maps.
         """
-        stop = block.growth.stop
-        ends = itertools.pairwise(block.branch.tolist())
-        share = np.array([_share(stop[one:two]) for one, two in ends])
+        share = _shares(block.growth.stop, block.branch)
         score, terms = outcomes(self.task, block, grounds)
         return Outcomes(score - self.weight * share, {**terms, TERM: share})
 
 
-def _share(stop: Ints) -> float:
-    """Return the share of deployed branches that stopped head-on; 0 if none deployed."""
-    deployed = int(np.count_nonzero(np.not_equal(stop, Stop.NOT_DEPLOYED)))
-    head_on = int(np.count_nonzero(np.equal(stop, Stop.HEAD_ON)))
-    return head_on / deployed if deployed else 0.0
+def _shares(stop: Ints, first: Ints) -> Floats:
+    """Return the share of each growth's deployed branches that stopped head-on; 0 if none did.
+
+    Parameters
+    ----------
+    stop
+        Why each branch of all growths stopped.
+    first
+        Where the branches of each growth begin, shape (j + 1,).
+    """
+    growth = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    deployed, head_on = (
+        np.bincount(growth[which], minlength=len(first) - 1)
+        for which in (np.not_equal(stop, Stop.NOT_DEPLOYED), np.equal(stop, Stop.HEAD_ON))
+    )
+    return np.asarray(head_on / np.maximum(deployed, 1))

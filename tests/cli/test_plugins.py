@@ -1,13 +1,40 @@
 """Parts of somebody else's package, installed beside vinefab."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 
+from vinefab.checks.rules import RULES
+from vinefab.environments.registry import ENVIRONMENTS
 from vinefab.optimize.registry import OPTIMIZERS
 from vinefab.tasks.registry import TASKS
 
 MODULE = """
 from dataclasses import dataclass
 from typing import ClassVar
+
+from vinefab.checks.rule import Hit, Looked, Rule
+from vinefab.environments.grid import GridOptions, grid_map
+from vinefab.environments.registry import Environment
+from vinefab.optimize.random import RandomRecipe as Dice
+
+YARD = Environment(description="their yard", options=GridOptions, make=grid_map)
+
+
+def count(subject, limits):
+    found = float(subject.design.branch_count)
+    breach = limits.most(found)
+    if breach is None:
+        return Looked(checked=1)
+    hit = Hit(
+        message="too many", severity=breach.severity, measured=found, limit=breach.limit
+    )
+    return Looked(checked=1, hits=(hit,))
+
+
+FEW = Rule(id="MY-F01", title="few branches", limits={"error": 4.0}, reason="ours", look=count)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +51,28 @@ POINTS = """[vinefab.tasks]
 depth = their_depth:Depth
 [vinefab.optimizers]
 annealing = their_annealing:Recipe
+dice = their_depth:Dice
+[vinefab.environments]
+yard = their_depth:YARD
+[vinefab.rules]
+MY-F01 = their_depth:FEW
+MY-F02 = their_depth:FEW
+MY-F03 = their_depth:YARD
+MY-F04 = their_missing:RULE
+"""
+RUN = """schema = "vinefab/run-1"
+[maps]
+environment = "yard"
+count = 1
+[task]
+name = "depth"
+[optimizer]
+name = "dice"
+population = 6
+generations = 2
+[evaluation]
+finalists = 2
+final_poses_per_map = 1
 """
 
 
@@ -36,10 +85,12 @@ def their_package(tmp_path, monkeypatch):
     (facts / "entry_points.txt").write_text(POINTS)
     (folder / "their_depth.py").write_text(MODULE)
     monkeypatch.syspath_prepend(folder)
-    for registry, group in ((TASKS, "vinefab.tasks"), (OPTIMIZERS, "vinefab.optimizers")):
+    for registry in (TASKS, OPTIMIZERS, ENVIRONMENTS, RULES):
+        group = f"vinefab.{registry.kind}s"
         monkeypatch.setattr(registry, "_group", group)
         monkeypatch.setattr(registry, "_parts", dict(registry))
         monkeypatch.setattr(registry, "broken", {})
+    return folder
 
 
 @pytest.mark.usefixtures("their_package")
@@ -61,3 +112,34 @@ def test_a_plugin_that_does_not_load_is_named_with_the_reason(vinefab, run_file,
     assert code == 2
     assert "'annealing' does not load (ModuleNotFoundError" in complaint
     assert complaint.count("\n") == 1
+
+
+@pytest.mark.usefixtures("their_package")
+def test_a_rule_of_another_package_is_looked_at_and_a_broken_one_is_named(vinefab, tmp_path):
+    code, words, _ = vinefab("check", "three_level_tree")
+    assert code == 1
+    assert "MY-F01" in words
+    assert "(is 10, limit 4)" in words
+    assert "MY-F02  does not load (its id is MY-F01, not the name of its entry point)" in words
+    assert "MY-F03  does not load (is no vinefab.checks.rule.Rule)" in words
+    assert "MY-F04  does not load (ModuleNotFoundError" in words
+    assert vinefab("check", "three_level_tree", "--limit", "MY-F01.error=10")[0] == 0
+    # A run asks it of its designs too.
+    run_file, out = tmp_path / "theirs.toml", tmp_path / "run"
+    run_file.write_text(RUN)
+    assert vinefab("optimize", run_file, "--out", out, "-q")[0] == 0
+    assert vinefab("check", out / "best.toml", "-q")[0] == 0
+
+
+def test_parts_of_another_package_work_on_the_workers_of_a_cluster(
+    vinefab, their_package, tmp_path
+):
+    run_file, out = tmp_path / "theirs.toml", tmp_path / "cluster"
+    run_file.write_text(RUN)
+    place = {**os.environ, "PYTHONPATH": str(their_package)}
+    command = [sys.executable, "-m", "vinefab", "optimize", run_file, "--cluster", "local:1", "-q"]
+    subprocess.run([*command, "--out", out], check=True, env=place, timeout=240)
+    assert vinefab("optimize", run_file, "--out", tmp_path / "threads", "-q")[0] == 0
+    found = (out / "best.toml").read_bytes()
+    assert found == (tmp_path / "threads" / "best.toml").read_bytes()
+    assert b'task = "depth"' in found

@@ -17,9 +17,9 @@ from vinefab.model.map import Map
 from vinefab.optimize import cluster as module
 from vinefab.optimize.cluster import Cluster, Parcel, _evaluated
 from vinefab.optimize.parcel import packed, unpacked
-from vinefab.optimize.settings import RunSettings
+from vinefab.optimize.settings import PartSettings, RunSettings
 from vinefab.optimize.timing import Ledger, Work
-from vinefab.optimize.trial import TRAINING, Trial
+from vinefab.optimize.trial import TRAINING, Brief, Trial
 
 Maps = tuple[Map, ...]
 
@@ -124,6 +124,21 @@ def test_a_worker_with_other_versions_refuses(small: RunSettings, maps: Maps) ->
     x, poses = np.full((1, len(trial.space)), 0.5), trial.poses(3, TRAINING, 0, 1)
     with pytest.raises(BadInputError, match=r"numpy .*; allowed: numpy 0\.1, as the run has"):
         _evaluated(strange, x, poses)
+
+
+def test_a_worker_without_the_packages_of_the_run_is_named(small: RunSettings, maps: Maps) -> None:
+    theirs = replace(small, task=PartSettings(name="depth"))
+    parcel = Parcel.of(Brief(settings=theirs, maps=maps, penalty=None))
+    x, poses = np.full((1, 3), 0.5), ((), ())
+    with pytest.raises(BadInputError, match=r"a worker is .*without task 'depth'.*same packages"):
+        _evaluated(parcel, x, poses)
+    gone = replace(parcel, name="gone", brief=b"cno_such_package\nPenalty\n.")
+    with pytest.raises(BadInputError, match=r"a worker is .*no_such_package.*same packages"):
+        _evaluated(gone, x, poses)
+    # It comes through the wire as it is.
+    with pytest.raises(BadInputError) as told:
+        _evaluated(parcel, x, poses)
+    assert str(unpacked(packed(told.value))) == str(told.value)
 
 
 @pytest.mark.parametrize("address", ["local", "local:0", "local:x", "somewhere", ""])

@@ -37,9 +37,51 @@ def test_a_front_holds_just_what_nothing_beats(values: list[tuple[int, int]]) ->
 def test_the_knee_and_points_along_a_front() -> None:
     worth, cost = np.array([0.0, 0.5, 0.9, 1.0]), np.array([1.0, 2.0, 3.0, 10.0])
     assert knee(worth, cost) == 2
-    assert knee(worth[:1], cost[:1]) == 0
     assert spread_out(cost[::-1, None], 2) == [3, 0]
     assert spread_out(cost[:, None], 9) == [0, 1, 2, 3]
+
+
+def test_a_front_that_does_not_bend_has_no_knee() -> None:
+    cost = np.linspace(3.0, 9.0, 7)
+    share = (cost - 3.0) / 6.0
+    assert knee(share**2, cost) is None  # sags
+    assert knee(5.0 + share, 100.0 * cost) is None  # straight
+    assert knee(share + 0.01 * np.sin(9.0 * share), cost) is None  # as good as straight
+    assert knee(np.sqrt(share), cost) is not None
+    assert knee(np.array([0.0, 1.0]), np.array([1.0, 2.0])) is None
+    assert knee(np.array([0.3]), np.array([1.0])) is None
+
+
+@given(VALUES, st.integers(1, 9), st.integers(-5, 5))
+def test_a_knee_is_above_the_line_between_the_ends_in_any_units(
+    values: list[tuple[int, int]], scale: int, shift: int
+) -> None:
+    worth, cost = np.array(values, dtype=float).T
+    found = knee(worth, cost)
+    assert knee(scale * worth + shift, 2.0 * scale * cost) == found
+    front = sorted(_unbeaten(values))
+    if found is None:
+        heights = [_height(front, point) for point in front[1:-1]]
+        assert max(heights, default=0.0) < 0.05 + 1e-9
+    else:
+        here = float(cost[found]), float(worth[found])
+        assert here in front[1:-1]
+        assert _height(front, here) == pytest.approx(max(_height(front, p) for p in front))
+
+
+def _unbeaten(values: list[tuple[int, int]]) -> set[tuple[int, int]]:
+    return {
+        (c, w)
+        for w, c in values
+        if not any(v >= w and d <= c and (v, d) != (w, c) for v, d in values)
+    }
+
+
+def _height(front: list[tuple[int, int]], point: tuple[float, float]) -> float:
+    """The vertical way from the line between the ends to a point, over the front's height."""
+    (c0, w0), (c1, w1) = front[0], front[-1]
+    on_line = w0 + (w1 - w0) * (point[0] - c0) / (c1 - c0)
+    return (point[1] - on_line) / (w1 - w0)
 
 
 def test_ranking_goes_front_by_front_ends_first_and_what_cannot_be_made_last() -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from vinefab.environments.grid import grid_map
+from vinefab.model.tree import branch_tree
 from vinefab.optimize.bounds import Bounds, SpaceSettings
 from vinefab.optimize.loop import optimize
 from vinefab.optimize.result import RunResult
@@ -34,7 +35,7 @@ def test_a_front_rises_with_its_cost_and_none_beats_another(result: RunResult) -
     costs = [member.costs for member in members]
     assert len(members) >= 2
     assert [cost[0] for cost in costs] == sorted(cost[0] for cost in costs)
-    assert sum(member.is_knee for member in members) == 1
+    assert sum(member.is_knee for member in members) <= 1
     assert len({member.design.name for member in members}) == len(members)
     for one in members:
         for other in members:
@@ -51,7 +52,42 @@ def test_json_and_words_say_what_the_front_is(result: RunResult) -> None:
         assert entry["design"] == member.design.name
         assert entry["film_length"] == member.costs[0]
         assert entry["coverage"] == member.score.composite["mean"]
-    assert len(front_lines(members, SETTINGS)) == len(members) + 1
+    names = [member.design.name for member in members if member.is_knee]
+    assert content["knee"] == (names[0] if names else None)
+    lines = front_lines(members, SETTINGS)
+    assert len(lines) == len(members) + (1 if names else 2)
+
+
+def test_a_knee_is_named_where_there_is_one_and_missed_where_there_is_none(
+    result: RunResult,
+) -> None:
+    """The same finalists with worths that rise fast at first, and with worths that rise late."""
+    settings = replace(SETTINGS, objectives=("coverage", "film_length"))
+    by_cost = sorted(result.finalists, key=lambda f: branch_tree(f.design).total_length_mm)
+    assert len(by_cost) >= 4
+
+    def with_worths(power: float, count: int) -> RunResult:
+        shares = (index / (count - 1 or 1) for index in range(count))
+        finalists = (
+            replace(f, fitness=share**power) for f, share in zip(by_cost, shares, strict=False)
+        )
+        return replace(result, finalists=tuple(finalists))
+
+    members = front_of(with_worths(0.1, 4), settings)
+    assert [member.is_knee for member in members] == [False, True, False, False]
+    assert "  knee" in front_lines(members, settings)[2]
+    for power, count, why in (
+        (9.0, 4, "nowhere lies 5% above"),
+        (1.0, 2, "takes three designs"),
+        (1.0, 1, "takes three designs"),
+    ):
+        flat = with_worths(power, count)
+        members = front_of(flat, settings)
+        assert len(members) == count
+        assert not any(member.is_knee for member in members)
+        assert why in front_lines(members, settings)[-1]
+        assert json.loads(front_json(members, flat, settings))["knee"] is None
+        assert svg_bytes(front_picture(members, flat, settings, WORLD))
 
 
 def test_the_picture_is_the_same_every_time_also_for_a_front_of_one(result: RunResult) -> None:

@@ -31,7 +31,17 @@ _BUILTIN = (
     *(RIG_SOLIDS, RIG_SIZE, CORRIDORS, OBSTACLE_HEIGHT),
 )
 
-RULES: Registry[Rule] = Registry("rule", {rule.id: rule for rule in _BUILTIN})
+
+def _problem(name: str, part: object) -> str:
+    """Return why a rule of another package cannot be used; empty if it can."""
+    if not isinstance(part, Rule):
+        return "is no vinefab.checks.rule.Rule"
+    return "" if part.id == name else f"its id is {part.id}, not the name of its entry point"
+
+
+RULES: Registry[Rule] = Registry(
+    "rule", {rule.id: rule for rule in _BUILTIN}, group="vinefab.rules", problem=_problem
+)
 
 SHEET_RULES = frozenset(
     rule.id for rule in (BED, MARKS, PATHS, ORDER, PLY, MACHINE, STATUS, READBACK)

@@ -49,6 +49,7 @@ def run_checks(
     UnknownNameError, BadInputError
         If ``limits``, the design or the recipe name a rule or a limit that does not exist.
     """
+    RULES.load_plugins()
     changed = changed_limits(subject.design, subject.profile, limits)
     values = by_rule(changed)
     outcomes = [
@@ -59,7 +60,13 @@ def run_checks(
     recipe = subject.profile.recipe.name if subject.profile else ""
     report = _report(subject.design.name, outcomes, subject.design.waivers)
     stale = _stale(report.findings, subject.design.waivers)
-    return replace(report, recipe=recipe, limits=changed, stale_waivers=stale)
+    broken = tuple(
+        RuleSkipped(rule=name, reason=f"does not load ({why})")
+        for name, why in RULES.broken.items()
+        if only is None or name in only
+    )
+    skipped = (*report.skipped, *broken)
+    return replace(report, recipe=recipe, limits=changed, stale_waivers=stale, skipped=skipped)
 
 
 def joined(report: CheckReport, more: CheckReport) -> CheckReport:
@@ -86,7 +93,8 @@ def _instead(old: Sequence[_Entry], new: Sequence[_Entry], rules: set[str]) -> t
     """Return new entries in the place of the old ones about some rules, in the rules' order."""
     place = {rule: number for number, rule in enumerate(RULES)}
     entries = [*(entry for entry in old if entry.rule not in rules), *new]
-    return tuple(sorted(entries, key=lambda entry: place[entry.rule]))
+    # A rule of another package that does not load has no place.
+    return tuple(sorted(entries, key=lambda entry: place.get(entry.rule, len(place))))
 
 
 def run_rig_checks(stand: Stand) -> CheckReport:

@@ -1,6 +1,6 @@
 """Named collections of parts that users may add to."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import entry_points
 from typing import Generic, TypeVar
 
@@ -23,6 +23,8 @@ class Registry(Mapping[str, T], Generic[T]):
         The parts that come with vinefab.
     group
         Entry-point group under which installed packages offer more of them; empty: none do.
+    problem
+        Says of a part that a package offers, by its name, what is wrong with it; empty if nothing.
 
     Attributes
     ----------
@@ -38,11 +40,18 @@ class Registry(Mapping[str, T], Generic[T]):
     False
     """
 
-    def __init__(self, kind: str, builtin: Mapping[str, T], group: str = "") -> None:
+    def __init__(
+        self,
+        kind: str,
+        builtin: Mapping[str, T],
+        group: str = "",
+        problem: Callable[[str, object], str] = lambda _name, _part: "",
+    ) -> None:
         self.kind = kind
         self.broken: dict[str, str] = {}
         self._parts = dict(builtin)
         self._group = group
+        self._problem = problem
 
     def __getitem__(self, name: str) -> T:
         if name not in self._parts:
@@ -71,6 +80,11 @@ class Registry(Mapping[str, T], Generic[T]):
                 self.broken[point.name] = "the name is taken by a part of vinefab"
                 continue
             try:
-                self._parts[point.name] = point.load()
+                part = point.load()
             except _BROKEN_PLUGIN as error:
                 self.broken[point.name] = f"{type(error).__name__}: {error}"
+                continue
+            if problem := self._problem(point.name, part):
+                self.broken[point.name] = problem
+            else:
+                self._parts[point.name] = part

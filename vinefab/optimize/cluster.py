@@ -19,7 +19,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from vinefab.core.errors import BadInputError, WorkersLostError
+from vinefab.core.errors import BadInputError, UnknownNameError, WorkersLostError
 from vinefab.core.hashing import sha256_of
 from vinefab.model.checked import Floats
 from vinefab.optimize.parcel import packed, unpacked
@@ -262,18 +262,26 @@ def _evaluated(parcel: Parcel, x: Floats, poses: Poses) -> bytes:
     Raises
     ------
     BadInputError
-        If the worker has other versions than the run.
+        If the worker has other versions than the run, or lacks a package that the run needs.
     """
     own = _own_versions()
     if own != dict(parcel.versions):
         other = next(name for name in parcel.versions if own.get(name) != parcel.versions[name])
         allowed = f"{other} {parcel.versions[other]}, as the run has"
         raise BadInputError("a worker's version", f"{other} {own.get(other)}", allowed)
-    with _MAKING:
-        trial = _trial(parcel.name, parcel.brief)
+    try:
+        with _MAKING:
+            trial = _trial(parcel.name, parcel.brief)
+    except UnknownNameError as error:
+        missing = f"without {error.kind} {error.name!r}"
+        why = f" ({error.problem})" if error.problem else ""
+        raise BadInputError("a worker", missing, f"{_INSTALLED}{why}") from None
+    except (ImportError, AttributeError) as error:
+        raise BadInputError("a worker", f"without something: {error}", _INSTALLED) from None
     return packed(trial.evaluate(x, poses))
 
 
+_INSTALLED = "workers on which the same packages are installed as where the run was begun"
 _MAKING = threading.Lock()
 
 

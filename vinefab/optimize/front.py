@@ -37,23 +37,42 @@ def non_dominated(worth: Floats, costs: Floats) -> NDArray[np.bool_]:
     return kept
 
 
-def knee(worth: Floats, costs: Floats) -> int:
-    """Return the point of a front farthest from the line between its ends, in one cost.
+LEAST_BEND = 0.05
+"""A front bends where it lies so much of both ranges above the line between its ends (assumed);
+less is within the noise of scores."""
+
+
+def knee(worth: Floats, costs: Floats) -> int | None:
+    """Return the point of a front where it bends most, or None where it has no knee.
+
+    A knee is a point from which a little more worth costs much, and a little less saves little:
+    it lies above the straight line between the cheapest point and the one worth most. A front of
+    fewer than three points, or one that runs along that line or sags below it, has none.
 
     Parameters
     ----------
     worth
         Shape (m,), at least one.
     costs
-        The cost, shape (m,).
+        The cost, shape (m,). Points that others beat in these two, as a front of more costs may
+        have, are left out.
 
     Examples
     --------
     >>> knee(np.array([0.0, 0.8, 1.0]), np.array([1.0, 2.0, 9.0]))
     1
+    >>> knee(np.array([0.0, 0.2, 1.0]), np.array([1.0, 8.0, 9.0])) is None
+    True
     """
-    spans = max(float(np.ptp(worth)), 1e-300), max(float(np.ptp(costs)), 1e-300)
-    return int(np.argmax((worth - worth.min()) / spans[0] - (costs - costs.min()) / spans[1]))
+    rows = np.flatnonzero(non_dominated(worth, costs[:, None]))
+    rows = rows[np.argsort(costs[rows], kind="stable")]
+    if len(rows) < 3:
+        return None
+    # Of points none of which beats another, the dearest is worth most: both spans are above 0.
+    gained, spent = worth[rows] - worth[rows[0]], costs[rows] - costs[rows[0]]
+    above = gained / gained[-1] - spent / spent[-1]
+    place = int(np.argmax(above))
+    return int(rows[place]) if above[place] >= LEAST_BEND else None
 
 
 def archive(history: Sequence[Generation], lowest: float) -> tuple[Floats, Floats]:

@@ -14,7 +14,7 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.optimize.costs import COSTS, costs_of
-from vinefab.optimize.front import archive, knee, non_dominated
+from vinefab.optimize.front import LEAST_BEND, archive, knee, non_dominated
 from vinefab.optimize.result import RunResult
 from vinefab.optimize.settings import RunSettings
 from vinefab.optimize.space import Space
@@ -22,7 +22,7 @@ from vinefab.report.front import FrontData, Robot, front_figure
 
 SCHEMA = "vinefab/front-1"
 ROBOTS = 4
-"""So many designs of the front are drawn, the knee among them."""
+"""So many designs of the front are drawn, the knee among them where there is one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +42,7 @@ class Member:
     penalty
         0 for a design that can be made, and in a run that did not ask.
     is_knee
-        Whether the front bends most there.
+        Whether the front bends most there, against its first cost; a front may have no knee.
     """
 
     design: Design
@@ -62,17 +62,17 @@ def front_of(result: RunResult, settings: RunSettings) -> tuple[Member, ...]:
     )
     rows = np.flatnonzero(non_dominated(worth, costs))
     rows = rows[np.argsort(costs[rows, 0], kind="stable")]
-    bend = int(rows[knee(worth[rows], costs[rows, 0])])
+    bend = knee(worth[rows], costs[rows, 0])
     return tuple(
         Member(
-            design=_named(finalists[row].design, settings, result.run_id, place),
+            design=_named(finalists[row].design, settings, result.run_id, place + 1),
             score=finalists[row].score,
             worth=float(worth[row]),
             costs=tuple(costs[row].tolist()),
             penalty=finalists[row].penalty,
-            is_knee=row == bend,
+            is_knee=place == bend,
         )
-        for place, row in enumerate(rows.tolist(), start=1)
+        for place, row in enumerate(rows.tolist())
     )
 
 
@@ -85,6 +85,7 @@ def front_json(members: Sequence[Member], result: RunResult, settings: RunSettin
     """Return a front as JSON: ``vinefab/front-1``."""
     content = {
         "run": result.run_id,
+        "knee": next((member.design.name for member in members if member.is_knee), None),
         "objectives": [
             {
                 "name": name,
@@ -112,7 +113,8 @@ def front_json(members: Sequence[Member], result: RunResult, settings: RunSettin
 def front_lines(members: Sequence[Member], settings: RunSettings) -> list[str]:
     """Return a front as lines for the user, a design each."""
     names = [settings.task.name, *settings.costs]
-    lines = [f"front of {len(members)} designs (simulated): {', '.join(names)}"]
+    count = f"{len(members)} design{'s' if len(members) > 1 else ''}"
+    lines = [f"front of {count} (simulated): {', '.join(names)}"]
     for member in members:
         costs = "  ".join(
             f"{value:10.0f} {COSTS[name][1]}"
@@ -121,6 +123,10 @@ def front_lines(members: Sequence[Member], settings: RunSettings) -> list[str]:
         note = "  knee" if member.is_knee else ""
         made = "" if member.penalty == 0.0 else "  breaks rules of making"
         lines.append(f"  {member.design.name}  {member.worth:8.4f}  {costs}{note}{made}")
+    if not any(member.is_knee for member in members):
+        bends = f"it nowhere lies {LEAST_BEND:.0%} above the line between its ends"
+        why = "that takes three designs" if len(members) < 3 else bends
+        lines.append(f"  no knee against {settings.costs[0]}: {why}")
     return lines
 
 
@@ -161,13 +167,13 @@ def _pairs(costs: Floats, worth: Floats) -> Floats:
 
 
 def _robots(members: Sequence[Member], settings: RunSettings, world: Map) -> dict[int, Robot]:
-    """Return deployments of a few designs, spread over the front, with its knee."""
+    """Return deployments of a few designs, spread over the front, with its knee if it has one."""
     places = np.linspace(0, len(members) - 1, min(ROBOTS, len(members))).round().astype(int)
-    bend = next(place for place, member in enumerate(members) if member.is_knee)
-    chosen = sorted({*places.tolist(), bend})
+    bends = [place for place, member in enumerate(members) if member.is_knee]
+    chosen = sorted({*places.tolist(), *bends})
     if len(chosen) > ROBOTS:
-        inner = [place for place in chosen[1:-1] if place != bend]
-        chosen.remove(min(inner, key=lambda place: abs(place - bend)))
+        inner = [place for place in chosen[1:-1] if place not in bends]
+        chosen.remove(min(inner, key=lambda place: abs(place - bends[0])))
     terrain = Terrain.of(world)
     return {
         place: Robot(

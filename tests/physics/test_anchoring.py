@@ -1,5 +1,6 @@
 import math
 
+import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
@@ -13,6 +14,7 @@ from vinefab.physics.anchoring import (
     film_mass_g,
     payload_over_mass,
     pouch_contact_mm2,
+    pouch_contacts_mm2,
     tip_force_n,
 )
 
@@ -52,6 +54,15 @@ def test_a_pouch_is_engaged_from_where_it_is_wider_than_the_gap() -> None:
     assert pouch_contact_mm2(30.0, 40.0, 1.001 * touching) == 0.0
     assert 0.0 < pouch_contact_mm2(30.0, 40.0, 0.999 * touching) < 3.0
     assert pouch_contact_mm2(30.0, 40.0, 0.0) == 1200.0
+
+
+def test_many_pouches_press_as_each_alone_does():
+    rng = np.random.default_rng(1)
+    length, width, gap = rng.uniform(0.0, 50.0, (3, 200))
+    gap[:3] = 2.0 * width[0] / math.pi, math.inf, 0.0
+    alone = [pouch_contact_mm2(*one) for one in zip(length, width, gap, strict=True)]
+    assert pouch_contacts_mm2(length, width, gap).tolist() == alone
+    assert 0 < np.count_nonzero(alone) < 200
 
 
 def test_film_and_seam_cap_a_branch() -> None:

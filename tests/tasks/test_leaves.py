@@ -195,11 +195,3 @@ def test_gaps_by_cells_are_those_of_all_edges(pillar_room: Map) -> None:
         gaps = gaps_mm(points, np.arange(1, len(points), 2), ground)
         for chain, gap in zip(points.reshape(-1, 2, 2), gaps.tolist(), strict=True):
             assert gap == pytest.approx(plain_gap(chain, ground), abs=1e-9)
-
-
-def test_the_cells_hold_every_edge_and_not_all_of_them_everywhere() -> None:
-    ground = Ground.of(grid_map(1))
-    assert ground.cells is ground.cells
-    assert set(ground.cells.item.tolist()) == set(range(len(ground.edges_mm)))
-    per_cell = np.diff(ground.cells.first)
-    assert per_cell.max() < 0.1 * len(ground.edges_mm)

@@ -56,15 +56,20 @@ def hold_the_bound(ground: Ground, lines: SightLines, sensors: np.ndarray) -> No
 
 
 def nasty_sensors(ground: Ground) -> np.ndarray:
-    """Places inside, on walls, on corners, twice in one place, and outside by rounding."""
+    """Inside, twice in one place, on, behind and beside walls, on corners, outside by rounding."""
     rng = np.random.default_rng(5)
     x_min, y_min, x_max, y_max = ground.free.bounds
     inside = rng.uniform((x_min, y_min), (x_max, y_max), (60, 2))
     inside = inside[shapely.contains_xy(ground.free, inside[:, 0], inside[:, 1])][:8]
     edges = ground.edges_mm[rng.choice(len(ground.edges_mm), 6)]
     on_walls = edges[:, 0] + rng.random((6, 1)) * (edges[:, 1] - edges[:, 0])
+    along = (edges[:, 1] - edges[:, 0]) / np.hypot(*(edges[:, 1] - edges[:, 0]).T)[:, None]
+    edge_on = edges[:, 1] + rng.choice([1e-7, 1e-3, 5.0], (6, 1)) * along
+    beside = on_walls + rng.choice([1e-13, 1e-9, 1e-7, 1e-6, 1e-5], (6, 1)) * along[:, ::-1]
     rounded_out = np.array([[x_min - 1e-10, 0.5 * (y_min + y_max)], [x_min, y_min - 1e-10]])
-    places = np.concatenate([inside, inside[:2], on_walls, edges[:, 0], rounded_out])
+    places = np.concatenate(
+        [inside, inside[:2], on_walls, edges[:, 0], edge_on, beside, rounded_out]
+    )
     return places[shapely.distance(shapely.points(places), ground.free) < 1e-9]
 
 

@@ -13,6 +13,9 @@ def ended(vinefab, run_file, tmp_path):
     return out
 
 
+PARTS = ("loading", "evaluating", "optimizer", "store", "other")
+
+
 def test_the_end_of_a_run_says_where_the_time_went(vinefab, run_file, tmp_path):
     code, output, words = vinefab(
         "optimize", run_file, "--out", tmp_path / "run", "--workers", 2, "--json", "-"
@@ -22,7 +25,7 @@ def test_the_end_of_a_run_says_where_the_time_went(vinefab, run_file, tmp_path):
     assert document["schema"] == "vinefab/run-result-1"
     assert document["evaluations"] == 8
     times = document["times"]
-    whole = sum(times["shares"][key] for key in ("evaluating", "optimizer", "store", "other"))
+    whole = sum(times["shares"][key] for key in PARTS)
     assert whole == pytest.approx(1.0)
     assert times["workers"] == 2
     assert 0.0 < times["growth_s"] + times["scoring_s"] <= times["processor_s"]

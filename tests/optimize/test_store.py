@@ -249,9 +249,9 @@ def test_two_processes_cannot_write_the_same_generation(
         RunStore.open(tmp_path, identity, resume=True) as two,
     ):
         generation = optimize(small, maps).history[0]
-        one.add(generation, {"generation": 1})
+        one.add([generation], {"generation": 1})
         with pytest.raises(CannotWriteError, match="another process"):
-            two.add(generation, {"generation": 1})
+            two.add([generation], {"generation": 1})
         assert len(two.generations()) == 1
 
 
@@ -288,11 +288,11 @@ def test_a_full_disk_keeps_what_was_recorded(
 ) -> None:
     generations = optimize(small, maps).history
     with RunStore.open(tmp_path, RunIdentity.of(small, maps)) as store:
-        store.add(generations[0], {"generation": 1})
+        store.add([generations[0]], {"generation": 1})
         # SQLite's own limit on the file's size answers as a full disk does.
         pages = store._connection.execute("PRAGMA page_count").fetchone()[0]
         store._connection.execute(f"PRAGMA max_page_count = {pages}")
         with pytest.raises(CannotWriteError, match="full"):
-            store.add(generations[1], {"generation": "x" * 100_000})
+            store.add([generations[1]], {"generation": "x" * 100_000})
         assert len(store.generations()) == 1
         assert store.optimizer_state() == {"generation": 1}

@@ -10,11 +10,12 @@ from vinefab.core.errors import BadInputError
 from vinefab.environments.grid import grid_map
 from vinefab.model.design import Design
 from vinefab.model.map import Map
-from vinefab.optimize.crew import Alone, Pool
+from vinefab.optimize.crew import Alone, Team
+from vinefab.optimize.found import Found
 from vinefab.optimize.loop import optimize
 from vinefab.optimize.objective import INVALID_FITNESS
 from vinefab.optimize.settings import EvaluationSettings, RunSettings
-from vinefab.optimize.trial import Found, Trial, block_sizes
+from vinefab.optimize.trial import Trial, block_sizes
 from vinefab.tasks.composite import composite
 
 Maps = tuple[Map, ...]
@@ -125,8 +126,8 @@ def test_any_crew_and_any_parts_find_the_same(fabricable: RunSettings, maps: Map
     poses = trial.training_poses(1, 0)
     whole, _ = trial.evaluate(x, poses)
     parts = Found.joined([trial.evaluate(part, poses)[0] for part in np.array_split(x, 7)])
-    with ThreadPoolExecutor(3) as threads:
-        shared, spent = trial.begin(x, poses, Pool(threads, 3))()
+    with ThreadPoolExecutor(2) as threads:
+        shared, spent = trial.begin(x, poses, Team(threads, 3))()
     for found in (parts, shared, trial.begin(x, poses, Alone())()[0]):
         np.testing.assert_array_equal(found.score, whole.score)
         np.testing.assert_array_equal(found.penalty, whole.penalty)

@@ -18,7 +18,14 @@ _RAYS = 72
 _START_SPREAD_RAD = math.radians(30.0)
 
 
-def draw_poses(world: Map, count: int, seed: int, *, clearance_mm: float = 0.0) -> tuple[Pose, ...]:
+def draw_poses(
+    world: Map,
+    count: int,
+    seed: int,
+    *,
+    clearance_mm: float = 0.0,
+    free: BaseGeometry | None = None,
+) -> tuple[Pose, ...]:
     """Draw poses, uniformly within the ranges of the map's starts, in free space.
 
     Pose ``i`` belongs to start ``i`` modulo the number of starts and depends only on the seed and
@@ -34,6 +41,8 @@ def draw_poses(world: Map, count: int, seed: int, *, clearance_mm: float = 0.0) 
         At least 0.
     clearance_mm
         Least distance to walls, such as a body's inflated radius.
+    free
+        The map's free space if that is at hand, prepared for many looks.
 
     Raises
     ------
@@ -46,7 +55,7 @@ def draw_poses(world: Map, count: int, seed: int, *, clearance_mm: float = 0.0) 
     if not world.starts:
         needed = "at least one start: a Point with role 'start'"
         raise BadInputError(f"map {world.name!r}: starts", "empty", needed)
-    free = world.free_space
+    free = world.free_space if free is None else free
     if clearance_mm > 0.0:
         free = shapely.buffer(free, -clearance_mm)
     shapely.prepare(free)

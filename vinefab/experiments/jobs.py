@@ -74,7 +74,7 @@ class Training:
         return {
             "design": plain_design(result.best),
             "fitness": result.finalists[0].fitness,
-            "best": [float(g.fitness.max()) for g in result.history],
+            "best": [g.best for g in result.history],
             "mean": [float(np.nanmean(g.composite)) for g in result.history],
             "evaluations": result.evaluations,
             "penalty": result.finalists[0].penalty,

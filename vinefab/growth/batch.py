@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vinefab.growth.arrays import Growth
 from vinefab.growth.atlas import Atlas
@@ -129,11 +128,6 @@ class Block:
         """Return the planned length of each growth's tree, shape (j,)."""
         return self.plans.lengths_mm[self.plan]
 
-    @property
-    def deployed(self) -> NDArray[np.bool_]:
-        """Whether each branch of all growths emerged."""
-        return np.not_equal(self.growth.stop, Stop.NOT_DEPLOYED)
-
     def tips_mm(self) -> tuple[Floats, Ints]:
         """Return the tips of all deployed branches, and where each growth's begin.
 
@@ -144,14 +138,20 @@ class Block:
         first
             Shape (j + 1,).
         """
-        deployed = self.deployed
-        job = np.repeat(np.arange(len(self)), np.diff(self.branch))[deployed]
-        last = self.growth.first_point[1:]
-        # Every growth has one more entry in `first_point` than it has branches.
-        ends = np.delete(last, self.branch[1:-1] + np.arange(len(self) - 1))[deployed]
-        first = np.zeros(len(self) + 1, dtype=np.int64)
-        np.cumsum(np.bincount(job, minlength=len(self)), out=first[1:])
-        return self.growth.points[self.room[job] + ends - 1], first
+        from vinefab.growth import batch_kernel  # noqa: PLC0415  numba takes a second to import
+
+        tips_mm, first = np.empty((len(self.growth.stop), 2)), np.empty_like(self.branch)
+        count = batch_kernel.gather_tips(
+            self.branch,
+            self.room,
+            self.growth.points,
+            self.growth.first_point,
+            self.growth.stop,
+            int(Stop.NOT_DEPLOYED),
+            tips_mm,
+            first,
+        )
+        return tips_mm[:count], first
 
     def deployment(self, index: int) -> Deployment:
         """Return one growth as `vinefab.growth.grow.grow` does.

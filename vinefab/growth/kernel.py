@@ -1,8 +1,8 @@
 """The compiled growth simulator: event by event, in closed form, without a time step.
 
 `vinefab.growth.reference` is the same model in plain Python, with the same names for the rules.
-Everything compiled of growth is in this file, and it imports nothing of ours, because a compiled
-file does not notice when another file changes. The arrays are described in
+All that grows a branch is in this file, and it imports nothing of ours, because a compiled file
+does not notice when another file changes. The arrays are described in
 `vinefab.growth.arrays` and `vinefab.growth.batch_arrays`.
 
 A wall has its free side on the left: its normal is its tangent turned by +90 degrees. A tip that
@@ -20,11 +20,11 @@ from the grid index are made unsigned, because signed ones could count from an a
 
 import math
 from collections import namedtuple
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numba
 import numpy as np
+
+from vinefab.core.compiling import compiled, inlined
 
 FULL_LENGTH = 0
 HEAD_ON = 1
@@ -36,35 +36,6 @@ STEEP_COSINE = 0.5
 
 NO_WALL = -1
 NO_POINT = -1
-
-
-def compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba dispatcher
-    """Compile a function, without the interpreter lock, keeping the code on disk if possible.
-
-    The cache goes beside this file or, if that folder is read-only, to the user's cache folder.
-    Where neither can be written to, the code is compiled anew in every process.
-    """
-    return _jit(function, forceinline=False)
-
-
-def inlined(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba dispatcher
-    """Compile a function into its callers.
-
-    Without it, every call copies the descriptions of some twenty arrays: most of the time of a
-    growth, which is made of many calls that do little.
-    """
-    return _jit(function, forceinline=True)
-
-
-def _jit(function: Callable[..., Any], *, forceinline: bool) -> Any:  # noqa: ANN401  as above
-    # Nothing here makes an array, so that nothing needs the run-time that counts references to
-    # arrays: atomic additions at every call, and half of the time of a growth (numba 0.68).
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
-    options["forceinline"] = forceinline
-    try:
-        return numba.njit(cache=True, **options)(function)
-    except RuntimeError:
-        return numba.njit(**options)(function)
 
 
 class Tip(NamedTuple):

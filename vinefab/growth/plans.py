@@ -1,7 +1,8 @@
 """Several designs made ready for growth, as columns of numbers for compiled code."""
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -48,19 +49,27 @@ class Plans:
         The plans one by one.
     trees
         Their branches, one tree after the other.
-    lengths_mm
-        Planned length of each tree.
     spans
         Which branches are grown on the same walls.
     """
 
     each: Sequence[Plan]
     trees: TreesArrays
-    lengths_mm: Floats
     spans: Spans
+    _lengths: list[Floats] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.each)
+
+    @property
+    def lengths_mm(self) -> Floats:
+        """Planned length of each tree, shape (n,); found by whoever asks first."""
+        if not self._lengths:
+            # Tree by tree: other ways to add up the same numbers differ in the last digit.
+            edges = itertools.pairwise(self.trees.first.tolist())
+            total = [np.add.reduce(self.trees.length[one:two]) for one, two in edges]
+            self._lengths.append(np.array(total))
+        return self._lengths[0]
 
     @classmethod
     def of(cls, designs: Sequence[Design], options: GrowthOptions) -> "Plans":
@@ -73,7 +82,6 @@ class Plans:
         return cls(
             each=tuple(plans),
             trees=TreesArrays.of([plan.arrays() for plan in plans]),
-            lengths_mm=np.array([plan.tree.total_length_mm for plan in plans]),
             spans=_spans(plans),
         )
 

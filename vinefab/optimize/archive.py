@@ -119,7 +119,7 @@ class Archive:
     @property
     def best_so_far(self) -> float | None:
         """The best fitness of all generations; None before the first."""
-        best = [float(generation.fitness.max()) for generation in self.history]
+        best = [generation.best for generation in self.history]
         return max(best) if best else None
 
     def result(self) -> RunResult:

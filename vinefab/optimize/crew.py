@@ -1,21 +1,36 @@
-"""Who does pieces of work: the threads of a pool, or whoever asks."""
+"""Who does pieces of work: whoever asks for it, and threads that help."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass
-from typing import Generic, ParamSpec, Protocol, TypeVar
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Generic, Protocol, TypeVar
 
 Result = TypeVar("Result")
-Result_co = TypeVar("Result_co", covariant=True)
-Given = ParamSpec("Given")
 
 
-class Promise(Protocol[Result_co]):
-    """The result of a piece of work, sooner or later."""
+class Piece(Generic[Result]):
+    """A piece of work, and its result once it is done.
 
-    def result(self) -> Result_co:
-        """Wait for it and return it, or raise what went wrong."""
-        ...
+    Parameters
+    ----------
+    work
+        What to do.
+    """
+
+    __slots__ = ("_done", "_work")
+
+    def __init__(self, work: Callable[[], Result]) -> None:
+        self._work = work
+        self._done: list[Result] = []
+
+    def do(self) -> None:
+        """Do it."""
+        self._done.append(self._work())
+
+    @property
+    def result(self) -> Result:
+        """What came of it; it must be done."""
+        return self._done[0]
 
 
 class Crew(Protocol):
@@ -32,65 +47,79 @@ class Crew(Protocol):
         """How many work at once."""
         ...
 
-    def submit(
-        self, work: Callable[Given, Result], /, *given: Given.args, **named: Given.kwargs
-    ) -> Promise[Result]:
-        """Have a piece of work done, at once or later."""
+    def begin(self, pieces: Sequence[Piece[Any]]) -> Callable[[], None]:
+        """Begin pieces of work in their order.
+
+        Returns
+        -------
+        Callable
+            Does what nobody has begun, and waits until all is done.
+        """
         ...
-
-    def wait(self, promises: Sequence[Promise[object]]) -> None:
-        """Wait until all work is done, or some of it went wrong."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class Pool:
-    """The threads of a pool.
-
-    Parameters
-    ----------
-    threads
-        The pool.
-    count
-        How many threads it has.
-    """
-
-    threads: ThreadPoolExecutor
-    count: int
-
-    def submit(
-        self, work: Callable[Given, Result], /, *given: Given.args, **named: Given.kwargs
-    ) -> Promise[Result]:
-        """Have a thread do a piece of work."""
-        return self.threads.submit(work, *given, **named)
-
-    def wait(self, promises: Sequence[Promise[object]]) -> None:
-        """Sleep until all is done; waking up for every piece would keep threads from working."""
-        futures = [promise for promise in promises if isinstance(promise, Future)]
-        wait(futures, return_when=FIRST_EXCEPTION)
-
-
-@dataclass(frozen=True, slots=True)
-class Done(Generic[Result]):
-    """A result that is there."""
-
-    value: Result
-
-    def result(self) -> Result:
-        """Return it."""
-        return self.value
 
 
 class Alone:
-    """Whoever asks for work does it at once."""
+    """Whoever asks does everything, when it is wanted."""
 
     count = 1
 
-    def submit(
-        self, work: Callable[Given, Result], /, *given: Given.args, **named: Given.kwargs
-    ) -> Promise[Result]:
-        """Do a piece of work."""
-        return Done(work(*given, **named))
+    def begin(self, pieces: Sequence[Piece[Any]]) -> Callable[[], None]:
+        """Put work off until it is wanted."""
 
-    def wait(self, promises: Sequence[Promise[object]]) -> None:
-        """Nothing is left to be done."""
+        def finish() -> None:
+            for piece in pieces:
+                piece.do()
+
+        return finish
+
+
+class Team:
+    """Whoever asks, with threads that help.
+
+    One who only waited would have to be woken in the end, and would take a processor from those
+    who work whenever it does something else meanwhile.
+
+    Parameters
+    ----------
+    helpers
+        A pool of ``count - 1`` threads; of none if the count is 1.
+    count
+        How many work at once.
+    """
+
+    def __init__(self, helpers: ThreadPoolExecutor, count: int) -> None:
+        self.count = count
+        self._helpers = helpers
+        # Appending and popping are safe between threads.
+        self._left = deque[Piece[Any]]()
+
+    def begin(self, pieces: Sequence[Piece[Any]]) -> Callable[[], None]:
+        """Have helpers begin; nothing else may be begun before this is finished."""
+        self._left.extend(pieces)
+        helping = [
+            self._helpers.submit(self._work_off) for _ in range(min(self.count, len(pieces)) - 1)
+        ]
+
+        def finish() -> None:
+            self._work_off()
+            for helper in helping:
+                helper.result()
+
+        return finish
+
+    def stop(self) -> None:
+        """Have nobody begin anything that is left."""
+        self._left.clear()
+
+    def _work_off(self) -> None:
+        """Do pieces until none is left, or one goes wrong."""
+        while self._left:
+            try:
+                piece = self._left.popleft()
+            except IndexError:  # Somebody else was faster.
+                return
+            try:
+                piece.do()
+            except BaseException:
+                self.stop()
+                raise

@@ -10,13 +10,14 @@ from vinefab.model.checked import Floats
 from vinefab.model.design import Design
 from vinefab.model.score import Score
 from vinefab.optimize.costs import costs_of
+from vinefab.optimize.found import Found
 from vinefab.optimize.front import archive, non_dominated, spread_out
 from vinefab.optimize.history import Generation
 from vinefab.optimize.objective import INVALID_FITNESS
 from vinefab.optimize.repair import Repairs
 from vinefab.optimize.result import Finalist
 from vinefab.optimize.space import Space
-from vinefab.optimize.trial import Found, Inspector, Trial
+from vinefab.optimize.trial import Inspector, Trial
 from vinefab.optimize.workers import Begin
 from vinefab.tasks.evaluate import Poses
 

@@ -1,7 +1,7 @@
 """What happened in a run, generation by generation."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from vinefab.model.checked import Floats
 
@@ -27,6 +27,8 @@ class Generation:
         Means of the task's terms over the evaluations, each of shape (m,).
     seconds
         How long it took.
+    best
+        The largest fitness.
     """
 
     number: int
@@ -36,6 +38,11 @@ class Generation:
     penalty: Floats
     terms: Mapping[str, Floats]
     seconds: float
+    best: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        # Looked at for every generation after every other one.
+        object.__setattr__(self, "best", float(self.fitness.max()))
 
     @property
     def fabricable_share(self) -> float:

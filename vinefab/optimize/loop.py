@@ -1,7 +1,7 @@
 """The search itself: generation after generation, then the final."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from vinefab.model.checked import Floats
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.map import Map
 from vinefab.optimize.costs import check_objectives, costs_of
+from vinefab.optimize.diary import Diary
 from vinefab.optimize.finalists import chosen, judged
 from vinefab.optimize.history import Generation, Progress
 from vinefab.optimize.identity import RunIdentity
@@ -18,6 +19,7 @@ from vinefab.optimize.nsga import FrontFinder
 from vinefab.optimize.optimizer import Optimizer
 from vinefab.optimize.registry import make_recipe
 from vinefab.optimize.result import Finalist, RunResult, with_origin
+from vinefab.optimize.schedule import Schedule
 from vinefab.optimize.settings import RunSettings, SearchSettings
 from vinefab.optimize.store import RunStore
 from vinefab.optimize.timing import Ledger
@@ -103,8 +105,9 @@ class Search:
         if settings.objectives and isinstance(optimizer, FrontFinder):
             optimizer.weigh(lambda x: costs_of(x, trial.space, settings.costs), trial.lowest)
         search = cls(settings=settings, maps=tuple(maps), trial=trial, optimizer=optimizer)
-        trial.launches(search.poses(0))
-        _check_room(trial, search.poses(0))
+        poses = trial.training_poses(seed, 0)
+        trial.launches(poses)
+        _check_room(trial, poses)
         return search
 
     def run(
@@ -125,14 +128,14 @@ class Search:
                 self.optimizer.restore(store.optimizer_state())
         crew = Threads(workers) if isinstance(workers, int) else workers
         ledger = Ledger(crew.count)
-        diary = _Diary(store, progress, settings.search, ledger)
-        poses = self.poses(len(history))
+        schedule = Schedule(self.trial, settings.search.seed)
+        schedule.poses(len(history))
         with crew.hired(self.trial, ledger) as begin:
-            while (stopped := why_stop(history, settings.search)) is None:
-                last, poses = self._generation(len(history), poses, begin, diary, ledger)
-                history.append(last)
-                diary.note(history, self.optimizer.state())
-            diary.write()
+            with Diary(store, progress, settings.search, ledger) as diary:
+                while (stopped := why_stop(history, settings.search)) is None:
+                    last = self._generation(len(history), schedule, begin, diary, ledger)
+                    history.append(last)
+                    diary.note(history, self.optimizer.state())
             finalists, repair = self._final(history, store, begin, ledger)
         identity = store.identity if store is not None else RunIdentity.of(settings, self.maps)
         if store is not None:
@@ -149,28 +152,24 @@ class Search:
             repair=repair,
         )
 
-    def poses(self, number: int) -> Poses:
-        """Return the poses that all points of a generation meet."""
-        return self.trial.training_poses(self.settings.search.seed, number)
-
     def _generation(
-        self, number: int, poses: Poses, begin: Begin, diary: "_Diary", ledger: Ledger
-    ) -> tuple[Generation, Poses]:
-        """Ask, evaluate and tell; return the poses of the next generation too."""
+        self, number: int, schedule: Schedule, begin: Begin, diary: Diary, ledger: Ledger
+    ) -> Generation:
+        """Ask, evaluate and tell."""
         began = time.perf_counter()
         with ledger.spending("optimizer"):
             x = self.optimizer.ask()
         self._check(x)
         with ledger.spending("evaluating"):
-            finish = begin(x, poses)
+            finish = begin(x, schedule.poses(number))
             diary.write()
-            next_poses = self.poses(number + 1)
+            schedule.poses(number + 1)
             found = finish()
         composite = self.trial.composites(found.score)
         fitness = self.trial.fitness(composite, found.penalty)
         with ledger.spending("optimizer"):
             self.optimizer.tell(x, fitness)
-        generation = Generation(
+        return Generation(
             number=number,
             x=x,
             fitness=fitness,
@@ -179,7 +178,6 @@ class Search:
             terms={name: values.mean(axis=1) for name, values in found.terms.items()},
             seconds=time.perf_counter() - began,
         )
-        return generation, next_poses
 
     def _check(self, x: Floats) -> None:
         shaped = x.ndim == 2 and len(x) > 0 and x.shape[1] == len(self.trial.space)
@@ -204,51 +202,6 @@ class Search:
         poses = self.trial.poses(self.settings.search.seed, FINAL, 0, count)
         with ledger.spending("evaluating"):
             return judged(found.points, begin, poses, self.trial), found.repair
-
-
-class _Diary:
-    """Records generations and tells of them, each while the next one is evaluated.
-
-    Parameters
-    ----------
-    store
-        Where to record; None: nowhere.
-    tell
-        Called for every generation; None: nobody wants to know.
-    search
-        How long the run may be.
-    ledger
-        Where the time that it takes is counted.
-    """
-
-    def __init__(
-        self,
-        store: RunStore | None,
-        tell: Callable[[Progress], None] | None,
-        search: SearchSettings,
-        ledger: Ledger,
-    ) -> None:
-        self._store, self._tell, self._search, self._ledger = store, tell, search, ledger
-        self._next: Callable[[], None] | None = None
-
-    def note(self, history: Sequence[Generation], state: Mapping[str, object]) -> None:
-        """Keep in mind the last generation, and the optimizer's state after it."""
-        last = history[-1]
-
-        def write() -> None:
-            with self._ledger.spending("store"):
-                if self._store is not None:
-                    self._store.add(last, state, self._ledger.split())
-            if self._tell is not None:
-                self._tell(_progress(history, self._search))
-
-        self._next = write
-
-    def write(self) -> None:
-        """Record what is in mind, if anything is."""
-        write, self._next = self._next, None
-        if write is not None:
-            write()
 
 
 def _check_room(trial: Trial, poses: Poses) -> None:
@@ -283,26 +236,10 @@ def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | Non
     if search.evaluations and sum(len(g.fitness) for g in history) >= search.evaluations:
         return "evaluations"
     if search.stall_generations and len(history) > search.stall_generations:
-        best = [float(generation.fitness.max()) for generation in history]
+        best = [generation.best for generation in history]
         before = max(best[: -search.stall_generations])
         if max(best[-search.stall_generations :]) <= before + search.stall_tolerance * abs(before):
             return "stall"
     if search.wall_time_s and sum(g.seconds for g in history) >= search.wall_time_s:
         return "wall_time"
     return None
-
-
-def _progress(history: Sequence[Generation], search: SearchSettings) -> Progress:
-    last = history[-1]
-    designs = last.composite[np.isfinite(last.composite)]
-    elapsed_s = sum(generation.seconds for generation in history)
-    return Progress(
-        generation=len(history),
-        generations=search.generations,
-        best=max(float(generation.fitness.max()) for generation in history),
-        mean=float(designs.mean()) if len(designs) else 0.0,
-        spread=float(designs.std()) if len(designs) else 0.0,
-        fabricable_share=last.fabricable_share,
-        elapsed_s=elapsed_s,
-        left_s=elapsed_s / len(history) * (search.generations - len(history)),
-    )

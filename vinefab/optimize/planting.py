@@ -4,14 +4,11 @@ Everything here gives, to the last bit, what `vinefab.model.tree.branch_tree` an
 `vinefab.growth.plans.Plans.of` give for the designs one by one.
 """
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vinefab.growth.batch_arrays import TreesArrays
 from vinefab.growth.plan import LONG_WIDTHS, Plan
@@ -20,9 +17,6 @@ from vinefab.model.checked import Floats, Ints
 from vinefab.model.design import Build
 from vinefab.model.tree import BranchTree
 from vinefab.optimize.fleet import Fleet
-
-MOST_KEPT, LARGEST_KEPT = 512, 1000
-"""So many shapes of trees are kept, of trees with at most so many branches."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -97,39 +91,40 @@ def planted(fleet: Fleet, builds: dict[int, Build], radii_mm: tuple[float, ...])
     radii_mm
         Body radius per level of the deepest designs; one 0 for bare centrelines.
     """
-    rows = zip(fleet.branches.tolist(), fleet.depth.tolist(), fleet.sizes.tolist(), strict=True)
-    shapes = [
-        (_kept_shape if size <= LARGEST_KEPT else _shape)(tuple(branches[: depth - 1]))
-        for branches, depth, size in rows
-    ]
+    from vinefab.growth import batch_kernel  # noqa: PLC0415  numba takes a second to import
+
     first = np.zeros(len(fleet) + 1, dtype=np.int64)
-    np.cumsum([len(shape.parent) for shape in shapes], out=first[1:])
-    level = np.concatenate([shape.level for shape in shapes])
-    offsets, lengths = _tables(fleet)
-    row = np.repeat(np.arange(len(fleet)), np.diff(first))
-    place = (row * offsets.shape[1] + level - 1) * offsets.shape[2]
-    place += np.concatenate([shape.rank for shape in shapes])
-    turns = np.stack([np.cos(offsets), np.sin(offsets)], axis=-1).reshape(-1, 2)
-    arrays = TreesArrays(
-        parent=np.concatenate([shape.parent for shape in shapes]),
-        turn=turns[place],
-        length=lengths.ravel()[place],
-        first=first,
+    np.cumsum(fleet.sizes, out=first[1:])
+    parent, level = np.empty((2, first[-1]), dtype=np.int64)
+    offset_rad, length_mm = np.empty((2, first[-1]))
+    # Columns of a table are another type to the compiler, which would compile twice.
+    batch_kernel.plant(
+        np.ascontiguousarray(fleet.depth),
+        np.ascontiguousarray(fleet.trunk_mm),
+        np.ascontiguousarray(fleet.branches),
+        np.ascontiguousarray(fleet.fan_rad),
+        np.ascontiguousarray(fleet.length_mm),
+        np.ascontiguousarray(fleet.growth),
+        first,
+        parent,
+        level,
+        offset_rad,
+        length_mm,
     )
+    turn = np.column_stack([np.cos(offset_rad), np.sin(offset_rad)])
+    arrays = TreesArrays(parent=parent, turn=turn, length=length_mm, first=first)
     for array in arrays:
         array.setflags(write=False)
     each = _Trees(
         arrays=arrays,
         level=level,
-        offset_rad=offsets.ravel()[place],
+        offset_rad=offset_rad,
         counts=fleet.counts,
         builds=builds,
         radii_mm=radii_mm,
     )
-    # Tree by tree: other ways to add up the same numbers differ in the last digit.
-    total = [arrays.length[one:two].sum() for one, two in itertools.pairwise(first.tolist())]
     spans = _spans(fleet.counts, radii_mm)
-    return Plans(each=each, trees=arrays, lengths_mm=np.array(total), spans=spans)
+    return Plans(each=each, trees=arrays, spans=spans)
 
 
 def _spans(counts: Ints, radii_mm: tuple[float, ...]) -> Spans:
@@ -144,53 +139,3 @@ def _spans(counts: Ints, radii_mm: tuple[float, ...]) -> Spans:
     wider = np.diff(radii_mm, prepend=0.0) > 0.0
     page = np.searchsorted(rising, radii_mm)
     return Spans(rising, levels, np.where(there, page, 0), until, there & wider)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Shape:
-    """Who is whose child: level, parent, and number among the siblings of each branch."""
-
-    parent: Ints
-    level: Ints
-    rank: Ints
-
-
-def _shape(branches: tuple[int, ...]) -> _Shape:
-    """Return the shape of all trees with so many children per parent, level by level."""
-    parents, levels, ranks = [np.array([-1])], [np.array([1])], [np.array([0])]
-    first, count = 0, 1
-    for number, children in enumerate(branches, start=2):
-        parents.append(np.arange(first, first + count).repeat(children))
-        ranks.append(np.tile(np.arange(children), count))
-        first, count = first + count, count * children
-        levels.append(np.full(count, number))
-    return _Shape(
-        parent=np.concatenate(parents), level=np.concatenate(levels), rank=np.concatenate(ranks)
-    )
-
-
-_kept_shape = lru_cache(maxsize=MOST_KEPT)(_shape)
-
-
-def _tables(fleet: Fleet) -> tuple[Floats, Floats]:
-    """Return angle and length of each design's branches, shape (m, n + 1, most siblings)."""
-    below = np.arange(fleet.branches.shape[1]) < fleet.depth[:, None] - 1
-    most = int(np.where(below, fleet.branches, 1).max(initial=1))
-    shape = (len(fleet), 1 + fleet.branches.shape[1], most)
-    offsets, lengths = np.zeros(shape), np.zeros(shape)
-    lengths[:, 0, 0] = fleet.trunk_mm
-    count = fleet.branches
-    fan = _evenly(-fleet.fan_rad / 2, fleet.fan_rad / 2, count, most)
-    offsets[:, 1:] = np.where(count[..., None] == 1, 0.0, fan)
-    one = np.ones_like(fleet.growth)
-    lengths[:, 1:] = fleet.length_mm[..., None] * _evenly(one, fleet.growth, count, most)
-    return offsets, lengths
-
-
-def _evenly(first: Floats, last: Floats, count: Ints, most: int) -> Floats:
-    """Return numbers evenly spaced from first to last, ``count`` of them in ``most`` places."""
-    places: NDArray[np.float64] = np.arange(most, dtype=np.float64)
-    values = places * ((last - first) / np.maximum(count - 1, 1))[..., None]
-    values += first[..., None]
-    at_end = (places == count[..., None] - 1) & (count[..., None] > 1)
-    return np.where(at_end, last[..., None], values)

@@ -145,16 +145,16 @@ class RunStore:
 
     def add(
         self,
-        generation: Generation,
+        generations: Sequence[Generation],
         state: Mapping[str, object],
         times: TimeSplit | None = None,
     ) -> None:
-        """Record a generation and the optimizer's state after it, all or nothing.
+        """Record generations and the optimizer's state after the last one, all or nothing.
 
         Parameters
         ----------
-        generation
-            What happened.
+        generations
+            What happened, in order.
         state
             The optimizer's state.
         times
@@ -163,13 +163,15 @@ class RunStore:
         Raises
         ------
         CannotWriteError
-            If the system refuses, or another process has recorded the same generation.
+            If the system refuses, or another process has recorded the same generations.
         """
-        columns = (generation.x, generation.fitness, generation.composite, generation.penalty)
-        row = (generation.number, *map(to_blob, columns), generation.seconds)
-        terms = [(generation.number, name, to_blob(v)) for name, v in generation.terms.items()]
+        rows = [
+            (g.number, *map(to_blob, (g.x, g.fitness, g.composite, g.penalty)), g.seconds)
+            for g in generations
+        ]
+        terms = [(g.number, name, to_blob(v)) for g in generations for name, v in g.terms.items()]
         with self._transaction() as connection:
-            connection.execute("INSERT INTO generation VALUES (?, ?, ?, ?, ?, ?)", row)
+            connection.executemany("INSERT INTO generation VALUES (?, ?, ?, ?, ?, ?)", rows)
             connection.executemany("INSERT INTO term VALUES (?, ?, ?)", terms)
             connection.execute(
                 "INSERT OR REPLACE INTO optimizer VALUES (1, ?)",

@@ -38,9 +38,9 @@ class TimeSplit:
     ----------
     workers
         How many evaluated at once.
-    evaluating_s, optimizer_s, store_s, other_s
-        Parts of the session's time: evaluating points, asking and telling, recording while nobody
-        evaluates, the rest.
+    loading_s, evaluating_s, optimizer_s, store_s, other_s
+        Parts of the session's time: loading compiled code, evaluating points, asking and telling,
+        recording while nobody evaluates, the rest.
     beside_s
         Time of recording while others evaluate; it is part of ``evaluating_s``.
     making_s, growth_s, scoring_s
@@ -50,6 +50,7 @@ class TimeSplit:
     """
 
     workers: int = 1
+    loading_s: float = 0.0
     evaluating_s: float = 0.0
     optimizer_s: float = 0.0
     store_s: float = 0.0
@@ -63,7 +64,8 @@ class TimeSplit:
     @property
     def total_s(self) -> float:
         """How long the session was."""
-        return self.evaluating_s + self.optimizer_s + self.store_s + self.other_s
+        doing_s = self.evaluating_s + self.optimizer_s + self.store_s
+        return self.loading_s + doing_s + self.other_s
 
     @property
     def shares(self) -> dict[str, float]:
@@ -78,6 +80,7 @@ class TimeSplit:
         room_s = max(self.workers * self.evaluating_s, 1e-9)
         worked_s = self.making_s + self.growth_s + self.scoring_s
         return {
+            "loading": self.loading_s / total_s,
             "evaluating": self.evaluating_s / total_s,
             "optimizer": self.optimizer_s / total_s,
             "store": self.store_s / total_s,
@@ -101,11 +104,11 @@ class TimeSplit:
         """The split as one line for the user."""
         shares = {name: f"{100 * share:.0f} %" for name, share in self.shares.items()}
         return (
-            f"time: {self.total_s:.1f} s, of which evaluating {shares['evaluating']}, optimizer "
-            f"{shares['optimizer']}, record {shares['store']} (and {shares['beside']} beside "
-            f"evaluating); meanwhile {self.workers} workers "
-            f"were busy growing {shares['growth']}, scoring {shares['scoring']}, "
-            f"making designs {shares['making']}"
+            f"time: {self.total_s:.1f} s, of which loading compiled code {shares['loading']}, "
+            f"evaluating {shares['evaluating']}, optimizer {shares['optimizer']}, record "
+            f"{shares['store']} (and {shares['beside']} beside evaluating); while evaluating, "
+            f"{self.workers} workers were busy growing {shares['growth']}, scoring "
+            f"{shares['scoring']}, making designs {shares['making']}"
         )
 
     def plain(self) -> dict[str, float]:
@@ -126,7 +129,9 @@ class Ledger:
         self.workers = workers
         self._began_s = time.perf_counter()
         self._process_s = time.process_time()
-        self._spent_s = dict.fromkeys(("evaluating_s", "optimizer_s", "store_s", "beside_s"), 0.0)
+        self._spent_s = dict.fromkeys(
+            ("loading_s", "evaluating_s", "optimizer_s", "store_s", "beside_s"), 0.0
+        )
         self._is_evaluating = False
         self._work = Work()
 
@@ -137,9 +142,10 @@ class Ledger:
 
     @contextmanager
     def spending(self, part: str) -> Iterator[None]:
-        """Count the time of a block as ``evaluating``, ``optimizer`` or ``store``.
+        """Count the time of a block as ``loading``, ``evaluating``, ``optimizer`` or ``store``.
 
-        What is done while others evaluate counts as ``beside``.
+        What is done while others evaluate counts as ``beside``, but loading as loading: nobody
+        evaluates before that.
         """
         beside, began_s = self._is_evaluating, time.perf_counter()
         self._is_evaluating = beside or part == "evaluating"
@@ -147,8 +153,12 @@ class Ledger:
             yield
         finally:
             self._is_evaluating = beside
-            name = "beside_s" if beside else f"{part}_s"
-            self._spent_s[name] += time.perf_counter() - began_s
+            spent_s = time.perf_counter() - began_s
+            if beside and part == "loading":
+                self._spent_s["evaluating_s"] -= spent_s
+            elif beside:
+                part = "beside"
+            self._spent_s[f"{part}_s"] += spent_s
 
     def add(self, work: Work) -> None:
         """Count what workers did."""

@@ -1,9 +1,10 @@
 """What one point of the search is worth."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import accumulate, chain, pairwise
+from functools import partial
+from itertools import accumulate, pairwise
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -14,12 +15,13 @@ from vinefab.growth.atlas import Atlas
 from vinefab.growth.batch import BLOCK, Batch, Block, Launches
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.scratch import Scratch
-from vinefab.model.checked import Floats, Ints
+from vinefab.model.checked import Floats
 from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.optimize.crew import Alone, Crew, Promise
+from vinefab.optimize.crew import Alone, Crew, Piece
 from vinefab.optimize.fleet import Fleet
+from vinefab.optimize.found import Found
 from vinefab.optimize.objective import objective
 from vinefab.optimize.planting import planted
 from vinefab.optimize.settings import EvaluationSettings, PartSettings, RunSettings
@@ -52,54 +54,6 @@ long for the last one, but enough to forget the handing over, unless somebody wo
 
 TRAINING, FINAL, MAPS = 1411, 1412, 1414
 """Streams of the seeds that poses, and maps for a generation, are drawn from."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Found:
-    """What m points are worth, evaluation by evaluation, k of them; NaN where there is no design.
-
-    Parameters
-    ----------
-    penalty
-        How far each design is from one that can be made, shape (m,); 0 where there is no design.
-    score
-        The task's scores, shape (m, k).
-    terms
-        The numbers that scores are made of, each of shape (m, k).
-    """
-
-    penalty: Floats
-    score: Floats
-    terms: Mapping[str, Floats]
-
-    @classmethod
-    def joined(cls, parts: Sequence["Found"]) -> "Found":
-        """Return several parts, at least one, as one."""
-        # A part without any design does not know the terms.
-        names = max((tuple(part.terms) for part in parts), key=len)
-        gaps = [np.full(part.score.shape, np.nan) for part in parts]
-        return cls(
-            penalty=np.concatenate([part.penalty for part in parts]),
-            score=np.concatenate([part.score for part in parts]),
-            terms={
-                name: np.concatenate(
-                    [part.terms.get(name, gap) for part, gap in zip(parts, gaps, strict=True)]
-                )
-                for name in names
-            },
-        )
-
-    def with_penalties(self, penalty: Floats) -> "Found":
-        """Return the same with penalties; a point whose penalty is NaN is no design."""
-        gone = np.isnan(penalty)
-        if not gone.any():
-            return replace(self, penalty=penalty)
-        tables = {name: np.where(gone[:, None], np.nan, v) for name, v in self.terms.items()}
-        return Found(
-            penalty=np.where(gone, 0.0, penalty),
-            score=np.where(gone[:, None], np.nan, self.score),
-            terms=tables,
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -145,6 +99,8 @@ class Trial:
         Body radius per level of the deepest designs; one 0 for bare centrelines.
     idle
         Memory for growing that nobody uses now.
+    ready
+        Launches made ready, with the poses that they are of.
     """
 
     sites: tuple[Site, ...]
@@ -157,6 +113,7 @@ class Trial:
     brief: Brief
     radii_mm: tuple[float, ...]
     idle: list[Scratch] = field(default_factory=list)
+    ready: list[tuple[Poses, Launches]] = field(default_factory=list)
 
     @classmethod
     def of(cls, settings: RunSettings, maps: Sequence[Map], penalty: Penalty | None) -> "Trial":
@@ -219,6 +176,10 @@ class Trial:
         """Return what points are worth, and the processor time that it took; see `begin`."""
         return self.begin(x, poses, Alone())()
 
+    def rehearse(self) -> None:
+        """Evaluate the middle of the space for nothing: compiled code is loaded when first used."""
+        self.evaluate(np.full((1, len(self.space)), 0.5), self.training_poses(0, 0))
+
     def begin(self, x: Floats, poses: Poses, crew: Crew) -> Callable[[], tuple[Found, Work]]:
         """Have a crew find what points are worth; a point that is no design is a result too.
 
@@ -237,57 +198,42 @@ class Trial:
         Returns
         -------
         Callable
-            Waits for the work, and gives what was found in the order of the points, and the
-            processor time that it took.
+            Helps with the work and waits for it, and gives what was found in the order of the
+            points, and the processor time that it took.
         """
         watch = Stopwatch()
-        making = self._penalties(x, crew)
-        fleet = self.space.fleet(x)
+        fleet, launches = self.space.fleet(x), self.launches(poses)
         order = np.argsort(-fleet.sizes, kind="stable")
-        there = order[fleet.sizes[order] <= MOST_BRANCHES]
-        launches = self.launches(poses)
-        parts = [part for part in (_in_two(there) if crew.count > 1 else [there]) if len(part)]
-        growing = [self._grown(fleet.part(part), launches, crew) for part in parts]
+        rows = order[fleet.sizes[order] <= MOST_BRANCHES]
+        growing = self._growing(fleet.part(rows), launches, crew.count) if len(rows) else []
+        making = self._making(x, crew.count)
         planning = Work(growth_s=watch.lap_s())
+        done = crew.begin([*making, *growing])
 
         def finish() -> tuple[Found, Work]:
-            crew.wait([*making, *chain.from_iterable(growing)])
-            penalty = [promise.result() for promise in making]
-            grown = [[promise.result() for promise in blocks] for blocks in growing]
-            shape = (len(x), len(launches))
-            found = _found(shape, parts, [[found for found, _ in blocks] for blocks in grown])
-            spent = [planning, *(work for _, work in (*penalty, *chain.from_iterable(grown)))]
-            if penalty:
-                found = found.with_penalties(np.concatenate([values for values, _ in penalty]))
-            return found, Work.total(spent)
+            done()
+            grown = joined([piece.result[0] for piece in growing]) if growing else None
+            found = Found.of(len(x), len(launches), rows, grown)
+            if making:
+                penalty = np.concatenate([piece.result[0] for piece in making])
+                found = found.with_penalties(penalty)
+            spent = [piece.result[1] for piece in making] + [piece.result[1] for piece in growing]
+            return found, Work.total([planning, *spent])
 
         return finish
 
-    def _penalties(self, x: Floats, crew: Crew) -> list[Promise[tuple[Floats, Work]]]:
-        """Have somebody find penalties; NaN where a point is no design, or not to the penalty."""
+    def _making(self, x: Floats, workers: int) -> list[Piece[tuple[Floats, Work]]]:
+        """Return the work of finding penalties: NaN where a point is no design, or not to them."""
         if self.penalty is None:
             return []
-        size = math.ceil(len(x) / (4 * crew.count))
-        return [
-            crew.submit(self._penalties_of, x[first : first + size])
-            for first in range(0, len(x), size)
-        ]
+        size = math.ceil(len(x) / (4 * workers))
+        parts = [x[first : first + size] for first in range(0, len(x), size)]
+        return [Piece(partial(_penalties, part, self.space, self.penalty)) for part in parts]
 
-    def _penalties_of(self, x: Floats) -> tuple[Floats, Work]:
-        watch = Stopwatch()
-        penalty = np.zeros(len(x))
-        if self.penalty is not None:
-            for row, point in enumerate(x):
-                try:
-                    penalty[row] = self.penalty(self.space.design(point))
-                except BadInputError:
-                    penalty[row] = np.nan
-        return penalty, Work(making_s=watch.lap_s())
-
-    def _grown(
-        self, fleet: Fleet, launches: Launches, crew: Crew
-    ) -> list[Promise[tuple[Outcomes, Work]]]:
-        """Have somebody grow and score designs, in the order of a batch."""
+    def _growing(
+        self, fleet: Fleet, launches: Launches, workers: int
+    ) -> list[Piece[tuple[Outcomes, Work]]]:
+        """Return the work of growing and scoring designs, in the order of a batch."""
         builds = {depth: self.space.build_of(depth) for depth in set(fleet.depth.tolist())}
         plans = planted(fleet, builds, self.radii_mm)
         batch = Batch(plans, launches, self.growth, self.idle)
@@ -303,8 +249,8 @@ class Trial:
 
             return batch.worked(first, size, work)
 
-        ends = accumulate(block_sizes(len(batch), crew.count), initial=0)
-        return [crew.submit(grown, one, two - one) for one, two in pairwise(ends)]
+        ends = accumulate(block_sizes(len(batch), workers), initial=0)
+        return [Piece(partial(grown, one, two - one)) for one, two in pairwise(ends)]
 
     def score(self, found: Found, row: int, poses: Poses) -> Score:
         """Return what was found of one point that is a design as a score."""
@@ -313,14 +259,27 @@ class Trial:
         return score
 
     def launches(self, poses: Poses) -> Launches:
-        """Return the places that robots grow from.
+        """Return the places that robots grow from, at once if they were made ready.
 
         Raises
         ------
         BadInputError
             If a pose is not free.
         """
+        for known, launches in self.ready:
+            if known is poses:
+                return launches
         return Launches.of(self.atlas, poses)
+
+    def make_ready(self, several: Iterable[Poses]) -> None:
+        """Make the places ready that robots grow from next, in place of those that were.
+
+        Raises
+        ------
+        BadInputError
+            If a pose is not free.
+        """
+        self.ready[:] = [(poses, Launches.of(self.atlas, poses)) for poses in several]
 
     def composites(self, scores: Floats) -> Floats:
         """Return the numbers that a run weighs evaluations into, shape (m,).
@@ -378,34 +337,16 @@ def _radii_mm(space: Space, growth: GrowthOptions) -> tuple[float, ...]:
     return tuple(width_mm / math.pi for width_mm in deepest.widths_mm)
 
 
-def _in_two(rows: Ints) -> list[Ints]:
-    """Return every fourth of some designs, and the others: those to plan while these are grown."""
-    fourth = np.arange(len(rows)) % 4 == 0
-    return [rows[fourth], rows[~fourth]]
-
-
-def _found(
-    shape: tuple[int, int], parts: Sequence[Ints], outcomes: Sequence[Sequence[Outcomes]]
-) -> Found:
-    """Return what was found of points, shape (m, k), where some of them are designs.
-
-    Parameters
-    ----------
-    shape
-        Number of points and of launches.
-    parts
-        The points of each batch, in its order.
-    outcomes
-        What the blocks of each batch are worth.
-    """
-    score, terms = np.full(shape, np.nan), dict[str, Floats]()
-    for rows, blocks in zip(parts, outcomes, strict=True):
-        found = joined(blocks)
-        score[rows] = found.score.reshape(shape[1], -1).T
-        for name, values in found.terms.items():
-            table = terms.setdefault(name, np.full(shape, np.nan))
-            table[rows] = values.reshape(shape[1], -1).T
-    return Found(penalty=np.zeros(shape[0]), score=score, terms=terms)
+def _penalties(x: Floats, space: Space, penalty: Penalty) -> tuple[Floats, Work]:
+    """Return the penalties of points, NaN where there is no design, and the time that it took."""
+    watch = Stopwatch()
+    found = np.zeros(len(x))
+    for row, point in enumerate(x):
+        try:
+            found[row] = penalty(space.design(point))
+        except BadInputError:
+            found[row] = np.nan
+    return found, Work(making_s=watch.lap_s())
 
 
 def _search_task(settings: PartSettings, head_on_weight: float) -> Task:

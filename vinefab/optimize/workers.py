@@ -7,9 +7,10 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
 from vinefab.model.checked import Floats, whole
-from vinefab.optimize.crew import Pool
+from vinefab.optimize.crew import Team
+from vinefab.optimize.found import Found
 from vinefab.optimize.timing import Ledger
-from vinefab.optimize.trial import Found, Trial
+from vinefab.optimize.trial import Trial
 from vinefab.tasks.evaluate import Poses
 
 Finish = Callable[[], Found]
@@ -18,7 +19,7 @@ Finish = Callable[[], Found]
 Begin = Callable[[Floats, Poses], Finish]
 """Takes points of shape (m, d) and poses, and has somebody evaluate them meanwhile."""
 
-SWITCH_S = 5e-4
+SWITCH_S = 1e-4
 """A thread that comes back from compiled code asks for the interpreter after so long, not after
 the usual 5 ms, in which it would have grown fifty robots."""
 
@@ -64,11 +65,17 @@ class Threads:
     def hired(self, trial: Trial, ledger: Ledger) -> Iterator[Begin]:
         """Offer a function that has points evaluated on the threads."""
         usual_s = sys.getswitchinterval()
-        with ThreadPoolExecutor(max_workers=self.count) as pool:
-            crew = Pool(pool, self.count)
+        # A pool of none cannot be; one that is given nothing starts no thread.
+        with ThreadPoolExecutor(max_workers=max(1, self.count - 1)) as pool:
+            team, is_loaded = Team(pool, self.count), False
 
             def begin(x: Floats, poses: Poses) -> Finish:
-                wait = trial.begin(x, poses, crew)
+                nonlocal is_loaded
+                if not is_loaded:
+                    with ledger.spending("loading"):
+                        trial.rehearse()
+                    is_loaded = True
+                wait = trial.begin(x, poses, team)
 
                 def finish() -> Found:
                     found, spent = wait()
@@ -82,7 +89,7 @@ class Threads:
                 yield begin
             finally:
                 sys.setswitchinterval(usual_s)
-                pool.shutdown(cancel_futures=True)
+                team.stop()
 
 
 def in_pieces(x: Floats, rows: int) -> Sequence[Floats]:

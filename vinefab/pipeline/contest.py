@@ -196,7 +196,7 @@ def fight(bout: Bout) -> Row:
         number=bout.number,
         unseen=score.composite[weighed],
         fresh=result.score.composite[weighed],
-        lucky=max(float(generation.fitness.max()) for generation in result.history),
+        lucky=max(generation.best for generation in result.history),
         penalty=result.finalists[0].penalty,
         evaluations=result.evaluations,
         optimizer_s=result.times.optimizer_s,

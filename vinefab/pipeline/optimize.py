@@ -190,7 +190,7 @@ def result_json(result: RunResult) -> str:
         ],
         "generations": [
             {
-                "best": float(g.fitness.max()),
+                "best": g.best,
                 "mean": float(np.nanmean(g.composite)) if g.terms else None,
                 "spread": float(np.nanstd(g.composite)) if g.terms else None,
                 "fabricable_share": g.fabricable_share,

@@ -51,7 +51,7 @@ def heat_of(design: Design, site: Site, trials: Trials, poses: int = POSES) -> H
         How many poses are drawn.
     """
     world = site.world
-    varied = replace(site.around_starts, starts=tuple(_varied(start) for start in world.starts))
+    varied = replace(world, starts=tuple(_varied(start) for start in world.starts))
     drawn = draw_poses(varied, poses, trials.seed)
     launches = Launches.of(Atlas([site.terrain]), [drawn])
     batch = Batch(Plans.of([design], trials.options), launches, trials.options)

@@ -100,7 +100,7 @@ def rebuild(folder: Path, out: Path, *, force: bool = False) -> tuple[Path, ...]
 
 def history_svg(history: tuple[Generation, ...]) -> bytes:
     """Return the course of a search as a picture."""
-    best = np.maximum.accumulate([generation.fitness.max() for generation in history])
+    best = np.maximum.accumulate([generation.best for generation in history])
     mean = [np.nanmean(generation.composite) for generation in history]
     spread = [np.nanstd(generation.composite) for generation in history]
     return svg_bytes(fitness_curve(best, mean, spread))

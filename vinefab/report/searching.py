@@ -16,7 +16,7 @@ MOST_MAPS = 4
 
 def search_section(result: RunResult, training: Sequence[Map]) -> Section:
     """Return the course of a search and the maps that it trained on."""
-    best = np.maximum.accumulate([generation.fitness.max() for generation in result.history])
+    best = np.maximum.accumulate([generation.best for generation in result.history])
     mean = [np.nanmean(generation.composite) for generation in result.history]
     spread = [np.nanstd(generation.composite) for generation in result.history]
     curve = Picture(

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from vinefab.environments.poses import draw_poses
 from vinefab.growth.atlas import Atlas
@@ -36,13 +37,13 @@ class Site:
     ground
         Its free space, for tasks.
     around_starts
-        The same map with the obstacles near its starts only, to draw poses on.
+        Free space if there were only the obstacles near its starts, to draw poses in.
     """
 
     world: Map
     terrain: Terrain
     ground: Ground
-    around_starts: Map
+    around_starts: BaseGeometry
 
     @classmethod
     def of(cls, world: Map) -> "Site":
@@ -56,8 +57,8 @@ class Site:
         )
 
 
-def _around_starts(world: Map) -> Map:
-    """Return a map with the obstacles that a pose drawn from its starts could lie in."""
+def _around_starts(world: Map) -> BaseGeometry:
+    """Return free space beside the obstacles that a pose drawn from a map's starts could lie in."""
     boxes = shapely.box(
         [start.pose.x_mm - start.spread_x_mm for start in world.starts],
         [start.pose.y_mm - start.spread_y_mm for start in world.starts],
@@ -65,7 +66,9 @@ def _around_starts(world: Map) -> Map:
         [start.pose.y_mm + start.spread_y_mm for start in world.starts],
     )
     near = np.unique(shapely.STRtree(world.obstacles).query(boxes)[1]).tolist()
-    return replace(world, obstacles=tuple(world.obstacles[index] for index in near))
+    free = replace(world, obstacles=tuple(world.obstacles[index] for index in near)).free_space
+    shapely.prepare(free)
+    return free
 
 
 def poses_on(sites: Sequence[Site], count: int, seeds: Sequence[int]) -> Poses:
@@ -81,7 +84,8 @@ def poses_on(sites: Sequence[Site], count: int, seeds: Sequence[int]) -> Poses:
         One per map.
     """
     return tuple(
-        draw_poses(site.around_starts, count, seed) for site, seed in zip(sites, seeds, strict=True)
+        draw_poses(site.world, count, seed, free=site.around_starts)
+        for site, seed in zip(sites, seeds, strict=True)
     )
 
 

@@ -1,38 +1,12 @@
-"""Compiled parts of anchoring: turns on the way to each tip, and how wide free space is there.
-
-The fourth and last compiled file of vinefab. Like the others it imports nothing of ours.
-"""
+"""Compiled parts of anchoring: turns on the way to each tip, and how wide free space is there."""
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 # ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of what it compiles
 # ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
 
 import math
-from collections.abc import Callable
-from typing import Any
 
-import numba
-
-
-def compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba dispatcher
-    """Compile a function, without the interpreter lock, keeping the code on disk if possible."""
-    return _jit(function, forceinline=False)
-
-
-def inlined(function: Callable[..., Any]) -> Any:  # noqa: ANN401  as above
-    """Compile a function into its callers."""
-    return _jit(function, forceinline=True)
-
-
-def _jit(function: Callable[..., Any], *, forceinline: bool) -> Any:  # noqa: ANN401  as above
-    # As in the growth kernel: nothing here makes an array, so none need be counted.
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
-    options["forceinline"] = forceinline
-    try:
-        return numba.njit(cache=True, **options)(function)
-    except RuntimeError:
-        return numba.njit(**options)(function)
-
+from vinefab.core.compiling import compiled, inlined
 
 # --- Turns ------------------------------------------------------------------------------------
 

@@ -1,8 +1,7 @@
 """Compiled measure of what sensors see past walls, line by line, and the walls by cells.
 
-The third compiled file of vinefab. Like the others it imports nothing of ours. The arrays are
-described in `vinefab.tasks.sight_lines` and `vinefab.tasks.cells`. Walls have free space on their
-left.
+The arrays are described in `vinefab.tasks.sight_lines` and `vinefab.tasks.cells`. Walls have free
+space on their left.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -10,32 +9,10 @@ left.
 # ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
 
 import math
-from collections.abc import Callable
-from typing import Any
 
-import numba
+from vinefab.core.compiling import compiled, inlined
 
 NOTHING = -1
-
-
-def compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba dispatcher
-    """Compile a function, without the interpreter lock, keeping the code on disk if possible."""
-    return _jit(function, forceinline=False)
-
-
-def inlined(function: Callable[..., Any]) -> Any:  # noqa: ANN401  as above
-    """Compile a function into its callers."""
-    return _jit(function, forceinline=True)
-
-
-def _jit(function: Callable[..., Any], *, forceinline: bool) -> Any:  # noqa: ANN401  as above
-    # As in the growth kernel: nothing here makes an array, so none need be counted.
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
-    options["forceinline"] = forceinline
-    try:
-        return numba.njit(cache=True, **options)(function)
-    except RuntimeError:
-        return numba.njit(**options)(function)
 
 
 # --- Walls by cells ---------------------------------------------------------------------------

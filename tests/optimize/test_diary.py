@@ -1,0 +1,94 @@
+"""What is written down when, whatever happens."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pytest
+
+from vinefab.optimize import diary
+from vinefab.optimize.diary import Diary
+from vinefab.optimize.history import Generation, Progress
+from vinefab.optimize.settings import SearchSettings
+from vinefab.optimize.timing import Ledger, TimeSplit
+
+SEARCH = SearchSettings(population=3, generations=10)
+
+
+class Notebook:
+    """Stands for the record."""
+
+    def __init__(self) -> None:
+        self.entries: list[tuple[list[int], object]] = []
+
+    def add(
+        self, generations: Sequence[Generation], state: Mapping[str, object], times: TimeSplit
+    ) -> None:
+        assert times.total_s >= 0.0
+        self.entries.append(([g.number for g in generations], state["generation"]))
+
+
+def generation(number: int, fitness: Sequence[float] = (0.1, 0.3, 0.2)) -> Generation:
+    values = np.array(fitness)
+    return Generation(
+        number=number,
+        x=np.zeros((3, 2)),
+        fitness=values,
+        composite=values,
+        penalty=np.zeros(3),
+        terms={},
+        seconds=2.0,
+    )
+
+
+def interrupted(book: Diary) -> None:
+    """Write six generations down, the last of which is never finished."""
+    history = list[Generation]()
+    with book:
+        for number in range(6):
+            book.write()
+            if number == 5:
+                raise KeyboardInterrupt
+            history.append(generation(number, (0.1, 1.0 / (number + 1), 0.0)))
+            book.note(history, {"generation": number + 1})
+
+
+def kept(pause_s: float, monkeypatch: pytest.MonkeyPatch) -> tuple[Notebook, list[Progress]]:
+    """Return what is left of an interrupted run, and what was told of it."""
+    monkeypatch.setattr(diary, "PAUSE_S", pause_s)
+    notebook, told = Notebook(), list[Progress]()
+    with pytest.raises(KeyboardInterrupt):
+        interrupted(Diary(notebook, told.append, SEARCH, Ledger(1)))
+    return notebook, told
+
+
+def test_slow_generations_are_recorded_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    notebook, _ = kept(0.0, monkeypatch)
+    assert notebook.entries == [([number], number + 1) for number in range(5)]
+
+
+def test_fast_generations_are_recorded_together_and_none_is_lost(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    notebook, _ = kept(60.0, monkeypatch)
+    assert [number for entry, _ in notebook.entries for number in entry] == list(range(5))
+    assert len(notebook.entries) < 5
+    assert all(state == numbers[-1] + 1 for numbers, state in notebook.entries)
+
+
+def test_every_generation_is_told_of_with_the_run_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, told = kept(60.0, monkeypatch)
+    assert [progress.generation for progress in told] == [1, 2, 3, 4, 5]
+    assert {progress.best for progress in told} == {1.0}
+    assert told[-1].elapsed_s == 10.0
+    assert told[-1].left_s == 10.0
+    assert told[-1].mean == pytest.approx((0.1 + 0.2) / 3)
+
+
+def test_a_record_that_cannot_be_written_ends_the_run_with_its_own_error() -> None:
+    class Full(Notebook):
+        def add(self, *_: object) -> None:
+            raise OSError("full")
+
+    book = Diary(Full(), None, SEARCH, Ledger(1))
+    with pytest.raises(OSError, match="full"):
+        interrupted(book)

@@ -1,0 +1,86 @@
+"""Compiled bookkeeping around many growths: what would take Python as long as growing them.
+
+Like `vinefab.growth.kernel` it imports nothing of ours, because a compiled file does not notice
+when another file changes.
+"""
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+# ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of what it compiles
+# ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
+
+from vinefab.core.compiling import compiled, inlined
+
+
+@compiled
+def plant(depth, trunk, branches, fan, size, growth, first, parent, level, offset, length):
+    """Write down the branches of trees that branch alike on each level, parents first.
+
+    Parameters
+    ----------
+    depth
+        Number of levels of each tree, the trunk included, shape (m,).
+    trunk
+        Length of each trunk, mm, shape (m,).
+    branches, fan, size, growth
+        As ``branches``, ``fan_rad``, ``length_mm`` and ``growth`` of `vinefab.model.design.Level`,
+        for each tree and level below the trunk, shape (m, n).
+    first
+        Where each tree begins in the results, shape (m + 1,).
+    parent
+        Where the parents go, counted within their tree, -1 for trunks.
+    level
+        Where the levels go, 1 for trunks.
+    offset, length
+        Where angles from the parent's heading (rad) and lengths (mm) go.
+    """
+    for tree in range(len(depth)):
+        at = first[tree]
+        parent[at], level[at], offset[at], length[at] = -1, 1, 0.0, trunk[tree]
+        one, two = 0, 1
+        for below in range(depth[tree] - 1):
+            count, until = branches[tree, below], two
+            half = fan[tree, below] / 2.0
+            for above in range(one, two):
+                for sibling in range(count):
+                    k = at + until
+                    parent[k], level[k] = above, below + 2
+                    offset[k] = _evenly(-half, half, sibling, count) if count > 1 else 0.0
+                    share = _evenly(1.0, growth[tree, below], sibling, count)
+                    length[k] = size[tree, below] * share
+                    until += 1
+            one, two = two, until
+
+
+@inlined
+def _evenly(first, last, index, count):
+    """Return one of ``count`` numbers evenly spaced, with the roundings of `numpy.linspace`."""
+    if index == count - 1 and count > 1:
+        return last
+    return index * ((last - first) / max(count - 1, 1)) + first
+
+
+@compiled
+def gather_tips(branch, room, points, first_point, stop, hidden, tips, first):
+    """Write down the tips of all branches that emerged, growth by growth; return how many.
+
+    Parameters
+    ----------
+    branch, room, points, first_point, stop
+        Several growths as `vinefab.growth.batch.Block` holds them.
+    hidden
+        What ``stop`` is for a branch that did not emerge.
+    tips
+        Where the tips go, mm; a row for every branch that there is.
+    first
+        Where each growth's tips begin, shape (j + 1,).
+    """
+    count = 0
+    for job in range(len(branch) - 1):
+        first[job] = count
+        for k in range(branch[job], branch[job + 1]):
+            if stop[k] != hidden:
+                last = room[job] + first_point[k + job + 1] - 1
+                tips[count, 0], tips[count, 1] = points[last, 0], points[last, 1]
+                count += 1
+    first[len(branch) - 1] = count
+    return count

@@ -234,7 +234,7 @@ def test_a_second_process_is_refused_before_it_begins(
         with pytest.raises(CannotWriteError, match="another process is going on with the same run"):
             RunStore.open(tmp_path / "run", identity, resume=True)
         assert content(tmp_path / "run") == before
-        one.add(optimize(small, maps).history[0], {"generation": 1})
+        one.add([optimize(small, maps).history[0]], {"generation": 1})
     RunStore.open(tmp_path / "run", identity, resume=True).close()
 
 

@@ -1,9 +1,14 @@
 """Runs that cannot be or that find nothing: one line, an exit code, and nothing left or lost."""
 
 import json
+import os
+import shlex
 import sqlite3
 
+import numpy as np
 import pytest
+
+from vinefab.optimize.random import RandomSearch
 
 HEAD = 'schema = "vinefab/run-1"\n'
 REFUSED = {
@@ -96,3 +101,71 @@ def test_a_run_that_finds_no_robot_says_so_and_keeps_everything(vinefab, hopeles
     assert code == 1
     assert json.loads(again)["repair"] == document["repair"]
     assert (out / "best.toml").read_bytes() == best
+
+
+def test_a_full_disk_at_the_end_loses_nothing(vinefab, run_file, tmp_path, monkeypatch):
+    out = tmp_path / "run"
+
+    def full(_handle):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        code, _, complaint = vinefab("optimize", run_file, "--out", out)
+    assert (code, complaint.count("\n")) == (2, 1)
+    assert "best.toml: cannot be written: No space left on device; the run has ended" in complaint
+    assert [path.name for path in out.iterdir()] == ["run.sqlite"]
+    told = complaint.split("to write its files: ")[1]
+    assert vinefab(*shlex.split(told)[1:])[0] == 0
+    assert (out / "best.toml").exists()
+
+
+def test_an_optimizer_that_proposes_nonsense_keeps_all_generations_before(
+    vinefab, run_file, tmp_path, monkeypatch
+):
+    ask = RandomSearch.ask
+
+    def stray(self):
+        x = ask(self)
+        return x if self.state()["generation"] < 2 else x * np.nan
+
+    run_file.write_text(
+        run_file.read_text()
+        .replace("[optimizer]", '[optimizer]\nname = "random"')
+        .replace("generations = 2", "generations = 4")
+    )
+    out = tmp_path / "run"
+    with monkeypatch.context() as patch:
+        patch.setattr(RandomSearch, "ask", stray)
+        code, _, complaint = vinefab("optimize", run_file, "--out", out)
+    assert (code, complaint.count("\n")) == (2, 1)
+    assert "optimizer random is 'points outside the space'" in complaint
+    (row,) = json.loads(vinefab("runs", out, "--json", "-")[1])["runs"]
+    assert row["generations"] == 2
+    # Mended, it goes on with what it had.
+    assert vinefab("optimize", run_file, "--out", out, "--resume", "-q")[0] == 0
+    assert vinefab("optimize", run_file, "--out", tmp_path / "whole", "-q")[0] == 0
+    assert (out / "best.toml").read_bytes() == (tmp_path / "whole" / "best.toml").read_bytes()
+
+
+def test_damaged_records_are_named_and_kept(vinefab, run_file, tmp_path):
+    """Bytes changed at random: read, or one line; never a traceback, never written to."""
+    whole, out = tmp_path / "whole", tmp_path / "damaged"
+    assert vinefab("optimize", run_file, "--out", whole, "-q")[0] == 0
+    content = (whole / "run.sqlite").read_bytes()
+    out.mkdir()
+    rng, codes = np.random.default_rng(6), []
+    for _ in range(60):
+        damaged = np.frombuffer(content, dtype=np.uint8).copy()
+        places = rng.integers(0, len(damaged), rng.integers(1, 40))
+        damaged[places] = rng.integers(0, 256, len(places))
+        (out / "run.sqlite").write_bytes(damaged.tobytes())
+        code, words, complaint = vinefab("runs", out)
+        codes.append(code)
+        assert code == 0 or (code == 1 and "not read: " in words)
+        code, _, complaint = vinefab("optimize", run_file, "--out", out, "--resume", "-q")
+        assert code in (0, 2)
+        assert complaint.count("\n") == (code == 2)
+        for path in out.iterdir():
+            path.unlink()
+    assert 10 < sum(codes) < 60

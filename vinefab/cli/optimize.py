@@ -11,7 +11,7 @@ import typer
 from vinefab.cli.optimize_front import FRONT_FILES, write_front
 from vinefab.cli.options import EXIT_FINDINGS, Force, JsonOut, Quiet, Voice
 from vinefab.core.atomic import ensure_writable, write_text
-from vinefab.core.errors import InterruptedRunError
+from vinefab.core.errors import CannotWriteError, InterruptedRunError
 from vinefab.files.design import design_text
 from vinefab.files.run import read_run
 from vinefab.optimize.history import Progress
@@ -55,20 +55,22 @@ def optimize_command(
 
     again = ["vinefab", "optimize", str(run_file), "--out", str(out), "--resume"]
     again += ["--cluster", cluster] if cluster else ["--workers", str(workers)]
-    with _resumable(shlex.join(again)), voice.progress(f"optimizing {settings.name}") as show:
+    with _resumable(shlex.join(again)):
+        with voice.progress(f"optimizing {settings.name}") as show:
 
-        def tell(progress: Progress) -> None:
-            show(progress.generation / progress.generations, progress_words(progress))
+            def tell(progress: Progress) -> None:
+                show(progress.generation / progress.generations, progress_words(progress))
 
-        crew = workforce(workers, cluster)
-        result = search(settings, out, resume=resume, workers=crew, tell=tell, source=run_file)
-    write_text(out / "best.toml", design_text(result.best), force=force)
-    complaint = complaint_of(result, settings)
-    for line in result_lines(result, complaint):
-        voice.say(line)
-    voice.give_json(result_json(result))
-    if settings.objectives:
-        write_front(result, settings, out, voice)
+            crew = workforce(workers, cluster)
+            result = search(settings, out, resume=resume, workers=crew, tell=tell, source=run_file)
+        complaint = complaint_of(result, settings)
+    with _resumable(shlex.join(again)), _recorded(shlex.join(again)):
+        write_text(out / "best.toml", design_text(result.best), force=force)
+        for line in result_lines(result, complaint):
+            voice.say(line)
+        voice.give_json(result_json(result))
+        if settings.objectives:
+            write_front(result, settings, out, voice)
     voice.say(f"wrote {out / 'best.toml'} and {out / 'run.sqlite'}")
     return EXIT_FINDINGS if complaint else 0
 
@@ -80,3 +82,13 @@ def _resumable(command: str) -> Iterator[None]:
         yield
     except KeyboardInterrupt as stop:
         raise InterruptedRunError("what was done is recorded", command) from stop
+
+
+@contextmanager
+def _recorded(command: str) -> Iterator[None]:
+    """Say, when a file cannot be written, that all it would say is in the record."""
+    try:
+        yield
+    except CannotWriteError as error:
+        words = f"{error.problem}; the run has ended and is recorded, to write its files: {command}"
+        raise CannotWriteError(error.path, words) from error

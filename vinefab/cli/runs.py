@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import Force, JsonOut, Quiet, Voice
+from vinefab.cli.options import EXIT_FINDINGS, Force, JsonOut, Quiet, Voice
 from vinefab.pipeline.runs import list_runs, rebuild, run_words
 
 
@@ -24,7 +24,7 @@ def runs_command(
     json_out: JsonOut = None,
     quiet: Quiet = False,
     force: Force = False,
-) -> None:
+) -> int:
     """List the records of runs in a folder and below; --rebuild writes files from a record alone.
 
     Example: vinefab runs . --json -
@@ -39,3 +39,4 @@ def runs_command(
     for line in listing.broken:
         voice.say(f"not read: {line}")
     voice.give_json(listing.json())
+    return EXIT_FINDINGS if listing.broken and not listing.rows else 0

@@ -13,10 +13,10 @@ from vinefab.optimize.identity import RunIdentity
 from vinefab.optimize.plain import map_from_text, settings_from_plain
 from vinefab.optimize.reading import (
     FILE_NAME,
+    damage_errors,
     read_finalists,
     read_generations,
     recorded_identity,
-    system_errors,
 )
 from vinefab.optimize.result import Finalist, RunResult, with_origin
 from vinefab.optimize.settings import RunSettings
@@ -85,7 +85,7 @@ class Archive:
         """
         if not path.is_file():
             raise UnreadableFileError(path, "there is no such file")
-        with system_errors(path):
+        with damage_errors(path):
             # A read-only connection may still have to make the files that WAL lives in.
             connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True)
             try:

@@ -17,6 +17,7 @@ from vinefab.optimize.history import Generation, Progress
 from vinefab.optimize.identity import RunIdentity
 from vinefab.optimize.nsga import FrontFinder
 from vinefab.optimize.optimizer import Optimizer
+from vinefab.optimize.reading import damage_errors
 from vinefab.optimize.registry import make_recipe
 from vinefab.optimize.result import Finalist, RunResult, with_origin
 from vinefab.optimize.schedule import Schedule
@@ -125,7 +126,8 @@ class Search:
         if store is not None:
             history = store.generations()
             if history:
-                self.optimizer.restore(store.optimizer_state())
+                with damage_errors(store.path):
+                    self.optimizer.restore(store.optimizer_state())
         crew = Threads(workers) if isinstance(workers, int) else workers
         ledger = Ledger(crew.count)
         schedule = Schedule(self.trial, settings.search.seed)

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from shapely.errors import ShapelyError
+
 from vinefab.core.errors import CannotWriteError, UnreadableFileError, VinefabError
 from vinefab.optimize.history import Generation
 from vinefab.optimize.identity import RunIdentity
@@ -99,5 +101,31 @@ def system_errors(path: Path) -> Iterator[None]:
         raise CannotWriteError(path, str(error)) from error
     except sqlite3.DatabaseError as error:
         raise UnreadableFileError(path, str(error)) from error
+    except UnicodeDecodeError as error:  # SQLite quotes damaged bytes
+        raise UnreadableFileError(path, f"is damaged or no record ({error})") from error
     except OSError as error:
         raise CannotWriteError(path, error.strerror or str(error)) from error
+
+
+_DAMAGE = (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, ShapelyError)
+"""What making sense of damaged texts and numbers raises."""
+
+
+@contextmanager
+def damage_errors(path: Path) -> Iterator[None]:
+    """Say of whatever goes wrong while a record is read that the record is damaged.
+
+    Raises
+    ------
+    UnreadableFileError
+        In place of what SQLite and the decoding of its content raise.
+    """
+    try:
+        yield
+    except (sqlite3.Error, *_DAMAGE) as error:
+        words = " ".join(str(error).split())[:80]
+        raise UnreadableFileError(path, f"is damaged or no record ({words})") from error
+    except OSError as error:
+        if isinstance(error, VinefabError):
+            raise
+        raise UnreadableFileError(path, error.strerror or str(error)) from error

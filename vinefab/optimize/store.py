@@ -19,6 +19,7 @@ from vinefab.optimize.plain import map_to_text
 from vinefab.optimize.reading import (
     FILE_NAME,
     SCHEMA,
+    damage_errors,
     read_finalists,
     read_generations,
     recorded_identity,
@@ -132,16 +133,16 @@ class RunStore:
 
     def generations(self) -> list[Generation]:
         """Return every generation recorded, in order."""
-        with system_errors(self.path):
+        with damage_errors(self.path):
             return read_generations(self._connection)
 
     def optimizer_state(self) -> Mapping[str, object]:
         """Return the optimizer's state after the last generation recorded."""
-        with system_errors(self.path):
+        with damage_errors(self.path):
             row = self._connection.execute("SELECT state FROM optimizer").fetchone()
-        if row is None:
-            raise UnreadableFileError(self.path, "the optimizer's state is missing")
-        return state_from_text(row[0])
+            if row is None:
+                raise UnreadableFileError(self.path, "the optimizer's state is missing")
+            return state_from_text(row[0])
 
     def add(
         self,
@@ -218,7 +219,7 @@ class RunStore:
         space
             What their points stand for.
         """
-        with system_errors(self.path):
+        with damage_errors(self.path):
             return read_finalists(self._connection, space)
 
     @property
@@ -267,6 +268,7 @@ class RunStore:
             # In WAL mode only a power cut, not a kill, can then cost the last generations, and
             # nothing but them; waiting for the disk would take longer than many generations.
             self._connection.execute("PRAGMA synchronous = NORMAL")
+        with damage_errors(self.path):
             names = self._connection.execute("SELECT name FROM sqlite_master").fetchall()
         if not names:
             self._create(maps)
@@ -304,9 +306,9 @@ class RunStore:
 
     def _compare(self) -> None:
         """Raise unless the record is of this very run."""
-        with system_errors(self.path):
+        with damage_errors(self.path):
             kept = dict(self._connection.execute("SELECT key, value FROM run").fetchall())
-        recorded = recorded_identity(kept, self.path)
+            recorded = recorded_identity(kept, self.path)
         if problem := self.identity.differs_from(recorded):
             raise problem.at(self.path)
         self.drift = tuple(self.identity.drift(recorded))

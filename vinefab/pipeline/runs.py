@@ -12,7 +12,7 @@ from vinefab.core.jsontext import json_text
 from vinefab.files.design import design_text
 from vinefab.optimize.archive import Archive, plain_summary, records_in
 from vinefab.optimize.history import Generation
-from vinefab.optimize.reading import FILE_NAME
+from vinefab.optimize.reading import FILE_NAME, damage_errors
 from vinefab.report.charts import fitness_curve
 from vinefab.report.figure import svg_bytes
 from vinefab.report.plans import map_plan
@@ -55,8 +55,9 @@ def list_runs(folder: Path) -> Listing:
     rows, broken = [], []
     for path in paths:
         try:
-            rows.append(plain_summary(Archive.read(path)))
-        except (UnreadableFileError, BadInputError) as error:
+            with damage_errors(path):
+                rows.append(plain_summary(Archive.read(path)))
+        except UnreadableFileError as error:
             broken.append(str(error))
     return Listing(rows=tuple(rows), broken=tuple(broken))
 

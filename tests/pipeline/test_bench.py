@@ -69,6 +69,7 @@ def quick(monkeypatch):
         "GROWTHS": 10,
         "FLOOR_GROWTHS": 1,
         "MEMORY_AFTER": (10, 20),
+        "GENERATIONS": 2,
     }.items():
         monkeypatch.setattr(bench_module, name, value)
 
@@ -89,6 +90,10 @@ def test_the_result_has_the_agreed_form_and_words():
     words = "\n".join(bench_lines(result))
     assert f"{result.speedup:,.0f} times slower" in words
     assert "floor" in words
+    assert read["searches"]["cmaes"]["workers"] == 2
+    shares = read["searches"]["particleswarm"]["shares"]
+    assert 0.0 < shares["evaluating"] < 1.0
+    assert words.count("workers were busy growing") == 2
 
 
 def test_memory_does_not_grow_with_the_number_of_evaluations():

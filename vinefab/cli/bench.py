@@ -1,4 +1,4 @@
-"""``vinefab bench``: how fast growth is on this computer."""
+"""``vinefab bench``: how fast growth and search are on this computer."""
 
 from typing import Annotated
 
@@ -23,7 +23,7 @@ def bench_command(
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:
-    """Measure the growth simulator against other ways to compute the same, and to its floor.
+    """Measure growth against other ways to compute the same and its floor, and a search's time.
 
     Example: vinefab bench --json bench.json
     """

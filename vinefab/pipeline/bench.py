@@ -1,4 +1,4 @@
-"""How fast growth is: against other ways to compute it, in size, in threads, and to its floor."""
+"""How fast growth and search are: against other ways, in size, in threads, and to the floor."""
 
 import time
 from collections.abc import Callable
@@ -14,6 +14,7 @@ from vinefab.growth.grow import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.map import Pose
 from vinefab.model.tree import branch_tree
+from vinefab.optimize.timing import TimeSplit
 from vinefab.pipeline.bench_case import (
     OPTIONS,
     batch_on,
@@ -25,6 +26,7 @@ from vinefab.pipeline.bench_case import (
 from vinefab.pipeline.bench_floor import Floor, floor_on
 from vinefab.pipeline.bench_memory import peak_mb
 from vinefab.pipeline.bench_reference import Branch, Course, grow_tree, tips_mm
+from vinefab.pipeline.bench_search import SEARCHES, search_split
 from vinefab.pipeline.bench_time import least_each_s, least_s
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import Site, score_designs
@@ -39,6 +41,7 @@ THREADS = (1, 2)
 MEMORY_AFTER = (10_000, 100_000)
 GROWTHS = 500
 FORESEEN_GROWTHS = 10
+GENERATIONS = 100
 FLOOR_GROWTHS = 100
 """So many that the processor cannot learn the outcome of their tests by heart."""
 
@@ -94,6 +97,8 @@ class Bench:
     memory
         Largest memory of the process so far (MB) after numbers of evaluations; empty where the
         system does not tell.
+    searches
+        Where the time of searches of the paper's size went, by optimizer, on two threads.
     """
 
     branches_per_s: float
@@ -110,6 +115,7 @@ class Bench:
     threads: dict[int, float]
     batches: dict[int, float]
     memory: dict[int, float]
+    searches: dict[str, TimeSplit]
 
     @property
     def speedup(self) -> float:
@@ -134,6 +140,9 @@ class Bench:
         }
         for name in ("threads", "batches", "memory"):
             content[name] = {str(key): value for key, value in content[name].items()}
+        content["searches"] = {
+            name: {**split.plain(), "shares": split.shares} for name, split in self.searches.items()
+        }
         return json_text(SCHEMA, content)
 
 
@@ -180,6 +189,7 @@ def bench(progress: Callable[[float, str], None], *, million: bool = False) -> B
         threads={count: _threaded(site, poses, count) for count in THREADS},
         batches={size: _batched(site.terrain, poses, size) for size in BATCH_SIZES},
         memory=memory,
+        searches={name: search_split(name, max(THREADS), GENERATIONS) for name in SEARCHES},
     )
 
 

@@ -1,6 +1,7 @@
 """The benchmark's result in words."""
 
 from vinefab.pipeline.bench import Bench
+from vinefab.pipeline.bench_search import DESIGNS, MAPS
 
 
 def bench_lines(result: Bench) -> list[str]:
@@ -31,6 +32,9 @@ def bench_lines(result: Bench) -> list[str]:
             f"after {count:,} evaluations the process had taken {peak:.1f} MB at most"
             for count, peak in result.memory.items()
         ),
+        "",
+        f"a search of the paper's size, {DESIGNS} designs a generation on {MAPS} Grid maps:",
+        *(f"{name:<14} {split.words}" for name, split in result.searches.items()),
     ]
 
 

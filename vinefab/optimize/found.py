@@ -40,18 +40,15 @@ class Found:
         grown
             What the batch's growths are worth; None if there was none.
         """
-
-        def table(values: Floats) -> Floats:
-            found = np.full((points, launches), np.nan)
-            found[rows] = values.reshape(launches, -1).T
-            return found
-
         if grown is None:
-            score, terms = np.full((points, launches), np.nan), dict[str, Floats]()
-        else:
-            score = table(grown.score)
-            terms = {name: table(values) for name, values in grown.terms.items()}
-        return cls(penalty=np.zeros(points), score=score, terms=terms)
+            gap = np.full((points, launches), np.nan)
+            return cls(penalty=np.zeros(points), score=gap, terms={})
+        # All at once: a table of its own for every term would take four times as long.
+        columns = (grown.score, *grown.terms.values())
+        tables = np.full((len(columns), points, launches), np.nan)
+        tables[:, rows] = np.reshape(columns, (len(columns), launches, -1)).swapaxes(1, 2)
+        terms = dict(zip(grown.terms, tables[1:], strict=True))
+        return cls(penalty=np.zeros(points), score=tables[0], terms=terms)
 
     @classmethod
     def joined(cls, parts: Sequence["Found"]) -> "Found":

@@ -182,8 +182,9 @@ class Space:
         """Return what `Variable.value` does, for all variables at many points."""
         low, high = self._low, self._high
         numbers = np.minimum(high, low + np.trunc(x * (high - low + 1.0)))
-        values = np.clip(_rounded(low + x * (high - low)), low, high)
-        return np.where(self._whole, numbers, values)
+        values = np.minimum(high, np.maximum(low, _rounded(low + x * (high - low))))
+        found: Floats = np.where(self._whole, numbers, values)
+        return found
 
     def build_of(self, depth: int) -> Build:
         """Return the build of designs with so many levels, made once."""
@@ -222,8 +223,8 @@ def _rounded(values: Floats) -> Floats:
     whole = np.rint(shifted)
     rounded: Floats = whole / factor
     # Multiplying may carry a number over the middle between two others.
-    for place in np.argwhere(np.abs(np.abs(shifted - whole) - 0.5) < 1e-5).tolist():
-        rounded[tuple(place)] = round(float(values[tuple(place)]), DECIMALS)
+    for place in np.flatnonzero(np.abs(np.abs(shifted - whole) - 0.5) < 1e-5).tolist():
+        rounded.flat[place] = round(float(values.flat[place]), DECIMALS)
     return rounded
 
 

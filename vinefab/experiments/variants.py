@@ -30,9 +30,7 @@ class Variant:
     growth
         How robots grow.
     clip
-        What the sensors of the tests see.
-    trains
-        Whether designs are trained under this assumption too, and not only tested.
+        What the sensors see.
     space
         The design space.
     loops
@@ -45,13 +43,12 @@ class Variant:
     asks: tuple[str, ...] = (SPECIALIZATION, REACHABILITY)
     growth: GrowthOptions = field(default_factory=GrowthOptions)
     clip: str = "free"
-    trains: bool = True
     space: SpaceSettings = field(default_factory=SpaceSettings)
     loops: float = 1.0
     buffer_mm: float = BUFFER_MM
 
     def run(self, size: Size, environment: str, number: int) -> RunSettings:
-        """Return a run of half the usual length, under this assumption if it trains."""
+        """Return a run of half the usual length, under this assumption."""
         run = coverage_run(size, environment, number)
         return replace(
             run,
@@ -59,14 +56,14 @@ class Variant:
             space=self.space,
             build=SLIM,
             growth=self.growth,
-            task=self._coverage(self.clip if self.trains else "free"),
+            task=self.seen,
             search=replace(run.search, generations=max(1, size.generations // 2)),
         )
 
     @property
-    def tested(self) -> PartSettings:
-        """What counts in the tests of coverage."""
-        return self._coverage(self.clip)
+    def seen(self) -> PartSettings:
+        """What counts in training, and in the tests of specialization."""
+        return PartSettings(name="coverage", parameters={"area": "fast", "clip": self.clip})
 
     @property
     def reached(self) -> PartSettings:
@@ -76,10 +73,6 @@ class Variant:
     def options(self, environment: str) -> Mapping[str, object]:
         """Return what the maps of an environment have in common."""
         return {"loops": self.loops} if environment == "cave" else {}
-
-    @staticmethod
-    def _coverage(clip: str) -> PartSettings:
-        return PartSettings(name="coverage", parameters={"area": "fast", "clip": clip})
 
 
 BASE = Variant(name="base")
@@ -101,10 +94,9 @@ VARIANTS = (
     ),
     Variant(name="sensors see through walls", asks=(SPECIALIZATION,), clip="none"),
     Variant(
-        name="sensors see in line of sight (tests only)",
+        name="sensors see in line of sight",
         asks=(SPECIALIZATION,),
         clip="sight",
-        trains=False,
     ),
     Variant(name="Cave with 0.4 of its short cuts", loops=0.4),
     Variant(name="buffer 25 mm", asks=(REACHABILITY,), buffer_mm=25.0),

@@ -54,6 +54,17 @@ def test_a_cluster_that_is_not_there_leaves_no_folder(
     assert sorted(tmp_path.iterdir()) == before
 
 
+def test_a_result_that_may_not_be_written_is_refused_before_the_search(vinefab, run_file, tmp_path):
+    thesis = tmp_path / "thesis.json"
+    thesis.write_text("five years of work")
+    before = sorted(tmp_path.iterdir())
+    arguments = ("--out", tmp_path / "out", "--json", thesis)
+    code, _, complaint = vinefab("optimize", run_file, *arguments)
+    assert (code, complaint.count("\n")) == (2, 1)
+    assert f"{thesis}: exists and was not written by vinefab" in complaint
+    assert sorted(tmp_path.iterdir()) == before
+
+
 def test_a_refused_demo_leaves_no_folder(vinefab, tmp_path):
     out = tmp_path / "deep" / "demo"
     code, _, complaint = vinefab("demo", "--out", out, "--population", 2, "-q")

@@ -52,6 +52,8 @@ def optimize_command(
     settings = read_run(run_file)
     for name in ("best.toml", *(FRONT_FILES if settings.objectives else ())):
         ensure_writable(out / name, force=force)
+    if json_out not in (None, "-"):
+        ensure_writable(Path(str(json_out)), force=force)
 
     again = ["vinefab", "optimize", str(run_file), "--out", str(out), "--resume"]
     again += ["--cluster", cluster] if cluster else ["--workers", str(workers)]

@@ -22,7 +22,7 @@ from pathlib import Path
 from vinefab.optimize.reading import FILE_NAME
 from vinefab.optimize.registry import OPTIMIZERS
 
-GENERATIONS = 120
+GENERATIONS = 300
 BLOWS_PER_RUN = 6
 QUESTIONS = {
     "run": "SELECT * FROM run ORDER BY 1",
@@ -37,7 +37,7 @@ Content = dict[str, list[tuple[object, ...]]]
 
 
 def run_text(optimizer: str) -> str:
-    """Return a run file whose generations take some ten milliseconds each."""
+    """Return a run file whose generations take some milliseconds each."""
     return f"""schema = "vinefab/run-1"
 name = "killed"
 [maps]
@@ -117,9 +117,13 @@ class Course:
         self.run_file = self.folder / "killed.toml"
         self.run_file.write_text(run_text(self.optimizer))
         whole = self.folder / "whole"
-        began = time.monotonic()
-        self._finish(whole)
-        self.longest_s = time.monotonic() - began
+        began_s = time.monotonic()
+        process = start(self.run_file, whole)
+        while not (whole / FILE_NAME).exists() and process.poll() is None:
+            time.sleep(0.01)
+        self.ready_s = time.monotonic() - began_s
+        assert process.communicate()[1] == ""
+        self.longest_s = time.monotonic() - began_s
         self.expected = content(whole)
         self.best = (whole / "best.toml").read_bytes()
         self.size = (whole / FILE_NAME).stat().st_size
@@ -148,7 +152,7 @@ class Course:
 
         process = start(self.run_file, folder, limit)
         try:
-            delay_s = None if limit else self.rng.uniform(0.0, 1.1 * self.longest_s)
+            delay_s = None if limit else self._moment_s()
             _, words = process.communicate(timeout=delay_s)
         except subprocess.TimeoutExpired:
             process.send_signal(signal.SIGKILL if kind == "kill" else signal.SIGINT)
@@ -159,6 +163,11 @@ class Course:
             assert (process.returncode, words.count("\n")) == (2, 1), words
         self.blows[kind] += 1
         return True
+
+    def _moment_s(self) -> float:
+        """Return when to strike: at any moment of a run, but mostly after it has begun."""
+        first_s = 0.0 if self.rng.random() < 0.2 else 0.9 * self.ready_s
+        return self.rng.uniform(first_s, 1.05 * self.longest_s)
 
     def _finish(self, folder: Path) -> None:
         process = start(self.run_file, folder)

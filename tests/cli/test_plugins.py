@@ -90,6 +90,7 @@ def their_package(tmp_path, monkeypatch):
         monkeypatch.setattr(registry, "_group", group)
         monkeypatch.setattr(registry, "_parts", dict(registry))
         monkeypatch.setattr(registry, "broken", {})
+        monkeypatch.setattr(registry, "packages", {})
     return folder
 
 
@@ -102,6 +103,22 @@ def test_a_run_is_optimized_for_a_task_of_another_package(vinefab, run_file, gri
     code, words, _ = vinefab("score", tmp_path / "run/best.toml", "--task", "depth", "--maps", grid)
     assert code == 0
     assert "depth" in words
+    assert "theirs 1.0" in (tmp_path / "run/best.toml").read_text()
+
+
+@pytest.mark.usefixtures("their_package")
+def test_a_run_that_goes_on_with_another_version_of_a_plugin_says_so(
+    vinefab, their_package, tmp_path
+):
+    run_file, out = tmp_path / "theirs.toml", tmp_path / "run"
+    run_file.write_text(RUN)
+    assert vinefab("optimize", run_file, "--out", out, "-q")[0] == 0
+    facts = their_package / "theirs-1.0.dist-info" / "METADATA"
+    facts.write_text(facts.read_text().replace("Version: 1.0", "Version: 1.1"))
+    code, words, _ = vinefab("optimize", run_file, "--out", out, "--resume")
+    assert code == 0
+    assert "went on with other packages" in words
+    assert "theirs 1.0 then, 1.1 now" in words
 
 
 @pytest.mark.usefixtures("their_package")

@@ -30,6 +30,8 @@ class Registry(Mapping[str, T], Generic[T]):
     ----------
     broken
         Plug-ins that could not be loaded: name and what went wrong, to be shown to the user.
+    packages
+        The installed packages that plug-ins come from, by the parts' names.
 
     Examples
     --------
@@ -49,6 +51,7 @@ class Registry(Mapping[str, T], Generic[T]):
     ) -> None:
         self.kind = kind
         self.broken: dict[str, str] = {}
+        self.packages: dict[str, str] = {}
         self._parts = dict(builtin)
         self._group = group
         self._problem = problem
@@ -88,3 +91,4 @@ class Registry(Mapping[str, T], Generic[T]):
                 self.broken[point.name] = problem
             else:
                 self._parts[point.name] = part
+                self.packages[point.name] = point.dist.name if point.dist else ""

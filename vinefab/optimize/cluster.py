@@ -23,6 +23,7 @@ from vinefab.core.errors import BadInputError, UnknownNameError, WorkersLostErro
 from vinefab.core.hashing import sha256_of
 from vinefab.model.checked import Floats
 from vinefab.optimize.found import Found
+from vinefab.optimize.identity import plugin_packages
 from vinefab.optimize.parcel import packed, unpacked
 from vinefab.optimize.result import package_versions
 from vinefab.optimize.timing import Ledger, Work
@@ -84,7 +85,11 @@ class Parcel:
         except (pickle.PicklingError, AttributeError, TypeError) as error:
             allowed = "a penalty that can be pickled"
             raise BadInputError("--cluster", str(error), allowed) from error
-        return cls(name=sha256_of(data), brief=data, versions=package_versions())
+        return cls(
+            name=sha256_of(data),
+            brief=data,
+            versions=package_versions(plugin_packages(brief.settings)),
+        )
 
 
 class Cluster:
@@ -265,7 +270,7 @@ def _evaluated(parcel: Parcel, x: Floats, poses: Poses) -> bytes:
     BadInputError
         If the worker has other versions than the run, or lacks a package that the run needs.
     """
-    own = _own_versions()
+    own = _own_versions(tuple(parcel.versions))
     if own != dict(parcel.versions):
         other = next(name for name in parcel.versions if own.get(name) != parcel.versions[name])
         allowed = f"{other} {parcel.versions[other]}, as the run has"
@@ -286,9 +291,9 @@ _INSTALLED = "workers on which the same packages are installed as where the run 
 _MAKING = threading.Lock()
 
 
-@lru_cache(maxsize=1)
-def _own_versions() -> dict[str, str]:
-    return package_versions()
+@lru_cache(maxsize=2)
+def _own_versions(names: tuple[str, ...]) -> dict[str, str]:
+    return package_versions(names)
 
 
 @lru_cache(maxsize=2)

@@ -6,10 +6,14 @@ from typing import Any, cast
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import fingerprint
+from vinefab.core.registry import Registry
+from vinefab.environments.registry import ENVIRONMENTS
 from vinefab.model.map import Map
+from vinefab.optimize.registry import OPTIMIZERS
 from vinefab.optimize.result import package_versions
 from vinefab.optimize.settings import RunSettings, plain_settings
 from vinefab.optimize.trial import Penalty
+from vinefab.tasks.registry import TASKS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +53,7 @@ class RunIdentity:
         return cls(
             settings=plain,
             maps=tuple(map_fingerprint(world) for world in maps),
-            versions=package_versions(),
+            versions=package_versions(plugin_packages(settings)),
         )
 
     @property
@@ -89,6 +93,19 @@ class RunIdentity:
         if self.maps != recorded.maps:
             return BadInputError("maps", "other maps", "the maps with which the run began")
         return None
+
+
+def plugin_packages(settings: RunSettings) -> list[str]:
+    """Return the packages beside vinefab that a run's task, optimizer and environment are from."""
+    environment = "" if settings.maps.files else settings.maps.environment
+    named: tuple[tuple[Registry[Any], str], ...] = (
+        (TASKS, settings.task.name),
+        (OPTIMIZERS, settings.optimizer.name),
+        (ENVIRONMENTS, environment),
+    )
+    # Whoever asks for a name makes the registry look for plug-ins.
+    found = {parts.packages.get(name, "") for parts, name in named if name in parts}
+    return sorted(found - {""})
 
 
 def map_fingerprint(world: Map) -> str:

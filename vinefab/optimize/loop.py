@@ -152,6 +152,7 @@ class Search:
             times=ledger.split(),
             asked=settings.evaluation.fabricable,
             repair=repair,
+            drift=store.drift if store is not None else (),
         )
 
     def _generation(

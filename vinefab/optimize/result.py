@@ -1,9 +1,9 @@
 """What a run ends with."""
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 
 from vinefab import __version__
 from vinefab.model.checked import Floats
@@ -63,6 +63,8 @@ class RunResult:
         Whether the run asked for designs that can be made.
     repair
         What was done because no design of the search could be made, in words; else empty.
+    drift
+        Packages that have another version now than when the run began, in words.
     """
 
     run_id: str
@@ -73,6 +75,7 @@ class RunResult:
     times: TimeSplit = field(default_factory=TimeSplit)
     asked: bool = True
     repair: str = ""
+    drift: tuple[str, ...] = ()
 
     @property
     def score(self) -> Score:
@@ -90,10 +93,23 @@ class RunResult:
         return sum(len(generation.fitness) for generation in self.history)
 
 
-def package_versions() -> dict[str, str]:
-    """Return the versions of everything that a run's numbers depend on."""
-    versions = {name: version(name) for name in _PACKAGES}
-    return {"vinefab": __version__, "python": platform.python_version(), **versions}
+def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
+    """Return the versions of everything that a run's numbers depend on.
+
+    Parameters
+    ----------
+    others
+        More packages, such as those of plug-ins; one that is not installed has version ``none``.
+    """
+    versions = {"vinefab": __version__, "python": platform.python_version()}
+    versions |= {name: version(name) for name in _PACKAGES}
+    for name in others:
+        if name not in versions:
+            try:
+                versions[name] = version(name)
+            except PackageNotFoundError:
+                versions[name] = "none"
+    return versions
 
 
 def with_origin(

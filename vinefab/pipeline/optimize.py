@@ -151,10 +151,13 @@ def result_lines(result: RunResult, complaint: str = "") -> list[str]:
     best, score = result.best, result.score
     weighed = ", ".join(f"{name} {value:.4f}" for name, value in score.composite.items())
     repair = [f"repair: {result.repair}"] if result.repair else []
+    drift = "; ".join(result.drift)
+    newer = [f"went on with other packages, so the last digits may differ: {drift}"]
     failed = f"found no robot that can be made: the winner breaks {complaint}"
     return [
         f"run {result.run_id}: {len(result.history)} generations, {result.evaluations} designs "
         f"evaluated, stopped by {result.stopped}",
+        *(newer if drift else []),
         *repair,
         f"winner {best.name}: {best.branch_count} branches on {best.depth} levels; "
         f"{_made(result, complaint)}",

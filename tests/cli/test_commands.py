@@ -221,6 +221,11 @@ def test_commands_that_do_not_simulate_do_not_load_the_simulator(tmp_path, argum
     assert done.stderr.strip() == "0 False False"
 
 
+def test_a_search_does_not_load_what_draws():
+    script = "import sys, vinefab.cli.optimize; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+
+
 def test_interruption_leaves_what_was_there(monkeypatch, vinefab, tmp_path):
     out = tmp_path / "package"
     assert vinefab("fabricate", "plain_vine", "--out", out, "--allow-uncalibrated", "-q")[0] == 0

@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.optimize_front import FRONT_FILES, write_front
 from vinefab.cli.options import EXIT_FINDINGS, Force, JsonOut, Quiet, Voice
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.errors import CannotWriteError, InterruptedRunError
@@ -23,6 +22,8 @@ from vinefab.pipeline.optimize import (
     search,
     workforce,
 )
+
+FRONT_FILES = ("front.json", "front.svg", "front.png")
 
 
 def add_to(app: typer.Typer) -> None:
@@ -72,6 +73,8 @@ def optimize_command(
             voice.say(line)
         voice.give_json(result_json(result))
         if settings.objectives:
+            from vinefab.cli.optimize_front import write_front  # noqa: PLC0415  few runs draw
+
             write_front(result, settings, out, voice)
     voice.say(f"wrote {out / 'best.toml'} and {out / 'run.sqlite'}")
     return EXIT_FINDINGS if complaint else 0

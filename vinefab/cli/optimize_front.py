@@ -11,8 +11,6 @@ from vinefab.pipeline.front import front_json, front_lines, front_of, front_pict
 from vinefab.pipeline.optimize import training_maps
 from vinefab.report.figure import png_bytes, svg_bytes
 
-FRONT_FILES = ("front.json", "front.svg", "front.png")
-
 
 def write_front(result: RunResult, settings: RunSettings, out: Path, voice: Voice) -> None:
     """Write the designs of a front, ``front.json`` and its picture, and say what they are worth."""

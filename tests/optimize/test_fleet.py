@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 
 from vinefab.environments.grid import GridOptions, grid_map
 from vinefab.environments.poses import draw_poses
+from vinefab.growth import kernel
 from vinefab.growth.atlas import Atlas
 from vinefab.growth.batch import Batch, Launches
+from vinefab.growth.grow import grow
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan
 from vinefab.growth.plans import Plans
@@ -93,6 +95,21 @@ def test_a_fleet_grows_as_its_designs_do(space: Space, body: str) -> None:
         for each in (fleet, batch)
     ]
     assert lengths[0] == lengths[1]
+
+
+def test_growth_is_compiled_once_for_all_ways_to_grow() -> None:
+    """Compiling it again would take ten seconds; arrays of another kind make that necessary."""
+    terrains = [Terrain.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
+    poses = [terrain.world.starts[0].pose for terrain in terrains]
+    space, options = SPACES[0], GrowthOptions()
+    design, x = space.design(np.full(len(space), 0.5)), np.full((1, len(space)), 0.5)
+    builds = {depth: space.build_of(depth) for depth in range(1, 6)}
+    grow(design, terrains[0], poses[0])
+    for some in (1, 2):
+        launches = Launches.of(Atlas(terrains[:some]), [[pose] for pose in poses[:some]])
+        for plans in (Plans.of([design], options), planted(space.fleet(x), builds, (0.0,))):
+            assert len(Batch(plans, launches, options).deployments()) == some
+    assert len(kernel.grow_jobs.signatures) == 1
 
 
 @given(st.lists(st.integers(-(10**9), 10**9), min_size=1, max_size=9), st.integers(-3, 3))

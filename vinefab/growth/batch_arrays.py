@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from vinefab.growth.arrays import Ints32, TreeArrays, WallArrays
+from vinefab.growth.arrays import Ints32, Start, TreeArrays, WallArrays
 from vinefab.model.checked import Floats, Ints
 
 T = TypeVar("T", bound=np.generic)
@@ -94,10 +94,10 @@ class TreesArrays(NamedTuple):
     def of(cls, trees: Sequence[TreeArrays]) -> "TreesArrays":
         """Return several trees as one set of arrays."""
         return cls(
-            parent=np.concatenate([tree.parent for tree in trees]),
-            turn=np.concatenate([tree.turn for tree in trees]),
-            length=np.concatenate([tree.length for tree in trees]),
-            first=np.cumsum([0, *(len(tree.parent) for tree in trees)]),
+            parent=_fixed(np.concatenate([tree.parent for tree in trees])),
+            turn=_fixed(np.concatenate([tree.turn for tree in trees])),
+            length=_fixed(np.concatenate([tree.length for tree in trees])),
+            first=_fixed(np.cumsum([0, *(len(tree.parent) for tree in trees)])),
         )
 
 
@@ -129,3 +129,19 @@ class JobArrays(NamedTuple):
     room: Ints
     done: Ints
     until: Ints
+
+    @classmethod
+    def alone(
+        cls, start: Start, fits: NDArray[np.bool_], room: int, done: int, until: int
+    ) -> "JobArrays":
+        """Return the branches ``done .. until - 1`` of the only tree, on the only page."""
+        return cls(
+            tree=np.zeros(1, dtype=np.int64),
+            page=np.zeros(1, dtype=np.int64),
+            start=np.array([start], dtype=np.float64),
+            fits=fits,
+            branch=np.array([0, len(fits)]),
+            room=np.array([0, room]),
+            done=np.array([done]),
+            until=np.array([until]),
+        )

@@ -8,6 +8,7 @@ import numpy as np
 
 from vinefab.core.errors import UnknownNameError
 from vinefab.growth.arrays import Growth, Rules, Start, TreeArrays, WallArrays
+from vinefab.growth.batch_arrays import AtlasArrays, JobArrays, TreesArrays
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan
 from vinefab.growth.terrain import Terrain
@@ -96,14 +97,33 @@ def grow_branches_of(engine: Engine) -> GrowBranches:
         If there is no such engine.
     """
     if engine == "kernel":
-        from vinefab.growth import kernel  # noqa: PLC0415  numba takes a second to import
-
-        return kernel.grow_branches  # type: ignore[no-any-return]
+        return _grow_alone
     if engine == "reference":
         from vinefab.growth import reference  # noqa: PLC0415  as above: one engine at a time
 
         return reference.grow_branches
     raise UnknownNameError("growth engine", engine, ("kernel", "reference"))
+
+
+def _grow_alone(  # noqa: PLR0913, PLR0917  as both engines are called
+    walls: WallArrays,
+    tree: TreeArrays,
+    rules: Rules,
+    start: Start,
+    growth: Growth,
+    first: int,
+    last: int,
+) -> int:
+    """Grow some branches of a tree as a batch of one; return the first that is not done.
+
+    The same code as for many at once: compiling another one would take ten seconds more.
+    """
+    from vinefab.growth import kernel  # noqa: PLC0415  numba takes a second to import
+
+    jobs = JobArrays.alone(start, tree.fits, len(growth.points), first, last)
+    atlas = AtlasArrays.of([walls], [rules.tolerance_mm])
+    kernel.grow_jobs(atlas, TreesArrays.of([tree]), rules, jobs, growth, 0, 1)
+    return int(jobs.done[0])
 
 
 def rules_of(options: GrowthOptions, tolerance_mm: float) -> Rules:

@@ -1,4 +1,6 @@
-from vinefab.core.errors import BadInputError, UnknownNameError, VinefabError
+import pytest
+
+from vinefab.core.errors import BadInputError, UnknownNameError, VinefabError, located
 
 
 def test_bad_input_says_file_key_value_and_what_is_allowed():
@@ -29,3 +31,13 @@ def test_errors_are_ours_and_a_matching_builtin():
     assert issubclass(BadInputError, VinefabError)
     assert issubclass(BadInputError, ValueError)
     assert issubclass(UnknownNameError, KeyError)
+
+
+@pytest.mark.parametrize(
+    "error", [BadInputError("length", 3, "less"), UnknownNameError("task", "reech", ["reach"])]
+)
+def test_a_block_names_its_file_unless_the_error_comes_from_another(error):
+    with pytest.raises(VinefabError, match=r"^run\.toml: "), located("run.toml"):
+        raise error
+    with pytest.raises(VinefabError, match=r"^map\.geojson: "), located("run.toml"):
+        raise error.at("map.geojson")

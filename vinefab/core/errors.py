@@ -156,10 +156,15 @@ class ReadBackError(VinefabError, ValueError):
 
 @contextmanager
 def located(source: str | Path) -> Iterator[None]:
-    """Say of every wrong value and unknown name in a block which file it came from."""
+    """Say of every wrong value and unknown name in a block which file it came from.
+
+    One that is known to come from another file, which this one names, keeps that.
+    """
     try:
         yield
     except (BadInputError, UnknownNameError) as error:
+        if error.source is not None:
+            raise
         raise error.at(source) from error
 
 

@@ -60,17 +60,16 @@ class MapsForm(Form):
     files: list[str] | None = None
 
 
-class NamedForm(Form):
+class PartForm(Form):
     """A table that names a part; its other keys are the part's parameters."""
 
     model_config = ConfigDict(extra="allow")
 
-    name: str
 
-
-class TaskForm(NamedForm):
+class TaskForm(PartForm):
     """Table ``[task]``."""
 
+    name: str = RunSettings().task.name
     objectives: list[str] = Field(default_factory=list)
 
 
@@ -113,8 +112,8 @@ class GrowthForm(Form):
     body: Literal["centerline", "inflated"] = "centerline"
 
 
-class OptimizerForm(NamedForm):
-    """Table ``[optimizer]``; its name is ``pso``, or ``nsga2`` where there are objectives."""
+class OptimizerForm(PartForm):
+    """Table ``[optimizer]``; without a name the default, ``nsga2`` where there are objectives."""
 
     name: str = ""
     population: int = SearchSettings().population
@@ -149,7 +148,7 @@ class RunForm(Form):
     schema_: Literal["vinefab/run-1"] = Field(alias="schema")
     name: str | None = None
     maps: MapsForm = MapsForm()
-    task: TaskForm = TaskForm(name="coverage")
+    task: TaskForm = TaskForm()
     space: SpaceForm = SpaceForm()
     build: BuildForm = BuildForm()
     growth: GrowthForm = GrowthForm()

@@ -103,11 +103,12 @@ class TimeSplit:
     def words(self) -> str:
         """The split as one line for the user."""
         shares = {name: f"{100 * share:.0f} %" for name, share in self.shares.items()}
+        who = "1 worker was" if self.workers == 1 else f"{self.workers} workers were"
         return (
             f"time: {self.total_s:.1f} s, of which loading compiled code {shares['loading']}, "
             f"evaluating {shares['evaluating']}, optimizer {shares['optimizer']}, record "
             f"{shares['store']} (and {shares['beside']} beside evaluating); while evaluating, "
-            f"{self.workers} workers were busy growing {shares['growth']}, scoring "
+            f"{who} busy growing {shares['growth']}, scoring "
             f"{shares['scoring']}, making designs {shares['making']}"
         )
 

@@ -1,6 +1,7 @@
 """What is written down when, whatever happens."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import ItemsView, Mapping, Sequence
+from typing import cast
 
 import numpy as np
 import pytest
@@ -25,6 +26,10 @@ class Notebook:
     ) -> None:
         assert times.total_s >= 0.0
         self.entries.append(([g.number for g in generations], state["generation"]))
+
+    @property
+    def recorded(self) -> int:
+        return sum(len(numbers) for numbers, _ in self.entries)
 
 
 def generation(number: int, fitness: Sequence[float] = (0.1, 0.3, 0.2)) -> Generation:
@@ -92,3 +97,57 @@ def test_a_record_that_cannot_be_written_ends_the_run_with_its_own_error() -> No
     book = Diary(Full(), None, SEARCH, Ledger(1))
     with pytest.raises(OSError, match="full"):
         interrupted(book)
+
+
+@pytest.mark.parametrize("when", ["before it is done", "after it is done"])
+def test_an_interrupt_while_recording_costs_nothing(
+    when: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Interrupted(Notebook):
+        def add(
+            self, generations: Sequence[Generation], state: Mapping[str, object], times: TimeSplit
+        ) -> None:
+            is_third = len(self.entries) == 2 and not hits
+            if not is_third or when == "after it is done":
+                super().add(generations, state, times)
+            if is_third:
+                hits.append(1)
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr(diary, "PAUSE_S", 0.0)
+    hits: list[int] = []
+    notebook = Interrupted()
+    with pytest.raises(KeyboardInterrupt):
+        interrupted(Diary(notebook, None, SEARCH, Ledger(1)))
+    assert notebook.entries == [([0], 1), ([1], 2), ([2], 3)]
+
+
+def test_an_interrupt_while_noting_leaves_no_generation_with_the_state_before_it() -> None:
+    class Slow(dict[str, object]):
+        def items(self) -> ItemsView[str, object]:
+            raise KeyboardInterrupt
+
+    notebook, history = Notebook(), [generation(0), generation(1)]
+    book = Diary(notebook, None, SEARCH, Ledger(1))
+    book.note(history[:1], {"generation": 1})
+    with pytest.raises(KeyboardInterrupt), book:
+        book.note(history, Slow(generation=2))
+    assert notebook.entries == [([0], 1)]
+
+
+def test_what_an_optimizer_does_to_its_state_later_is_not_recorded() -> None:
+    entries: list[Mapping[str, object]] = []
+
+    class Keeping(Notebook):
+        def add(
+            self, generations: Sequence[Generation], state: Mapping[str, object], times: TimeSplit
+        ) -> None:
+            super().add(generations, {"generation": 1}, times)
+            entries.append(state)
+
+    state: dict[str, object] = {"place": np.zeros(2), "numbers": [[1]]}
+    with Diary(Keeping(), None, SEARCH, Ledger(1)) as book:
+        book.note([generation(0)], state)
+        cast("np.ndarray", state["place"])[:] = 7.0
+        cast("list[list[int]]", state["numbers"])[0].append(2)
+    assert [(list(e["place"]), e["numbers"]) for e in entries] == [([0.0, 0.0], [[1]])]

@@ -177,6 +177,40 @@ def test_an_optimizer_that_strays_is_named(
         optimize(stray, maps)
 
 
+@dataclass(frozen=True, kw_only=True)
+class InPlaceRecipe:
+    """A recipe for an optimizer that always works in the same arrays, whoever holds them."""
+
+    def start(self, axes: Axes, population: int, seed: int) -> Optimizer:
+        class InPlace(RandomSearch):
+            x = np.empty((population, len(axes)))
+
+            def ask(self) -> np.ndarray:
+                self.x[:] = super().ask()
+                return self.x
+
+            def tell(self, x: np.ndarray, fitness: np.ndarray) -> None:
+                super().tell(x, fitness)
+                x[:] = 0.0
+                fitness.sort()
+
+        return InPlace(len(axes), population, seed)
+
+
+def test_an_optimizer_may_work_in_what_it_hands_out_and_is_given(
+    small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parts: Mapping[str, object] = {**OPTIMIZERS._parts, "in_place": InPlaceRecipe}
+    monkeypatch.setattr(OPTIMIZERS, "_parts", parts)
+    usual = replace(small, optimizer=PartSettings(name="random"))
+    in_place = replace(small, optimizer=PartSettings(name="in_place"))
+    one, other = optimize(usual, maps), optimize(in_place, maps)
+    for known, found in zip(one.history, other.history, strict=True):
+        assert np.array_equal(known.x, found.x)
+        assert np.array_equal(known.fitness, found.fitness)
+    assert one.score == other.score
+
+
 def test_runs_that_cannot_be_are_refused(
     small: RunSettings, fabricable: RunSettings, maps: Maps
 ) -> None:

@@ -1,5 +1,5 @@
 import sqlite3
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -296,3 +296,33 @@ def test_a_full_disk_keeps_what_was_recorded(
             store.add([generations[1]], {"generation": "x" * 100_000})
         assert len(store.generations()) == 1
         assert store.optimizer_state() == {"generation": 1}
+
+
+def test_an_interrupt_as_a_recording_begins_leaves_the_record_usable(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    history = optimize(small, maps).history
+
+    class Interrupted:
+        """A connection that is interrupted when it has begun, before anybody knows."""
+
+        def __init__(self, connection: sqlite3.Connection) -> None:
+            self.real, self.is_hit = connection, False
+
+        def execute(self, text: str, *values: Sequence[object]) -> sqlite3.Cursor:
+            found = self.real.execute(text, *values)
+            if text.startswith("BEGIN") and not self.is_hit:
+                self.is_hit = True
+                raise KeyboardInterrupt
+            return found
+
+        def __getattr__(self, name: str) -> object:
+            return getattr(self.real, name)
+
+    with RunStore.open(tmp_path, RunIdentity.of(small, maps)) as store:
+        store._connection = Interrupted(store._connection)  # type: ignore[assignment]
+        with pytest.raises(KeyboardInterrupt):
+            store.add(history[:1], {"generation": 1})
+        assert store.recorded == 0
+        store.add(history[:2], {"generation": 2})
+        assert store.recorded == 2

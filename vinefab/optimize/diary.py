@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
@@ -40,8 +41,7 @@ class Diary:
     ) -> None:
         self._store, self._tell, self._search, self._ledger = store, tell, search, ledger
         self._untold: Sequence[Generation] | None = None
-        self._unwritten = list[Generation]()
-        self._state: Mapping[str, object] = {}
+        self._noted = _Noted((), {})
         self._written_s = -math.inf
         self._so_far = _SoFar(0, -math.inf, 0.0)
 
@@ -50,14 +50,22 @@ class Diary:
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Record what is not recorded yet, whatever happened."""
+        if kind is KeyboardInterrupt and self._store is not None:
+            # It may have come in the middle of recording, or just after it.
+            self._noted = self._noted.after(self._store.recorded)
         self._write()
         if kind is None:
             self._tell_last()
 
     def note(self, history: Sequence[Generation], state: Mapping[str, object]) -> None:
         """Keep in mind what is to be recorded: the last generation, and the state after it."""
-        self._unwritten.append(history[-1])
-        self._state = state
+        # Copied, because an optimizer may go on working in what it hands out.
+        copied = {
+            name: value.copy() if isinstance(value, np.ndarray) else deepcopy(value)
+            for name, value in state.items()
+        }
+        # In one step: an interrupt must not leave a generation with the state before it.
+        self._noted = _Noted((*self._noted.generations, history[-1]), copied)
         self._untold = history
 
     def write(self) -> None:
@@ -74,11 +82,32 @@ class Diary:
                 self._tell(self._so_far.progress(history[-1], self._search))
 
     def _write(self) -> None:
-        generations, self._unwritten = self._unwritten, []
+        generations, state = self._noted
         if generations and self._store is not None:
             with self._ledger.spending("store"):
-                self._store.add(generations, self._state, self._ledger.split())
+                self._store.add(generations, state, self._ledger.split())
+        # Only now: whoever is interrupted above has it in mind still.
+        self._noted = _Noted((), state)
         self._written_s = time.monotonic()
+
+
+class _Noted(NamedTuple):
+    """What is to be recorded.
+
+    Parameters
+    ----------
+    generations
+        Those that are not recorded yet, in order.
+    state
+        The optimizer's state after the last one.
+    """
+
+    generations: tuple[Generation, ...]
+    state: Mapping[str, object]
+
+    def after(self, count: int) -> "_Noted":
+        """Return the same without the first generations of the run."""
+        return _Noted(tuple(g for g in self.generations if g.number >= count), self.state)
 
 
 class _SoFar(NamedTuple):

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from vinefab.model.checked import Floats
 
 
@@ -46,8 +48,13 @@ class Generation:
 
     @property
     def fabricable_share(self) -> float:
-        """Share of the points without a penalty."""
-        return float((self.penalty == 0.0).mean())
+        """Share of the points that are designs without a penalty."""
+        return float(((self.penalty == 0.0) & np.isfinite(self.composite)).mean())
+
+    @property
+    def has_designs(self) -> bool:
+        """Whether any point is a design."""
+        return bool(np.isfinite(self.composite).any())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -161,8 +161,10 @@ class Search:
         """Ask, evaluate and tell."""
         began = time.perf_counter()
         with ledger.spending("optimizer"):
-            x = self.optimizer.ask()
-        self._check(x)
+            asked = self.optimizer.ask()
+        self._check(asked)
+        # Copies are kept: an optimizer may go on working in what it hands out or is given.
+        x = np.array(asked, dtype=np.float64)
         with ledger.spending("evaluating"):
             finish = begin(x, schedule.poses(number))
             diary.write()
@@ -171,7 +173,7 @@ class Search:
         composite = self.trial.composites(found.score)
         fitness = self.trial.fitness(composite, found.penalty)
         with ledger.spending("optimizer"):
-            self.optimizer.tell(x, fitness)
+            self.optimizer.tell(asked, fitness.copy())
         return Generation(
             number=number,
             x=x,

@@ -136,6 +136,13 @@ class RunStore:
         with damage_errors(self.path):
             return read_generations(self._connection)
 
+    @property
+    def recorded(self) -> int:
+        """How many generations are recorded."""
+        with system_errors(self.path):
+            row = self._connection.execute("SELECT count(*) FROM generation").fetchone()
+        return int(row[0])
+
     def optimizer_state(self) -> Mapping[str, object]:
         """Return the optimizer's state after the last generation recorded."""
         with damage_errors(self.path):
@@ -319,8 +326,9 @@ class RunStore:
     def _transaction(self) -> Iterator[sqlite3.Connection]:
         """All or nothing."""
         with system_errors(self.path):
-            self._connection.execute("BEGIN IMMEDIATE")
             try:
+                # In here: an interrupt comes when it is done, and would leave it open.
+                self._connection.execute("BEGIN IMMEDIATE")
                 yield self._connection
                 self._connection.execute("COMMIT")
             except BaseException:

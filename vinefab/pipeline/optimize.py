@@ -194,8 +194,8 @@ def result_json(result: RunResult) -> str:
         "generations": [
             {
                 "best": g.best,
-                "mean": float(np.nanmean(g.composite)) if g.terms else None,
-                "spread": float(np.nanstd(g.composite)) if g.terms else None,
+                "mean": float(np.nanmean(g.composite)) if g.has_designs else None,
+                "spread": float(np.nanstd(g.composite)) if g.has_designs else None,
                 "fabricable_share": g.fabricable_share,
                 "seconds": g.seconds,
             }

@@ -114,8 +114,18 @@ def together(found: Sequence[Outcome]) -> Outcomes:
 
 
 def joined(parts: Sequence[Outcomes]) -> Outcomes:
-    """Return the outcomes of several blocks, at least one, as those of one."""
+    """Return the outcomes of several blocks, at least one, as those of one.
+
+    Raises
+    ------
+    BadInputError
+        If a task gives other terms for some blocks than for others.
+    """
     if len(parts) == 1:
         return parts[0]
-    terms = {name: np.concatenate([part.terms[name] for part in parts]) for name in parts[0].terms}
+    names = list(parts[0].terms)
+    for part in parts:
+        if part.terms.keys() != parts[0].terms.keys():
+            raise BadInputError("a task's terms", list(part.terms), f"always the same: {names}")
+    terms = {name: np.concatenate([part.terms[name] for part in parts]) for name in names}
     return Outcomes(np.concatenate([part.score for part in parts]), terms)

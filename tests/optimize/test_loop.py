@@ -18,9 +18,10 @@ from vinefab.optimize.optimizer import Optimizer
 from vinefab.optimize.random import RandomSearch
 from vinefab.optimize.registry import OPTIMIZERS
 from vinefab.optimize.result import RunResult
+from vinefab.optimize.schedule import AHEAD
 from vinefab.optimize.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
 from vinefab.optimize.trial import FINAL, TRAINING, Trial
-from vinefab.tasks.evaluate import score_design
+from vinefab.tasks.evaluate import Poses, score_design
 
 Maps = tuple[Map, ...]
 Penalty = Callable[[Design], float]
@@ -209,6 +210,23 @@ def test_an_optimizer_may_work_in_what_it_hands_out_and_is_given(
         assert np.array_equal(known.x, found.x)
         assert np.array_equal(known.fitness, found.fitness)
     assert one.score == other.score
+
+
+@pytest.mark.parametrize("generations", [5, AHEAD])
+def test_poses_that_no_generation_needs_cannot_end_a_run(
+    small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch, generations: int
+) -> None:
+    """Those of another seed, and those after the last generation."""
+    settings = replace(small, search=replace(small.search, generations=generations))
+    draw, whole = Trial.training_poses, optimize(settings, maps)
+
+    def rare(trial: Trial, seed: int, generation: int) -> Poses:
+        if seed != settings.search.seed or generation >= generations:
+            raise BadInputError("starts", generation, "a start with free space in its range")
+        return draw(trial, seed, generation)
+
+    monkeypatch.setattr(Trial, "training_poses", rare)
+    assert same(whole, optimize(settings, maps))
 
 
 def test_runs_that_cannot_be_are_refused(

@@ -121,6 +121,21 @@ def test_a_sensor_that_sees_further_than_the_room_sees_all_of_it(room_ground: Gr
         assert seen == pytest.approx(1e6, rel=2e-3)
 
 
+@pytest.mark.parametrize("world", [grid_map(1), cave_map(1)], ids=["grid", "cave"])
+@pytest.mark.parametrize("radius", [1e3, 1e4, 1e6])
+def test_what_walls_hide_is_as_fine_as_the_map_however_far_sensors_see(
+    world: Map, radius: float
+) -> None:
+    ground = Ground.of(world)
+    inside = np.random.default_rng(3).uniform(*np.reshape(ground.free.bounds, (2, 2)), (60, 2))
+    sensors = inside[shapely.contains_xy(ground.free, inside[:, 0], inside[:, 1])][:6]
+    lines = ground.sight_lines(radius)
+    for count in (1, 6):
+        _, union = seen_areas(sensors[:count], radius, ground.edges_mm)
+        seen, _ = covered(lines, sensors[:count])
+        assert seen == pytest.approx(union.area, rel=0.01)
+
+
 def test_nothing_is_seen_behind_a_wall_that_fills_the_disc() -> None:
     wall = shapely.box(100, 0, 101, 200)
     ground = Ground.of(Map(name="wall", bounds=shapely.box(0, 0, 200, 200), obstacles=(wall,)))

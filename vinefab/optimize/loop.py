@@ -131,7 +131,6 @@ class Search:
         crew = Threads(workers) if isinstance(workers, int) else workers
         ledger = Ledger(crew.count)
         schedule = Schedule(self.trial, settings.search.seed)
-        schedule.poses(len(history))
         with crew.hired(self.trial, ledger) as begin:
             with Diary(store, progress, settings.search, ledger) as diary:
                 while (stopped := why_stop(history, settings.search)) is None:
@@ -168,7 +167,8 @@ class Search:
         with ledger.spending("evaluating"):
             finish = begin(x, schedule.poses(number))
             diary.write()
-            schedule.poses(number + 1)
+            if number + 1 < self.settings.search.generations:
+                schedule.poses(number + 1)
             found = finish()
         composite = self.trial.composites(found.score)
         fitness = self.trial.fitness(composite, found.penalty)

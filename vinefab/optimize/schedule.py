@@ -1,5 +1,8 @@
 """The poses that generation after generation meets."""
 
+from contextlib import suppress
+
+from vinefab.core.errors import BadInputError
 from vinefab.optimize.trial import Trial
 from vinefab.tasks.evaluate import Poses
 
@@ -33,9 +36,11 @@ class Schedule:
         draw = generation if self._trial.evaluation.redraw else 0
         if draw not in self._drawn:
             count = AHEAD if self._trial.evaluation.redraw else 1
-            self._drawn = {
-                number: self._trial.training_poses(self._seed, number)
-                for number in range(draw, draw + count)
-            }
-            self._trial.make_ready(self._drawn.values())
+            drawn = {draw: self._trial.training_poses(self._seed, draw)}
+            # What is wrong with poses further ahead is nobody's matter if the run ends before.
+            with suppress(BadInputError):
+                for number in range(draw + 1, draw + count):
+                    drawn[number] = self._trial.training_poses(self._seed, number)
+            self._drawn = drawn
+            self._trial.make_ready(drawn.values())
         return self._drawn[draw]

@@ -176,9 +176,9 @@ class Trial:
         """Return what points are worth, and the processor time that it took; see `begin`."""
         return self.begin(x, poses, Alone())()
 
-    def rehearse(self) -> None:
+    def rehearse(self, poses: Poses) -> None:
         """Evaluate the middle of the space for nothing: compiled code is loaded when first used."""
-        self.evaluate(np.full((1, len(self.space)), 0.5), self.training_poses(0, 0))
+        self.evaluate(np.full((1, len(self.space)), 0.5), poses)
 
     def begin(self, x: Floats, poses: Poses, crew: Crew) -> Callable[[], tuple[Found, Work]]:
         """Have a crew find what points are worth; a point that is no design is a result too.

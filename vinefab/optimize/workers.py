@@ -73,7 +73,7 @@ class Threads:
                 nonlocal is_loaded
                 if not is_loaded:
                     with ledger.spending("loading"):
-                        trial.rehearse()
+                        trial.rehearse(poses)
                     is_loaded = True
                 wait = trial.begin(x, poses, team)
 

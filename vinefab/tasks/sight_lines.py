@@ -12,6 +12,9 @@ from vinefab.tasks.sight import NUDGE_MM, TOUCHING_MM
 LINES_PER_RADIUS = 40
 """Lines per radius of the discs of sight."""
 
+LEAST_LINES = 160
+"""Lines across a square map that is smaller than the discs."""
+
 DIRECTIONS = 16
 """Directions between which that of the lines is chosen."""
 
@@ -56,7 +59,9 @@ class SightLines:
         radius_mm
             How far sensors see.
         """
-        step_mm = radius_mm / LINES_PER_RADIUS
+        # What walls hide is as fine as the map, however far sensors see.
+        side_mm = math.sqrt(np.ptp(edges_mm.reshape(-1, 2), axis=0).prod())
+        step_mm = min(radius_mm / LINES_PER_RADIUS, side_mm / LEAST_LINES)
         direction = _direction(edges_mm, step_mm)
         walls_mm = _turned(edges_mm, direction)
         low_mm, high_mm = float(walls_mm[..., 1].min()), float(walls_mm[..., 1].max())
@@ -82,9 +87,9 @@ class SightLines:
         On every line, what is seen is exact; its length stands for the strip about the line. In a
         strip, the seen length differs from that on its line by no more than the outline of what is
         seen runs along the lines in between. The result is therefore off by less than half a
-        strip, an eightieth of the radius, times the length of the outline, whatever the map. That
-        bound is far from reached, because errors have either sign and arise only where the outline
-        runs along the lines, whose direction is the one that the walls run along the least:
+        strip, at most an eightieth of the radius, times the length of the outline. That bound is
+        far from reached, because errors have either sign and arise only where the outline runs
+        along the lines, whose direction is the one that the walls run along the least:
         `tests/tasks/errors.py` measures it on random deployments.
 
         Parameters

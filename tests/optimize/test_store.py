@@ -326,3 +326,19 @@ def test_an_interrupt_as_a_recording_begins_leaves_the_record_usable(
         assert store.recorded == 0
         store.add(history[:2], {"generation": 2})
         assert store.recorded == 2
+
+
+def test_an_interrupt_while_a_record_is_closed_leaves_it_to_the_next(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    class Interrupted:
+        def close(self) -> None:
+            raise KeyboardInterrupt
+
+    identity = RunIdentity.of(small, maps)
+    store = RunStore.open(tmp_path, identity)
+    store._connection.close()
+    store._connection = Interrupted()  # type: ignore[assignment]
+    with pytest.raises(KeyboardInterrupt):
+        store.close()
+    RunStore.open(tmp_path, identity, resume=True).close()

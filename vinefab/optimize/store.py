@@ -254,12 +254,14 @@ class RunStore:
             return self._connection.execute("SELECT 1 FROM generation").fetchone() is not None
 
     def _leave(self, *, remove: bool) -> None:
-        self._connection.close()
-        if remove:
-            for ending in ("", "-wal", "-shm"):
-                self.path.with_name(f"{FILE_NAME}{ending}").unlink(missing_ok=True)
-        _let_go(self._held)
-        self._held = None
+        try:
+            self._connection.close()
+            if remove:
+                for ending in ("", "-wal", "-shm"):
+                    self.path.with_name(f"{FILE_NAME}{ending}").unlink(missing_ok=True)
+        finally:
+            _let_go(self._held)
+            self._held = None
 
     def _note(self, times: TimeSplit | None) -> None:
         if times is not None:

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 import shapely
 
 from vinefab.checks.shapes import Shapes, shapes_of
-from vinefab.core.errors import BadInputError
-from vinefab.geometry.laser import laser_job
+from vinefab.geometry.laser import check_size, laser_job
 from vinefab.geometry.layout import FlatLayout, flat_layout
 from vinefab.geometry.outline import BodyOutline, body_outline
 from vinefab.geometry.sheet import ONE, SheetOptions
@@ -16,9 +15,6 @@ from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.rigfacts import Course, RigFacts
-
-MOST_BRANCHES = 5000
-"""Larger trees are not looked at: no sheet holds them, and pairs grow with the square."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,10 +88,7 @@ class Subject:
         BadInputError
             If the design has more branches than a flat robot could ever hold.
         """
-        if design.branch_count > MOST_BRANCHES:
-            name, count = design.name, design.branch_count
-            allowed = f"at most {MOST_BRANCHES} for checks and laser files"
-            raise BadInputError(f"design {name}", f"{count} branches", allowed)
+        check_size(design)
         layout = flat_layout(design)
         return cls(
             design=design,

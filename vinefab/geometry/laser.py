@@ -20,6 +20,22 @@ from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile
 
+MOST_BRANCHES = 5000
+"""Larger trees are not looked at: no sheet holds them, and pairs grow with the square."""
+
+
+def check_size(design: Design) -> None:
+    """Complain of a design with more branches than a flat robot could ever hold.
+
+    Raises
+    ------
+    BadInputError
+        If it has.
+    """
+    if design.branch_count > MOST_BRANCHES:
+        count, allowed = design.branch_count, f"at most {MOST_BRANCHES} for checks and laser files"
+        raise BadInputError(f"design {design.name}", f"{count} branches", allowed)
+
 
 def laser_job(design: Design, profile: LaserProfile, sheet: SheetOptions = ONE) -> Job:
     """Return the job for a design: its outline, the cuts that free it, and marks beside it.
@@ -39,8 +55,11 @@ def laser_job(design: Design, profile: LaserProfile, sheet: SheetOptions = ONE) 
     Raises
     ------
     BadInputError
-        If the recipe lacks an operation, or two different designs have the same name.
+        If the recipe lacks an operation, a design is too large for any sheet, or two different
+        designs have the same name.
     """
+    for one in (design, *sheet.beside):
+        check_size(one)
     robots = _placed_robots(design, profile, sheet)
     machine = profile.machine
     alone = robots[0].placement if len(robots) == 1 else None

@@ -8,7 +8,7 @@ from vinefab.checks.mend_bench import Bench
 from vinefab.checks.mend_cost import Change, changes
 from vinefab.checks.rule import LimitChanges
 from vinefab.checks.run import run_checks
-from vinefab.checks.subject import MOST_BRANCHES
+from vinefab.geometry.laser import MOST_BRANCHES
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile

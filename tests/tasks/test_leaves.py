@@ -18,8 +18,9 @@ from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.model.map import Map
 from vinefab.physics.anchoring import pouch_contact_mm2
 from vinefab.tasks.anchoring import Anchoring
+from vinefab.tasks.cells import TOUCHING_MM
 from vinefab.tasks.evaluate import Site
-from vinefab.tasks.ground import TOUCHING_MM, Ground
+from vinefab.tasks.ground import Ground
 from vinefab.tasks.leaves import STEP_BACK_MM, gaps_mm
 
 POUCH = Pouch(shape="rectangle", length_mm=30.0, width_mm=45.0)

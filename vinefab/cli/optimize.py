@@ -53,12 +53,12 @@ def optimize_command(
     settings = read_run(run_file)
     for name in ("best.toml", *(FRONT_FILES if settings.objectives else ())):
         ensure_writable(out / name, force=force)
-    if json_out not in (None, "-"):
-        ensure_writable(Path(str(json_out)), force=force)
+    voice.ensure_json()
 
     again = ["vinefab", "optimize", str(run_file), "--out", str(out), "--resume"]
     again += ["--cluster", cluster] if cluster else ["--workers", str(workers)]
-    with _resumable(shlex.join(again)):
+    command = shlex.join(again)
+    with _resumable(command):
         with voice.progress(f"optimizing {settings.name}") as show:
 
             def tell(progress: Progress) -> None:
@@ -67,7 +67,7 @@ def optimize_command(
             crew = workforce(workers, cluster)
             result = search(settings, out, resume=resume, workers=crew, tell=tell, source=run_file)
         complaint = complaint_of(result, settings)
-    with _resumable(shlex.join(again)), _recorded(shlex.join(again)):
+    with _resumable(command), _recorded(command):
         write_text(out / "best.toml", design_text(result.best), force=force)
         for line in result_lines(result, complaint):
             voice.say(line)

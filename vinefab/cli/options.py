@@ -76,6 +76,11 @@ class Voice:
         """Print a table for the user."""
         self.console.print(table)
 
+    def ensure_json(self) -> None:
+        """Check, before work that takes long, that `give_json` will be able to write."""
+        if self.json_out not in (None, "-"):
+            ensure_writable(Path(str(self.json_out)), force=self.force)
+
     def give_json(self, text: str) -> None:
         """Write the machine-readable result if one was asked for."""
         if self.json_out == "-":

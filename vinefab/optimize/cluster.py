@@ -22,13 +22,14 @@ from typing import Any
 from vinefab.core.errors import BadInputError, UnknownNameError, WorkersLostError
 from vinefab.core.hashing import sha256_of
 from vinefab.model.checked import Floats
+from vinefab.optimize.crew import in_pieces
 from vinefab.optimize.found import Found
 from vinefab.optimize.identity import plugin_packages
 from vinefab.optimize.parcel import packed, unpacked
 from vinefab.optimize.result import package_versions
 from vinefab.optimize.timing import Ledger, Work
 from vinefab.optimize.trial import Brief, Trial
-from vinefab.optimize.workers import Begin, Finish, in_pieces
+from vinefab.optimize.workers import Begin, Finish
 from vinefab.tasks.evaluate import Poses
 
 TRIP_S = 0.1

@@ -5,6 +5,8 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Generic, Protocol, TypeVar
 
+from vinefab.model.checked import Floats
+
 Result = TypeVar("Result")
 
 
@@ -123,3 +125,17 @@ class Team:
             except BaseException:
                 self.stop()
                 raise
+
+
+def in_pieces(x: Floats, rows: int) -> Sequence[Floats]:
+    """Return points in pieces of at most so many rows, at least one each.
+
+    Parameters
+    ----------
+    x
+        The points, shape (m, d).
+    rows
+        Rows of a piece; 0 counts as 1.
+    """
+    size = max(1, rows)
+    return [x[first : first + size] for first in range(0, len(x), size)]

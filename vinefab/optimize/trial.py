@@ -19,7 +19,7 @@ from vinefab.model.checked import Floats
 from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.optimize.crew import Alone, Crew, Piece
+from vinefab.optimize.crew import Alone, Crew, Piece, in_pieces
 from vinefab.optimize.fleet import Fleet
 from vinefab.optimize.found import Found
 from vinefab.optimize.objective import objective
@@ -226,8 +226,7 @@ class Trial:
         """Return the work of finding penalties: NaN where a point is no design, or not to them."""
         if self.penalty is None:
             return []
-        size = math.ceil(len(x) / (4 * workers))
-        parts = [x[first : first + size] for first in range(0, len(x), size)]
+        parts = in_pieces(x, math.ceil(len(x) / (4 * workers)))
         return [Piece(partial(_penalties, part, self.space, self.penalty)) for part in parts]
 
     def _growing(

@@ -1,7 +1,7 @@
 """Evaluating many points at once, with results that do not depend on how many at once."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
@@ -90,17 +90,3 @@ class Threads:
             finally:
                 sys.setswitchinterval(usual_s)
                 team.stop()
-
-
-def in_pieces(x: Floats, rows: int) -> Sequence[Floats]:
-    """Return points in pieces of at most so many rows, at least one each.
-
-    Parameters
-    ----------
-    x
-        The points, shape (m, d).
-    rows
-        Rows of a piece; 0 counts as 1.
-    """
-    size = max(1, rows)
-    return [x[first : first + size] for first in range(0, len(x), size)]

@@ -3,8 +3,6 @@
 import tempfile
 from pathlib import Path
 
-from vinefab.optimize.identity import RunIdentity
-from vinefab.optimize.loop import Search
 from vinefab.optimize.settings import (
     EvaluationSettings,
     MapSettings,
@@ -12,9 +10,8 @@ from vinefab.optimize.settings import (
     RunSettings,
     SearchSettings,
 )
-from vinefab.optimize.store import RunStore
 from vinefab.optimize.timing import TimeSplit
-from vinefab.optimize.training import generated_maps
+from vinefab.pipeline.optimize import search
 
 SEARCHES = ("particleswarm", "cmaes")
 """The paper's optimizer, and the default."""
@@ -41,10 +38,5 @@ def search_split(optimizer: str, threads: int, generations: int) -> TimeSplit:
         search=SearchSettings(population=DESIGNS, generations=generations),
         evaluation=EvaluationSettings(fabricable=False),
     )
-    maps = generated_maps(settings.maps)
-    search, identity = Search.of(settings, maps, None), RunIdentity.of(settings, maps, None)
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        RunStore.open(Path(folder) / "run", identity, maps=maps, resume=False) as store,
-    ):
-        return search.run(store=store, workers=threads).times
+    with tempfile.TemporaryDirectory() as folder:
+        return search(settings, Path(folder), workers=threads).times

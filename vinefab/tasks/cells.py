@@ -7,6 +7,9 @@ import numpy as np
 
 from vinefab.model.checked import Floats, Ints
 
+TOUCHING_MM = 1e-6
+"""A wall so near to a tip or sensor is one that it lies on; tips are right to about 1e-9 mm."""
+
 MOST_CELLS = 1_000_000
 MOST_ENTRIES = 20_000_000
 """Larger indexes would not pay: 160 MB. One cell with all the walls is never too large."""

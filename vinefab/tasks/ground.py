@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.model.checked import Floats, frozen_floats
 from vinefab.model.map import Map
-from vinefab.tasks.cells import WallCells
+from vinefab.tasks.cells import TOUCHING_MM, WallCells
 from vinefab.tasks.raster import Raster
 from vinefab.tasks.sight_lines import SightLines
 
@@ -22,9 +22,6 @@ Made = TypeVar("Made")
 
 MOST_RASTERS = 4
 """Rasters, and lines of sight, are kept for so many radii, then the oldest are dropped."""
-
-TOUCHING_MM = 1e-6
-"""A wall so near to a tip is one that it lies on; tips are right to about 1e-9 mm."""
 
 MARGIN = 1e-6
 """Walls are listed in cells that they miss by this share of a cell, far above rounding."""

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from vinefab.growth.batch import Block
 from vinefab.model.checked import Floats, Ints
 from vinefab.model.deployment import Deployment, Stop
-from vinefab.tasks.ground import TOUCHING_MM, Ground
+from vinefab.tasks.cells import TOUCHING_MM
+from vinefab.tasks.ground import Ground
 
 STEP_BACK_MM = 1e-3
 

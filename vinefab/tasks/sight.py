@@ -8,9 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.model.checked import Floats, Ints
-
-TOUCHING_MM = 1e-6
-"""A wall so near to a sensor is one that it lies on."""
+from vinefab.tasks.cells import TOUCHING_MM
 
 NUDGE_MM = 1e-5
 """How far off such a wall it is taken to be."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vinefab.model.checked import Floats, Ints
-from vinefab.tasks.cells import WallCells
-from vinefab.tasks.sight import NUDGE_MM, TOUCHING_MM
+from vinefab.tasks.cells import TOUCHING_MM, WallCells
+from vinefab.tasks.sight import NUDGE_MM
 
 LINES_PER_RADIUS = 40
 """Lines per radius of the discs of sight."""

@@ -56,7 +56,12 @@ def test_an_example_draws_its_picture(name, arguments, tmp_path):
 def test_an_example_does_what_it_says(name, tmp_path):
     script, given = ROOT / "examples" / f"{name}.py", NEEDS.get(name, ())
     ran = subprocess.run(
-        [sys.executable, script, *given], check=True, cwd=tmp_path, capture_output=True, text=True
+        [sys.executable, script, *given],
+        check=True,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        errors="replace",
     )
     assert TALKING[name] in ran.stdout
     assert all((tmp_path / written).exists() for written in given[:1])
@@ -82,6 +87,11 @@ def test_the_library_snippet_of_the_readme_runs(tmp_path):
     after = (ROOT / "README.md").read_text().split("## As a library")[1]
     (snippet,) = re.findall(r"```python\n(.*?)```", after, re.DOTALL)
     ran = subprocess.run(
-        [sys.executable, "-c", snippet], check=True, cwd=tmp_path, capture_output=True, text=True
+        [sys.executable, "-c", snippet],
+        check=True,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        errors="replace",
     )
     assert len(ran.stdout.splitlines()) > 10

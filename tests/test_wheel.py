@@ -29,7 +29,13 @@ def run(installed, cwd, *arguments):
     environment = {**os.environ, "PYTHONPATH": str(installed)}
     program = [sys.executable, "-m", "vinefab", *arguments]
     return subprocess.run(
-        program, cwd=cwd, env=environment, capture_output=True, text=True, check=False
+        program,
+        cwd=cwd,
+        env=environment,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
     )
 
 
@@ -45,6 +51,7 @@ def test_shipped_designs_and_profiles_are_found_by_name(installed, tmp_path):
         env=environment,
         capture_output=True,
         text=True,
+        errors="replace",
         check=True,
     )
     where, listing = done.stdout.splitlines()

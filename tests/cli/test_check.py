@@ -96,7 +96,7 @@ def test_without_a_map_the_simulator_is_not_loaded():
         "print([m for m in sys.modules if m.startswith(('numba', 'vinefab.growth.'))])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+        [sys.executable, "-c", script], capture_output=True, text=True, errors="replace", check=True
     )
     assert done.stdout.strip() == "[]"
 

@@ -216,7 +216,11 @@ def test_commands_that_do_not_simulate_do_not_load_the_simulator(tmp_path, argum
         "print(code, 'numba' in sys.modules, 'trimesh' in sys.modules, file=sys.stderr)"
     )
     done = subprocess.run(
-        [sys.executable, "-c", script, *given], capture_output=True, text=True, check=True
+        [sys.executable, "-c", script, *given],
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=True,
     )
     assert done.stderr.strip() == "0 False False"
 

@@ -183,7 +183,9 @@ def test_ogr_sees_the_layers_lengths_and_boxes(
     # OGR draws arcs as chords; this makes them a quarter of a degree long.
     options = ["--config", "OGR_ARC_STEPSIZE", "0.25", "-lco", "COORDINATE_PRECISION=9"]
     command = [ogr2ogr, "-f", "GeoJSON", *options, "-a_srs", "EPSG:3857", target, source]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(
+        command, capture_output=True, text=True, errors="replace", timeout=60, check=True
+    )
     assert "ERROR" not in done.stderr
     found = defaultdict(list)
     for feature in json.loads(target.read_text("utf-8"))["features"]:

@@ -228,7 +228,13 @@ def test_the_readme_says_where_the_film_of_tiles_lies(content: PackageContent) -
 
 def check_in(folder: Path, command: list[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        command, cwd=folder, check=False, capture_output=True, text=True, timeout=30
+        command,
+        cwd=folder,
+        check=False,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        timeout=30,
     )
 
 

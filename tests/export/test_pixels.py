@@ -75,7 +75,9 @@ def test_rsvg_fills_the_same_pixels(part: Job, tmp_path: Path, program: Program)
     dots = str(round(25.4 / PIXEL_MM))
     command = [program("rsvg-convert", "librsvg2-bin"), "-d", dots, "-p", dots]
     command += ["-o", str(tmp_path / "a.png"), str(tmp_path / "a.svg")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(
+        command, capture_output=True, text=True, errors="replace", timeout=60, check=True
+    )
     assert done.stderr == ""
     with Image.open(tmp_path / "a.png") as image:
         inside = np.asarray(image.convert("RGBA"))[:, :, 3] > 127
@@ -130,6 +132,7 @@ def test_every_laser_file_has_the_same_bytes_in_another_process() -> None:
             env={**os.environ, "PYTHONHASHSEED": seed},
             capture_output=True,
             text=True,
+            errors="replace",
             check=True,
             timeout=120,
         ).stdout

@@ -131,7 +131,9 @@ def admesh(program):
 
 def _admesh(admesh, path):
     """Return what admesh prints, by name; its exit code says nothing about the mesh."""
-    done = subprocess.run([admesh, path], capture_output=True, text=True, timeout=30, check=True)
+    done = subprocess.run(
+        [admesh, path], capture_output=True, text=True, errors="replace", timeout=30, check=True
+    )
     numbers = re.findall(r"([A-Z][A-Za-z ]+?)\s*:\s+(-?[\d.]+)", done.stdout)
     return {name: float(number) for name, number in numbers}
 

@@ -196,7 +196,9 @@ def render(program: str, text: str, folder: Path, dots_per_inch: int) -> np.ndar
     source.write_text(text, "utf-8")
     resolution = ["-d", str(dots_per_inch), "-p", str(dots_per_inch)]
     command = [program, *resolution, "-o", target, source]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(
+        command, capture_output=True, text=True, errors="replace", timeout=60, check=True
+    )
     assert done.stderr == ""
     with Image.open(target) as image:
         return np.asarray(image.convert("RGBA"))

@@ -36,6 +36,10 @@ print("done")
 def test_threads_may_look_first_at_the_same_time():
     # In a process of its own: without care this ends in broken memory, not in an exception.
     ran = subprocess.run(
-        [sys.executable, "-c", PROGRAM], check=False, capture_output=True, text=True
+        [sys.executable, "-c", PROGRAM],
+        check=False,
+        capture_output=True,
+        text=True,
+        errors="replace",
     )
     assert (ran.returncode, ran.stdout) == (0, "done\n"), ran.stderr

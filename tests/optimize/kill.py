@@ -88,6 +88,7 @@ def start(
         [*command, "--resume", "--workers", "2", "-q"],
         stderr=subprocess.PIPE,
         text=True,
+        errors="replace",
         preexec_fn=limit,  # noqa: PLW1509 - this process has one thread
     )
 

@@ -27,7 +27,7 @@ fuzz: $(READY)
 	$(BIN)/python tests/growth/fuzz.py
 
 outlines: $(READY)
-	$(BIN)/python tests/geometry/property.py
+	$(BIN)/python tests/fabrication/outline/property.py
 
 format: $(READY)
 	$(BIN)/ruff format .

@@ -5,28 +5,28 @@ a function that looks at the subject and says what breaks a limit. A rule of vin
 such object in `vinefab/checks/` and a line in `vinefab/checks/rules.py`.
 """
 
-from vinefab.checks.rule import Hit, Limits, Looked, Rule
-from vinefab.checks.subject import Subject
-from vinefab.files.design import read_design
-from vinefab.files.profile import read_profile
-from vinefab.files.shipped import DEFAULT_RECIPE
+from vinefab.fabrication.checking import subject_of
+from vinefab.fabrication.rules.rule import Limits, Rule, RuleApplied, Violation
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.tree import branch_tree
-from vinefab.pipeline.check import subject_of
 
 
-def look_at_film(subject: Subject, limits: Limits) -> Looked:
+def look_at_film(subject: Subject, limits: Limits) -> RuleApplied:
     """MY-F01: all branches together take no more film than the limits."""
     film_m = branch_tree(subject.design).total_length_mm / 1000.0
     breach = limits.most(film_m)
     if breach is None:
-        return Looked(checked=1)
-    hit = Hit(
+        return RuleApplied(checked=1)
+    hit = Violation(
         message="so much film is slow to evert: shorten or leave out branches",
         severity=breach.severity,
         measured=film_m,
         limit=breach.limit,
     )
-    return Looked(checked=1, hits=(hit,))
+    return RuleApplied(checked=1, hits=(hit,))
 
 
 RULE = Rule(

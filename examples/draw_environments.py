@@ -8,9 +8,9 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from vinefab.environments.registry import ENVIRONMENTS
-from vinefab.report.drawing import draw_map
-from vinefab.report.figure import house_style, png_bytes
+from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.pages.drawing import draw_map
+from vinefab.pages.figure import house_style, png_bytes
 
 COLUMNS, ROWS = 5, 4
 

@@ -10,21 +10,21 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from vinefab.environments.grid import grid_map
-from vinefab.files.design import read_design
-from vinefab.files.printer import read_printer
-from vinefab.files.profile import read_profile
-from vinefab.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
-from vinefab.growth.grow import grow
+from vinefab.fabrication.package.prepare import prepare
+from vinefab.fabrication.package.sheet_pictures import OPERATION_COLOURS
 from vinefab.growth.options import GrowthOptions
+from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
+from vinefab.maps.generators.grid import grid_map
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.job import Operation
-from vinefab.pipeline.fabricate import prepare
-from vinefab.report.drawing import draw_deployment, draw_map
-from vinefab.report.figure import house_style, png_bytes
-from vinefab.report.sheet_plan import OPERATION_COLOURS
-from vinefab.rig.build import build_rig
+from vinefab.pages.drawing import draw_deployment, draw_map
+from vinefab.pages.figure import house_style, png_bytes
 from vinefab.rig.part import Rig
+from vinefab.rig.plate import build_rig
+from vinefab.rig.printer import read_printer
 
 UNSEEN_SEED = 100_003
 

@@ -11,13 +11,13 @@ from pathlib import Path
 from shapely import box
 from shapely.geometry import Point
 
-from vinefab.files.design import read_design
-from vinefab.growth.grow import grow
 from vinefab.growth.options import GrowthOptions
+from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
+from vinefab.model.files.design_toml import read_design
 from vinefab.model.map import Map, Pose, Start
-from vinefab.report.figure import svg_bytes
-from vinefab.report.plans import deployment_plan
+from vinefab.pages.drawing import deployment_plan
+from vinefab.pages.figure import svg_bytes
 
 
 def main(target: Path) -> None:

@@ -6,11 +6,11 @@ Run it as ``python examples/make_a_rig.py OUT``.
 import sys
 from pathlib import Path
 
-from vinefab.environments.pegs import PegsOptions, pegs_map
-from vinefab.files.printer import read_printer
-from vinefab.files.shipped import DEFAULT_PRINTER
-from vinefab.pipeline.rig import make_rig
+from vinefab.maps.generators.pegs import PegsOptions, pegs_map
+from vinefab.model.files.shipped import DEFAULT_PRINTER
+from vinefab.rig.make import make_rig
 from vinefab.rig.options import RigOptions
+from vinefab.rig.printer import read_printer
 
 
 def main(folder: Path) -> None:

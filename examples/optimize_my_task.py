@@ -8,15 +8,10 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from vinefab.model.deployment import Deployment
-from vinefab.optimize.loop import Search
-from vinefab.optimize.settings import (
-    EvaluationSettings,
-    MapSettings,
-    RunSettings,
-    SearchSettings,
-)
-from vinefab.optimize.training import generated_maps
-from vinefab.tasks.ground import Ground
+from vinefab.search.loop import Search
+from vinefab.search.run import generated_maps
+from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
+from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome
 
 
@@ -29,7 +24,7 @@ class Height:
 
     film_weight: float = 0.05
 
-    def evaluate(self, deployment: Deployment, ground: Ground) -> Outcome:
+    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
         """Return the score and its terms."""
         _, y_min, _, y_max = ground.free.bounds
         highest_mm = float(deployment.tips_mm[:, 1].max())

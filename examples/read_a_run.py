@@ -6,14 +6,9 @@ Run it as ``python examples/read_a_run.py FOLDER``; a second time it only reads.
 import sys
 from pathlib import Path
 
-from vinefab.optimize.archive import Archive, records_in
-from vinefab.optimize.settings import (
-    EvaluationSettings,
-    MapSettings,
-    RunSettings,
-    SearchSettings,
-)
-from vinefab.pipeline.optimize import search
+from vinefab.search.record.run_archive import RunArchive, records_in
+from vinefab.search.run import run_search
+from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
 
 
 def main(folder: Path) -> None:
@@ -23,9 +18,9 @@ def main(folder: Path) -> None:
         search=SearchSettings(population=10, generations=4, seed=1),
         evaluation=EvaluationSettings(fabricable=False),
     )
-    search(settings, folder, resume=any(folder.glob("*.sqlite")))
+    run_search(settings, folder, resume=any(folder.glob("*.sqlite")))
     for path in records_in(folder):
-        archive = Archive.read(path)
+        archive = RunArchive.read(path)
         print(f"{path.name}: {archive.settings.task.name} on {len(archive.maps)} maps")
         for generation in archive.history:
             print(f"  generation {generation.number}: best {generation.fitness.max():.4f}")

@@ -1,10 +1,10 @@
-"""Record what every command writes for shipped designs and fixed seeds, and compare two recordings.
+"""Record what every command writes for shipped designs and fixed seeds; compare recordings.
 
-    python tests/golden.py record OUT        # runs the commands of the vinefab that this python imports
-    python tests/golden.py compare OLD NEW   # names every file that differs; exit code 1 if one does
+    python tests/golden.py record OUT        # with the vinefab that is installed
+    python tests/golden.py compare OLD NEW   # names what differs; exit code 1 if anything
 
-A change that is meant to move code and not results records before and after. Records of runs (SQLite)
-are left out: they hold times. So are lines that say how long something took or which commit ran.
+A change that is meant to move code and not results records before and after. Records of runs
+(SQLite) are left out: they hold times. So are lines about times and commits.
 """
 
 import hashlib
@@ -42,20 +42,33 @@ RUNS = {
     "evolution": ("rubble", "coverage", "", "evolution", "false"),
     "random": ("pegs", "reach", "", "random", "true"),
     "anchoring": ("grid", "anchoring", "", "cmaes", "false"),
-    "front": ("corridors", "coverage", 'objectives = ["coverage", "film_length"]', "nsga2", "false"),
+    "front": (
+        "corridors",
+        "coverage",
+        'objectives = ["coverage", "film_length"]',
+        "nsga2",
+        "false",
+    ),
 }
 
 
 def _commands(designs: tuple[str, ...] = DESIGNS) -> list[str]:
     """Every command line of the recording, in order; later ones read what earlier ones wrote."""
     kinds = ("grid", "cave", "rubble", "corridors", "pegs")
-    lines = [f"map {kind} --seed {seed} --out {kind}{seed}.geojson" for kind in kinds for seed in (1, 2)]
-    lines += [f"map info {kind}1.geojson --width-mm 20 --json {kind}_info.json --svg {kind}.svg" for kind in kinds]
+    lines = [
+        f"map {kind} --seed {seed} --out {kind}{seed}.geojson" for kind in kinds for seed in (1, 2)
+    ]
+    lines += [
+        f"map info {kind}1.geojson --width-mm 20 --json {kind}_info.json --svg {kind}.svg"
+        for kind in kinds
+    ]
     for design in designs:
         for kind in kinds:
             name = f"{design}_{kind}"
             lines.append(f"grow {design} --map {kind}1.geojson --json {name}.json --svg {name}.svg")
-            lines.append(f"grow {design} --map {kind}2.geojson --body inflated --json {name}_wide.json")
+            lines.append(
+                f"grow {design} --map {kind}2.geojson --body inflated --json {name}_wide.json"
+            )
         for task in ("coverage", "reach", "anchoring"):
             lines.append(
                 f"score {design} --task {task} --maps grid1.geojson --maps cave1.geojson --poses 3"
@@ -64,9 +77,12 @@ def _commands(designs: tuple[str, ...] = DESIGNS) -> list[str]:
         lines.append(f"check {design} --json {design}.checks.json --svg {design}.checks.svg")
         lines.append(f"check {design} --map grid1.geojson --json {design}_map.checks.json")
         lines.append(f"fabricate {design} --out {design}_package --allow-uncalibrated")
-        lines.append(f"fabricate {design} --out {design}_two --process weld+cut --allow-uncalibrated --r12")
+        lines.append(
+            f"fabricate {design} --out {design}_two --process weld+cut --allow-uncalibrated --r12"
+        )
     lines += [
-        "grow grid_explorer --map grid1.geojson --animate grown.svg --history 100,300 --json history.json",
+        "grow grid_explorer --map grid1.geojson --animate grown.svg --history 100,300"
+        " --json history.json",
         "grow grid_explorer --map grid1.geojson --animate grown.gif --frames 8",
         "fabricate cave_explorer --copies 2 --with plain_vine --out nested --allow-uncalibrated",
         "fabricate long.toml --out tiled --allow-uncalibrated",
@@ -77,8 +93,10 @@ def _commands(designs: tuple[str, ...] = DESIGNS) -> list[str]:
         "rig grid1.geojson --fit-mm 300 --out rig",
         "rig cave1.geojson --style board --lid --fit-mm 300 --out rig_board",
         "report grid_explorer --environment grid --count 6 --out report.html --json report.json",
-        "report six_branch_anchor --environment cave --count 4 --out anchor.html --json anchor.json",
-        "compare grid_explorer plain_vine --environment grid --count 6 --out compare.html --json compare.json",
+        "report six_branch_anchor --environment cave --count 4 --out anchor.html"
+        " --json anchor.json",
+        "compare grid_explorer plain_vine --environment grid --count 6 --out compare.html"
+        " --json compare.json",
         "map import drawing.svg --scale-mm-per-unit 1 --out drawing.geojson",
         "map import points.csv --out points.geojson",
         "map import world.yaml --scale-mm-per-unit 100 --out world.geojson",
@@ -88,7 +106,8 @@ def _commands(designs: tuple[str, ...] = DESIGNS) -> list[str]:
     return lines
 
 
-DRAWING = """<svg xmlns="http://www.w3.org/2000/svg" width="300mm" height="200mm" viewBox="0 0 300 200">
+DRAWING = """<svg xmlns="http://www.w3.org/2000/svg" width="300mm" height="200mm"
+viewBox="0 0 300 200">
 <rect x="5" y="5" width="290" height="190"/><circle cx="80" cy="80" r="20"/>
 <path d="M150 60 L200 70 L180 120 Z M220 120 q 20 -30 40 0 a 15 15 0 0 1 -40 0 z"/></svg>
 """
@@ -135,7 +154,11 @@ def record(folder: Path) -> None:
     folder.mkdir(parents=True)
     for name, (environment, task, extra, optimizer, fabricable) in RUNS.items():
         text = RUN.format(
-            environment=environment, task=task, extra=extra, optimizer=optimizer, fabricable=fabricable
+            environment=environment,
+            task=task,
+            extra=extra,
+            optimizer=optimizer,
+            fabricable=fabricable,
         )
         (folder / f"run_{name}.toml").write_text(text)
     (folder / "drawing.svg").write_text(DRAWING)
@@ -144,13 +167,21 @@ def record(folder: Path) -> None:
     (folder / "broken.toml").write_text(BROKEN)
     _ros_map(folder)
     environment_variables = os.environ | {
-        "PYTHONHASHSEED": "0", "SOURCE_DATE_EPOCH": "0", "COLUMNS": "100", "NO_COLOR": "1",
+        "PYTHONHASHSEED": "0",
+        "SOURCE_DATE_EPOCH": "0",
+        "COLUMNS": "100",
+        "NO_COLOR": "1",
     }
     with (folder / "said.txt").open("w", encoding="utf-8") as said:
         for line in _commands():
             done = subprocess.run(
-                [sys.executable, "-m", "vinefab", *line.split()], cwd=folder, env=environment_variables,
-                capture_output=True, text=True, errors="replace", check=False,
+                [sys.executable, "-m", "vinefab", *line.split()],
+                cwd=folder,
+                env=environment_variables,
+                capture_output=True,
+                text=True,
+                errors="replace",
+                check=False,
             )
             said.write(f"$ vinefab {line}\n{done.stdout}{done.stderr}exit {done.returncode}\n\n")
             said.flush()
@@ -168,18 +199,27 @@ def _content(path: Path) -> str:
 
 def compare(old: Path, new: Path) -> int:
     """Print every file that stands in one recording only, or with other content."""
+
     def files(folder: Path) -> set[str]:
         return {
-            str(path.relative_to(folder)) for path in folder.rglob("*")
+            str(path.relative_to(folder))
+            for path in folder.rglob("*")
             if path.is_file() and ".sqlite" not in path.name and path.name != "MANIFEST.sha256"
         }
+
     before, after = files(old), files(new)
     different = sorted(before ^ after)
-    different += [name for name in sorted(before & after) if _content(old / name) != _content(new / name)]
+    different += [
+        name for name in sorted(before & after) if _content(old / name) != _content(new / name)
+    ]
     for name in different:
-        place = "" if name in before & after else (" (only before)" if name in before else " (only after)")
-        print(f"differs: {name}{place}")
-    print(f"{len(before & after)} files compared, {len(different)} differ")
+        place = (
+            ""
+            if name in before & after
+            else (" (only before)" if name in before else " (only after)")
+        )
+        sys.stdout.write(f"differs: {name}{place}\n")
+    sys.stdout.write(f"{len(before & after)} files compared, {len(different)} differ\n")
     return 1 if different else 0
 
 

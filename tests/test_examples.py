@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from vinefab.files.design import read_design
-from vinefab.files.profile import read_profile
-from vinefab.files.run import read_run
-from vinefab.files.shipped import DEFAULT_RECIPE
-from vinefab.pipeline.check import check
+from vinefab.fabrication.checking import check_design
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.search.run_file import read_run
 
 ROOT = Path(__file__).parents[1]
 
@@ -80,7 +80,7 @@ def test_a_shipped_winner_is_what_its_run_file_says_and_can_be_made(name):
     origin = ("task", "optimizer", "seed", "population", "generations")
     assert tuple(design.origin[key] for key in origin) == made
     assert design.build == run.build.build(design.depth)
-    assert not check(design, read_profile(DEFAULT_RECIPE)).blocking
+    assert not check_design(design, read_profile(DEFAULT_RECIPE)).blocking
 
 
 def test_the_library_snippet_of_the_readme_runs(tmp_path):

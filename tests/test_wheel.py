@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from vinefab.files.shipped import KINDS
+from vinefab.model.files.shipped import KINDS
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -41,7 +41,7 @@ def run(installed, cwd, *arguments):
 
 def test_shipped_designs_and_profiles_are_found_by_name(installed, tmp_path):
     code = (
-        "import vinefab, vinefab.files.shipped as s; print(vinefab.__file__); "
+        "import vinefab, vinefab.model.files.shipped as s; print(vinefab.__file__); "
         "print(*[s.shipped_root(), *[len(s.names(kind)) for kind in s.KINDS]])"
     )
     environment = {**os.environ, "PYTHONPATH": str(installed)}

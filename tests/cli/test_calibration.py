@@ -5,12 +5,11 @@ import json
 import pytest
 
 from vinefab.core.atomic import ensure_unchanged
-from vinefab.core.hashing import sha256_of
+from vinefab.core.hashing import manifest_text, sha256_of
 from vinefab.core.jsontext import GENERATOR
-from vinefab.core.manifest import manifest_text
-from vinefab.export.coupon_text import results_text
-from vinefab.files.profile import read_profile
-from vinefab.files.shipped import shipped_root
+from vinefab.fabrication.calibration.coupon_package import results_text
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import shipped_root
 from vinefab.model.laser import RecipeStatus, Standing
 
 RECIPE = "co2_60w__stretchlon_200"

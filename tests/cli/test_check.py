@@ -6,7 +6,8 @@ import sys
 
 import pytest
 
-from vinefab.export.readback import read_dxf, read_svg
+from vinefab.fabrication.formats.dxf_format import read_dxf
+from vinefab.fabrication.formats.svg_format import read_svg
 
 
 def checks(vinefab, *arguments):

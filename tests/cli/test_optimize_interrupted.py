@@ -1,6 +1,6 @@
 import shlex
 
-from vinefab.optimize.store import RunStore
+from vinefab.search.record.store import RunStore
 
 
 def test_an_interrupted_run_says_how_to_go_on_and_does(monkeypatch, vinefab, run_file, tmp_path):

@@ -6,19 +6,19 @@ import sys
 
 import pytest
 
-from vinefab.checks.rules import RULES
-from vinefab.environments.registry import ENVIRONMENTS
-from vinefab.optimize.registry import OPTIMIZERS
-from vinefab.tasks.registry import TASKS
+from vinefab.fabrication.rules.catalog import RULES
+from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
+from vinefab.tasks.shipped_tasks import TASKS
 
 MODULE = """
 from dataclasses import dataclass
 from typing import ClassVar
 
-from vinefab.checks.rule import Hit, Looked, Rule
-from vinefab.environments.grid import GridOptions, grid_map
-from vinefab.environments.registry import Environment
-from vinefab.optimize.random import RandomRecipe as Dice
+from vinefab.fabrication.rules.rule import Rule, RuleApplied, Violation
+from vinefab.maps.generators.grid import GridOptions, grid_map
+from vinefab.maps.generators.environments import Environment
+from vinefab.search.optimizers.random_search import RandomConfig as Dice
 
 YARD = Environment(description="their yard", options=GridOptions, make=grid_map)
 
@@ -27,11 +27,11 @@ def count(subject, limits):
     found = float(subject.design.branch_count)
     breach = limits.most(found)
     if breach is None:
-        return Looked(checked=1)
-    hit = Hit(
+        return RuleApplied(checked=1)
+    hit = Violation(
         message="too many", severity=breach.severity, measured=found, limit=breach.limit
     )
-    return Looked(checked=1, hits=(hit,))
+    return RuleApplied(checked=1, hits=(hit,))
 
 
 FEW = Rule(id="MY-F01", title="few branches", limits={"error": 4.0}, reason="ours", look=count)
@@ -138,7 +138,7 @@ def test_a_rule_of_another_package_is_looked_at_and_a_broken_one_is_named(vinefa
     assert "MY-F01" in words
     assert "(is 10, limit 4)" in words
     assert "MY-F02  does not load (its id is MY-F01, not the name of its entry point)" in words
-    assert "MY-F03  does not load (is no vinefab.checks.rule.Rule)" in words
+    assert "MY-F03  does not load (is no vinefab.fabrication.rules.rule.Rule)" in words
     assert "MY-F04  does not load (ModuleNotFoundError" in words
     assert vinefab("check", "three_level_tree", "--limit", "MY-F01.error=10")[0] == 0
     # A run asks it of its designs too.

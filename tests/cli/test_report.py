@@ -46,7 +46,7 @@ def test_an_interrupted_report_leaves_nothing(monkeypatch, grid, tmp_path):
     def interrupted(*_args, **_kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("vinefab.pipeline.report.tolerance", interrupted)
+    monkeypatch.setattr("vinefab.prediction.predict.tolerance", interrupted)
     before = sorted(tmp_path.iterdir())
     out = tmp_path / "report.html"
     code = main(

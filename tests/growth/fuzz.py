@@ -15,11 +15,10 @@ from shapely import Polygon, box
 from shapely.affinity import affine_transform
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.growth.atlas import Atlas
-from vinefab.growth.batch import Batch, Block, Launches
-from vinefab.growth.grow import grow
+from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plans import Plans
+from vinefab.growth.plan import Plans
+from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
@@ -219,7 +218,7 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     )
     designs = [nasty_design(rng, size_mm) for _ in range(DESIGNS_PER_MAP)]
     poses = [nasty_pose(rng, ground) for _ in range(GROWTHS_PER_MAP // DESIGNS_PER_MAP)]
-    batch = Batch(Plans.of(designs, options), Launches.of(Atlas([ground]), [poses]), options)
+    batch = Batch(Plans.of(designs, options), Launches.of(TerrainSet([ground]), [poses]), options)
 
     def events(block: Block) -> tuple[int, int]:
         return int(block.growth.events.sum()), int(block.growth.events.max())

@@ -8,11 +8,10 @@ from shapely import box
 
 from vinefab.core.errors import BadInputError
 from vinefab.growth import batch as batch_module
-from vinefab.growth.atlas import MOST_KEPT, Atlas
-from vinefab.growth.batch import Batch, Launches
-from vinefab.growth.grow import grow
+from vinefab.growth.batch import MOST_KEPT, Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plans import Plans
+from vinefab.growth.plan import Plans
+from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.map import Map, Pose
 
@@ -31,7 +30,7 @@ def case(request, random_map, random_pose, random_tree):
     terrains = [Terrain.of(random_map(rng, kind)) for kind in KINDS]
     poses = [[random_pose(rng, ground) for _ in range(5)] for ground in terrains]
     designs = [random_tree(rng) for _ in range(9)]
-    launches = Launches.of(Atlas(terrains), poses)
+    launches = Launches.of(TerrainSet(terrains), poses)
     batch = Batch(Plans.of(designs, options), launches, options)
     alone = [
         grow(design, ground, pose, options)
@@ -90,13 +89,13 @@ def test_trees_with_more_contacts_than_expected_get_more_room(case, monkeypatch)
 def test_a_launch_in_solid_is_refused_and_one_a_trifle_outside_is_put_on_the_wall():
     ground = Terrain.of(Map(name="room", bounds=box(0.0, 0.0, 100.0, 100.0)))
     trifle = Pose(x_mm=100.0 + 5e-8, y_mm=50.0, heading_rad=0.0)
-    assert Launches.of(Atlas([ground]), [[trifle]]).start[0, 0] == 100.0
+    assert Launches.of(TerrainSet([ground]), [[trifle]]).start[0, 0] == 100.0
     with pytest.raises(BadInputError, match="outside the bounds"):
-        Launches.of(Atlas([ground]), [[trifle, Pose(x_mm=101.0, y_mm=50.0, heading_rad=0.0)]])
+        Launches.of(TerrainSet([ground]), [[trifle, Pose(x_mm=101.0, y_mm=50.0, heading_rad=0.0)]])
 
 
 def test_an_atlas_keeps_what_it_has_put_together_but_not_for_ever():
-    atlas = Atlas([Terrain.of(Map(name="room", bounds=box(0.0, 0.0, 100.0, 100.0)))])
+    atlas = TerrainSet([Terrain.of(Map(name="room", bounds=box(0.0, 0.0, 100.0, 100.0)))])
     bare = atlas.arrays((0.0,))
     assert atlas.arrays((0.0,)) is bare
     for step in range(2 * MOST_KEPT):

@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose
 from shapely import box
 
 from vinefab.growth import kernel, reference
-from vinefab.growth.arrays import Growth, Rules, Start, TreeArrays
-from vinefab.growth.grow import MOST_EVENTS, TOLERANCE_RAD, grow_branches_of
-from vinefab.growth.reference_walls import world_of
+from vinefab.growth.arrays import Growth, Launch, Rules, TreeArrays
+from vinefab.growth.reference import world_of
+from vinefab.growth.simulator import MOST_EVENTS, TOLERANCE_RAD, grow_branches_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Map
@@ -39,7 +39,9 @@ def test_release_in_the_kernel():
     growth.chain_length[1] = abs(CONTACT)
     growth.chain_sense[1] = -1
     u = (TIP - CONTACT) / abs(TIP - CONTACT)
-    tip = kernel.Tip(150.0, 100.0, u.real, u.imag, 1, RIGHT_WALL, 1100.0, 1.0, -1, kernel.GROWING)
+    tip = kernel.TipState(
+        150.0, 100.0, u.real, u.imag, 1, RIGHT_WALL, 1100.0, 1.0, -1, kernel.GROWING
+    )
     after = kernel._slide(ROOM.walls(), RULES, growth, tip, 0, 1000.0)
     assert after.pivot == 0
     assert_allclose([after.x, after.y], [150.0, 180.0], atol=1e-9)
@@ -52,7 +54,9 @@ def test_release_in_the_kernel():
 def test_release_in_the_twin():
     world = world_of(ROOM.walls(), RULES)
     u = (TIP - CONTACT) / abs(TIP - CONTACT)
-    branch = reference.Branch(world, 1000.0, TIP, u, [BASE, CONTACT], [0, -1], [0.0, abs(CONTACT)])
+    branch = reference.GrowingBranch(
+        world, 1000.0, TIP, u, [BASE, CONTACT], [0, -1], [0.0, abs(CONTACT)]
+    )
     branch.wall, branch.place, branch.sense = RIGHT_WALL, 1100.0, 1
     branch.slide(RIGHT_WALL)
     assert branch.pivots == [BASE]
@@ -62,7 +66,7 @@ def test_release_in_the_twin():
 def _one_branch(engine, most_events, room=50):
     growth = Growth.empty(1, room)
     plan = TreeArrays(np.array([-1]), np.array([[1.0, 0.0]]), np.array([1e5]), np.array([True]))
-    start = Start(0.0, 0.0, math.cos(0.5), math.sin(0.5))
+    start = Launch(0.0, 0.0, math.cos(0.5), math.sin(0.5))
     rules = RULES._replace(most_events=most_events)
     done = grow_branches_of(engine)(ROOM.walls(), plan, rules, start, growth, 0, 1)
     return growth, done
@@ -83,7 +87,7 @@ def test_the_event_guard_is_far_away(engine, random_map, random_pose):
         pose = random_pose(rng, ground)
         growth = Growth.empty(1, 200)
         plan = TreeArrays(np.array([-1]), np.array([[1.0, 0.0]]), np.array([5e3]), np.array([True]))
-        start = Start(
+        start = Launch(
             *ground.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad)
         )
         rules = RULES._replace(tolerance_mm=ground.tolerance_mm)
@@ -114,7 +118,7 @@ def test_code_is_compiled_without_a_cache_where_none_can_be_written(monkeypatch)
     assert [options.get("cache", False) for options in settings] == [True, False]
 
 
-@pytest.mark.parametrize("module", ["options", "terrain", "arrays", "grow"])
+@pytest.mark.parametrize("module", ["options", "terrain", "arrays", "simulator"])
 def test_compiler_is_not_imported_before_it_is_needed(module):
     code = f"import sys, vinefab.growth.{module}; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from shapely import affinity, box
 
-from vinefab.growth.arrays import Growth, Rules, Start, TreeArrays
-from vinefab.growth.grow import TOLERANCE_RAD, grow, grow_branches_of
+from vinefab.growth.arrays import Growth, Launch, Rules, TreeArrays
 from vinefab.growth.options import GrowthOptions
+from vinefab.growth.simulator import TOLERANCE_RAD, grow, grow_branches_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Map, Pose
@@ -92,7 +92,7 @@ def _stopped_after(engine, ground, pose, length_mm, most_events):
         tolerance_rad=TOLERANCE_RAD,
         most_events=most_events,
     )
-    start = Start(*ground.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
+    start = Launch(*ground.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
     assert grow_branches_of(engine)(ground.walls(), plan, rules, start, growth, 0, 1) == 1
     return growth, int(growth.events[0])
 

@@ -6,8 +6,8 @@ import pytest
 from numpy.testing import assert_allclose
 from shapely import box
 
-from vinefab.growth.grow import grow
 from vinefab.growth.plan import LONG_WIDTHS
+from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design

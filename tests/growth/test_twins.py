@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from vinefab.growth import kernel
-from vinefab.growth.grow import grow
 from vinefab.growth.options import GrowthOptions
+from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 

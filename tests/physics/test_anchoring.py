@@ -6,7 +6,7 @@ import pytest
 from vinefab.core.errors import BadInputError
 from vinefab.physics.anchoring import (
     ASSUMED_FRICTION,
-    Interval,
+    NumberRange,
     amplification,
     amplification_interval,
     branch_force_n,
@@ -36,7 +36,7 @@ def test_the_papers_measurement_lies_in_the_interval_and_not_at_its_value() -> N
 
 
 def test_the_low_end_takes_the_branches_that_turned_least() -> None:
-    found = amplification_interval([2.0, 0.0, 1.0], 1, Interval(low=0.1, value=0.2, high=0.3))
+    found = amplification_interval([2.0, 0.0, 1.0], 1, NumberRange(low=0.1, value=0.2, high=0.3))
     assert found.low == 1.0
     assert amplification_interval([2.0, 0.0], 0).low == 0.0
     with pytest.raises(BadInputError, match="fewest"):
@@ -82,4 +82,4 @@ def test_5_g_hold_575_g() -> None:
 def test_intervals_rise() -> None:
     assert (ASSUMED_FRICTION.low, ASSUMED_FRICTION.high) == (0.2, 0.8)
     with pytest.raises(BadInputError, match="rising"):
-        Interval(low=1.0, value=0.5, high=2.0)
+        NumberRange(low=1.0, value=0.5, high=2.0)

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from vinefab.physics import beam
+from vinefab.physics import seam as beam
 
 
 def test_energy_grows_with_power_and_passes_and_falls_with_speed() -> None:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from vinefab.core.rng import child
-from vinefab.environments.grid import grid_map
-from vinefab.growth.grow import grow
 from vinefab.growth.options import GrowthOptions
+from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
+from vinefab.maps.generators.grid import grid_map
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Pose

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from vinefab.core.errors import BadInputError
 from vinefab.model.laser import Standing
-from vinefab.physics.capstan import capstan_factor
 from vinefab.physics.growth_pressure import (
     FITTED,
+    capstan_factor,
     growth_pressure_bound_kpa,
     growth_pressure_kpa,
 )

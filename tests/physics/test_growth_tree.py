@@ -2,10 +2,9 @@ import pytest
 
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.tree import branch_tree
-from vinefab.physics.growth_path import planned_paths, riding_mm
+from vinefab.physics.growth_path import planned_growth_kpa, planned_paths, riding_mm
 from vinefab.physics.growth_pressure import FITTED
-from vinefab.physics.growth_tree import planned_growth_kpa
-from vinefab.physics.lumen import inflated_diameter_mm
+from vinefab.physics.tube import inflated_diameter_mm
 
 
 @pytest.mark.parametrize("depth", [1, 2, 4])

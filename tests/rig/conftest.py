@@ -6,7 +6,7 @@ import shapely
 from shapely import Polygon, box
 
 from vinefab.model.map import Map, Pose, Start
-from vinefab.model.printer import Printer
+from vinefab.rig.printer import Printer
 
 
 def _up(x_mm, y_mm, spread_x_mm=0.0):

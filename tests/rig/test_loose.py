@@ -9,14 +9,14 @@ from shapely import Point, box
 from shapely.affinity import translate
 
 from vinefab.core.errors import BadInputError
-from vinefab.export.rig_laser import dxf_files, dxf_problems, material_left
-from vinefab.export.stl import check_stl, stl_bytes
 from vinefab.model.job import Operation
-from vinefab.rig.assembled import compare_with_map
 from vinefab.rig.board import PEG_SHORTER_MM, build_board
-from vinefab.rig.lasered import board_jobs, layer_jobs, lid_jobs
+from vinefab.rig.comparison_with_map import compare_with_map
+from vinefab.rig.laser_cut import board_jobs, layer_jobs, lid_jobs
+from vinefab.rig.laser_cut_files import dxf_files, dxf_problems, material_left
 from vinefab.rig.loose import RIM_MM, pegs_in
 from vinefab.rig.options import RigOptions
+from vinefab.rig.stl_format import check_stl, stl_bytes
 
 BOARD = RigOptions(style="board", most_parts=200)
 SHEET = RigOptions(style="sheet", most_parts=200)

@@ -6,10 +6,8 @@ import shapely
 from shapely import LineString, Polygon, box
 
 from vinefab.rig.clean import pieces_of
-from vinefab.rig.edges import Edges
-from vinefab.rig.joints import Seam, tabs_of
 from vinefab.rig.options import RigOptions
-from vinefab.rig.split import cuts_of
+from vinefab.rig.split import Edges, Seam, cuts_of, tabs_of
 
 
 def test_length_of_a_line_in_solids_is_what_shapely_says():

@@ -3,8 +3,7 @@ import pytest
 import shapely
 from shapely import LineString, Point, Polygon, box
 
-from vinefab.rig.clean import pieces_of, snapped_union, thin_parts
-from vinefab.rig.thicken import patches_for
+from vinefab.rig.clean import patches_for, pieces_of, snapped_union, thin_parts
 
 WALLS = {
     "between blocks": shapely.union_all(

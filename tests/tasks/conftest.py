@@ -10,8 +10,8 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
 from vinefab.model.tree import branch_tree
-from vinefab.tasks.ground import Ground
-from vinefab.tasks.task import Outcomes
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.task import TaskOutcomes
 
 Chain = Sequence[tuple[float, float]]
 
@@ -62,15 +62,15 @@ def pillar_room() -> Map:
 
 
 @pytest.fixture
-def room_ground(room: Map) -> Ground:
-    return Ground.of(room)
+def room_ground(room: Map) -> MapContext:
+    return MapContext.of(room)
 
 
 @pytest.fixture
-def same() -> Callable[[Outcomes, Outcomes], bool]:
+def same() -> Callable[[TaskOutcomes, TaskOutcomes], bool]:
     """Tell whether outcomes are the same to the last bit."""
 
-    def compare(one: Outcomes, other: Outcomes) -> bool:
+    def compare(one: TaskOutcomes, other: TaskOutcomes) -> bool:
         return (
             np.array_equal(one.score, other.score)
             and tuple(one.terms) == tuple(other.terms)

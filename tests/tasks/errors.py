@@ -13,17 +13,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from vinefab.environments.registry import ENVIRONMENTS
-from vinefab.growth.atlas import Atlas
-from vinefab.growth.batch import Batch, Launches
+from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plans import Plans
-from vinefab.optimize.bounds import BuildSettings, SpaceSettings
-from vinefab.optimize.space import Space
+from vinefab.growth.plan import Plans
+from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.search.space import BuildSettings, Space, SpaceSettings
 from vinefab.tasks.coverage import Coverage
-from vinefab.tasks.evaluate import Site, poses_on
+from vinefab.tasks.evaluate import PreparedMap, poses_on
 from vinefab.tasks.reach import Reach
-from vinefab.tasks.task import Task, joined, outcomes
+from vinefab.tasks.task import Task, concatenated_outcomes, outcomes
 
 NAMES = ("grid", "cave", "rubble", "pegs")
 DESIGNS_PER_MAP = 10
@@ -43,19 +41,19 @@ def pairs(number: int, task: Task, term: str) -> tuple[np.ndarray, float, float]
     """Fast and exact area and score of the deployments on one map, and the time of each way."""
     name = NAMES[number % len(NAMES)]
     environment = ENVIRONMENTS[name]
-    site = Site.of(environment.make(number, environment.options()))
+    site = PreparedMap.of(environment.make(number, environment.options()))
     space = Space(SpaceSettings(), BuildSettings())
     rng = np.random.default_rng([7, number])
     designs = [space.design(x) for x in rng.random((DESIGNS_PER_MAP, len(space)))]
     options = GrowthOptions(children_of_stuck=rng.choice(["stop", "deploy"]))
-    launches = Launches.of(Atlas([site.terrain]), poses_on([site], POSES_PER_MAP, [number]))
+    launches = Launches.of(TerrainSet([site.terrain]), poses_on([site], POSES_PER_MAP, [number]))
     batch = Batch(Plans.of(designs, options), launches, options)
 
     def scored(way: Task) -> tuple[np.ndarray, float]:
         began = time.process_time()
         blocks = list(batch.each(lambda block: outcomes(way, block, [site.ground])))
         spent = time.process_time() - began
-        found = joined(blocks)
+        found = concatenated_outcomes(blocks)
         return np.column_stack([found.terms[term], found.score]), spent
 
     fast = replace(task, area="fast")

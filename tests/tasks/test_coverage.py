@@ -8,7 +8,7 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.tasks.coverage import Coverage
-from vinefab.tasks.ground import Ground
+from vinefab.tasks.map_context import MapContext
 
 Ended = Callable[..., Deployment]
 TASK = Coverage(
@@ -22,11 +22,11 @@ TASK = Coverage(
 DISC_MM2 = math.pi * 50.0**2
 
 
-def film(ground: Ground) -> float:
+def film(ground: MapContext) -> float:
     return 200.0 / (2.0 * ground.diagonal_mm)
 
 
-def test_discs_apart_pay_only_for_film(fork: Design, ended: Ended, room_ground: Ground) -> None:
+def test_discs_apart_pay_only_for_film(fork: Design, ended: Ended, room_ground: MapContext) -> None:
     tips = [[(0, 0), (200, 200)], [(0, 0), (500, 500)], [(0, 0), (800, 800)]]
     score, terms = TASK.evaluate(ended(fork, tips), room_ground)
     assert terms["area"] == pytest.approx(3 * DISC_MM2 / 1e6)
@@ -36,7 +36,7 @@ def test_discs_apart_pay_only_for_film(fork: Design, ended: Ended, room_ground: 
 
 
 def test_discs_on_one_spot_have_an_efficiency_of_one_over_their_number(
-    fork: Design, ended: Ended, room_ground: Ground
+    fork: Design, ended: Ended, room_ground: MapContext
 ) -> None:
     score, terms = TASK.evaluate(ended(fork, [[(0, 0), (500, 500)]] * 3), room_ground)
     assert terms["eta"] == pytest.approx(1 / 3)
@@ -50,7 +50,7 @@ def test_discs_on_one_spot_have_an_efficiency_of_one_over_their_number(
 
 
 def test_two_discs_overlap_as_the_lens_formula_says(
-    fork: Design, ended: Ended, room_ground: Ground
+    fork: Design, ended: Ended, room_ground: MapContext
 ) -> None:
     distance = 60.0
     chains = [[(0, 0), (500, 500)], [(0, 0), (500 + distance, 500)], None]
@@ -62,7 +62,7 @@ def test_two_discs_overlap_as_the_lens_formula_says(
 
 
 def test_only_deployed_branches_see_and_all_planned_film_costs(
-    fork: Design, ended: Ended, room_ground: Ground
+    fork: Design, ended: Ended, room_ground: MapContext
 ) -> None:
     score, terms = TASK.evaluate(ended(fork, [[(0, 0), (500, 500)], None, None]), room_ground)
     assert terms["area"] == pytest.approx(DISC_MM2 / 1e6)
@@ -73,7 +73,7 @@ def test_only_deployed_branches_see_and_all_planned_film_costs(
 def test_nothing_is_seen_through_walls_and_efficiency_counts_free_area_alone(
     fork: Design, ended: Ended, pillar_room: Map
 ) -> None:
-    ground = Ground.of(pillar_room)
+    ground = MapContext.of(pillar_room)
     # On the middle of the pillar's lower side: half of the disc is solid.
     chains = [[(0, 0), (200, 100)], None, None]
     _, terms = TASK.evaluate(ended(fork, chains), ground)
@@ -84,7 +84,7 @@ def test_nothing_is_seen_through_walls_and_efficiency_counts_free_area_alone(
 
 
 def test_terms_and_score_stay_in_their_ranges(
-    fork: Design, ended: Ended, room_ground: Ground
+    fork: Design, ended: Ended, room_ground: MapContext
 ) -> None:
     tiny = Coverage(radius_mm=2000.0, most_branches=1, most_diagonals=0.01)
     score, terms = tiny.evaluate(ended(fork, [[(0, 0), (500, 500)]] * 3), room_ground)

@@ -5,8 +5,8 @@ import pytest
 import shapely
 
 from vinefab.model.map import Map
-from vinefab.tasks.discs import disc_union, free_disc_areas_mm2
-from vinefab.tasks.ground import Ground
+from vinefab.tasks.coverage import disc_union, free_disc_areas_mm2
+from vinefab.tasks.map_context import MapContext
 
 
 def fine_discs(centres: np.ndarray, radius: float) -> np.ndarray:
@@ -16,7 +16,7 @@ def fine_discs(centres: np.ndarray, radius: float) -> np.ndarray:
     return shapely.buffer(shapely.points(centres), radius * scale, quad_segs=1024)
 
 
-def test_a_disc_in_the_open_has_its_own_area(room_ground: Ground) -> None:
+def test_a_disc_in_the_open_has_its_own_area(room_ground: MapContext) -> None:
     areas = free_disc_areas_mm2(np.array([[500.0, 500.0]]), 80.0, room_ground.edges_mm)
     assert areas == pytest.approx(math.pi * 80.0**2, rel=1e-14)
 
@@ -25,19 +25,19 @@ def test_a_disc_in_the_open_has_its_own_area(room_ground: Ground) -> None:
     ("centre", "share"), [((0, 500), 0.5), ((0, 0), 0.25), ((1000, 1000), 0.25)]
 )
 def test_a_disc_on_a_wall_or_in_a_corner(
-    room_ground: Ground, centre: tuple[float, float], share: float
+    room_ground: MapContext, centre: tuple[float, float], share: float
 ) -> None:
     areas = free_disc_areas_mm2(np.array([centre], dtype=float), 80.0, room_ground.edges_mm)
     assert areas == pytest.approx(share * math.pi * 80.0**2, rel=1e-13)
 
 
-def test_a_disc_larger_than_the_map_sees_the_map(room_ground: Ground) -> None:
+def test_a_disc_larger_than_the_map_sees_the_map(room_ground: MapContext) -> None:
     areas = free_disc_areas_mm2(np.array([[300.0, 10.0]]), 3000.0, room_ground.edges_mm)
     assert areas == pytest.approx(1e6, rel=1e-12)
 
 
 def test_discs_among_obstacles_agree_with_polygons(pillar_room: Map) -> None:
-    ground = Ground.of(pillar_room)
+    ground = MapContext.of(pillar_room)
     centres = np.random.default_rng(3).uniform((0, 0), (400, 300), (200, 2))
     corners = shapely.get_coordinates(ground.free)
     centres = np.concatenate([centres, corners, 0.5 * (corners[1:] + corners[:-1])])

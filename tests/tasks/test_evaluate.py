@@ -8,9 +8,9 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.tasks.coverage import Coverage
-from vinefab.tasks.evaluate import Site, poses_on, score_design
-from vinefab.tasks.ground import Ground
-from vinefab.tasks.registry import make_task
+from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.shipped_tasks import make_task
 
 UP = Pose(x_mm=500.0, y_mm=100.0, heading_rad=math.pi / 2)
 VINE = Design(name="vine", trunk_length_mm=400.0, build=Build.standard(1))
@@ -18,7 +18,7 @@ VINE = Design(name="vine", trunk_length_mm=400.0, build=Build.standard(1))
 
 def test_a_plain_vine_in_the_open_scores_what_its_disc_sees(room: Map) -> None:
     task = Coverage(radius_mm=50.0, most_diagonals=1.0)
-    score = score_design(VINE, [Site.of(room)], ((UP,),), task)
+    score = score_design(VINE, [PreparedMap.of(room)], ((UP,),), task)
     (evaluation,) = score.evaluations
     expected = math.pi * 50.0**2 / 1e6 - 0.1 * 400.0 / math.hypot(1000.0, 1000.0)
     assert evaluation.score == pytest.approx(expected, rel=1e-9)
@@ -28,7 +28,7 @@ def test_a_plain_vine_in_the_open_scores_what_its_disc_sees(room: Map) -> None:
 
 def test_evaluations_go_map_by_map_and_pose_by_pose(room: Map, pillar_room: Map) -> None:
     start = Start(pose=Pose(x_mm=50.0, y_mm=50.0, heading_rad=1.0), spread_heading_rad=0.5)
-    sites = [Site.of(replace(world, starts=(start,))) for world in (room, pillar_room)]
+    sites = [PreparedMap.of(replace(world, starts=(start,))) for world in (room, pillar_room)]
     poses = poses_on(sites, 3, (7, 8))
     score = score_design(VINE, sites, poses, make_task("reach"))
     assert [e.map_name for e in score.evaluations] == ["room"] * 3 + ["pillars"] * 3
@@ -44,7 +44,7 @@ def test_growth_options_are_used(room: Map) -> None:
     slid, stopped = (
         score_design(
             VINE,
-            [Site.of(room)],
+            [PreparedMap.of(room)],
             ((steep,),),
             task,
             GrowthOptions(head_on_half_angle_rad=math.radians(angle_deg)),
@@ -57,4 +57,4 @@ def test_growth_options_are_used(room: Map) -> None:
 
 def test_a_map_without_free_space_is_refused(room: Map) -> None:
     with pytest.raises(BadInputError, match="free space"):
-        Ground.of(replace(room, obstacles=(room.bounds,)))
+        MapContext.of(replace(room, obstacles=(room.bounds,)))

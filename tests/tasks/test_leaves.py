@@ -6,28 +6,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vinefab.environments.cave import cave_map
-from vinefab.environments.grid import grid_map
-from vinefab.environments.poses import draw_poses
-from vinefab.growth.atlas import Atlas
-from vinefab.growth.batch import Batch, Launches
+from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plans import Plans
+from vinefab.growth.plan import Plans
+from vinefab.maps.generators.cave import cave_map
+from vinefab.maps.generators.grid import grid_map
+from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.model.map import Map
 from vinefab.physics.anchoring import pouch_contact_mm2
-from vinefab.tasks.anchoring import Anchoring
-from vinefab.tasks.cells import TOUCHING_MM
-from vinefab.tasks.evaluate import Site
-from vinefab.tasks.ground import Ground
+from vinefab.tasks.anchoring_force import Anchoring
+from vinefab.tasks.evaluate import PreparedMap
 from vinefab.tasks.leaves import STEP_BACK_MM, gaps_mm
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.wall_cells import TOUCHING_MM
 
 POUCH = Pouch(shape="rectangle", length_mm=30.0, width_mm=45.0)
 ROUND = Pouch(shape="round", radius_mm=20.0)
 
 
-def plain_gap(chain: np.ndarray, ground: Ground) -> float:
+def plain_gap(chain: np.ndarray, ground: MapContext) -> float:
     """The gap at the end of a chain, from every edge of the map."""
     (bx, by), (x, y) = chain[-2:]
     length = math.hypot(x - bx, y - by)
@@ -50,7 +49,7 @@ def plain_gap(chain: np.ndarray, ground: Ground) -> float:
     return after if turned > 0 else before if turned < 0 else before + after
 
 
-def plainly(task: Anchoring, end: Deployment, ground: Ground, build: Build) -> dict[str, float]:
+def plainly(task: Anchoring, end: Deployment, ground: MapContext, build: Build) -> dict[str, float]:
     """Score and terms as the docstrings have them, leaf by leaf."""
     length, width = task.pouch_length_mm, task.pouch_width_mm
     if width == 0.0 and build.pouch:
@@ -98,7 +97,7 @@ def plainly(task: Anchoring, end: Deployment, ground: Ground, build: Build) -> d
     }
 
 
-def batch_of(body: str, pouch: Pouch | None) -> tuple[Batch, list[Site]]:
+def batch_of(body: str, pouch: Pouch | None) -> tuple[Batch, list[PreparedMap]]:
     """Designs with and without a pouch on two maps."""
     fan = Level(branches=3, length_mm=90.0, fan_rad=2.0, growth=0.7)
     deep, flat, bare = Build.standard(3, 24.0), Build.standard(2, 20.0), Build.standard(1, 20.0)
@@ -110,9 +109,9 @@ def batch_of(body: str, pouch: Pouch | None) -> tuple[Batch, list[Site]]:
         Design(name="c", trunk_length_mm=300.0, build=bare),
     ]
     options = GrowthOptions(body=body, children_of_stuck="deploy")
-    sites = [Site.of(grid_map(2)), Site.of(cave_map(1))]
+    sites = [PreparedMap.of(grid_map(2)), PreparedMap.of(cave_map(1))]
     poses = [draw_poses(site.world, 4, 3, clearance_mm=8.0) for site in sites]
-    launches = Launches.of(Atlas([site.terrain for site in sites]), poses)
+    launches = Launches.of(TerrainSet([site.terrain for site in sites]), poses)
     return Batch(Plans.of(designs, options), launches, options), sites
 
 
@@ -183,7 +182,7 @@ def test_gaps_by_cells_are_those_of_all_edges(pillar_room: Map) -> None:
     """Tips inside, on walls and corners, of bodies along walls, across them and anyhow."""
     rng = np.random.default_rng(8)
     for world in (pillar_room, grid_map(1), cave_map(1)):
-        ground = Ground.of(world)
+        ground = MapContext.of(world)
         low, high = ground.edges_mm.min(axis=(0, 1)), ground.edges_mm.max(axis=(0, 1))
         edges = ground.edges_mm[rng.choice(len(ground.edges_mm), 25)]
         on_walls = edges[:, 0] + rng.random((25, 1)) * (edges[:, 1] - edges[:, 0])

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from vinefab.tasks.pull import Pull
+from vinefab.tasks.anchoring_force import Pull
 
 
 @pytest.fixture

@@ -6,25 +6,24 @@ import pytest
 import shapely
 
 from vinefab.core.errors import BadInputError
-from vinefab.environments.cave import cave_map
-from vinefab.environments.grid import GridOptions, grid_map
-from vinefab.environments.poses import draw_poses
-from vinefab.growth.atlas import Atlas
-from vinefab.growth.batch import Batch, Launches
+from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plans import Plans
+from vinefab.growth.plan import Plans
+from vinefab.maps.generators.cave import cave_map
+from vinefab.maps.generators.grid import GridOptions, grid_map
+from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map
-from vinefab.tasks.evaluate import Site
-from vinefab.tasks.ground import Ground
-from vinefab.tasks.raster import STRIPS_PER_RADIUS, Chains
+from vinefab.tasks.evaluate import PreparedMap
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.raster_areas import STRIPS_PER_RADIUS, Chains
 from vinefab.tasks.reach import QUARTER_SEGMENTS, Reach, near_chains
 from vinefab.tasks.task import one_by_one
 
 
 def test_a_straight_body_reaches_a_stadium(
-    fork: Design, ended: Callable[..., Deployment], room_ground: Ground
+    fork: Design, ended: Callable[..., Deployment], room_ground: MapContext
 ) -> None:
     end = ended(fork, [[(300, 500), (700, 500)], None, None])
     share, terms = Reach(buffer_mm=40.0).evaluate(end, room_ground)
@@ -36,7 +35,7 @@ def test_a_straight_body_reaches_a_stadium(
 def test_solid_ground_is_not_reached(
     fork: Design, ended: Callable[..., Deployment], pillar_room: Map
 ) -> None:
-    ground = Ground.of(pillar_room)
+    ground = MapContext.of(pillar_room)
     end = ended(fork, [[(0, 50), (400, 50)], None, None])
     # A band from y = 0 to 110 over the whole width, less the pillar's lower 10 mm.
     share, terms = Reach(buffer_mm=60.0).evaluate(end, ground)
@@ -51,7 +50,7 @@ def test_a_buffer_without_width_is_refused() -> None:
 
 def test_cells_stay_within_the_band_that_is_proven(pillar_room: Map) -> None:
     """Fast lies between the exact areas for buffers half a cell's diagonal smaller and larger."""
-    ground = Ground.of(pillar_room)
+    ground = MapContext.of(pillar_room)
     rng = np.random.default_rng(6)
     for buffer_mm in (5.0, 40.0, 90.0):
         half = buffer_mm / STRIPS_PER_RADIUS / math.sqrt(2.0)
@@ -76,8 +75,8 @@ def test_the_bound_holds_for_robots_with_branches() -> None:
     tree = Design(name="t", trunk_length_mm=150.0, levels=(fan, fan), build=Build.standard(3))
     options = GrowthOptions(children_of_stuck="deploy")
     for world in (grid_map(2), cave_map(1)):
-        site = Site.of(world)
-        launches = Launches.of(Atlas([site.terrain]), [draw_poses(world, 3, 5)])
+        site = PreparedMap.of(world)
+        launches = Launches.of(TerrainSet([site.terrain]), [draw_poses(world, 3, 5)])
         for end in Batch(Plans.of([tree], options), launches, options).deployments():
             chains = [end.chain_mm(k).tolist() for k in np.flatnonzero(end.deployed)]
             for buffer_mm in (8.0, 40.0):
@@ -95,7 +94,7 @@ def test_the_bound_holds_for_robots_with_branches() -> None:
 def test_a_body_that_reaches_everything_reaches_the_free_area(
     fork: Design, ended: Callable[..., Deployment], pillar_room: Map
 ) -> None:
-    ground = Ground.of(pillar_room)
+    ground = MapContext.of(pillar_room)
     end = ended(fork, [[(0, 50), (400, 50)], None, None])
     share, terms = Reach(buffer_mm=1000.0, area="fast").evaluate(end, ground)
     assert share == pytest.approx(1.0)
@@ -110,9 +109,9 @@ def test_blocks_score_as_single_deployments_do(body: str, same: Callable[..., bo
         Design(name="c", trunk_length_mm=90.0, build=Build.standard(1)),
     ]
     options = GrowthOptions(body=body)
-    sites = [Site.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
+    sites = [PreparedMap.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
     poses = [draw_poses(site.world, 3, 5, clearance_mm=14.0) for site in sites]
-    launches = Launches.of(Atlas([site.terrain for site in sites]), poses)
+    launches = Launches.of(TerrainSet([site.terrain for site in sites]), poses)
     batch = Batch(Plans.of(designs, options), launches, options)
     grounds = [site.ground for site in sites]
     for task in (Reach(area="fast"), Reach(area="fast", buffer_mm=0.1), Reach()):

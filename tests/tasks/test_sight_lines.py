@@ -8,22 +8,20 @@ import numpy as np
 import pytest
 import shapely
 
-from vinefab.environments.cave import cave_map
-from vinefab.environments.grid import GridOptions, grid_map
-from vinefab.environments.poses import draw_poses
-from vinefab.growth.atlas import Atlas
-from vinefab.growth.batch import Batch, Launches
+from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plans import Plans
+from vinefab.growth.plan import Plans
+from vinefab.maps.generators.cave import cave_map
+from vinefab.maps.generators.grid import GridOptions, grid_map
+from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map
-from vinefab.tasks import sight_lines
+from vinefab.tasks import line_of_sight as sight_lines
 from vinefab.tasks.coverage import Coverage
-from vinefab.tasks.evaluate import Site
-from vinefab.tasks.ground import Ground
-from vinefab.tasks.sight import seen_areas
-from vinefab.tasks.sight_lines import LINES_PER_RADIUS, SightLines
+from vinefab.tasks.evaluate import PreparedMap
+from vinefab.tasks.line_of_sight import LINES_PER_RADIUS, SightLines, seen_areas
+from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import one_by_one
 
 FAST = Coverage(clip="sight", area="fast")
@@ -40,7 +38,7 @@ def covered(lines: SightLines, sensors: np.ndarray) -> tuple[float, float]:
     return float(seen[0]), float(summed[0])
 
 
-def hold_the_bound(ground: Ground, lines: SightLines, sensors: np.ndarray) -> None:
+def hold_the_bound(ground: MapContext, lines: SightLines, sensors: np.ndarray) -> None:
     """Union and sum are off by less than half a strip times the exact outlines."""
     radius = lines.radius_mm
     half_strip = 0.5 * radius / LINES_PER_RADIUS
@@ -55,7 +53,7 @@ def hold_the_bound(ground: Ground, lines: SightLines, sensors: np.ndarray) -> No
     assert abs(summed - sum(float(area[0]) for area, _ in alone)) <= half_strip * outline + rounding
 
 
-def nasty_sensors(ground: Ground) -> np.ndarray:
+def nasty_sensors(ground: MapContext) -> np.ndarray:
     """Inside, twice in one place, on, behind and beside walls, on corners, outside by rounding."""
     rng = np.random.default_rng(5)
     x_min, y_min, x_max, y_max = ground.free.bounds
@@ -76,7 +74,7 @@ def nasty_sensors(ground: Ground) -> np.ndarray:
 @pytest.mark.parametrize("radius", [4.0, 45.0, 1500.0])
 def test_the_bound_holds_for_any_sensors_on_any_map(pillar_room: Map, radius: float) -> None:
     for world in (pillar_room, TOUCHING, cave_map(1), grid_map(3)):
-        ground = Ground.of(world)
+        ground = MapContext.of(world)
         sensors = nasty_sensors(ground)
         lines = ground.sight_lines(radius)
         assert lines is not None
@@ -90,7 +88,7 @@ def test_walls_and_sensors_may_lie_on_the_lines(
 ) -> None:
     """Lines along x at whole multiples of 2 mm, where a wall and sensors lie too."""
     monkeypatch.setattr(sight_lines, "_direction", lambda *_: (1.0, 0.0))
-    ground = Ground.of(pillar_room)
+    ground = MapContext.of(pillar_room)
     lines = SightLines.of(ground.edges_mm, 80.0)
     lines = replace(lines, line=np.array([-1.0, 2.0]))
     for x, y in ((200.0, 60.0), (100.0, 100.0), (120.0, 200.0), (200.0, 100.0), (150.0, 100.0)):
@@ -103,7 +101,7 @@ def test_walls_and_sensors_may_lie_on_the_lines(
     assert abs(before - behind) < 2.0 * 110.0
 
 
-def test_sensors_that_no_wall_is_near_see_their_discs(room_ground: Ground) -> None:
+def test_sensors_that_no_wall_is_near_see_their_discs(room_ground: MapContext) -> None:
     lines = room_ground.sight_lines(50.0)
     rng = np.random.default_rng(1)
     for centre in rng.uniform(60.0, 940.0, (20, 2)):
@@ -114,7 +112,7 @@ def test_sensors_that_no_wall_is_near_see_their_discs(room_ground: Ground) -> No
     )
 
 
-def test_a_sensor_that_sees_further_than_the_room_sees_all_of_it(room_ground: Ground) -> None:
+def test_a_sensor_that_sees_further_than_the_room_sees_all_of_it(room_ground: MapContext) -> None:
     lines = room_ground.sight_lines(1500.0)
     for place in ((500.0, 500.0), (0.0, 0.0), (1000.0, 300.0), (3.0, 999.0)):
         seen, _ = covered(lines, np.array([place]))
@@ -126,7 +124,7 @@ def test_a_sensor_that_sees_further_than_the_room_sees_all_of_it(room_ground: Gr
 def test_what_walls_hide_is_as_fine_as_the_map_however_far_sensors_see(
     world: Map, radius: float
 ) -> None:
-    ground = Ground.of(world)
+    ground = MapContext.of(world)
     inside = np.random.default_rng(3).uniform(*np.reshape(ground.free.bounds, (2, 2)), (60, 2))
     sensors = inside[shapely.contains_xy(ground.free, inside[:, 0], inside[:, 1])][:6]
     lines = ground.sight_lines(radius)
@@ -138,7 +136,7 @@ def test_what_walls_hide_is_as_fine_as_the_map_however_far_sensors_see(
 
 def test_nothing_is_seen_behind_a_wall_that_fills_the_disc() -> None:
     wall = shapely.box(100, 0, 101, 200)
-    ground = Ground.of(Map(name="wall", bounds=shapely.box(0, 0, 200, 200), obstacles=(wall,)))
+    ground = MapContext.of(Map(name="wall", bounds=shapely.box(0, 0, 200, 200), obstacles=(wall,)))
     lines = ground.sight_lines(40.0)
     half, _ = covered(lines, np.array([[100.0, 100.0]]))
     assert half == pytest.approx(0.5 * math.pi * 40.0**2, rel=5e-3)
@@ -147,7 +145,7 @@ def test_nothing_is_seen_behind_a_wall_that_fills_the_disc() -> None:
 
 
 def test_where_two_obstacles_touch_one_side_is_seen_and_nothing_solid() -> None:
-    ground = Ground.of(TOUCHING)
+    ground = MapContext.of(TOUCHING)
     place = np.array([[100.0, 100.0]])
     quarter = 0.25 * math.pi * 30.0**2
     assert seen_areas(place, 30.0, ground.edges_mm)[0][0] == pytest.approx(quarter, rel=1e-5)
@@ -156,7 +154,7 @@ def test_where_two_obstacles_touch_one_side_is_seen_and_nothing_solid() -> None:
 
 def test_sets_of_sensors_do_not_depend_on_each_other(pillar_room: Map) -> None:
     rng = np.random.default_rng(4)
-    lines = Ground.of(pillar_room).sight_lines(30.0)
+    lines = MapContext.of(pillar_room).sight_lines(30.0)
     sets = [rng.uniform((0, 0), (150, 300), (count, 2)) for count in (4, 0, 1, 25)]
     first = np.cumsum([0, *map(len, sets)])
     before = np.concatenate(sets)
@@ -181,7 +179,7 @@ def test_lines_keep_away_from_the_directions_of_walls() -> None:
 
 
 def test_lines_that_would_be_too_many_are_not_made(
-    fork: Design, ended: Callable[..., Deployment], room_ground: Ground
+    fork: Design, ended: Callable[..., Deployment], room_ground: MapContext
 ) -> None:
     assert room_ground.sight_lines(50.0) is room_ground.sight_lines(50.0)
     assert room_ground.sight_lines(0.01) is None
@@ -197,9 +195,9 @@ def test_blocks_score_as_single_deployments_do(same: Callable[..., bool]) -> Non
         Design(name="b", trunk_length_mm=90.0, build=Build.standard(1)),
     ]
     options = GrowthOptions()
-    sites = [Site.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
+    sites = [PreparedMap.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
     poses = [draw_poses(site.world, 3, 5) for site in sites]
-    launches = Launches.of(Atlas([site.terrain for site in sites]), poses)
+    launches = Launches.of(TerrainSet([site.terrain for site in sites]), poses)
     batch = Batch(Plans.of(designs, options), launches, options)
     grounds = [site.ground for site in sites]
     for size in (1, 5, 100):

@@ -4,17 +4,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vinefab.environments.grid import grid_map
-from vinefab.environments.poses import draw_poses
-from vinefab.growth.atlas import Atlas
-from vinefab.growth.batch import Batch, Launches
+from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plans import Plans
+from vinefab.growth.plan import Plans
+from vinefab.maps.generators.grid import grid_map
+from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.tasks.coverage import Coverage
-from vinefab.tasks.evaluate import Site
-from vinefab.tasks.ground import Ground
+from vinefab.tasks.evaluate import PreparedMap
+from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.sliding import Sliding
 from vinefab.tasks.task import one_by_one
 
@@ -22,7 +21,7 @@ TASK = Sliding(task=Coverage(area="fast"), weight=0.4)
 
 
 def test_the_share_of_deployed_branches_that_stopped_head_on_costs(
-    fork: Design, ended: Callable[..., Deployment], room_ground: Ground
+    fork: Design, ended: Callable[..., Deployment], room_ground: MapContext
 ) -> None:
     end = ended(fork, [[(0, 0), (200, 200)], [(200, 200), (300, 200)], None])
     stop = np.array([Stop.FULL_LENGTH, Stop.HEAD_ON, Stop.NOT_DEPLOYED])
@@ -36,7 +35,7 @@ def test_the_share_of_deployed_branches_that_stopped_head_on_costs(
 
 
 def test_a_robot_that_never_came_out_did_not_stop_head_on(
-    fork: Design, ended: Callable[..., Deployment], room_ground: Ground
+    fork: Design, ended: Callable[..., Deployment], room_ground: MapContext
 ) -> None:
     assert TASK.evaluate(ended(fork, [None] * 3), room_ground)[1]["head_on"] == 0.0
 
@@ -45,8 +44,8 @@ def test_blocks_score_as_single_deployments_do(same: Callable[..., bool]) -> Non
     fan = Level(branches=3, length_mm=120.0, fan_rad=2.5)
     tree = Design(name="a", trunk_length_mm=120.0, levels=(fan, fan), build=Build.standard(3))
     options = GrowthOptions(head_on_half_angle_rad=0.3)
-    site = Site.of(grid_map(1))
-    launches = Launches.of(Atlas([site.terrain]), [draw_poses(site.world, 9, 5)])
+    site = PreparedMap.of(grid_map(1))
+    launches = Launches.of(TerrainSet([site.terrain]), [draw_poses(site.world, 9, 5)])
     batch = Batch(Plans.of([tree], options), launches, options)
     seen = set()
     for block in batch.each(

@@ -5,13 +5,13 @@ import pytest
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
-from vinefab.tasks.ground import Ground
-from vinefab.tasks.registry import TASKS, make_task
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.shipped_tasks import TASKS, make_task
 
 
 @pytest.mark.parametrize("name", list(TASKS))
 def test_every_task_scores_a_final_state_above_its_lowest(
-    name: str, fork: Design, ended: Callable[..., Deployment], room_ground: Ground
+    name: str, fork: Design, ended: Callable[..., Deployment], room_ground: MapContext
 ) -> None:
     task = make_task(name)
     end = ended(fork, [[(0, 0), (500, 500)], [(500, 500), (600, 600)], None])

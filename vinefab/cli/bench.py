@@ -4,9 +4,8 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import Force, JsonOut, Quiet, Voice
-from vinefab.pipeline.bench import bench
-from vinefab.pipeline.bench_text import bench_lines
+from vinefab.cli.options import CommandOutput, Force, JsonOut, Quiet
+from vinefab.studies.benchmark.benchmark import bench_lines, run_benchmark
 
 
 def add_to(app: typer.Typer) -> None:
@@ -27,9 +26,9 @@ def bench_command(
 
     Example: vinefab bench --json bench.json
     """
-    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     with voice.progress("measuring") as progress:
-        result = bench(progress, million=million)
+        result = run_benchmark(progress, million=million)
     voice.give_json(result.text())
     for line in bench_lines(result):
         voice.say(line)

@@ -5,13 +5,17 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import Force, JsonOut, Quiet, RecipeIn, Voice
+from vinefab.cli.options import CommandOutput, Force, JsonOut, Quiet, RecipeIn
 from vinefab.core.atomic import ensure_writable, write_text
-from vinefab.files.profile import read_profile
-from vinefab.files.results import read_results
-from vinefab.files.shipped import DEFAULT_RECIPE
-from vinefab.pipeline.calibrate import calibrate
-from vinefab.pipeline.calibrated import calibrated_recipe, calibration_json, calibration_lines
+from vinefab.fabrication.calibration.calibrated_recipe import (
+    calibrated_recipe,
+    calibration_json,
+    calibration_lines,
+)
+from vinefab.fabrication.calibration.coupon_results import read_results
+from vinefab.fabrication.calibration.fit_recipe import calibrate
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE
 
 
 def add_to(app: typer.Typer) -> None:
@@ -32,7 +36,7 @@ def calibrate_command(
 
     Example: vinefab calibrate coupons/results.csv --recipe co2_60w__stretchlon_200 --out mine.toml
     """
-    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_writable(out, force=force)
     calibration = calibrate(read_results(results), read_profile(recipe))
     text = calibrated_recipe(calibration, recipe, out, results)

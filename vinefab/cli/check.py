@@ -5,36 +5,36 @@ from typing import Annotated
 
 import typer
 
-from vinefab.checks.limits import parsed_limits
 from vinefab.cli.options import (
     EXIT_FINDINGS,
+    CommandOutput,
     DesignIn,
     Force,
     JsonOut,
     Quiet,
     RecipeIn,
-    Voice,
     ensure_apart,
     ensure_kind,
 )
 from vinefab.core.atomic import ensure_writable, write_text
-from vinefab.export.checks_json import checks_text
-from vinefab.files.design import design_text, read_design
-from vinefab.files.map import read_map
-from vinefab.files.profile import read_profile
-from vinefab.files.shipped import DEFAULT_RECIPE, locate
-from vinefab.model.job import Job
-from vinefab.model.rigfacts import RigFacts
-from vinefab.pipeline.check import (
-    check,
+from vinefab.fabrication.checking import (
+    Deployed,
+    check_design,
     check_lines,
-    deploy_from_starts,
     deployed_lines,
     drawing_text,
     findings_drawing,
     verdict,
 )
-from vinefab.pipeline.mend import Proposal, propose, score_lines
+from vinefab.fabrication.rules.catalog import parsed_limits
+from vinefab.fabrication.rules.rig_facts import RigFacts
+from vinefab.fabrication.rules.run_rules import checks_text
+from vinefab.model.files.design_toml import design_text, read_design
+from vinefab.model.files.map_geojson import read_map
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
+from vinefab.model.job import Job
+from vinefab.prediction.fix_proposal import FixProposal, propose_fix, score_change_lines
 
 
 def add_to(app: typer.Typer) -> None:
@@ -82,7 +82,7 @@ def check_command(
 
     Example: vinefab check three_level_tree --map cave.geojson --limit VF-C01.warning=6
     """
-    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     robot, profile, limits = read_design(design), read_profile(recipe), parsed_limits(limit or [])
     worlds = [read_map(path) for path in maps or []]
     ensure_kind("--svg", svg, (".svg",), force=force)
@@ -90,8 +90,12 @@ def check_command(
     if fix is not None:
         ensure_apart("--fix", fix, locate("design", design), "the design itself")
         ensure_writable(fix, force=force)
-    deployed = deploy_from_starts(robot, worlds)
-    report = check(robot, profile, limits, deployed, worlds, _rig(rig))
+    deployed: Deployed = ()
+    if worlds:  # a check without maps must not wait for the simulator
+        from vinefab.prediction.deploy import deploy_from_starts  # noqa: PLC0415
+
+        deployed = deploy_from_starts(robot, worlds)
+    report = check_design(robot, profile, limits, deployed, worlds, _rig(rig))
     voice.give_json(checks_text(report))
     for line in [*deployed_lines(deployed), *check_lines(report, verbose=verbose)]:
         voice.say(line)
@@ -99,11 +103,13 @@ def check_command(
     if fix is None:
         return EXIT_FINDINGS if report.blocking else 0
     with voice.progress("mending") as told:
-        proposal = propose(robot, profile, limits, worlds, lambda share: told(share, ""))
-    return _told(voice, proposal, [*score_lines(robot, proposal.design or robot, worlds)], fix)
+        proposal = propose_fix(robot, profile, limits, worlds, lambda share: told(share, ""))
+    return _told(
+        voice, proposal, [*score_change_lines(robot, proposal.design or robot, worlds)], fix
+    )
 
 
-def _draw(voice: Voice, drawing: Job | None, paths: tuple[Path | None, ...]) -> None:
+def _draw(voice: CommandOutput, drawing: Job | None, paths: tuple[Path | None, ...]) -> None:
     """Write the drawing of the findings to the files that were asked for."""
     for path in paths:
         if path is not None and drawing is not None:
@@ -111,7 +117,7 @@ def _draw(voice: Voice, drawing: Job | None, paths: tuple[Path | None, ...]) -> 
             voice.say(f"wrote {path}")
 
 
-def _told(voice: Voice, proposal: Proposal, scores: list[str], fix: Path) -> int:
+def _told(voice: CommandOutput, proposal: FixProposal, scores: list[str], fix: Path) -> int:
     """Say what was found, write the new design if there is one, and return the exit code."""
     for line in proposal.lines():
         voice.say(line)
@@ -129,6 +135,6 @@ def _rig(folder: Path | None) -> RigFacts | None:
     if folder is None:
         return None
     # Reading solids loads more than a check without a rig needs.
-    from vinefab.files.rig import read_rig  # noqa: PLC0415
+    from vinefab.rig.rig_json import read_rig  # noqa: PLC0415
 
     return read_rig(folder)

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.options import (
+    CommandOutput,
     Count,
     EnvironmentIn,
     Force,
@@ -14,24 +15,23 @@ from vinefab.cli.options import (
     MapsOptional,
     Quiet,
     SetIn,
-    Voice,
     field_words,
     parameters_from,
 )
 from vinefab.core.atomic import ensure_writable, write_text
-from vinefab.files.design import read_design
-from vinefab.files.map import read_map
-from vinefab.pipeline.compare import compare
-from vinefab.pipeline.compare_page import (
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.map_geojson import read_map
+from vinefab.prediction.comparison import compare_designs
+from vinefab.prediction.comparison_page import (
     comparison_lines,
     comparison_page,
     comparison_text,
     measure_named,
 )
-from vinefab.pipeline.grow import growth_options
-from vinefab.pipeline.predict import Trials
-from vinefab.pipeline.report_origin import origin_of
-from vinefab.pipeline.unseen import fields_of, unseen_maps
+from vinefab.prediction.deploy import growth_options
+from vinefab.prediction.deployments import PredictionPlan
+from vinefab.prediction.map_families import map_families, unseen_maps
+from vinefab.prediction.provenance import origin_of
 
 
 def add_to(app: typer.Typer) -> None:
@@ -63,7 +63,7 @@ def compare_command(
 
     Example: vinefab compare grid_explorer three_level_tree --environment grid --count 50
     """
-    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     main = measure_named(measure)
     if out is not None:
         ensure_writable(out, force=force)
@@ -71,9 +71,9 @@ def compare_command(
         robots = [read_design(design) for design in designs]
         asked = parameters_from(parameter or [])
         unseen = unseen_maps(environment, count, seed, asked) if environment else None
-        fields = fields_of([read_map(path) for path in maps or []], unseen)
-        trials = Trials(poses=poses, seed=seed, options=growth_options(body))
-        found = compare(robots, fields, trials, show)
+        fields = map_families([read_map(path) for path in maps or []], unseen)
+        trials = PredictionPlan(poses=poses, seed=seed, options=growth_options(body))
+        found = compare_designs(robots, fields, trials, show)
         words = ["vinefab", "compare", *designs, *field_words(maps, environment, count, parameter)]
         words += ["--measure", measure, "--poses", str(poses), "--seed", str(seed), "--body", body]
         origin = origin_of(shlex.join(words), robots, None, fields)

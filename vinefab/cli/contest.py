@@ -5,18 +5,18 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import Force, JsonOut, Quiet, Voice, parameters_from
+from vinefab.cli.options import CommandOutput, Force, JsonOut, Quiet, parameters_from
 from vinefab.core.atomic import write_bytes, write_text
-from vinefab.files.run import read_run
-from vinefab.optimize.registry import make_recipe
-from vinefab.optimize.settings import PartSettings
-from vinefab.pipeline.contest import Contender, Contest, contest_rows
-from vinefab.pipeline.contest_table import (
+from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
+from vinefab.search.run_file import read_run
+from vinefab.search.settings import PartSettings
+from vinefab.studies.contest.contest_table import (
     comparison_json,
     comparison_svg,
     comparison_table,
     table_lines,
 )
+from vinefab.studies.contest.optimizer_contest import Contender, Contest, contest_rows
 
 
 def add_to(app: typer.Typer) -> None:
@@ -44,7 +44,7 @@ def contest_command(
 
     Example: vinefab contest examples/contest/*.toml --optimizer pso --optimizer cmaes --out contest
     """
-    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     contest = Contest(
         problems=tuple(read_run(path) for path in run_files),
         contenders=tuple(_contender(text) for text in optimizers),
@@ -67,5 +67,5 @@ def contest_command(
 def _contender(text: str) -> Contender:
     name, _, rest = text.partition(":")
     parameters = parameters_from(rest.split(",") if rest else [])
-    make_recipe(name, parameters)
+    make_optimizer_config(name, parameters)
     return Contender(label=text, part=PartSettings(name=name, parameters=parameters))

@@ -5,12 +5,12 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import EXIT_FINDINGS, Force, Quiet, RecipeIn, Voice
+from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, Quiet, RecipeIn
 from vinefab.core.atomic import ensure_own_folder, ensure_unchanged, new_folder, write_bytes
-from vinefab.files.profile import read_profile
-from vinefab.files.shipped import DEFAULT_RECIPE
-from vinefab.pipeline.check import check_lines
-from vinefab.pipeline.coupon import RESULTS_NAME, coupon_files, make_coupons
+from vinefab.fabrication.calibration.coupon_package import RESULTS_NAME, coupon_files, make_coupons
+from vinefab.fabrication.checking import check_lines
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE
 
 MARK = "coupon.json"
 """The file by which a folder of this command is known again."""
@@ -32,7 +32,7 @@ def coupon_command(
 
     Example: vinefab coupon --recipe co2_60w__stretchlon_200 --out coupons
     """
-    voice = Voice(quiet=quiet, force=force)
+    voice = CommandOutput(quiet=quiet, force=force)
     ensure_own_folder(out, MARK, force=force)
     ensure_unchanged(out / RESULTS_NAME, force=force)
     coupons = make_coupons(read_profile(recipe))

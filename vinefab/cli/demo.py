@@ -6,9 +6,9 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from vinefab.cli.options import EXIT_FINDINGS, Force, Quiet, Voice
+from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, Quiet
 from vinefab.core.atomic import ensure_own_folder, new_folder
-from vinefab.pipeline.demo import DemoSettings, run_demo
+from vinefab.demonstration import DemoSettings, run_demo
 
 MARK = "results.json"
 """The file by which a folder of this command is known again."""
@@ -32,7 +32,7 @@ def demo_command(
 
     Example: vinefab demo --out demo
     """
-    voice = Voice(quiet=quiet, force=force)
+    voice = CommandOutput(quiet=quiet, force=force)
     ensure_own_folder(out, MARK, force=force)
     voice.say("vinefab demo: sensor coverage in a Grid environment, a robot that can be cut")
     settings = DemoSettings(seed=seed, generations=generations, population=population)

@@ -5,15 +5,15 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import EXIT_FINDINGS, DesignIn, Force, Quiet, RecipeIn, Voice
+from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, DesignIn, Force, Quiet, RecipeIn
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, new_folder, write_bytes
-from vinefab.export.archive import zip_bytes
-from vinefab.files.design import read_design
-from vinefab.files.profile import read_profile
-from vinefab.files.shipped import DEFAULT_RECIPE
-from vinefab.geometry.sheet import SheetOptions
-from vinefab.pipeline.check import check_lines
-from vinefab.pipeline.fabricate import package, prepare
+from vinefab.fabrication.checking import check_lines
+from vinefab.fabrication.job.placement import SheetOptions
+from vinefab.fabrication.package.package_files import zip_bytes
+from vinefab.fabrication.package.prepare import package, prepare
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE
 
 MARK = "job.json"
 """The file by which a folder of this command is known again."""
@@ -59,7 +59,7 @@ def fabricate_command(
 
     Example: vinefab fabricate three_level_tree --out package --allow-uncalibrated
     """
-    voice = Voice(quiet=quiet, force=force)
+    voice = CommandOutput(quiet=quiet, force=force)
     ensure_own_folder(out, MARK, force=force)
     archive = out.with_name(f"{out.name}.zip")
     if make_zip:

@@ -6,22 +6,22 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.options import (
+    CommandOutput,
     DesignIn,
     Force,
     JsonOut,
     PoseIn,
     Quiet,
-    Voice,
     ensure_kind,
     pose_from,
 )
 from vinefab.core.atomic import write_bytes
 from vinefab.core.errors import BadInputError
-from vinefab.files.design import read_design
-from vinefab.files.map import read_map
-from vinefab.model.checked import whole
-from vinefab.pipeline.grow import FRAMES, deploy, growth_options
-from vinefab.pipeline.history import MOST_FRAMES, frames_of, fronts_from
+from vinefab.core.validation import whole
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.map_geojson import read_map
+from vinefab.prediction.deploy import FRAMES, deploy, growth_options
+from vinefab.prediction.history import MOST_FRAMES, frames_of, fronts_from
 
 
 def add_to(app: typer.Typer) -> None:
@@ -64,7 +64,7 @@ def grow_command(
 
     Example: vinefab grow three_level_tree --map grid.geojson --svg grown.svg --animate grows.gif
     """
-    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_kind("--svg", svg, (".svg", ".png"), force=force)
     ensure_kind("--animate", animate, (".svg", ".gif"), force=force)
     if animate:

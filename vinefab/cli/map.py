@@ -10,13 +10,13 @@ from typing import Annotated, Any, cast
 import typer
 
 from vinefab.cli import map_info
-from vinefab.cli.options import Force, Quiet, Voice, ensure_apart, pose_from
+from vinefab.cli.options import CommandOutput, Force, Quiet, ensure_apart, pose_from
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.units import deg
-from vinefab.environments.registry import ENVIRONMENTS, Environment
-from vinefab.files.drawing import ImportOptions
-from vinefab.files.imports import IMPORTERS, import_map
-from vinefab.files.map import map_text
+from vinefab.maps.generators.environments import ENVIRONMENTS, Environment
+from vinefab.maps.importers.drawing import ImportOptions
+from vinefab.maps.importers.importers import IMPORTERS, import_map
+from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Map
 
 OutFile = Annotated[Path, typer.Option("--out", help="The map file to write (GeoJSON).")]
@@ -114,10 +114,10 @@ def import_command(
         open_lines=cast("Any", open_lines),
     )
     world = import_map(source, options)
-    _save(world, out, Voice(quiet=quiet, force=force))
+    _save(world, out, CommandOutput(quiet=quiet, force=force))
 
 
-def _save(world: Map, out: Path, voice: Voice) -> None:
+def _save(world: Map, out: Path, voice: CommandOutput) -> None:
     write_text(out, map_text(world), force=voice.force)
     width_mm, height_mm = world.size_mm
     voice.say(
@@ -137,7 +137,7 @@ def _generator(environment: Environment) -> Callable[..., None]:
     known = {field.name: field for field in fields(environment.options)}
 
     def generate(**given: Any) -> None:  # noqa: ANN401  one value per option, of its own type
-        out, voice = given["out"], Voice(quiet=given["quiet"], force=given["force"])
+        out, voice = given["out"], CommandOutput(quiet=given["quiet"], force=given["force"])
         ensure_writable(out, force=voice.force)
         options = environment.options(**{name: given[name] for name in known})
         _save(environment.make(given["seed"], options), out, voice)

@@ -5,11 +5,10 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import Force, JsonOut, Quiet, Voice, ensure_kind
+from vinefab.cli.options import CommandOutput, Force, JsonOut, Quiet, ensure_kind
 from vinefab.core.atomic import write_bytes
-from vinefab.files.map import read_map
-from vinefab.pipeline.mapinfo import map_info
-from vinefab.pipeline.mapinfo_text import info_lines, info_text
+from vinefab.model.files.map_geojson import read_map
+from vinefab.prediction.map_info import info_lines, info_text, map_info
 
 
 def add_to(maps: typer.Typer) -> None:
@@ -33,7 +32,7 @@ def info_command(
 
     Example: vinefab map info cave.geojson --width-mm 20 --svg cave.svg
     """
-    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_kind("--svg", svg, (".svg", ".png"), force=force)
     info = map_info(read_map(map_file), width_mm=width_mm, passages=passages)
     voice.give_json(info_text(info))

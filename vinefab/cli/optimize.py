@@ -1,4 +1,4 @@
-"""``vinefab optimize``: search for the best design."""
+"""``vinefab optimize``: search for the best design, and write the front where there is one."""
 
 import shlex
 from collections.abc import Iterator
@@ -8,20 +8,22 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import EXIT_FINDINGS, Force, JsonOut, Quiet, Voice
-from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, JsonOut, Quiet
+from vinefab.core.atomic import ensure_writable, write_bytes, write_text
 from vinefab.core.errors import CannotWriteError, InterruptedRunError
-from vinefab.files.design import design_text
-from vinefab.files.run import read_run
-from vinefab.optimize.history import Progress
-from vinefab.pipeline.optimize import (
+from vinefab.model.files.design_toml import design_text
+from vinefab.search.record.result import Progress, RunResult
+from vinefab.search.run import (
     complaint_of,
     progress_words,
     result_json,
     result_lines,
-    search,
+    run_search,
+    training_maps,
     workforce,
 )
+from vinefab.search.run_file import read_run
+from vinefab.search.settings import RunSettings
 
 FRONT_FILES = ("front.json", "front.svg", "front.png")
 
@@ -49,7 +51,7 @@ def optimize_command(
 
     Example: vinefab optimize examples/grid_coverage.toml --out run --workers 2
     """
-    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     settings = read_run(run_file)
     for name in ("best.toml", *(FRONT_FILES if settings.objectives else ())):
         ensure_writable(out / name, force=force)
@@ -65,7 +67,9 @@ def optimize_command(
                 show(progress.generation / progress.generations, progress_words(progress))
 
             crew = workforce(workers, cluster)
-            result = search(settings, out, resume=resume, workers=crew, tell=tell, source=run_file)
+            result = run_search(
+                settings, out, resume=resume, workers=crew, tell=tell, source=run_file
+            )
         complaint = complaint_of(result, settings)
     with _resumable(command), _recorded(command):
         write_text(out / "best.toml", design_text(result.best), force=force)
@@ -73,8 +77,6 @@ def optimize_command(
             voice.say(line)
         voice.give_json(result_json(result))
         if settings.objectives:
-            from vinefab.cli.optimize_front import write_front  # noqa: PLC0415  few runs draw
-
             write_front(result, settings, out, voice)
     voice.say(f"wrote {out / 'best.toml'} and {out / 'run.sqlite'}")
     return EXIT_FINDINGS if complaint else 0
@@ -97,3 +99,27 @@ def _recorded(command: str) -> Iterator[None]:
     except CannotWriteError as error:
         words = f"{error.problem}; the run has ended and is recorded, to write its files: {command}"
         raise CannotWriteError(error.path, words) from error
+
+
+def write_front(result: RunResult, settings: RunSettings, out: Path, voice: CommandOutput) -> None:
+    """Write the designs of a front, ``front.json`` and its picture, and say what they are worth."""
+    # What draws takes seconds to load, and most runs have no front.
+    from vinefab.pages.figure import png_bytes, svg_bytes  # noqa: PLC0415
+    from vinefab.search.front_files import (  # noqa: PLC0415
+        front_json,
+        front_lines,
+        front_of,
+        front_picture,
+    )
+
+    members = front_of(result, settings)
+    for member in members:
+        path = out / "front" / f"{member.design.name}.toml"
+        write_text(path, design_text(member.design), force=voice.force)
+    write_text(out / "front.json", front_json(members, result, settings), force=voice.force)
+    figure = front_picture(members, result, settings, training_maps(settings)[0])
+    write_bytes(out / "front.svg", svg_bytes(figure), force=voice.force)
+    write_bytes(out / "front.png", png_bytes(figure), force=voice.force)
+    for line in front_lines(members, settings):
+        voice.say(line)
+    voice.say(f"wrote {out / 'front.json'}, {out / 'front.svg'} and the designs in {out / 'front'}")

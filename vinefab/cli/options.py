@@ -45,7 +45,7 @@ PoseIn = Annotated[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Voice:
+class CommandOutput:
     """Where a command's words, results and progress go.
 
     Parameters

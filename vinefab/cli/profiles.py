@@ -4,8 +4,8 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import Force, JsonOut, Quiet, Voice
-from vinefab.pipeline.profiles import explain, profile_json, profile_list
+from vinefab.cli.options import CommandOutput, Force, JsonOut, Quiet
+from vinefab.fabrication.profile_listing import explain, profile_json, profile_list
 
 
 def add_to(app: typer.Typer) -> None:
@@ -26,7 +26,7 @@ def profiles_command(
 
     Example: vinefab profiles co2_60w__stretchlon_200
     """
-    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     lines = profile_list() if name is None else explain(name)
     voice.give_json(profile_json(name))
     for line in lines:

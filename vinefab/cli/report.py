@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.options import (
+    CommandOutput,
     Count,
     DesignIn,
     EnvironmentIn,
@@ -16,21 +17,20 @@ from vinefab.cli.options import (
     Quiet,
     RecipeIn,
     SetIn,
-    Voice,
     field_words,
     parameters_from,
 )
 from vinefab.core.atomic import ensure_writable, write_text
-from vinefab.files.design import read_design
-from vinefab.files.map import read_map
-from vinefab.files.profile import read_profile
-from vinefab.files.shipped import DEFAULT_RECIPE
-from vinefab.pipeline.grow import growth_options
-from vinefab.pipeline.predict import Trials
-from vinefab.pipeline.report import part_of, predict
-from vinefab.pipeline.report_json import prediction_text, summary_lines
-from vinefab.pipeline.report_origin import origin_of
-from vinefab.pipeline.unseen import fields_of, unseen_maps
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.map_geojson import read_map
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.prediction.deploy import growth_options
+from vinefab.prediction.deployments import PredictionPlan
+from vinefab.prediction.map_families import map_families, unseen_maps
+from vinefab.prediction.predict import part_of, predict
+from vinefab.prediction.prediction_json import prediction_text, summary_lines
+from vinefab.prediction.provenance import origin_of
 
 
 def add_to(app: typer.Typer) -> None:
@@ -58,7 +58,7 @@ def report_command(
 
     Example: vinefab report three_level_tree --environment grid --count 100 --out report.html
     """
-    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_writable(out, force=force)
     with voice.progress("report") as show:
         show(0.0, "reading and generating maps")
@@ -66,8 +66,8 @@ def report_command(
         given = [read_map(path) for path in maps or []]
         asked = parameters_from(parameter or [])
         unseen = unseen_maps(environment, count, seed, asked) if environment else None
-        fields = fields_of(given, unseen)
-        trials = Trials(poses=poses, seed=seed, options=growth_options(body))
+        fields = map_families(given, unseen)
+        trials = PredictionPlan(poses=poses, seed=seed, options=growth_options(body))
         found = predict(robot, profile, fields, trials, part_of(show, 0.0, 0.6))
         words = ["vinefab", "report", design, "--recipe", recipe]
         words += field_words(maps, environment, count, parameter)

@@ -6,9 +6,9 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from vinefab.cli.options import Quiet, Voice
-from vinefab.experiments.reproduce import NUMBERS, PAGE, reproduce
-from vinefab.experiments.size import PAPER, QUICK
+from vinefab.cli.options import CommandOutput, Quiet
+from vinefab.studies.reproduction import NUMBERS, PAGE, reproduce
+from vinefab.studies.study_sizes import PAPER, QUICK
 
 
 def add_to(app: typer.Typer) -> None:
@@ -39,7 +39,7 @@ def reproduce_command(
     processes work or on how often the run was stopped. The exit code is 0 whether the paper's
     claims hold or not.
     """
-    voice = Voice(quiet=quiet)
+    voice = CommandOutput(quiet=quiet)
     size = QUICK if quick else PAPER
     with voice.progress("reproduce") as show:
         done = reproduce(names, out, size, workers=workers, tell=show, announce=voice.say)

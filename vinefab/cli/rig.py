@@ -5,15 +5,15 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import EXIT_FINDINGS, Force, Quiet, Voice, numbers_from
+from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, Quiet, numbers_from
 from vinefab.core.atomic import ensure_own_folder, new_folder, write_bytes
-from vinefab.files.design import read_design
-from vinefab.files.map import read_map
-from vinefab.files.printer import read_printer
-from vinefab.files.shipped import DEFAULT_PRINTER
-from vinefab.pipeline.check import check_lines
-from vinefab.pipeline.rig import RigWishes, make_rig
+from vinefab.fabrication.checking import check_lines
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.map_geojson import read_map
+from vinefab.model.files.shipped import DEFAULT_PRINTER
+from vinefab.rig.make import RigRequest, make_rig
 from vinefab.rig.options import RigOptions
+from vinefab.rig.printer import read_printer
 
 MARK = "rig.json"
 """The file by which a folder of this command is known again."""
@@ -71,7 +71,7 @@ def rig_command(
 
     Example: vinefab rig grid.geojson --printer generic_220 --fit-mm 400 --out rig
     """
-    voice = Voice(quiet=quiet, force=force)
+    voice = CommandOutput(quiet=quiet, force=force)
     ensure_own_folder(out, MARK, force=force)
     world = read_map(map_file)
     sheet_width_mm, sheet_depth_mm = numbers_from("--sheet-mm", sheet_mm, 2)
@@ -94,7 +94,7 @@ def rig_command(
         options = options.fitted(world, fit_mm)
     robot = read_design(design) if design else None
     machine = read_printer(printer)
-    wishes = RigWishes(design=robot, allow_empty=allow_empty, pictures=pictures, lid=lid)
+    wishes = RigRequest(design=robot, allow_empty=allow_empty, pictures=pictures, lid=lid)
     with voice.progress("rig") as show:
         made = make_rig(world, machine, options, wishes, tell=show)
     if made.report.blocking:

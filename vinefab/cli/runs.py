@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import EXIT_FINDINGS, Force, JsonOut, Quiet, Voice
-from vinefab.pipeline.runs import list_runs, rebuild, run_words
+from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, JsonOut, Quiet
+from vinefab.search.runs import list_runs, rebuild, run_words
 
 
 def add_to(app: typer.Typer) -> None:
@@ -29,7 +29,7 @@ def runs_command(
 
     Example: vinefab runs . --json -
     """
-    voice = Voice(quiet=quiet, json_out=json_out, force=force)
+    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     listing = list_runs(folder)
     if out is not None:
         for path in rebuild(folder, out, force=force):

@@ -4,12 +4,20 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import DesignIn, Force, JsonOut, MapsIn, Quiet, Voice, parameters_from
-from vinefab.export.score_json import score_text
-from vinefab.files.design import read_design
-from vinefab.files.map import read_map
-from vinefab.pipeline.grow import growth_options
-from vinefab.pipeline.score import Trials, score, score_lines
+from vinefab.cli.options import (
+    CommandOutput,
+    DesignIn,
+    Force,
+    JsonOut,
+    MapsIn,
+    Quiet,
+    parameters_from,
+)
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.map_geojson import read_map
+from vinefab.model.files.results_json import score_text
+from vinefab.prediction.deploy import growth_options
+from vinefab.prediction.scoring import ScorePlan, score_design_on_task, score_lines
 
 
 def add_to(app: typer.Typer) -> None:
@@ -36,10 +44,12 @@ def score_command(
 
     Example: vinefab score three_level_tree --task coverage --maps a.geojson --maps b.geojson
     """
-    voice = Voice(quiet=quiet, json_out=json_out, force=force)
-    trials = Trials(task=task, parameters=parameters_from(parameter or []), poses=poses, seed=seed)
+    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    trials = ScorePlan(
+        task=task, parameters=parameters_from(parameter or []), poses=poses, seed=seed
+    )
     worlds = [read_map(path) for path in maps]
-    result = score(read_design(design), worlds, trials, growth_options(body))
+    result = score_design_on_task(read_design(design), worlds, trials, growth_options(body))
     voice.give_json(score_text(result))
     for line in score_lines(result):
         voice.say(line)

@@ -1,1 +1,1 @@
-"""Foundations that know nothing of robots: errors, units, registries, seeds, hashes, files."""
+"""Foundations that know nothing of robots: errors, registries, seeds, statistics, safe files."""

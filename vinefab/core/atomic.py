@@ -9,8 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from vinefab.core.errors import CannotWriteError, ForeignFileError, VinefabError
-from vinefab.core.hashing import sha256_of_file
-from vinefab.core.manifest import MANIFEST_NAME, digests_in, manifest_text, names_in
+from vinefab.core.hashing import MANIFEST_NAME, digests_in, manifest_text, names_in, sha256_of_file
 
 OWN_MARK = b"written by vinefab"
 _LOOK_BYTES = 8192

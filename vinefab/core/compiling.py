@@ -5,12 +5,12 @@ of ours: the cache on disk notices edits to a function's own file only. After a 
 caches (``__pycache__/*.nbi``) must be deleted by hand.
 """
 
-# mypy: allow-untyped-calls
-
 from collections.abc import Callable
 from typing import Any
 
 import numba
+
+# mypy: allow-untyped-calls
 
 
 def compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba dispatcher

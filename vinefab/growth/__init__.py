@@ -1,1 +1,1 @@
-"""How a design deploys on a map: compiled kernel, readable twin, and the front door."""
+"""How a design deploys on a map: compiled kernel, readable twin, terrain, growths and batches."""

@@ -2,22 +2,107 @@
 
 import itertools
 import math
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from vinefab.growth.arrays import Growth
-from vinefab.growth.atlas import Atlas
-from vinefab.growth.batch_arrays import JobArrays
-from vinefab.growth.grow import POINTS_PER_BRANCH, SPARE_POINTS, rules_of
+from vinefab.core.validation import Floats, Ints
+from vinefab.growth.arrays import Growth, JobArrays, TerrainSetArrays
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plans import Plans
-from vinefab.growth.scratch import Scratch
-from vinefab.model.checked import Floats, Ints
+from vinefab.growth.plan import Plans
+from vinefab.growth.simulator import POINTS_PER_BRANCH, SPARE_POINTS, rules_of
+from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Pose
+
+MOST_KEPT = 8
+"""Sets of radii whose arrays are kept; then the oldest is dropped."""
+
+
+class TerrainSet:
+    """Terrains whose walls are put together once and then used by many batches.
+
+    Parameters
+    ----------
+    terrains
+        At least one.
+    """
+
+    __slots__ = ("_kept", "_making", "terrains")
+
+    def __init__(self, terrains: Sequence[Terrain]) -> None:
+        self.terrains = tuple(terrains)
+        self._kept: dict[tuple[float, ...], TerrainSetArrays] = {}
+        self._making = threading.Lock()
+
+    def arrays(self, radii_mm: tuple[float, ...]) -> TerrainSetArrays:
+        """Return the walls of all terrains for some body radii: one page for each pair.
+
+        Several threads may ask at once.
+        """
+        with self._making:
+            if radii_mm not in self._kept:
+                pages = [terrain.walls(radius) for terrain in self.terrains for radius in radii_mm]
+                tolerances = np.repeat([t.tolerance_mm for t in self.terrains], len(radii_mm))
+                while len(self._kept) >= MOST_KEPT:
+                    self._kept.pop(next(iter(self._kept)))
+                self._kept[radii_mm] = TerrainSetArrays.of(pages, tolerances.tolist())
+            return self._kept[radii_mm]
+
+    def pages(self, radii_mm: tuple[float, ...]) -> Ints:
+        """Return the page of each terrain and radius, shape (terrains, radii)."""
+        return np.arange(len(self.terrains) * len(radii_mm)).reshape(-1, len(radii_mm))
+
+
+class Workspace:
+    """Arrays that are made once and used again: asking for memory costs as much as growing."""
+
+    __slots__ = ("_growth",)
+
+    def __init__(self) -> None:
+        self._growth = Growth.empty(0, 0)
+
+    def growth(self, jobs: int, branches: int, room: int) -> Growth:
+        """Return cleared arrays for several trees one after the other.
+
+        Parameters
+        ----------
+        jobs
+            Number of trees. Each has its own ``first_point``, one entry longer than it has
+            branches.
+        branches, room
+            Branches and chain points of all of them together.
+        """
+        held = self._growth
+        if branches + jobs >= len(held.first_point) or room > len(held.points):
+            held = self._growth = Growth.empty(2 * (branches + jobs), 2 * room)
+        part = Growth(
+            points=held.points[:room],
+            first_point=held.first_point[: branches + jobs],
+            stop=held.stop[:branches],
+            grown=held.grown[:branches],
+            turn=held.turn[:branches],
+            heading=held.heading[:branches],
+            events=held.events[:branches],
+            steep=held.steep[:branches],
+            chain_length=held.chain_length[:room],
+            chain_sense=held.chain_sense[:room],
+        )
+        for array in (
+            part.first_point,
+            part.stop,
+            part.grown,
+            part.turn,
+            part.heading,
+            part.events,
+            part.steep,
+        ):
+            array.fill(0)
+        return part
+
 
 BLOCK = 128
 """Growths in one compiled call: long enough to forget the call, small enough for the caches."""
@@ -26,7 +111,7 @@ BLOCK = 128
 Result = TypeVar("Result")
 
 
-class Over(Protocol):
+class BlockMapper(Protocol):
     """How blocks are worked off: `map`, or that of a pool of threads."""
 
     def __call__(self, function: Callable[[Any], Any], items: Iterable[Any], /) -> Iterable[Any]:
@@ -50,13 +135,13 @@ class Launches:
         Base x and y (mm) and heading ux, uy of each trunk, shape (l, 4).
     """
 
-    atlas: Atlas
+    atlas: TerrainSet
     terrain: Ints
     poses: tuple[Pose, ...]
     start: Floats
 
     @classmethod
-    def of(cls, atlas: Atlas, poses: Sequence[Sequence[Pose]]) -> "Launches":
+    def of(cls, atlas: TerrainSet, poses: Sequence[Sequence[Pose]]) -> "Launches":
         """Return the launches from some poses on each map.
 
         Parameters
@@ -154,7 +239,7 @@ class Block:
         return tips_mm[:count], first
 
     def deployment(self, index: int) -> Deployment:
-        """Return one growth as `vinefab.growth.grow.grow` does.
+        """Return one growth as `vinefab.growth.simulator.grow` does.
 
         Parameters
         ----------
@@ -203,7 +288,7 @@ class Batch:
         plans: Plans,
         launches: Launches,
         options: GrowthOptions,
-        idle: list[Scratch] | None = None,
+        idle: list[Workspace] | None = None,
     ) -> None:
         self.plans = plans
         self.launches = launches
@@ -217,7 +302,7 @@ class Batch:
         return len(self.plans) * len(self.launches)
 
     def each(
-        self, work: Callable[[Block], Result], over: Over = map, size: int = BLOCK
+        self, work: Callable[[Block], Result], over: BlockMapper = map, size: int = BLOCK
     ) -> Iterator[Result]:
         """Grow everything, and give what some work makes of each block, in order.
 
@@ -246,17 +331,17 @@ class Batch:
         try:
             scratch = self._idle.pop()
         except IndexError:
-            scratch = Scratch()
+            scratch = Workspace()
         result = work(self._block(first, size, scratch))
         self._idle.append(scratch)
         return result
 
-    def deployments(self, over: Over = map) -> list[Deployment]:
-        """Grow everything and return what `vinefab.growth.grow.grow` would for each growth."""
+    def deployments(self, over: BlockMapper = map) -> list[Deployment]:
+        """Grow everything and return what `vinefab.growth.simulator.grow` would for each growth."""
         blocks = self.each(lambda b: [b.deployment(k) for k in range(len(b))], over)
         return [deployment for block in blocks for deployment in block]
 
-    def _block(self, first: int, size: int, scratch: Scratch) -> Block:
+    def _block(self, first: int, size: int, scratch: Workspace) -> Block:
         """Grow the growths ``first .. first + size - 1``, as far as there are any."""
         launch, plan = np.divmod(np.arange(first, min(first + size, len(self))), len(self.plans))
         room_each = POINTS_PER_BRANCH
@@ -264,7 +349,7 @@ class Batch:
             room_each *= 2
         return block
 
-    def _grown(self, plan: Ints, launch: Ints, room_each: int, scratch: Scratch) -> Block | None:
+    def _grown(self, plan: Ints, launch: Ints, room_each: int, scratch: Workspace) -> Block | None:
         """Return some growths, or None if they need more chain points per branch."""
         from vinefab.growth import kernel  # noqa: PLC0415  numba takes a second to import
 

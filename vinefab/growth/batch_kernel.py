@@ -4,15 +4,15 @@ Like `vinefab.growth.kernel` it imports nothing of ours, because a compiled file
 when another file changes.
 """
 
+from vinefab.core.compiling import compiled, inlined
+
 # mypy: allow-untyped-defs, allow-untyped-calls
 # ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of what it compiles
 # ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
 
-from vinefab.core.compiling import compiled, inlined
-
 
 @compiled
-def plant(depth, trunk, branches, fan, size, growth, first, parent, level, offset, length):
+def plan_trees(depth, trunk, branches, fan, size, growth, first, parent, level, offset, length):
     """Write down the branches of trees that branch alike on each level, parents first.
 
     Parameters

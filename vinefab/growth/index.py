@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import Ints32, WallArrays
-from vinefab.growth.walls import Walls
-from vinefab.model.checked import Floats, Ints
+from vinefab.growth.free_space import FreeSpaceWalls
 
 MARGIN = 1e-6
 """Walls are entered in cells that they miss by up to this share of a cell.
@@ -28,7 +28,7 @@ class _Grid(NamedTuple):
     rows: int
 
 
-def indexed(walls: Walls, near_mm: float) -> WallArrays:
+def indexed(walls: FreeSpaceWalls, near_mm: float) -> WallArrays:
     """Return the walls with their grid index, all arrays read-only.
 
     Parameters
@@ -115,7 +115,7 @@ def _lists_at_starts(grid: _Grid, wall: Floats, first: Ints32) -> tuple[Ints, In
     return _expanded(first[cell].astype(np.int64), first[cell + 1].astype(np.int64) - 1)
 
 
-def _crowded(walls: Walls, item: Ints32, pairs: tuple[Ints, Ints], near_mm: float) -> Ints:
+def _crowded(walls: FreeSpaceWalls, item: Ints32, pairs: tuple[Ints, Ints], near_mm: float) -> Ints:
     """Return 1 for every wall that another comes near to, except where they join.
 
     Walls do not cross, so what comes nearest is an end of one of the two.

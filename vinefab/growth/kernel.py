@@ -3,7 +3,7 @@
 `vinefab.growth.reference` is the same model in plain Python, with the same names for the rules.
 All that grows a branch is in this file, and it imports nothing of ours, because a compiled file
 does not notice when another file changes. The arrays are described in
-`vinefab.growth.arrays` and `vinefab.growth.batch_arrays`.
+`vinefab.growth.arrays` and `vinefab.growth.arrays`.
 
 A wall has its free side on the left: its normal is its tangent turned by +90 degrees. A tip that
 slides with ``sense`` +1 moves along the tangent and the body turns left; with -1, both reverse.
@@ -14,10 +14,6 @@ therefore joined with ``|`` and ``&``, which take no branch, where the parts cos
 from the grid index are made unsigned, because signed ones could count from an array's end.
 """
 
-# mypy: allow-untyped-defs, allow-untyped-calls
-# ruff: noqa: ANN001, ANN202, ANN201, FBT003  numba infers the types of what it compiles
-# ruff: noqa: PLR0913, PLR0917  scalars are the compiled way to hand things over
-
 import math
 from collections import namedtuple
 from typing import NamedTuple
@@ -25,6 +21,11 @@ from typing import NamedTuple
 import numpy as np
 
 from vinefab.core.compiling import compiled, inlined
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+# ruff: noqa: ANN001, ANN202, ANN201, FBT003  numba infers the types of what it compiles
+# ruff: noqa: PLR0913, PLR0917  scalars are the compiled way to hand things over
+
 
 FULL_LENGTH = 0
 HEAD_ON = 1
@@ -38,7 +39,7 @@ NO_WALL = -1
 NO_POINT = -1
 
 
-class Tip(NamedTuple):
+class TipState(NamedTuple):
     """State of a growing branch.
 
     Parameters
@@ -372,7 +373,7 @@ def _moved(walls, rules, growth, tip, distance):
     x = walls.wall[wall, 0] + place * walls.wall[wall, 2]
     y = walls.wall[wall, 1] + place * walls.wall[wall, 3]
     ux, uy = _heading(rules, growth, tip, x, y)
-    return Tip(x, y, ux, uy, tip.pivot, wall, place, tip.sense, NO_POINT, GROWING)
+    return TipState(x, y, ux, uy, tip.pivot, wall, place, tip.sense, NO_POINT, GROWING)
 
 
 @inlined
@@ -387,7 +388,7 @@ def _heading(rules, growth, tip, x, y):
 
 @inlined
 def _stopped(tip, stop):
-    return Tip(
+    return TipState(
         tip.x, tip.y, tip.ux, tip.uy, tip.pivot, tip.wall, tip.place, tip.sense, NO_POINT, stop
     )
 
@@ -404,7 +405,7 @@ def _meet(walls, rules, tip, wall, place):
         return _stopped(tip, CORNER)
     x = walls.wall[wall, 0] + place * walls.wall[wall, 2]
     y = walls.wall[wall, 1] + place * walls.wall[wall, 3]
-    return Tip(x, y, tip.ux, tip.uy, tip.pivot, wall, place, sense, NO_POINT, GROWING)
+    return TipState(x, y, tip.ux, tip.uy, tip.pivot, wall, place, sense, NO_POINT, GROWING)
 
 
 @inlined
@@ -426,12 +427,12 @@ def _reach_end(walls, rules, tip):
     nx, ny = -walls.wall[following, 3], walls.wall[following, 2]
     opens = tip.sense * (walls.wall[wall, 2] * nx + walls.wall[wall, 3] * ny)
     place = 0.0 if forward else walls.wall[following, 4]
-    at_end = Tip(x, y, tip.ux, tip.uy, tip.pivot, wall, tip.place, tip.sense, point, GROWING)
+    at_end = TipState(x, y, tip.ux, tip.uy, tip.pivot, wall, tip.place, tip.sense, point, GROWING)
     if opens <= 0.0:
         return _meet(walls, rules, at_end, following, place)
     if leaves_at_end(walls, rules, tip.ux, tip.uy, following):
-        return Tip(x, y, tip.ux, tip.uy, tip.pivot, NO_WALL, 0.0, 0.0, point, GROWING)
-    return Tip(x, y, tip.ux, tip.uy, tip.pivot, following, place, tip.sense, NO_POINT, GROWING)
+        return TipState(x, y, tip.ux, tip.uy, tip.pivot, NO_WALL, 0.0, 0.0, point, GROWING)
+    return TipState(x, y, tip.ux, tip.uy, tip.pivot, following, place, tip.sense, NO_POINT, GROWING)
 
 
 # --- The two kinds of growth ------------------------------------------------------------------
@@ -447,10 +448,10 @@ def _grow_free(walls, rules, growth, tip, length):
     wall, distance, place = _wall_ahead(walls, rules, ray, (tip.corner, tip.corner), left)
     if wall == NO_WALL or distance >= left:
         x, y = px + room * tip.ux, py + room * tip.uy
-        return Tip(x, y, tip.ux, tip.uy, tip.pivot, NO_WALL, 0.0, 0.0, NO_POINT, FULL_LENGTH)
+        return TipState(x, y, tip.ux, tip.uy, tip.pivot, NO_WALL, 0.0, 0.0, NO_POINT, FULL_LENGTH)
     x = walls.wall[wall, 0] + place * walls.wall[wall, 2]
     y = walls.wall[wall, 1] + place * walls.wall[wall, 3]
-    arrived = Tip(x, y, tip.ux, tip.uy, tip.pivot, NO_WALL, 0.0, 0.0, NO_POINT, GROWING)
+    arrived = TipState(x, y, tip.ux, tip.uy, tip.pivot, NO_WALL, 0.0, 0.0, NO_POINT, GROWING)
     return _meet(walls, rules, arrived, wall, place)
 
 
@@ -469,7 +470,7 @@ def _wrapped(walls, growth, tip, vertex):
 
 @inlined
 def _with_pivot(tip, pivot):
-    return Tip(
+    return TipState(
         tip.x, tip.y, tip.ux, tip.uy, pivot, tip.wall, tip.place, tip.sense, NO_POINT, GROWING
     )
 
@@ -571,7 +572,7 @@ def _grow_branch(walls, tree, rules, start, growth, branch):
     x, y, ux, uy = _launch(tree, start, growth, branch)
     growth.points[base, 0], growth.points[base, 1] = x, y
     growth.chain_length[base] = 0.0
-    tip = Tip(x, y, ux, uy, base, NO_WALL, 0.0, 0.0, NO_POINT, GROWING)
+    tip = TipState(x, y, ux, uy, base, NO_WALL, 0.0, 0.0, NO_POINT, GROWING)
     events, steep = 0, 0.0
     while tip.stop == GROWING and events < rules.most_events:
         # A wrap takes one more point, and the tip one after that.
@@ -699,7 +700,7 @@ def grow_jobs(atlas, trees, rules, jobs, growth, first, last):
     Parameters
     ----------
     atlas, trees, rules, jobs
-        See `vinefab.growth.batch_arrays`; ``jobs.done`` is written to.
+        See `vinefab.growth.arrays`; ``jobs.done`` is written to.
     growth
         Where the results go, job by job.
     first, last

@@ -6,7 +6,7 @@ from typing import Literal
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg
-from vinefab.model.checked import number
+from vinefab.core.validation import number
 
 DEFAULT_HEAD_ON_HALF_ANGLE_RAD = math.radians(1.0)
 

@@ -1,13 +1,17 @@
-"""A design made ready for growth, once for all maps and poses."""
+"""Designs made ready for growth, one or many, once for all maps and poses."""
 
+import itertools
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from vinefab.growth.arrays import TreeArrays
+from vinefab.core.validation import Floats, Ints
+from vinefab.growth.arrays import TreeArrays, TreesArrays
 from vinefab.growth.options import GrowthOptions
-from vinefab.model.checked import Floats
 from vinefab.model.design import Build, Design
 from vinefab.model.tree import BranchTree, branch_tree
 
@@ -56,7 +60,7 @@ class Plan:
         options
             Choices of the growth model.
         tree
-            What to grow in place of all the design's branches; see `vinefab.growth.grow.grow`.
+            What to grow in place of all the design's branches; see `vinefab.growth.simulator.grow`.
         """
         tree = branch_tree(design) if tree is None else tree
         long_mm = LONG_WIDTHS * np.array(design.build.widths_mm)[tree.level - 1]
@@ -82,3 +86,94 @@ class Plan:
         """Return the tree as the engines take it, with room for every branch so far."""
         fits = np.ones(len(self.tree), dtype=np.bool_)
         return TreeArrays(self.tree.parent, self.turn, self.tree.length_mm, fits)
+
+
+class Spans(NamedTuple):
+    """The spans of all plans as tables, a row per plan and a column per span.
+
+    Parameters
+    ----------
+    radii_mm
+        All body radii, rising.
+    number
+        How many spans each plan has; what stands beyond them has no meaning.
+    radius
+        Which of the radii.
+    until
+        First branch that is not in the span.
+    is_wider
+        Whether the body is wider than what reached its base, and so may lack room there.
+    """
+
+    radii_mm: tuple[float, ...]
+    number: Ints
+    radius: Ints
+    until: Ints
+    is_wider: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plans:
+    """What growth needs of several designs.
+
+    Parameters
+    ----------
+    each
+        The plans one by one.
+    trees
+        Their branches, one tree after the other.
+    spans
+        Which branches are grown on the same walls.
+    """
+
+    each: Sequence[Plan]
+    trees: TreesArrays
+    spans: Spans
+    _lengths: list[Floats] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.each)
+
+    @property
+    def lengths_mm(self) -> Floats:
+        """Planned length of each tree, shape (n,); found by whoever asks first."""
+        if not self._lengths:
+            # Tree by tree: other ways to add up the same numbers differ in the last digit.
+            edges = itertools.pairwise(self.trees.first.tolist())
+            total = [np.add.reduce(self.trees.length[one:two]) for one, two in edges]
+            self._lengths.append(np.array(total))
+        return self._lengths[0]
+
+    @classmethod
+    def of(cls, designs: Sequence[Design], options: GrowthOptions) -> "Plans":
+        """Return the plans of some designs, at least one."""
+        return cls.joined([Plan.of(design, options) for design in designs])
+
+    @classmethod
+    def joined(cls, plans: Sequence[Plan]) -> "Plans":
+        """Return some plans, at least one, as columns."""
+        return cls(
+            each=tuple(plans),
+            trees=TreesArrays.of([plan.arrays() for plan in plans]),
+            spans=_spans(plans),
+        )
+
+
+def _spans(plans: Sequence[Plan]) -> Spans:
+    """Return the spans of plans; beyond a plan's last one nothing is left to grow."""
+    radii_mm = tuple(sorted({radius for plan in plans for radius in plan.radii_mm}))
+    number = np.array([len(plan.radii_mm) for plan in plans])
+    spans = Spans(
+        radii_mm,
+        number,
+        radius=np.zeros((len(plans), number.max()), dtype=np.int64),
+        until=np.zeros((len(plans), number.max()), dtype=np.int64),
+        is_wider=np.zeros((len(plans), number.max()), dtype=np.bool_),
+    )
+    for row, plan in enumerate(plans):
+        spans.until[row] = len(plan)
+        spans.until[row, : number[row]] = plan.edges[1:]
+        spans.radius[row, : number[row]] = np.searchsorted(radii_mm, plan.radii_mm)
+        # Only a body wider than what reached the place can lack room there.
+        spans.is_wider[row, : number[row]] = np.diff(plan.radii_mm, prepend=0.0) > 0.0
+    return spans

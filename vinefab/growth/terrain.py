@@ -12,11 +12,10 @@ from shapely import Point
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats
 from vinefab.growth.arrays import WallArrays
-from vinefab.growth.freespace import free_space
+from vinefab.growth.free_space import free_space, walls_of
 from vinefab.growth.index import indexed
-from vinefab.growth.walls import walls_of
-from vinefab.model.checked import Floats
 from vinefab.model.map import Map, Pose
 
 T = TypeVar("T")

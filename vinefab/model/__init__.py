@@ -1,1 +1,1 @@
-"""The nouns: frozen, validated, without input, output or plotting."""
+"""The nouns that several rooms share: frozen, validated, and their file forms beside them."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.checked import Floats, Ints
+from vinefab.core.validation import Floats, Ints
 from vinefab.model.map import Pose
 from vinefab.model.tree import BranchTree
 

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.checked import LARGEST_MM, number, positive, whole
+from vinefab.core.validation import LARGEST_MM, number, positive, whole
 
 MOST_LEVELS = 10
 MOST_BRANCHES = 100_000

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
 
-from vinefab.model.checked import positive
+from vinefab.core.validation import positive
 from vinefab.model.laser import LaserProfile, OperationSettings
 from vinefab.model.outline import Contour
 

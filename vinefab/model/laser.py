@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.checked import number
+from vinefab.core.validation import number
 
 
 class Standing(StrEnum):

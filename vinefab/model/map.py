@@ -9,7 +9,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.checked import LARGEST_MM, number
+from vinefab.core.validation import LARGEST_MM, number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

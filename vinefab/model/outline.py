@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.checked import Floats, frozen_floats
+from vinefab.core.validation import Floats, frozen_floats
 
 FLATTEN_MM = 0.01
 """Default distance between an arc and the chords that stand for it."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vinefab.model.checked import Floats
+from vinefab.core.validation import Floats
 from vinefab.model.map import Pose
 
 

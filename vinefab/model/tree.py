@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vinefab.model.checked import Floats, Ints, frozen_floats, frozen_ints
+from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints
 from vinefab.model.design import Design, Level
 
 

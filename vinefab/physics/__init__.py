@@ -1,1 +1,1 @@
-"""Pressure, film and friction: small pure functions, each with its source."""
+"""Tube, seam, capstan, growth pressure, anchoring: small pure functions, each with its source."""

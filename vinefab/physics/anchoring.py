@@ -14,14 +14,14 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import STANDARD_GRAVITY_M_S2
-from vinefab.model.checked import Floats
-from vinefab.physics.capstan import capstan_factor
-from vinefab.physics.lumen import inflated_diameter_mm
-from vinefab.physics.pressure import N_MM2_PER_KPA
+from vinefab.core.validation import Floats
+from vinefab.physics.growth_pressure import capstan_factor
+from vinefab.physics.seam import N_MM2_PER_KPA
+from vinefab.physics.tube import inflated_diameter_mm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Interval:
+class NumberRange:
     """A number that is known within bounds.
 
     Parameters
@@ -39,7 +39,7 @@ class Interval:
             raise BadInputError("interval", [self.low, self.value, self.high], "rising numbers")
 
 
-ASSUMED_FRICTION = Interval(low=0.2, value=0.3, high=0.8)
+ASSUMED_FRICTION = NumberRange(low=0.2, value=0.3, high=0.8)
 """TPU film on printed plastic [assumed]; measure yours."""
 
 
@@ -121,8 +121,8 @@ def amplification(turns_rad: Sequence[float], friction: float) -> float:
 
 
 def amplification_interval(
-    turns_rad: Sequence[float], fewest: int, friction: Interval = ASSUMED_FRICTION
-) -> Interval:
+    turns_rad: Sequence[float], fewest: int, friction: NumberRange = ASSUMED_FRICTION
+) -> NumberRange:
     """Return the amplification over friction and over which branches are engaged.
 
     Parameters
@@ -142,7 +142,7 @@ def amplification_interval(
     if not 0 <= fewest <= len(turns_rad):
         raise BadInputError("fewest", fewest, f"0 to {len(turns_rad)} engaged branches")
     straightest = sorted(abs(turn) for turn in turns_rad)[:fewest]
-    return Interval(
+    return NumberRange(
         low=amplification(straightest, friction.low),
         value=amplification(turns_rad, friction.value),
         high=amplification(turns_rad, friction.high),

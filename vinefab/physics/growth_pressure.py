@@ -5,12 +5,30 @@ turn multiplies the tension that has built up behind it (the capstan effect), so
 cost more the later they come.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from vinefab.core.errors import BadInputError
 from vinefab.model.laser import Quantity, Standing
-from vinefab.physics.capstan import capstan_factor
+
+
+def capstan_factor(friction: float, turn_rad: float) -> float:
+    """Return e^(mu |gamma|), by which the tension grows around a turn (Eq. 2 of the paper).
+
+    Parameters
+    ----------
+    friction
+        Coefficient of friction mu, 0 or more.
+    turn_rad
+        Total turn gamma; its sign does not matter.
+
+    Examples
+    --------
+    >>> capstan_factor(0.3, 0.0)
+    1.0
+    """
+    return math.exp(friction * abs(turn_rad))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,1 +1,1 @@
-"""Printable test rigs of maps."""
+"""Printable and laser-cut test rigs of maps: solids, files, pictures and page."""

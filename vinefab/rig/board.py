@@ -3,16 +3,15 @@
 import numpy as np
 import shapely
 
-from vinefab.model.checked import Floats
+from vinefab.core.validation import Floats
 from vinefab.model.map import Map
-from vinefab.model.printer import Printer
 from vinefab.rig.clean import Pieces, pieces_of
-from vinefab.rig.engrave import marks_for
-from vinefab.rig.extras import extras_of
+from vinefab.rig.engraving import extras_of, marks_for
 from vinefab.rig.loose import Loose, loose_of
 from vinefab.rig.options import RigOptions
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.plan import RigPlan, plan_of
+from vinefab.rig.printer import Printer
 from vinefab.rig.solid import Hollow, stacked
 from vinefab.rig.split import cuts_of, grid_of
 
@@ -30,7 +29,7 @@ def build_board(world: Map, printer: Printer, options: RigOptions) -> tuple[Rig,
     Parameters
     ----------
     world, printer, options
-        As in `vinefab.rig.build.build_rig`; ``plate_mm`` is the thickness of board and sheet.
+        As in `vinefab.rig.plate.build_rig`; ``plate_mm`` is the thickness of board and sheet.
 
     Raises
     ------

@@ -9,7 +9,7 @@ from shapely import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.checked import Floats
+from vinefab.core.validation import Floats
 from vinefab.rig.clean import Pieces, pieces_of, snapped_union, without_slivers
 from vinefab.rig.options import GRID_MM, RigOptions
 from vinefab.rig.plan import RigPlan

@@ -3,9 +3,9 @@
 from dataclasses import dataclass, replace
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.checked import number, positive, whole
+from vinefab.core.validation import number, positive, whole
 from vinefab.model.map import Map
-from vinefab.model.printer import Printer
+from vinefab.rig.printer import Printer
 
 STYLES = ("plate", "board", "sheet")
 

@@ -9,9 +9,9 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.checked import Floats, Ints, frozen_floats, frozen_ints, positive
-from vinefab.model.printer import Printer
+from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints, positive
 from vinefab.rig.options import RigOptions
+from vinefab.rig.printer import Printer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,7 +123,7 @@ class Rig:
     thickened
         What was added there, in map coordinates.
     counts
-        What was left out, mended or joined, by name; see `vinefab.rig.build`.
+        What was left out, mended or joined, by name; see `vinefab.rig.plate`.
     joint_gap_mm3
         Volume of the plate that is missing in the gaps around the joints.
     notes

@@ -1,10 +1,185 @@
-"""How a rig is printed: its beds, and what each takes."""
+"""How a rig is printed: its beds, the time and the filament, all estimates from stated formulas."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vinefab.rig.beds import Placed, beds_of
-from vinefab.rig.estimate import Estimate, estimate, together
+from vinefab.rig.options import RigOptions
 from vinefab.rig.part import Rig, RigPart
+from vinefab.rig.printer import Printer
+from vinefab.rig.split import usable_mm
+
+BASIS = (
+    "computed from assumed settings: plastic = min(V, A s + f (V - A s)) with volume V, surface A, "
+    "shell s and infill f; time = plastic / flow + layers x the time per layer change"
+)
+"""The formulas, for whoever reads the numbers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PrintEstimate:
+    """What printing takes.
+
+    Parameters
+    ----------
+    plastic_mm3
+        Volume extruded.
+    mass_g, filament_m
+        The same as mass, and as length of filament.
+    time_s
+        Printing time of all beds, without heating and without clearing the bed.
+    """
+
+    plastic_mm3: float
+    mass_g: float
+    filament_m: float
+    time_s: float
+
+    def words(self) -> str:
+        """Return the estimate as a few words."""
+        minutes = round(self.time_s / 60.0)
+        time = f"{minutes // 60} h {minutes % 60:02d} min"
+        return f"{time}, {self.mass_g:.0f} g, {self.filament_m:.1f} m of filament"
+
+
+def estimate(parts: Sequence[RigPart], printer: Printer) -> PrintEstimate:
+    """Return what it takes to print parts together on one bed.
+
+    A skin of thickness s around a solid of volume V and surface A holds about A s; the rest is
+    filled to the share f. Thin parts are all skin, hence the lesser of the two.
+
+    Parameters
+    ----------
+    parts
+        What lies on the bed.
+    printer
+        Its settings.
+    """
+    plastic_mm3 = 0.0
+    for part in parts:
+        skin_mm3 = part.area_mm2 * printer.shell_mm
+        filled_mm3 = skin_mm3 + printer.infill * (part.volume_mm3 - skin_mm3)
+        plastic_mm3 += min(part.volume_mm3, filled_mm3)
+    layers = max((math.ceil(part.size_mm[2] / printer.layer_mm) for part in parts), default=0)
+    return _made_of(
+        plastic_mm3, plastic_mm3 / printer.flow_mm3_s + layers * printer.layer_change_s, printer
+    )
+
+
+def total_estimate(estimates: Sequence[PrintEstimate]) -> PrintEstimate:
+    """Return the sum of estimates, bed after bed."""
+    return PrintEstimate(
+        plastic_mm3=sum(one.plastic_mm3 for one in estimates),
+        mass_g=sum(one.mass_g for one in estimates),
+        filament_m=sum(one.filament_m for one in estimates),
+        time_s=sum(one.time_s for one in estimates),
+    )
+
+
+def _made_of(plastic_mm3: float, time_s: float, printer: Printer) -> PrintEstimate:
+    across_mm2 = 0.25 * math.pi * printer.filament_mm**2
+    return PrintEstimate(
+        plastic_mm3=plastic_mm3,
+        mass_g=1e-3 * plastic_mm3 * printer.density_g_cm3,
+        filament_m=1e-3 * plastic_mm3 / across_mm2,
+        time_s=time_s,
+    )
+
+
+GAP_MM = 5.0
+"""Least distance between two parts on a bed."""
+
+_SLACK_MM = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacedPart:
+    """A part on a bed, or a piece on a sheet.
+
+    Parameters
+    ----------
+    index
+        Which one, counted from 0.
+    x_mm, y_mm
+        Where the lower left corner of its box lies.
+    """
+
+    index: int
+    x_mm: float
+    y_mm: float
+
+
+def packed_on_beds(
+    sizes_mm: Sequence[tuple[float, float]], room_mm: tuple[float, float], gap_mm: float
+) -> list[list[PlacedPart]]:
+    """Put boxes on as few beds as shelves allow, without turning them.
+
+    Boxes are taken by falling depth and set side by side on shelves; a box goes onto the first
+    shelf, on the first bed, that has room.
+
+    Parameters
+    ----------
+    sizes_mm
+        Width and depth of each box.
+    room_mm
+        Width and depth of the usable bed; a larger box is put down all the same.
+    gap_mm
+        Distance between boxes.
+
+    Returns
+    -------
+    list of list of Placed
+        Bed by bed, in the order in which beds were opened.
+    """
+    beds: list[list[PlacedPart]] = []
+    shelves: list[list[float]] = []  # bed, y, depth, next free x
+    tops: list[float] = []  # next free y of each bed
+    order = sorted(range(len(sizes_mm)), key=lambda index: (-sizes_mm[index][1], index))
+    for index in order:
+        wide_mm, deep_mm = sizes_mm[index]
+        for shelf in shelves:
+            bed, y_mm, depth_mm, x_mm = shelf
+            if deep_mm <= depth_mm + _SLACK_MM and x_mm + wide_mm <= room_mm[0] + _SLACK_MM:
+                break
+        else:
+            bed = next(
+                (bed for bed, top in enumerate(tops) if top + deep_mm <= room_mm[1] + _SLACK_MM),
+                len(beds),
+            )
+            if bed == len(beds):
+                beds.append([])
+                tops.append(0.0)
+            y_mm, x_mm = tops[int(bed)], 0.0
+            shelf = [bed, y_mm, deep_mm, x_mm]
+            shelves.append(shelf)
+            tops[int(bed)] += deep_mm + gap_mm
+        beds[int(bed)].append(PlacedPart(index=index, x_mm=x_mm, y_mm=y_mm))
+        shelf[3] = x_mm + wide_mm + gap_mm
+    return beds
+
+
+def beds_of(
+    parts: Sequence[RigPart], printer: Printer, options: RigOptions
+) -> tuple[tuple[PlacedPart, ...], ...]:
+    """Return the beds on which parts are printed, each part where it lies on its bed.
+
+    Parameters
+    ----------
+    parts
+        What is printed.
+    printer, options
+        Bed and its margin.
+    """
+    margin_mm = options.bed_margin_mm
+    sizes = [(part.size_mm[0], part.size_mm[1]) for part in parts]
+    beds = packed_on_beds(sizes, usable_mm(printer, options), GAP_MM)
+    return tuple(
+        tuple(
+            PlacedPart(index=at.index, x_mm=at.x_mm + margin_mm, y_mm=at.y_mm + margin_mm)
+            for at in sorted(bed, key=lambda at: at.index)
+        )
+        for bed in sorted(beds, key=lambda bed: min(at.index for at in bed))
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,8 +197,8 @@ class Bed:
     """
 
     number: int
-    places: tuple[Placed, ...]
-    estimate: Estimate
+    places: tuple[PlacedPart, ...]
+    estimate: PrintEstimate
 
     @property
     def name(self) -> str:
@@ -44,9 +219,9 @@ class Printing:
     beds: tuple[Bed, ...]
 
     @property
-    def total(self) -> Estimate:
+    def total(self) -> PrintEstimate:
         """What all beds take."""
-        return together([bed.estimate for bed in self.beds])
+        return total_estimate([bed.estimate for bed in self.beds])
 
     def bed_of(self, index: int) -> Bed:
         """Return the bed of a part, by its index in ``Rig.printed``."""
@@ -69,5 +244,5 @@ def printing_of(rig: Rig) -> Printing:
     )
 
 
-def _on(places: tuple[Placed, ...], parts: tuple[RigPart, ...]) -> list[RigPart]:
+def _on(places: tuple[PlacedPart, ...], parts: tuple[RigPart, ...]) -> list[RigPart]:
     return [parts[at.index] for at in places]

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from manifold3d import CrossSection, FillRule, Manifold, Mesh64
 
-from vinefab.model.checked import Floats, Ints
+from vinefab.core.validation import Floats, Ints
 from vinefab.rig.clean import Pieces
 
 

@@ -1,17 +1,173 @@
-"""Where straight cuts divide a plan into tiles that fit the bed."""
+"""Where straight cuts divide a plan into tiles that fit the bed, and their dovetails."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.printer import Printer
+from vinefab.core.validation import Floats
 from vinefab.rig.clean import Pieces
-from vinefab.rig.edges import Edges
-from vinefab.rig.joints import TAB_DEPTH_MM
 from vinefab.rig.options import RigOptions
+from vinefab.rig.printer import Printer
 
+TAB_DEPTH_MM = 8.0
+_NECK_HALF_MM = 4.0
+_END_HALF_MM = 6.5
+_FREE_MM = 2.0
+_SPAN_PER_TAB_MM = 90.0
 _STEP_MM = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seam:
+    """The straight cut between two neighbouring tiles.
+
+    Parameters
+    ----------
+    upright
+        Whether it runs along y; the tile that gets the tabs is then the left one, else the lower.
+    at_mm
+        Its x when upright, else its y.
+    low_mm, high_mm
+        Where it begins and ends along its direction.
+    """
+
+    upright: bool
+    at_mm: float
+    low_mm: float
+    high_mm: float
+
+
+def tabs_of(seam: Seam, plate: BaseGeometry, solids: shapely.STRtree) -> list[Polygon]:
+    """Return the tabs of a seam: dovetails that reach over it to the right or upwards.
+
+    A tab stands only where the plate is whole around it and nothing stands on it: a socket under
+    an obstacle would have to be bridged in the air by the printer. Where there is no such place,
+    there is no tab.
+
+    Parameters
+    ----------
+    seam
+        The cut.
+    plate
+        Outline of the whole plate, prepared for speed.
+    solids
+        Everything that stands on the plate.
+    """
+    margin_mm = TAB_DEPTH_MM + _END_HALF_MM + _FREE_MM  # clear of the joints of crossing seams
+    low, high = seam.low_mm + margin_mm, seam.high_mm - margin_mm
+    if high < low:
+        return []
+    count = max(1, round((high - low) / _SPAN_PER_TAB_MM))
+    ends = np.linspace(low, high, count + 1)
+    chosen = []
+    for left, right in pairwise(ends):
+        gap = _END_HALF_MM + _FREE_MM if count > 1 else 0.0
+        places = np.arange(np.ceil(left + gap), right - gap + 1e-9, _STEP_MM)
+        places = places[np.argsort(np.abs(places - 0.5 * (left + right)), kind="stable")]
+        free = places[_is_free(seam, places, plate, solids)]
+        chosen += [_tab(seam, float(at)) for at in free[:1]]
+    return chosen
+
+
+def socket_of(tab: Polygon, clearance_mm: float) -> Polygon:
+    """Return what the other tile must leave open for a tab."""
+    return tab.buffer(clearance_mm, join_style="mitre")
+
+
+def _is_free(
+    seam: Seam, places: Floats, plate: BaseGeometry, solids: shapely.STRtree
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    half = _END_HALF_MM + _FREE_MM
+    low, high = places - half, places + half
+    near = np.full_like(places, seam.at_mm - TAB_DEPTH_MM)
+    far = np.full_like(places, seam.at_mm + TAB_DEPTH_MM + _FREE_MM)
+    corners = (near, low, far, high) if seam.upright else (low, near, high, far)
+    boxes = shapely.box(*corners)
+    free = np.asarray(shapely.contains_properly(plate, boxes), dtype=bool)
+    free[np.unique(solids.query(boxes, predicate="intersects")[0])] = False
+    return free
+
+
+def _tab(seam: Seam, along_mm: float) -> Polygon:
+    at, end = seam.at_mm, seam.at_mm + TAB_DEPTH_MM
+    corners = [
+        (at, along_mm - _NECK_HALF_MM),
+        (end, along_mm - _END_HALF_MM),
+        (end, along_mm + _END_HALF_MM),
+        (at, along_mm + _NECK_HALF_MM),
+    ]
+    return Polygon(corners if seam.upright else [(y, x) for x, y in corners])
+
+
+_GUARD_MM = 2.0
+_CORNER_COST_MM = 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Edges:
+    """Edges of polygons, solid on their left.
+
+    Parameters
+    ----------
+    start_mm, end_mm
+        Their ends, shape (n, 2).
+    """
+
+    start_mm: Floats
+    end_mm: Floats
+
+    @classmethod
+    def of(cls, solids: Pieces) -> "Edges":
+        """Return the edges of all rings of polygons that do not overlap."""
+        rings = shapely.get_rings(shapely.orient_polygons(solids))
+        points, ring = shapely.get_coordinates(rings, return_index=True)
+        same = ring[1:] == ring[:-1]
+        return cls(start_mm=points[:-1][same], end_mm=points[1:][same])
+
+    def turned(self) -> "Edges":
+        """Swap x and y; reversing the edges keeps the solid on their left."""
+        return Edges(start_mm=self.end_mm[:, ::-1], end_mm=self.start_mm[:, ::-1])
+
+    def costs_mm(self, lines_mm: Floats, even_mm: float) -> Floats:
+        """Return what it costs to cut along upright lines, in millimetres of cut obstacle.
+
+        A corner within 2 mm of the line counts like 20 mm of obstacle, because a thin tip would
+        be cut off; between equals the more even cut is cheaper.
+
+        Parameters
+        ----------
+        lines_mm
+            Their x, shape (m,).
+        even_mm
+            Where the tiles would be even.
+        """
+        near = np.sort(self.start_mm[:, 0])
+        corners = np.searchsorted(near, lines_mm + _GUARD_MM, side="right")
+        corners = corners - np.searchsorted(near, lines_mm - _GUARD_MM)
+        crossed_mm = np.array([self.length_mm(x_mm) for x_mm in lines_mm])
+        uneven_mm = 1e-3 * np.abs(lines_mm - even_mm)
+        return np.asarray(crossed_mm + _CORNER_COST_MM * corners + uneven_mm, dtype=np.float64)
+
+    def length_mm(self, x_mm: float) -> float:
+        """Return the length of the upright line x = x_mm in the solids.
+
+        Along the line, an edge that runs to the right has the solid above it, one that runs to
+        the left has it below: the lengths add up as signed heights, without any sorting.
+        """
+        start_x, end_x = self.start_mm[:, 0], self.end_mm[:, 0]
+        crossing: NDArray[np.bool_] = (start_x <= x_mm) != (end_x <= x_mm)
+        start, end = self.start_mm[crossing], self.end_mm[crossing]
+        share = (x_mm - start[:, 0]) / (end[:, 0] - start[:, 0])
+        y_mm = start[:, 1] + share * (end[:, 1] - start[:, 1])
+        return float(-(np.sign(end[:, 0] - start[:, 0]) * y_mm).sum())
+
+
 _LEAST_TILE_MM = 5.0 * TAB_DEPTH_MM
 
 

@@ -9,17 +9,16 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.rig.clean import Pieces, bridged, pieces_of, snapped_union, without_slivers
-from vinefab.rig.joints import Seam, socket_of, tabs_of
 from vinefab.rig.options import GRID_MM
 from vinefab.rig.plan import RigPlan
-from vinefab.rig.split import Cuts
+from vinefab.rig.split import Cuts, Seam, socket_of, tabs_of
 
 Cell = tuple[int, int]
 """Row and column of a tile, from 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tile:
+class RigTile:
     """The plan of one connected part.
 
     Parameters
@@ -37,7 +36,7 @@ class Tile:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Joint:
+class Dovetail:
     """A dovetail between two tiles.
 
     Parameters
@@ -60,7 +59,7 @@ class Joint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Joints:
+class Dovetails:
     """All joints of a rig.
 
     Parameters
@@ -71,11 +70,11 @@ class Joints:
         Number of seams without room for a joint.
     """
 
-    joints: tuple[Joint, ...]
+    joints: tuple[Dovetail, ...]
     bare_seams: int
 
 
-def joints_of(plan: RigPlan, cuts: Cuts, clearance_mm: float) -> Joints:
+def dovetails_of(plan: RigPlan, cuts: Cuts, clearance_mm: float) -> Dovetails:
     """Return the dovetails of all seams between neighbouring tiles.
 
     Parameters
@@ -88,21 +87,21 @@ def joints_of(plan: RigPlan, cuts: Cuts, clearance_mm: float) -> Joints:
     plate = plan.plate
     shapely.prepare(plate)
     tree = shapely.STRtree(plan.solids)
-    joints: list[Joint] = []
+    joints: list[Dovetail] = []
     bare = 0
     for seam, giver, taker in _seams(cuts):
         tabs = tabs_of(seam, plate, tree)
         bare += not tabs and _line(seam).intersects(plate)
         joints += [
-            Joint(giver=giver, taker=taker, tab=tab, socket=_socket(tab, seam, clearance_mm))
+            Dovetail(giver=giver, taker=taker, tab=tab, socket=_socket(tab, seam, clearance_mm))
             for tab in tabs
         ]
-    return Joints(joints=tuple(joints), bare_seams=bare)
+    return Dovetails(joints=tuple(joints), bare_seams=bare)
 
 
-def tiles_of(
-    plan: RigPlan, cuts: Cuts, joints: Joints, least_mm: tuple[float, float]
-) -> Iterator[Tile]:
+def rig_tiles(
+    plan: RigPlan, cuts: Cuts, joints: Dovetails, least_mm: tuple[float, float]
+) -> Iterator[RigTile]:
     """Yield the plans of all parts, row by row.
 
     Parameters
@@ -128,7 +127,7 @@ def _tile(
     plate: Polygon,
     near: Pieces,
     least_mm: tuple[float, float],
-) -> Tile:
+) -> RigTile:
     sliver_mm, bridge_mm = least_mm
     solids = snapped_union(shapely.intersection(near, plate, grid_size=GRID_MM))
     solids, _ = without_slivers(solids, sliver_mm)
@@ -136,10 +135,10 @@ def _tile(
     # Snapping moved corners on slanted edges by up to half a step: let the plate follow, so that
     # no solid hangs over its edge and no two edges nearly coincide.
     plate = max(snapped_union(solids, plate), key=shapely.area)
-    return Tile(cell=cell, plate=plate, solids=solids)
+    return RigTile(cell=cell, plate=plate, solids=solids)
 
 
-def _plates(plate: BaseGeometry, rectangle: Polygon, cell: Cell, joints: Joints) -> Pieces:
+def _plates(plate: BaseGeometry, rectangle: Polygon, cell: Cell, joints: Dovetails) -> Pieces:
     tabs = [joint.tab for joint in joints.joints if joint.giver == cell]
     sockets = [joint.socket for joint in joints.joints if joint.taker == cell]
     own = shapely.intersection(plate, rectangle, grid_size=GRID_MM)

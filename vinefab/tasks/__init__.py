@@ -1,1 +1,1 @@
-"""What a deployment is worth: tasks, and their composition over maps and poses."""
+"""What a deployment is worth: one file per task, and their composition over maps and poses."""

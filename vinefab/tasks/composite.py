@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vinefab.model.checked import Floats
+from vinefab.core.validation import Floats
 
 MEAN_SHARE = 0.25
 """Share of the mean in ``min_deviation`` [paper]; its form is vinefab's."""

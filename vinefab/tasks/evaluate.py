@@ -7,25 +7,24 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from vinefab.environments.poses import draw_poses
-from vinefab.growth.atlas import Atlas
-from vinefab.growth.batch import Batch, Launches, Over
+from vinefab.growth.batch import Batch, BlockMapper, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.plans import Plans
+from vinefab.growth.plan import Plans
 from vinefab.growth.terrain import Terrain
+from vinefab.maps.poses import draw_poses
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.score import Evaluation, Score
 from vinefab.tasks.composite import composite
-from vinefab.tasks.ground import Ground
-from vinefab.tasks.task import Outcomes, Task, joined, outcomes
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.task import Task, TaskOutcomes, concatenated_outcomes, outcomes
 
 Poses = tuple[tuple[Pose, ...], ...]
 """For each map, the poses to grow from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Site:
+class PreparedMap:
     """A map made ready for growing and scoring.
 
     Parameters
@@ -42,17 +41,17 @@ class Site:
 
     world: Map
     terrain: Terrain
-    ground: Ground
+    ground: MapContext
     around_starts: BaseGeometry
 
     @classmethod
-    def of(cls, world: Map) -> "Site":
+    def of(cls, world: Map) -> "PreparedMap":
         """Return the site of a map."""
         terrain = Terrain.of(world)
         return cls(
             world=world,
             terrain=terrain,
-            ground=Ground.of(world, terrain.free_space()),
+            ground=MapContext.of(world, terrain.free_space()),
             around_starts=_around_starts(world),
         )
 
@@ -71,7 +70,7 @@ def _around_starts(world: Map) -> BaseGeometry:
     return free
 
 
-def poses_on(sites: Sequence[Site], count: int, seeds: Sequence[int]) -> Poses:
+def poses_on(sites: Sequence[PreparedMap], count: int, seeds: Sequence[int]) -> Poses:
     """Draw poses on every map.
 
     Parameters
@@ -91,7 +90,7 @@ def poses_on(sites: Sequence[Site], count: int, seeds: Sequence[int]) -> Poses:
 
 def score_design(
     design: Design,
-    sites: Sequence[Site],
+    sites: Sequence[PreparedMap],
     poses: Poses,
     task: Task,
     options: GrowthOptions | None = None,
@@ -116,18 +115,18 @@ def score_design(
     Score
         One evaluation per map and pose, map by map, and their composites.
     """
-    atlas = Atlas([site.terrain for site in sites])
+    atlas = TerrainSet([site.terrain for site in sites])
     (score,) = score_designs([design], sites, Launches.of(atlas, poses), task, options)
     return score
 
 
 def score_designs(
     designs: Sequence[Design],
-    sites: Sequence[Site],
+    sites: Sequence[PreparedMap],
     launches: Launches,
     task: Task,
     options: GrowthOptions | None = None,
-    over: Over = map,
+    over: BlockMapper = map,
 ) -> tuple[Score, ...]:
     """Score several designs as `score_design` does, in batches.
 
@@ -151,12 +150,14 @@ def score_designs(
     options = options or GrowthOptions()
     batch = Batch(Plans.of(designs, options), launches, options)
     grounds = [site.ground for site in sites]
-    found = joined(list(batch.each(lambda block: outcomes(task, block, grounds), over)))
+    found = concatenated_outcomes(
+        list(batch.each(lambda block: outcomes(task, block, grounds), over))
+    )
     return tuple(scores_of(found, task, sites, launches))
 
 
 def scores_of(
-    found: Outcomes, task: Task, sites: Sequence[Site], launches: Launches
+    found: TaskOutcomes, task: Task, sites: Sequence[PreparedMap], launches: Launches
 ) -> Iterator[Score]:
     """Give the score of each design of a batch.
 

@@ -6,22 +6,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import Block
-from vinefab.model.checked import Floats, Ints
 from vinefab.model.deployment import Deployment, Stop
-from vinefab.tasks.cells import TOUCHING_MM
-from vinefab.tasks.ground import Ground
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.wall_cells import TOUCHING_MM
 
 STEP_BACK_MM = 1e-3
 
 
-class Grown(NamedTuple):
+class GrownBatch(NamedTuple):
     """The final states of j growths, one after the other.
 
     Parameters
     ----------
     parent, tree_first
-        Planned trees, as in `vinefab.growth.batch_arrays.TreesArrays`.
+        Planned trees, as in `vinefab.growth.arrays.TreesArrays`.
     tree
         Tree of each growth, shape (j,).
     branch, room
@@ -42,7 +42,7 @@ class Grown(NamedTuple):
     turn: Floats
 
     @classmethod
-    def of_block(cls, block: Block) -> "Grown":
+    def of_block(cls, block: Block) -> "GrownBatch":
         """Return the growths of a block."""
         trees, growth = block.plans.trees, block.growth
         return cls(
@@ -59,7 +59,7 @@ class Grown(NamedTuple):
         )
 
     @classmethod
-    def of(cls, deployment: Deployment) -> "Grown":
+    def of(cls, deployment: Deployment) -> "GrownBatch":
         """Return one growth."""
         ends = np.array([0, len(deployment.tree)])
         return cls(
@@ -101,7 +101,7 @@ class Leaves:
     tip: Ints
 
     @classmethod
-    def of(cls, grown: Grown, joints_rad: Floats | None, *, whole: bool) -> "Leaves":
+    def of(cls, grown: GrownBatch, joints_rad: Floats | None, *, whole: bool) -> "Leaves":
         """Return the leaves of some growths.
 
         Parameters
@@ -135,7 +135,7 @@ class Leaves:
         return slice(first, last)
 
 
-def summed_turns(grown: Grown, joints_rad: Floats | None) -> tuple[Floats, NDArray[np.bool_]]:
+def summed_turns(grown: GrownBatch, joints_rad: Floats | None) -> tuple[Floats, NDArray[np.bool_]]:
     """Return the sum of absolute turns from the base to each tip, and which branches are leaves.
 
     Parameters
@@ -145,7 +145,7 @@ def summed_turns(grown: Grown, joints_rad: Floats | None) -> tuple[Floats, NDArr
     joints_rad
         Turns that count beside those of the growth, shape (n,), or None.
     """
-    from vinefab.tasks import holding_kernel  # noqa: PLC0415  numba takes a second to import
+    from vinefab.tasks.kernels import tips_kernel as holding_kernel  # noqa: PLC0415  numba takes a second to import
 
     total = grown.turn.copy()
     if joints_rad is not None:
@@ -166,10 +166,10 @@ def path_turn_rad(deployment: Deployment, *, joints: bool = False) -> Floats:
         Whether planned angles at joints count beside those at contacts and base hinges.
     """
     joints_rad = np.abs(deployment.tree.offset_rad) if joints else None
-    return summed_turns(Grown.of(deployment), joints_rad)[0]
+    return summed_turns(GrownBatch.of(deployment), joints_rad)[0]
 
 
-def tip_gaps_mm(deployment: Deployment, branches: Ints, ground: Ground) -> Floats:
+def tip_gaps_mm(deployment: Deployment, branches: Ints, ground: MapContext) -> Floats:
     """Return how wide free space is at the tips of some branches, across each, shape (m,).
 
     Parameters
@@ -184,7 +184,7 @@ def tip_gaps_mm(deployment: Deployment, branches: Ints, ground: Ground) -> Float
     return gaps_mm(deployment.points_mm, deployment.first_point[1:][branches] - 1, ground)
 
 
-def gaps_mm(points_mm: Floats, tip: Ints, ground: Ground) -> Floats:
+def gaps_mm(points_mm: Floats, tip: Ints, ground: MapContext) -> Floats:
     """Return how wide free space is at some tips, across the body there, shape (m,).
 
     Exact for the map's walls, measured 1e-3 mm behind the tip; a tip that lies on a wall has its
@@ -199,7 +199,7 @@ def gaps_mm(points_mm: Floats, tip: Ints, ground: Ground) -> Floats:
     ground
         The map.
     """
-    from vinefab.tasks import holding_kernel  # noqa: PLC0415  as above
+    from vinefab.tasks.kernels import tips_kernel as holding_kernel  # noqa: PLC0415  as above
 
     tips = points_mm[tip]
     along = tips - points_mm[tip - 1]

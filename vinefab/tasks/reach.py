@@ -10,12 +10,12 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats, Ints, positive
 from vinefab.growth.batch import Block
-from vinefab.model.checked import Floats, Ints, positive
 from vinefab.model.deployment import Deployment
-from vinefab.tasks.ground import Ground
-from vinefab.tasks.raster import Chains
-from vinefab.tasks.task import Outcome, Outcomes, joined, one_by_one
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.raster_areas import Chains
+from vinefab.tasks.task import Outcome, TaskOutcomes, concatenated_outcomes, one_by_one
 
 QUARTER_SEGMENTS = 32
 """Sides of the polygon that stands for a quarter of a round end: it has 0.04 % less area."""
@@ -46,7 +46,7 @@ class Reach:
         if self.area not in ("exact", "fast"):
             raise BadInputError("task.area", self.area, "'exact' or 'fast'")
 
-    def evaluate(self, deployment: Deployment, ground: Ground) -> Outcome:
+    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
         """Return the share, 0 to 1, and as terms the reached area and the grown length."""
         raster = ground.raster(self.buffer_mm) if self.area == "fast" else None
         if raster is None:
@@ -64,7 +64,7 @@ class Reach:
         grown_mm = float(deployment.grown_mm.sum())
         return _outcomes(np.array([reached_mm2]), np.array([grown_mm]), ground).one(0)
 
-    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> Outcomes:
+    def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block.
 
         Parameters
@@ -76,7 +76,7 @@ class Reach:
         """
         if self.area == "exact":
             return one_by_one(self, block, grounds)
-        growth, parts = block.growth, list[Outcomes]()
+        growth, parts = block.growth, list[TaskOutcomes]()
         for terrain, one, two in block.by_terrain():
             ground = grounds[terrain]
             raster = ground.raster(self.buffer_mm)
@@ -92,9 +92,9 @@ class Reach:
             reached_mm2 = raster.reached_mm2(chains)
             grown_mm = _sums(growth.grown, block.branch[one : two + 1])
             parts.append(_outcomes(reached_mm2, grown_mm, ground))
-        return joined(parts)
+        return concatenated_outcomes(parts)
 
-    def _exact_mm2(self, deployment: Deployment, ground: Ground) -> float:
+    def _exact_mm2(self, deployment: Deployment, ground: MapContext) -> float:
         reached = near_chains(_chains(deployment), self.buffer_mm)
         return float(shapely.intersection(reached, ground.free).area)
 
@@ -118,9 +118,9 @@ def near_chains(chains: Sequence[Sequence[Sequence[float]]], buffer_mm: float) -
     return shapely.union_all(shapely.buffer(lines, buffer_mm, quad_segs=QUARTER_SEGMENTS))
 
 
-def _outcomes(reached_mm2: Floats, grown_mm: Floats, ground: Ground) -> Outcomes:
+def _outcomes(reached_mm2: Floats, grown_mm: Floats, ground: MapContext) -> TaskOutcomes:
     share = np.minimum(1.0, reached_mm2 / ground.area_mm2)
-    return Outcomes(share, {"reached_mm2": reached_mm2, "grown_mm": grown_mm})
+    return TaskOutcomes(share, {"reached_mm2": reached_mm2, "grown_mm": grown_mm})
 
 
 def _sums(values: Floats, first: Ints) -> Floats:

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import Block
-from vinefab.model.checked import Floats, Ints
 from vinefab.model.deployment import Deployment, Stop
-from vinefab.tasks.ground import Ground
-from vinefab.tasks.task import Outcome, Outcomes, Task, outcomes
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.task import Outcome, Task, TaskOutcomes, outcomes
 
 TERM = "head_on"
 
@@ -42,13 +42,13 @@ class Sliding:
         """The task's lowest score, with all branches stopped head-on."""
         return self.task.lowest - self.weight
 
-    def evaluate(self, deployment: Deployment, ground: Ground) -> Outcome:
+    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
         """Return the task's score less the price, and its terms with ``head_on``, the share."""
         score, terms = self.task.evaluate(deployment, ground)
         share = float(_shares(deployment.stop, np.array([0, len(deployment.stop)]))[0])
         return score - self.weight * share, {**terms, TERM: share}
 
-    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> Outcomes:
+    def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block.
 
         Parameters
@@ -60,7 +60,7 @@ class Sliding:
         """
         share = _shares(block.growth.stop, block.branch)
         score, terms = outcomes(self.task, block, grounds)
-        return Outcomes(score - self.weight * share, {**terms, TERM: share})
+        return TaskOutcomes(score - self.weight * share, {**terms, TERM: share})
 
 
 def _shares(stop: Ints, first: Ints) -> Floats:

@@ -6,16 +6,16 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats
 from vinefab.growth.batch import Block
-from vinefab.model.checked import Floats
 from vinefab.model.deployment import Deployment
-from vinefab.tasks.ground import Ground
+from vinefab.tasks.map_context import MapContext
 
 Outcome = tuple[float, Mapping[str, float]]
 """A score, higher is better, and the named numbers that it is made of."""
 
 
-class Outcomes(NamedTuple):
+class TaskOutcomes(NamedTuple):
     """What j growths are worth.
 
     Parameters
@@ -48,7 +48,7 @@ class Task(Protocol):
         """A number that no score falls below; designs that cannot be made rank below it."""
         ...
 
-    def evaluate(self, deployment: Deployment, ground: Ground) -> Outcome:
+    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
         """Return the score of one final state and its terms.
 
         Parameters
@@ -64,7 +64,7 @@ class Task(Protocol):
 class BlockTask(Protocol):
     """A task that scores many growths at once faster than one by one."""
 
-    def evaluate_block(self, block: Block, grounds: Sequence[Ground]) -> Outcomes:
+    def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `Task.evaluate` would for every growth of a block.
 
         Parameters
@@ -77,18 +77,18 @@ class BlockTask(Protocol):
         ...
 
 
-def outcomes(task: Task, block: Block, grounds: Sequence[Ground]) -> Outcomes:
+def outcomes(task: Task, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
     """Return a task's score and terms for every growth of a block."""
     # Asked for every block, where asking whether it is a `BlockTask` would take longer.
-    at_once: Callable[[Block, Sequence[Ground]], Outcomes] | None
+    at_once: Callable[[Block, Sequence[MapContext]], TaskOutcomes] | None
     at_once = getattr(task, "evaluate_block", None)
     return one_by_one(task, block, grounds) if at_once is None else at_once(block, grounds)
 
 
-def one_by_one(task: Task, block: Block, grounds: Sequence[Ground]) -> Outcomes:
+def one_by_one(task: Task, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
     """Return a task's score and terms for every growth of a block, each from its deployment."""
     terrain = block.terrain.tolist()
-    return together(
+    return merged_outcomes(
         [
             task.evaluate(block.deployment(index), grounds[terrain[index]])
             for index in range(len(block))
@@ -96,7 +96,7 @@ def one_by_one(task: Task, block: Block, grounds: Sequence[Ground]) -> Outcomes:
     )
 
 
-def together(found: Sequence[Outcome]) -> Outcomes:
+def merged_outcomes(found: Sequence[Outcome]) -> TaskOutcomes:
     """Return several growths' scores and terms as columns.
 
     Raises
@@ -110,10 +110,10 @@ def together(found: Sequence[Outcome]) -> Outcomes:
             raise BadInputError("a task's terms", list(terms), f"always the same: {list(names)}")
     rows = np.array([(score, *terms.values()) for score, terms in found], dtype=np.float64)
     columns = np.ascontiguousarray(rows.reshape(len(found), 1 + len(names)).T)
-    return Outcomes(columns[0], dict(zip(names, columns[1:], strict=True)))
+    return TaskOutcomes(columns[0], dict(zip(names, columns[1:], strict=True)))
 
 
-def joined(parts: Sequence[Outcomes]) -> Outcomes:
+def concatenated_outcomes(parts: Sequence[TaskOutcomes]) -> TaskOutcomes:
     """Return the outcomes of several blocks, at least one, as those of one.
 
     Raises
@@ -128,4 +128,4 @@ def joined(parts: Sequence[Outcomes]) -> Outcomes:
         if part.terms.keys() != parts[0].terms.keys():
             raise BadInputError("a task's terms", list(part.terms), f"always the same: {names}")
     terms = {name: np.concatenate([part.terms[name] for part in parts]) for name in names}
-    return Outcomes(np.concatenate([part.score for part in parts]), terms)
+    return TaskOutcomes(np.concatenate([part.score for part in parts]), terms)

@@ -1,0 +1,171 @@
+import csv
+import math
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from vinefab.core.errors import BadInputError
+from vinefab.fabrication.calibration.coupon_package import coupon_files, make_coupons
+from vinefab.fabrication.calibration.coupon_shapes import LADDER_MM, coupon_pieces, ladder_designs
+from vinefab.fabrication.calibration.coupon_sheets import (
+    coupon_sheets,
+    energies_mj_mm,
+    energy_matrix,
+)
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.job import Operation
+
+RECIPE = "co2_60w__stretchlon_200"
+LASERED = [RECIPE, "co2_40w__stretchlon_200", "co2_80w__stretchlon_200"]
+
+
+@pytest.fixture(scope="module")
+def coupons():
+    return make_coupons(read_profile(RECIPE))
+
+
+@pytest.fixture(scope="module")
+def files(coupons):
+    return coupon_files(coupons)
+
+
+def area(path):
+    return shapely.Polygon(path.contour.flattened_mm(1e-3))
+
+
+def test_every_coupon_keeps_the_rules_and_every_file_is_read_back(coupons):
+    assert coupons.report.findings == ()
+    assert {run.rule for run in coupons.report.run} >= {"VF-T02", "VF-W04", "VF-L01", "VF-X01"}
+    assert [job.name for job in coupons.jobs] == [
+        "coupons",
+        "matrix_focus_00",
+        "matrix_focus_03",
+        "matrix_focus_06",
+        "matrix_focus_10",
+    ]
+
+
+@pytest.mark.parametrize("name", LASERED)
+def test_pieces_lie_on_the_bed_and_clear_of_each_other(name):
+    profile = read_profile(name)
+    pieces = coupon_pieces(profile)
+    sheets = coupon_sheets(pieces, profile)
+    machine = profile.machine
+    bed = shapely.box(0, 0, machine.bed_width_mm.value, machine.bed_height_mm.value)
+    count = 0
+    for sheet in sheets:
+        bodies = [area(path) for path in sheet.along(Operation.WELDCUT) if len(path.contour) > 2]
+        tree = shapely.STRtree(bodies)
+        pairs = tree.query(bodies, predicate="dwithin", distance=5.0)
+        assert (pairs[0] == pairs[1]).all()
+        boxes = np.array([path.contour.box_mm for path in sheet.paths])
+        assert bed.buffer(-4.9).contains(shapely.union_all(shapely.box(*boxes.T)))
+        count += len(sheet.paths)
+    assert count == sum(len(piece.paths) for piece in pieces)
+
+
+def test_balloons_are_20_by_60_mm_within_the_seam(coupons):
+    offset = coupons.sheets[0].facts["weldcut_offset_mm"]
+    balloons = [
+        area(path).buffer(-offset)
+        for path in coupons.sheets[0].along(Operation.WELDCUT)
+        if "BURST" in path.label
+    ]
+    assert len(balloons) == 3
+    for balloon in balloons:
+        x0, y0, x1, y1 = balloon.bounds
+        assert y1 - y0 == pytest.approx(20.0, abs=0.01)
+        # 60 mm of balloon and 25 mm of port, whose open end the erosion shortens by the offset.
+        assert x1 - x0 == pytest.approx(85.0 - offset, abs=0.02)
+        # A cut through the port is 6 mm wide, one through the balloon 20 mm.
+        for x, width in ((x0 + 5.0, 6.0), (x1 - 30.0, 20.0)):
+            line = shapely.LineString([(x, y0 - 1), (x, y1 + 1)])
+            assert balloon.intersection(line).length == pytest.approx(width, abs=0.01)
+
+
+def test_the_ladder_has_every_width(coupons):
+    offset = coupons.sheets[0].facts["weldcut_offset_mm"]
+    found = sorted(
+        round(path.contour.box_mm[3] - path.contour.box_mm[1] - 2 * offset, 6)
+        for path in coupons.sheets[0].along(Operation.WELDCUT)
+        if re.search(r" W\d", path.label)
+    )
+    assert found == list(LADDER_MM)
+    assert [design.build.widths_mm[0] for design in ladder_designs()] == list(LADDER_MM)
+
+
+def test_crotches_have_three_fillets_and_squares_are_50_mm(coupons):
+    paths = coupons.sheets[0].along(Operation.WELDCUT)
+    offset = coupons.sheets[0].facts["weldcut_offset_mm"]
+    radii = [
+        min(s.radius_mm for s in path.contour.segments if s.bulge < 0)
+        for path in paths
+        if "CROTCH" in path.label
+    ]
+    # An outline that runs outside the lumen has fillets smaller by the offset.
+    assert sorted(radii) == pytest.approx([2.0 - offset, 4.0 - offset, 8.0 - offset])
+    squares = [p for p in coupons.sheets[0].paths if p.label.startswith("KERF")]
+    assert [path.operation for path in squares] == [Operation.WELDCUT, Operation.CUT]
+    for path in squares:
+        x0, y0, x1, y1 = path.contour.box_mm
+        assert (x1 - x0, y1 - y0) == pytest.approx((50.0, 50.0))
+
+
+def test_the_matrix_is_even_in_the_logarithm_and_gives_the_energy_it_says():
+    steps = np.diff(np.log(energies_mj_mm()))
+    assert np.allclose(steps, math.log(50.0) / 7)
+    for name in LASERED:
+        profile = read_profile(name)
+        matrix = energy_matrix(profile)
+        machine = profile.machine
+        drawn = (*matrix.out_of_reach_mj_mm, *matrix.energies_mj_mm)
+        assert drawn == energies_mj_mm()
+        assert len(matrix.energies_mj_mm) >= 5
+        for job, focus in zip(matrix.jobs, (0.0, 3.0, 6.0, 10.0), strict=True):
+            lines = [path for path in job.paths if path.variant]
+            assert len(lines) == len(matrix.energies_mj_mm)
+            for path, energy in zip(lines, matrix.energies_mj_mm, strict=True):
+                used = path.settings
+                power_w = machine.power_w.value * used.power_percent.value / 100.0
+                assert 1000.0 * power_w / used.speed_mm_s.value == pytest.approx(energy)
+                assert used.focus_offset_mm.value == focus
+                # Up to speed within the 30 mm before the zone, at the machine's acceleration.
+                ramp = used.speed_mm_s.value**2 / (2 * machine.acceleration_mm_s2.value)
+                assert ramp <= 30.0
+                assert used.speed_mm_s.value <= machine.speed_max_mm_s.value
+
+
+def test_matrix_files_have_a_layer_and_settings_per_line(coupons, files):
+    root = ET.fromstring(files["matrix_focus_06.lbrn2"])  # noqa: S314
+    cuts = {c.find("name").get("Value"): c for c in root.findall("CutSetting")}
+    lines = [name for name in cuts if "WELDCUT" in name]
+    assert len(lines) == len(coupons.matrix.energies_mj_mm)
+    speeds = [float(cuts[name].find("speed").get("Value")) for name in lines]
+    assert speeds == sorted(speeds, reverse=True)
+    svg = files["matrix_focus_06.svg"].decode()
+    assert all(f'label="{name}"' in svg for name in lines)
+
+
+def test_the_folder_is_complete_and_its_laser_files_the_same_every_time(coupons, files):
+    again = make_coupons(coupons.profile).laser
+    assert {name: files[name] for name in again} == again
+    text = files["README.txt"].decode()
+    assert "5.0, 8.7 mJ/mm" in text
+    assert "vinefab calibrate" in text
+    rows = [line for line in files["results.csv"].decode().splitlines() if line[0] != "#"]
+    measures = {row["measure"] for row in csv.DictReader(rows)}
+    assert measures >= {"kerf_piece", "seam", "width", "burst", "peel", "growth", "matrix"}
+
+
+def test_a_piece_larger_than_the_bed_is_refused():
+    profile = read_profile(RECIPE)
+    pieces = coupon_pieces(profile)
+    small = replace(profile.machine.bed_width_mm, value=60.0)
+    machine = replace(profile.machine, bed_width_mm=small, bed_height_mm=small)
+    cramped = replace(profile, machine=machine)
+    with pytest.raises(BadInputError, match="bed of at least"):
+        coupon_sheets(pieces, cramped)

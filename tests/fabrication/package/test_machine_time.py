@@ -1,0 +1,121 @@
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vinefab.core.errors import BadInputError
+from vinefab.fabrication.package.machine_time import machine_time, move_time_s, segment_times_s
+from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.laser import LaserProfile, Tool
+from vinefab.model.outline import Contour, Segment
+
+
+def contour_time_s(contour: Contour, speed_mm_s: float, acceleration_mm_s2: float) -> float:
+    return math.fsum(segment_times_s(contour, speed_mm_s, acceleration_mm_s2))
+
+
+def test_a_long_move_is_a_trapezoid_and_a_short_one_a_triangle() -> None:
+    assert move_time_s(100.0, 50.0, 1000.0) == pytest.approx(0.05 + 97.5 / 50 + 0.05)
+    assert move_time_s(2.5, 50.0, 1000.0) == pytest.approx(0.1)
+    assert move_time_s(0.1, 50.0, 1000.0) == pytest.approx(2 * math.sqrt(0.1 / 1000.0))
+    assert move_time_s(0.0, 50.0, 1000.0) == 0.0
+
+
+def test_the_two_shapes_of_a_move_meet() -> None:
+    below, above = (move_time_s(2.5 + d, 50.0, 1000.0) for d in (-1e-9, 1e-9))
+    assert below == pytest.approx(above, rel=1e-6)
+
+
+def test_the_head_stops_at_corners_and_nowhere_else() -> None:
+    straight = Contour.polyline(np.array([[0, 0], [60, 0], [100, 0.0]]), closed=False)
+    corner = Contour.polyline(np.array([[0, 0], [60, 0], [60, 40.0]]), closed=False)
+    assert contour_time_s(straight, 50.0, 1000.0) == pytest.approx(move_time_s(100, 50, 1000))
+    expected = move_time_s(60, 50, 1000) + move_time_s(40, 50, 1000)
+    assert contour_time_s(corner, 50.0, 1000.0) == pytest.approx(expected)
+
+
+def test_a_tight_arc_is_slow_and_a_wide_one_is_not(segment_of: Callable[..., Segment]) -> None:
+    tight = Contour.from_segments([segment_of((0.0, 0.0), 0.9, 0.0, 180.0)], closed=False)
+    wide = Contour.from_segments([segment_of((0.0, 0.0), 90.0, 0.0, 180.0)], closed=False)
+    slow = math.sqrt(1000.0 * 0.9)
+    expected = move_time_s(math.pi * 0.9, slow, 1000.0)
+    assert contour_time_s(tight, 50.0, 1000.0) == pytest.approx(expected)
+    expected = move_time_s(math.pi * 90.0, 50.0, 1000.0)
+    assert contour_time_s(wide, 50.0, 1000.0) == pytest.approx(expected)
+
+
+def test_passes_travel_and_order_count(profile: LaserProfile) -> None:
+    first = Contour.polyline(np.array([[30.0, 40.0], [130.0, 40.0]]), closed=False)
+    second = Contour.polyline(np.array([[130.0, 340.0], [130.0, 40.0]]), closed=False)
+    paths = (
+        LaserPath(operation=Operation.CUT, contour=second),
+        LaserPath(operation=Operation.WELDCUT, contour=first),
+        LaserPath(operation=Operation.REG, contour=second),
+    )
+    time = machine_time(
+        Job(name="t", sheet_width_mm=400, sheet_height_mm=400, paths=paths), profile
+    )
+    assert list(time.work_s) == [Operation.WELDCUT, Operation.CUT]
+    assert time.work_s[Operation.WELDCUT] == pytest.approx(2 * move_time_s(100, 100, 1000))
+    assert time.work_s[Operation.CUT] == pytest.approx(2 * move_time_s(300, 100, 1000))
+    # From the corner, back for the second pass, over to the cut, and back for its second pass.
+    hops = (50.0, 100.0, 300.0, 300.0)
+    assert time.travel_s == pytest.approx(sum(move_time_s(hop, 500, 1000) for hop in hops))
+    assert time.total_s == pytest.approx(sum(time.work_s.values()) + time.travel_s)
+
+
+def test_an_operation_that_the_recipe_lacks_is_an_error(job: Job, profile: LaserProfile) -> None:
+    without = dict(profile.recipe.operations)
+    del without["weld"]
+    poorer = replace(profile, recipe=replace(profile.recipe, operations=without))
+    with pytest.raises(BadInputError, match="weld"):
+        machine_time(job, poorer)
+
+
+def test_the_head_slows_down_before_an_arc_and_speeds_up_after_it(
+    segment_of: Callable[..., Segment],
+) -> None:
+    # 100 mm straight, a quarter of r = 0.9 mm (at most 30 mm/s at 1000 mm/s2), 100 mm straight.
+    arc = segment_of((100.0, 0.9), 0.9, -90.0, 0.0)
+    ends = [(0.0, 0.0), arc.start_mm, arc.end_mm, (arc.end_mm[0], 100.9)]
+    lines = [Segment(start_mm=a, end_mm=b) for a, b in (ends[:2], ends[2:])]
+    path = Contour.from_segments([lines[0], arc, lines[1]], closed=False)
+    first, middle, last = segment_times_s(path, 50.0, 1000.0)
+    # Up to 50 mm/s in 0.05 s and 1.25 mm, down to 30 in 0.02 s and 0.8 mm.
+    assert first == pytest.approx(0.05 + 0.02 + (100.0 - 1.25 - 0.8) / 50.0)
+    assert middle == pytest.approx(0.9 * math.pi / 2 / 30.0)
+    assert last == pytest.approx(first)
+
+
+def test_times_agree_with_a_step_by_step_integration(segment_of: Callable[..., Segment]) -> None:
+    # Speeds against path length on a fine grid, by brute force: v dv = a ds both ways.
+    arc = segment_of((8.0, 2.0), 2.0, -90.0, 60.0)
+    lead = Segment(start_mm=(0.0, 0.0), end_mm=arc.start_mm)
+    heading = arc.direction_rad(at_end=True)
+    far = arc.end_mm[0] + 5 * math.cos(heading), arc.end_mm[1] + 5 * math.sin(heading)
+    path = Contour.from_segments(
+        [lead, arc, Segment(start_mm=arc.end_mm, end_mm=far)], closed=False
+    )
+    step, accel, top = 1e-4, 2000.0, 120.0
+    caps = np.concatenate(
+        [
+            np.full(round(s.length_mm / step), min(top, math.sqrt(accel * s.radius_mm)))
+            for s in path.segments
+        ]
+    )
+    for order in (1, -1):
+        square, run = 0.0, caps[::order]
+        for at, cap in enumerate(run):
+            square = min(square + 2 * accel * step, cap**2)
+            run[at] = math.sqrt(square)
+    assert contour_time_s(path, top, accel) == pytest.approx(step * np.sum(1 / caps), rel=2e-3)
+
+
+def test_what_a_sealer_does_takes_no_laser_time(job: Job, profile: LaserProfile) -> None:
+    by_hand = replace(profile.settings("weld"), tool=Tool.IMPULSE_SEALER)
+    operations = {**profile.recipe.operations, "weld": by_hand}
+    sealed = replace(profile, recipe=replace(profile.recipe, operations=operations))
+    assert Operation.WELD in machine_time(job, profile).work_s
+    assert Operation.WELD not in machine_time(job, sealed).work_s

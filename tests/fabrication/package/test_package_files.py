@@ -1,0 +1,241 @@
+import hashlib
+import io
+import json
+import subprocess
+import zipfile
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+
+import pytest
+
+from vinefab.core.atomic import OWN_MARK
+from vinefab.core.errors import ReadBackError
+from vinefab.fabrication.formats import laser_files as laser_files_module
+from vinefab.fabrication.formats.laser_drawing import PRESETS
+from vinefab.fabrication.formats.laser_files import laser_file_problems, laser_files
+from vinefab.fabrication.package.job_json import fluence_mj_mm2, operation_energy_mj_mm
+from vinefab.fabrication.package.package_files import PackageContent, package_files, zip_bytes
+from vinefab.model.job import Job
+from vinefab.model.laser import LaserProfile, OperationSettings, RecipeStatus, Standing
+
+NAMES = [
+    "README.txt",
+    "job.json",
+    "outline.dxf",
+    "outline_polyline.dxf",
+    "outline.svg",
+    "outline.lbrn2",
+    "recipe.clb",
+    "preview.png",
+    "checks.json",
+    "report.html",
+    "bom.csv",
+    "MANIFEST.sha256",
+]
+GIVEN = ("preview.png", "checks.json", "report.html")
+
+
+def test_a_package_holds_the_agreed_files_in_order(content: PackageContent) -> None:
+    files = package_files(content)
+    assert list(files) == NAMES
+    assert files["preview.png"] == content.preview
+    assert files["report.html"] == content.report
+    assert files["checks.json"].decode() == content.checks
+
+
+def test_every_file_that_it_makes_is_known_as_ours(content: PackageContent) -> None:
+    for name, data in package_files(content).items():
+        if name not in GIVEN:
+            assert OWN_MARK in data[:8192] or OWN_MARK in data[-8192:], name
+
+
+def test_the_same_content_gives_the_same_bytes(content: PackageContent) -> None:
+    one, two = package_files(content), package_files(content)
+    assert zip_bytes(one, "plain") == zip_bytes(two, "plain")
+
+
+def test_the_manifest_names_every_other_file(content: PackageContent) -> None:
+    files = package_files(content)
+    lines = [line for line in files["MANIFEST.sha256"].decode().splitlines() if line[:1] != "#"]
+    found = {line[66:]: line[:64] for line in lines}
+    expected = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+    del expected["MANIFEST.sha256"]
+    assert found == expected
+
+
+def test_sha256sum_accepts_the_manifest_and_sees_a_change(
+    content: PackageContent, tmp_path: Path, program: Callable[[str, str], str]
+) -> None:
+    for name, data in package_files(content).items():
+        (tmp_path / name).write_bytes(data)
+    command = [program("sha256sum", "coreutils"), "--strict", "-c", "MANIFEST.sha256"]
+    done = check_in(tmp_path, command)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count(": OK") == len(NAMES) - 1
+    (tmp_path / "outline.svg").write_text("changed")
+    done = check_in(tmp_path, command)
+    assert done.returncode == 1
+
+
+def test_the_zip_unpacks_to_the_same_files_in_one_folder(content: PackageContent) -> None:
+    files = package_files(content)
+    data = zip_bytes(files, "plain")
+    assert OWN_MARK in data[-8192:]
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        assert archive.testzip() is None
+        assert archive.namelist() == [f"plain/{name}" for name in NAMES]
+        assert {name: archive.read(f"plain/{name}") for name in files} == files
+        entries = archive.infolist()
+    assert {entry.date_time for entry in entries} == {(1980, 1, 1, 0, 0, 0)}
+    assert {entry.external_attr >> 16 for entry in entries} == {0o100644}
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_laser_files_are_right_in_every_preset(name: str, job: Job) -> None:
+    colours = PRESETS[name]
+    problems = laser_file_problems(laser_files(job, colours), job, colours)
+    assert problems == {"outline.dxf": (), "outline_polyline.dxf": (), "outline.svg": ()}
+
+
+def test_laser_files_of_another_job_missing_or_broken_are_found_out(job: Job) -> None:
+    files = laser_files(job)
+    other = Job(name="other", sheet_width_mm=150, sheet_height_mm=80, paths=job.paths[1:])
+    assert all(laser_file_problems(files, other).values())
+    damaged = {"outline.dxf": b"\xff\xfe", "outline.svg": b"<svg"}
+    problems = laser_file_problems(damaged, job)
+    assert "utf-8" in problems["outline.dxf"][0]
+    assert problems["outline_polyline.dxf"] == ("the file is missing",)
+    assert "not an SVG" in problems["outline.svg"][0]
+
+
+def test_a_package_with_a_wrong_file_is_never_made(
+    content: PackageContent, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    right = laser_files_module.svg_text
+
+    def wrong(*args: object, **options: object) -> str:
+        return right(*args, **options).replace("20.000 20.000 0 0 0", "21.000 21.000 0 0 0")
+
+    monkeypatch.setattr(laser_files_module, "svg_text", wrong)
+    with pytest.raises(ReadBackError, match=r"outline\.svg"):
+        package_files(content)
+
+
+def test_line_energy_and_fluence_are_worked_out(
+    profile: LaserProfile, settings: OperationSettings
+) -> None:
+    # 30 W at 100 mm/s is 300 mJ/mm, twice; over a spot of 0.5 mm.
+    energy = operation_energy_mj_mm(profile.machine, settings)
+    assert energy.value == pytest.approx(600.0)
+    assert fluence_mj_mm2(profile.machine, settings).value == pytest.approx(1200.0)
+    assert energy.standing is Standing.COMPUTED
+
+
+def test_job_json_holds_every_setting_with_its_standing(content: PackageContent) -> None:
+    read = json.loads(package_files(content)["job.json"])
+    assert read["schema"] == "vinefab/job-1"
+    assert read["units"] == "mm"
+    assert read["facts"]["offset_mm"] == 0.65
+    names = {field.name for field in fields(OperationSettings)}
+    for operation in read["operations"][:4]:
+        assert names < set(operation["settings"])
+        kerf = operation["settings"]["kerf_mm"]
+        assert kerf == {"value": 0.3, "standing": "assumed", "source": "a test"}
+    assert [op["operation"] for op in read["operations"]] == [
+        "mark",
+        "weld",
+        "weldcut",
+        "cut",
+        "reg",
+        "doc",
+    ]
+    assert "settings" not in read["operations"][4]
+    assert read["material"]["burst_kpa"]["standing"] == "paper"
+    assert read["recipe"]["status"] == "unverified"
+    assert [path["order"] for path in read["paths"]] == list(range(1, 9))
+    assert read["paths"][3]["box_mm"] == pytest.approx([10.0, 20.0, 130.0, 60.0])
+    assert read["design"]["build"]["tail_mm"] == 200.0
+
+
+def test_the_readme_warns_of_an_untried_recipe_and_keeps_standings(
+    content: PackageContent,
+) -> None:
+    text = words(content)
+    assert "UNVERIFIED RECIPE" in text
+    assert "kerf of 0.3 mm (assumed) and a seam of 0.4 mm (measured)" in text
+    assert "Leave kerf, offset and beam compensation at 0" in text
+    assert "2 plies of 0.05 mm (measured)" in text
+    assert "at least 150 x 80 mm" in text
+    assert "70 kPa (paper)" in text
+    assert "all paths together measure 140.00 x 70.00 mm" in text
+    assert "WARNING" not in text
+    layers = [text.index(f"- {op.layer}, colour") for op in PRESETS["default"].styles]
+    assert layers == sorted(layers)
+
+
+def test_the_readme_says_so_when_the_recipe_was_tested(content: PackageContent) -> None:
+    recipe = replace(content.profile.recipe, status=RecipeStatus.BURST_TESTED)
+    profile = replace(content.profile, recipe=recipe)
+    text = words(replace(content, profile=profile))
+    assert "UNVERIFIED" not in text
+    assert "burst-tested" in text
+
+
+def test_the_readme_warns_where_colours_are_not_enough(content: PackageContent) -> None:
+    text = words(replace(content, colours=PRESETS["shop_single"]))
+    assert "WARNING: weldcut and cut have the same layer and colour" in text
+    assert "does not write: mark, weld, reg, doc" in text
+
+
+def test_the_readme_warns_of_a_robot_larger_than_the_bed(content: PackageContent) -> None:
+    assert "beyond the bed" not in words(content)
+    small = Job(name="s", sheet_width_mm=144.9, sheet_height_mm=80, paths=content.job.paths)
+    assert "beyond the bed" in words(replace(content, job=small))
+
+
+def test_the_readme_says_how_often_paths_are_run(content: PackageContent) -> None:
+    """The fixture's recipe takes two passes for everything; one pass needs no words."""
+    text = words(content)
+    assert "let the program run mark 2 times and weld 2 times and weldcut 2 times" in text
+    once = {name: replace(s, passes=1) for name, s in content.profile.recipe.operations.items()}
+    recipe = replace(content.profile.recipe, operations=once)
+    assert "let the program run" not in words(
+        replace(content, profile=replace(content.profile, recipe=recipe))
+    )
+    files = package_files(content)
+    for job in (content.job, replace(content.job, paths=content.job.paths[3:4])):
+        drawn = laser_files(job)["outline.dxf"].decode()
+        assert drawn.count("\nAcDbPolyline\n") == len(job.paths)
+    assert "outline.lbrn2" in files
+
+
+def test_the_readme_says_where_the_film_of_tiles_lies(content: PackageContent) -> None:
+    facts = [
+        {"tile": 1, "window_x_mm": -190.2, "window_y_mm": -100.4, "aligned_to_tile": None},
+        {"tile": 2, "window_x_mm": 290.0, "window_y_mm": -20.0, "aligned_to_tile": 1},
+    ]
+    tiles = tuple(replace(content.job, facts=fact) for fact in facts)
+    text = words(replace(content, job=replace(content.job, tiles=tiles)))
+    assert "For tile 1 the film's lower left corner lies 190 mm right of the bed's lower" in text
+    assert "left corner and 100 mm above it" in text
+    assert "lower left corner is then 290 mm left of the bed's" in text
+    assert "Check after import: the film is 150 x 80 mm" in text
+    # the fixture marks an arrow, but no targets
+    assert "mark them on the film by hand" in text
+
+
+def check_in(folder: Path, command: list[str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command,
+        cwd=folder,
+        check=False,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        timeout=30,
+    )
+
+
+def words(content: PackageContent) -> str:
+    return " ".join(package_files(content)["README.txt"].decode().split())

@@ -1,0 +1,69 @@
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vinefab.model.design import Build, Design, Level, Pouch, default_fillets_mm
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import LaserProfile
+
+Fan = tuple[int, float, float]
+"""Branches, length in mm, whole angle in degrees."""
+
+
+def make_design(
+    *fans: Fan, trunk_mm: float = 300.0, widths_mm: tuple[float, ...] = (), **build: object
+) -> Design:
+    widths = widths_mm or Build.standard(1 + len(fans)).widths_mm
+    plain = Build(widths_mm=widths, fillet_mm=default_fillets_mm(widths))
+    levels = tuple(
+        Level(branches=branches, length_mm=length, fan_rad=math.radians(angle))
+        for branches, length, angle in fans
+    )
+    return Design(
+        name="case", trunk_length_mm=trunk_mm, levels=levels, build=replace(plain, **build)
+    )
+
+
+def random_tree(
+    rng: np.random.Generator, *, shortest_mm: float = 60.0, pouched: bool = False
+) -> Design:
+    depth = int(rng.integers(2, 5))
+    widths = tuple((float(rng.uniform(20, 50)) * rng.uniform(0.45, 0.8, depth).cumprod()).tolist())
+    levels = tuple(
+        Level(
+            branches=int(rng.integers(1, 4)),
+            length_mm=float(rng.uniform(shortest_mm, 220)),
+            fan_rad=float(rng.uniform(0.2, 3.5)),
+            growth=float(rng.uniform(0.5, 1.5)),
+        )
+        for _ in range(depth - 1)
+    )
+    pouch = None
+    if pouched:
+        radius_mm = float(rng.uniform(0.55, 2.5) * widths[-1])
+        pouch = Pouch(shape="round", radius_mm=radius_mm) if rng.random() < 0.4 else None
+    build = Build(widths_mm=widths, fillet_mm=default_fillets_mm(widths), pouch=pouch)
+    return Design(
+        name="random", trunk_length_mm=float(rng.uniform(80, 300)), levels=levels, build=build
+    )
+
+
+@pytest.fixture(scope="session")
+def random_design() -> Callable[..., Design]:
+    """Return a maker of random trees, some that can be made and some that cannot."""
+    return random_tree
+
+
+@pytest.fixture(scope="session")
+def make() -> Callable[..., Design]:
+    """Return a design from fans (branches, length in mm, whole angle in degrees)."""
+    return make_design
+
+
+@pytest.fixture(scope="session")
+def profile() -> LaserProfile:
+    """The shipped recipe: 0.0375 mm film, 70 kPa at 20 mm, 1000 x 600 mm bed."""
+    return read_profile("co2_60w__stretchlon_200")

@@ -1,0 +1,94 @@
+"""Mend many random designs of the paper's Table 1, and count how many pass the check afterwards.
+
+Run it as a script: ``python tests/checks/mend_many.py [HOW_MANY_FAILING]``.
+"""
+
+import math
+import sys
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from vinefab.core.rng import child
+from vinefab.fabrication.rules.fix_targets import DesignChange
+from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.design import Build, Design, Level
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import LaserProfile
+from vinefab.prediction.fix_proposal import propose_fix
+
+SEED = 7
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    design: Design
+    mended: Design | None
+    changes: tuple[DesignChange, ...]
+    seconds: float
+
+    @property
+    def size(self) -> float:
+        return math.fsum(change.cost for change in self.changes)
+
+
+def random_design(rng: np.random.Generator, deepest: int = 5) -> Design:
+    """Draw levels, lengths, angles, branches and growth from the ranges of Table 1."""
+    depth = int(rng.integers(2, deepest + 1))
+    levels = tuple(
+        Level(
+            branches=int(rng.integers(2, 5)),
+            length_mm=float(rng.uniform(10.0, 205.0)),
+            fan_rad=math.radians(rng.uniform(20.0, 160.0)),
+            growth=float(rng.uniform(0.1, 1.6)),
+        )
+        for _ in range(depth - 1)
+    )
+    trunk_mm = float(rng.uniform(10.0, 205.0))
+    build = Build.standard(depth)
+    return Design(name="random", trunk_length_mm=trunk_mm, levels=levels, build=build)
+
+
+def mend_many(count: int, profile: LaserProfile, deepest: int = 5) -> list[Case]:
+    """Mend the first designs that have errors."""
+    cases: list[Case] = []
+    number = 0
+    while len(cases) < count:
+        design = random_design(child(SEED, deepest, number), deepest)
+        number += 1
+        if not run_checks(Subject.of(design, profile)).blocking:
+            continue
+        began = time.perf_counter()
+        found = propose_fix(design, profile)
+        seconds = time.perf_counter() - began
+        cases.append(
+            Case(design=design, mended=found.design, changes=found.changes, seconds=seconds)
+        )
+    return cases
+
+
+def tell(line: str) -> None:
+    sys.stdout.write(f"{line}\n")
+
+
+def main(count: int) -> None:
+    cases = mend_many(count, read_profile("co2_60w__stretchlon_200"))
+    done = [case for case in cases if case.mended]
+    pruned = [case for case in done if case.mended.branch_count < case.design.branch_count]
+    sizes = np.array([case.size for case in done])
+    kept = np.array([case.mended.branch_count / case.design.branch_count for case in done])
+    lasted = np.array([case.seconds for case in cases])
+    tell(f"{len(done)} of {len(cases)} mended; {len(pruned)} of them by pruning")
+    tell(f"branches kept: median {np.median(kept):.0%}, least {kept.min():.0%}")
+    tell(f"weighted size of the change: median {np.median(sizes):.2f}, most {sizes.max():.2f}")
+    tell(f"values changed: median {np.median([len(case.changes) for case in done]):.0f}")
+    unpruned = np.array([case.size for case in done if case not in pruned])
+    if len(unpruned):
+        tell(f"without pruning: {len(unpruned)}, median size {np.median(unpruned):.2f}")
+    tell(f"seconds: median {np.median(lasted):.1f}, most {lasted.max():.1f}")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 300)

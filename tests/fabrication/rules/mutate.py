@@ -1,0 +1,127 @@
+"""Switch off and weaken every design rule in turn, and see whether its fixtures notice.
+
+Run it as a script for the whole table: ``python tests/checks/mutate.py``. A mutant survives where
+no fixture of its rule changes: then a test is missing.
+"""
+
+import importlib.util
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import ModuleType
+
+from vinefab.fabrication.rules.catalog import RULES
+from vinefab.fabrication.rules.rule import Rule, RuleApplied
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.finding import Severity
+
+FACTORS = (0.9, 1.1)
+"""A limit is lax at one of these; which one, its fixtures show."""
+
+ZERO_BECOMES = (-0.5, 0.5)
+ALIKE = {("VF-C03", "lax error"): "the outline itself has no exact form beyond one half"}
+"""Mutants that cannot be told from the rule, with the reason."""
+
+_WEIGHTS = {Severity.ERROR: 3, Severity.WARNING: 2, Severity.INFO: 1}
+
+Outcome = tuple[int, ...]
+"""Weights of the findings of one fixture, gravest first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One rule: its fixtures, its mutants, and those that no fixture noticed."""
+
+    rule: str
+    fires: int
+    quiet: int
+    mutants: int
+    survivors: tuple[str, ...]
+
+
+def fixtures() -> ModuleType:
+    """Return the module that holds the fixtures of all rules."""
+    path = Path(__file__).with_name("test_rules.py")
+    name = "rule_fixtures"
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(name, path)
+        sys.modules[name] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[name])
+    return sys.modules[name]
+
+
+def subjects(rule_id: str, make: Callable[..., object]) -> list[Subject]:
+    """Return every fixture of a rule, built once."""
+    table, profile = fixtures(), read_profile("co2_60w__stretchlon_200")
+    case = table.CASES[rule_id]
+    builds = [case.fires, case.quiet]
+    builds += [build for rule, build, _ in table.NEAR_LIMITS if rule == rule_id]
+    return [build(make, profile) for build in builds]
+
+
+def outcome(rule: Rule, subject: Subject) -> Outcome:
+    """Return what a rule finds in a fixture."""
+    looked = rule.look(subject, rule.limits_with({}))
+    hits = looked.hits if isinstance(looked, RuleApplied) else ()
+    return tuple(sorted((_WEIGHTS[hit.severity] for hit in hits), reverse=True))
+
+
+def mutants(rule: Rule) -> Iterator[tuple[str, tuple[Rule, ...]]]:
+    """Yield every mutant by name; a limit's is one of two, as only one of them is lax."""
+    yield "switched off", (replace(rule, look=lambda *_: RuleApplied(checked=1)),)
+    for name, value in rule.limits.items():
+        values = [value * factor for factor in FACTORS] if value else ZERO_BECOMES
+        yield f"lax {name}", tuple(replace(rule, limits={**rule.limits, name: v}) for v in values)
+
+
+def weaker(found: list[Outcome], before: list[Outcome]) -> bool:
+    """Return whether some fixture yields less than it should."""
+    return any(now < then for now, then in zip(found, before, strict=True))
+
+
+def mutate(rule_id: str, make: Callable[..., object]) -> Row:
+    """Return how the fixtures of one rule stand up to its mutants."""
+    rule, looked_at = RULES[rule_id], subjects(rule_id, make)
+    before = [outcome(rule, subject) for subject in looked_at]
+    count, survivors = 0, []
+    for name, variants in mutants(rule):
+        if (rule_id, name) in ALIKE:
+            continue
+        count += 1
+        found = ([outcome(variant, subject) for subject in looked_at] for variant in variants)
+        if not any(weaker(one, before) for one in found):
+            survivors.append(name)
+    fires = sum(bool(one) for one in before)
+    return Row(
+        rule=rule_id,
+        fires=fires,
+        quiet=len(before) - fires,
+        mutants=count,
+        survivors=tuple(survivors),
+    )
+
+
+def main() -> int:
+    spec = importlib.util.spec_from_file_location(
+        "checks_conftest", Path(__file__).with_name("conftest.py")
+    )
+    conftest = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(conftest)
+    rows = [mutate(rule_id, conftest.make_design) for rule_id in fixtures().CASES]
+    tell("rule    fire quiet mutants  survived")
+    for row in rows:
+        survived = ", ".join(row.survivors) or "-"
+        tell(f"{row.rule}  {row.fires:4d} {row.quiet:5d} {row.mutants:7d}  {survived}")
+    total, left = sum(row.mutants for row in rows), sum(len(row.survivors) for row in rows)
+    tell(f"{len(rows)} rules, {total} mutants, {left} survived")
+    return 1 if left else 0
+
+
+def tell(line: str) -> None:
+    sys.stdout.write(f"{line}\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,66 @@
+"""Whatever a design file can say, the checks answer with findings, never with an exception."""
+
+import math
+
+import numpy as np
+import pytest
+
+from vinefab.core.rng import child
+from vinefab.fabrication.rules.penalty import fabrication_penalty
+from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.design import Build, Design, Level, Pouch
+from vinefab.model.finding import Finding
+from vinefab.model.laser import LaserProfile
+
+POUCHES = (
+    None,
+    None,
+    Pouch(shape="round", radius_mm=0.01),
+    Pouch(shape="round", radius_mm=500.0),
+    Pouch(shape="rectangle", length_mm=0.5, width_mm=90.0),
+    Pouch(shape="rectangle", length_mm=900.0, width_mm=1.0),
+)
+
+
+def hard_design(rng: np.random.Generator) -> Design:
+    depth = int(rng.integers(1, 5))
+    levels = tuple(
+        Level(
+            branches=int(rng.choice([1, 1, 2, 3, 9])),
+            length_mm=float(rng.choice([1e-6, 0.1, 10.0, 150.0, 1e6])),
+            fan_rad=math.radians(float(rng.choice([0.0, 1e-9, 60.0, 180.0, 359.0, 360.0]))),
+            growth=float(rng.choice([0.001, 1.0, 100.0])),
+        )
+        for _ in range(depth - 1)
+    )
+    build = Build(
+        widths_mm=tuple(rng.choice([1e-4, 5.0, 20.0, 40.0, 5000.0], depth).tolist()),
+        fillet_mm=tuple(rng.choice([0.0, 1e-9, 4.0, 1e5], depth - 1).tolist()),
+        tail_mm=float(rng.choice([0.0, 1e-9, 200.0, 1e6])),
+        pressure_kpa=float(rng.choice([0.0, 20.0, 10_000.0])),
+        pouch=POUCHES[int(rng.integers(len(POUCHES)))],
+    )
+    trunk_mm = float(rng.choice([1e-6, 5.0, 300.0, 1e6]))
+    return Design(name="hard", trunk_length_mm=trunk_mm, levels=levels, build=build)
+
+
+def is_finite(finding: Finding) -> bool:
+    numbers = (finding.measured, finding.limit, finding.x_mm, finding.y_mm)
+    return all(number is None or math.isfinite(number) for number in numbers)
+
+
+@pytest.mark.parametrize("block", range(6))
+def test_hard_designs_are_answered(block: int, profile: LaserProfile) -> None:
+    for number in range(40):
+        design = hard_design(child(23, block, number))
+        report = run_checks(Subject.of(design, profile))
+        assert all(is_finite(finding) for finding in report.findings), design
+        assert 0.0 <= fabrication_penalty(design, sheet_mm=(900.0, 500.0)) < 200.0
+
+
+def test_a_robot_of_a_kilometre_is_refused_at_once(profile: LaserProfile) -> None:
+    endless = Design(name="endless", trunk_length_mm=1e6, build=Build.standard(1))
+    found = [f for f in run_checks(Subject.of(endless, profile)).findings if f.rule == "VF-S01"]
+    assert len(found) == 1
+    assert "more than 64 tiles" in found[0].message

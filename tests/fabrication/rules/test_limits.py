@@ -1,0 +1,69 @@
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.fabrication.rules.catalog import changed_limits, parsed_limits
+from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.design import Design
+from vinefab.model.laser import LaserProfile
+
+Make = Callable[..., Design]
+
+
+def with_limits(profile: LaserProfile, **rules: dict[str, float]) -> LaserProfile:
+    limits = {rule.replace("_", "-"): named for rule, named in rules.items()}
+    return replace(profile, recipe=replace(profile.recipe, limits=limits))
+
+
+def test_the_command_line_goes_before_the_design_and_the_design_before_the_recipe(
+    make: Make, profile: LaserProfile
+) -> None:
+    recipe = with_limits(
+        profile, VF_B01={"warning": 1.0, "error": 2.0}, VF_W01={"error": 3.0, "warning": 8.0}
+    )
+    design = replace(make(), limits={"VF-B01": {"warning": 4.0, "error": 5.0}})
+    found = changed_limits(design, recipe, {"VF-B01": {"error": 6.0}})
+    told = {(limit.rule, limit.name): (limit.value, limit.default, limit.source) for limit in found}
+    assert told == {
+        ("VF-B01", "error"): (6.0, 150.0, "--limit"),
+        ("VF-B01", "warning"): (4.0, 200.0, "design case"),
+        ("VF-W01", "error"): (3.0, 5.0, "recipe co2_60w__stretchlon_200"),
+    }
+
+
+@pytest.mark.parametrize("where", ["recipe", "design", "given"])
+def test_a_limit_counts_wherever_it_comes_from_and_the_report_says_so(
+    make: Make, profile: LaserProfile, where: str
+) -> None:
+    limits = {"VF-B01": {"error": 190.0}}
+    design = make(tail_mm=180.0)
+    if where == "design":
+        design = replace(design, limits=limits)
+    recipe = with_limits(profile, VF_B01={"error": 190.0}) if where == "recipe" else profile
+    report = run_checks(Subject.of(design, recipe), limits if where == "given" else None)
+    assert {finding.rule for finding in report.blocking} == {"VF-B01"}
+    assert [(limit.value, limit.default) for limit in report.limits] == [(190.0, 150.0)]
+
+
+def test_no_change_is_no_news(make: Make, profile: LaserProfile) -> None:
+    assert run_checks(Subject.of(make(), profile)).limits == ()
+    assert changed_limits(make(), profile, {"VF-B01": {"error": 150.0}}) == ()
+
+
+def test_wrong_limits_are_named_with_where_they_stand(make: Make, profile: LaserProfile) -> None:
+    misnamed = replace(make(), limits={"VF-B01": {"eror": 1.0}})
+    with pytest.raises(BadInputError, match=r"design case: limits.VF-B01.eror"):
+        changed_limits(misnamed)
+    with pytest.raises(UnknownNameError, match="recipe co2_60w__stretchlon_200"):
+        changed_limits(make(), with_limits(profile, VF_B99={"error": 1.0}))
+    with pytest.raises(BadInputError, match="--limit"):
+        changed_limits(make(), None, {"VF-X01": {"error": 1.0}})
+
+
+@pytest.mark.parametrize("text", ["VF-C01", "VF-C01=6", "VF-C01.warning=", "VF-C01.warning=six"])
+def test_what_is_no_limit_is_refused(text: str) -> None:
+    with pytest.raises(BadInputError, match=r"RULE\.NAME=NUMBER"):
+        parsed_limits([text])

@@ -1,0 +1,159 @@
+"""Mending against a search of its own and against what can be worked out by hand."""
+
+import importlib.util
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from vinefab.fabrication.rules.fix import fix_design
+from vinefab.fabrication.rules.fix_space import FixSpace, kept_branches
+from vinefab.fabrication.rules.fix_targets import (
+    FixTargets,
+    change_cost,
+    design_changes,
+    pruning_cost,
+)
+from vinefab.fabrication.rules.pressure_limits import worst_growth
+from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.design import Design, Pouch
+from vinefab.model.laser import LaserProfile
+from vinefab.physics.growth_path import riding_mm
+from vinefab.physics.growth_pressure import FITTED, NO_TENSION
+
+Make = Callable[..., Design]
+
+
+@pytest.fixture(scope="module")
+def many() -> ModuleType:
+    path = Path(__file__).with_name("mend_many.py")
+    spec = importlib.util.spec_from_file_location("mend_many", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["mend_many"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def only_change(design: Design, profile: LaserProfile) -> str:
+    found = fix_design(design, FixTargets.of(design, profile))
+    assert found is not None
+    assert run_checks(Subject.of(found.design, profile)).blocking == ()
+    (change,) = design_changes(design, found.design)
+    return change.text
+
+
+def test_a_sound_design_is_left_alone(make: Make, profile: LaserProfile) -> None:
+    design = make((3, 200.0, 120.0), (2, 120.0, 50.0))
+    found = fix_design(design, FixTargets.of(design, profile))
+    assert (found.design, found.cost) == (design, 0.0)
+
+
+def test_each_simple_fault_is_mended_where_it_is(make: Make, profile: LaserProfile) -> None:
+    fan = make((2, 300.0, 14.0), widths_mm=(20.0, 6.0))
+    assert only_change(fan, profile).startswith("level 2 fan: 14 -> 15")
+    assert only_change(make(tail_mm=100.0), profile) == "the tail: 100 -> 150 mm (+50.0 %)"
+    hot = make((2, 200.0, 60.0), pressure_kpa=30.0)
+    assert only_change(hot, profile) == "the pressure: 30 -> 23.33 kPa (-22.2 %)"
+    sharp = make((2, 200.0, 60.0), fillet_mm=(0.5,))
+    assert only_change(sharp, profile).startswith("level 2 fillet: 0.5 -> 1.05")
+    wide = make((2, 200.0, 60.0), widths_mm=(23.0, 20.0))
+    assert only_change(wide, profile).startswith(
+        ("level 1 width: 23 -> 24", "level 2 width: 20 -> 19.16")
+    )
+
+
+def test_the_change_is_near_the_smallest_that_a_grid_finds(
+    make: Make, profile: LaserProfile
+) -> None:
+    # Three cousins overlap: fan, length and width can each part them, and together.
+    design = make((2, 110.0, 30.0), (2, 70.0, 110.0))
+    bench = FixTargets.of(design, profile)
+    found = fix_design(design, bench)
+    space = FixSpace.of(design, (2, 2), bench)
+    names = {variable: entry for entry, variable in enumerate(space.variables)}
+    steps = {
+        ("fan", 1): np.linspace(0.0, 0.6, 9),
+        ("fan", 2): np.linspace(-0.6, 0.0, 5),
+        ("length", 1): np.linspace(0.0, 0.3, 4),
+        ("length", 2): np.linspace(-0.6, 0.0, 5),
+        ("width", 2): np.linspace(-0.6, 0.0, 5),
+    }
+    least = math.inf
+    for values in product(*steps.values()):
+        x = np.zeros(len(space))
+        for variable, value in zip(steps, values, strict=True):
+            x[names[variable]] = value
+        changed = space.at(x)
+        cost = change_cost(design, changed)
+        if cost < least and bench.trouble(changed) == 0.0:
+            least = cost
+    assert 0.1 < least < 1.0, (least, found.cost, design_changes(design, found.design))
+    assert found.cost < 1.15 * least, (least, found.cost, design_changes(design, found.design))
+
+
+def test_the_search_is_repeatable(make: Make, profile: LaserProfile) -> None:
+    design = make((4, 90.0, 70.0), (3, 60.0, 100.0))
+    one, two = (fix_design(design, FixTargets.of(design, profile)) for _ in range(2))
+    assert one == two
+
+
+def test_pouches_and_waivers_and_limits_go_along(make: Make, profile: LaserProfile) -> None:
+    design = replace(
+        make((2, 150.0, 40.0), pouch=Pouch(shape="round", radius_mm=60.0)),
+        limits={"VF-C07": {"warning": 3.5}},
+    )
+    found = fix_design(design, FixTargets.of(design, profile)).design
+    assert found.limits == design.limits
+    assert found.build.pouch is not None
+    assert run_checks(Subject.of(found, profile)).blocking == ()
+
+
+def test_the_designs_own_limits_are_kept_to(make: Make, profile: LaserProfile) -> None:
+    design = replace(make((2, 200.0, 60.0)), limits={"VF-B01": {"error": 250.0}})
+    assert fix_design(design, FixTargets.of(design, profile)).design.build.tail_mm == 250.0
+
+
+def test_nothing_is_found_for_an_impossible_limit(make: Make, profile: LaserProfile) -> None:
+    design = make((2, 200.0, 60.0))
+    bench = FixTargets.of(design, profile, {"VF-W01": {"error": 50.0}, "VF-B02": {"error": 45.0}})
+    assert fix_design(design, bench) is None
+
+
+def test_ways_to_prune_begin_with_none_and_end_with_the_trunk(make: Make) -> None:
+    design = make((3, 100.0, 90.0), (4, 50.0, 90.0))
+    ways = kept_branches(design)
+    assert ways[0] == (3, 4)
+    assert ways[-1] == ()
+    assert len(set(ways)) == len(ways) == 1 + 3 + 3 * 4
+    # 300 + 300 + 600 mm planned, of which 600 are left
+    assert pruning_cost(design, (3,)) == pytest.approx(2.0 * math.log(2.0))
+
+
+def test_the_window_of_the_bench_is_never_below_the_rules_own(
+    make: Make, profile: LaserProfile
+) -> None:
+    for fans in (((2, 200.0, 60.0),), ((3, 100.0, 170.0), (4, 80.0, 100.0))):
+        design = make(*fans, widths_mm=(90.0, 12.0, 7.0)[: 1 + len(fans)])
+        subject = Subject.of(design, profile)
+        worst = worst_growth(subject, FITTED.with_storage(NO_TENSION), 25.0)
+        allowed = 70.0 * 20.0 / 90.0 / 1.5 / 1.2
+        assert riding_mm(subject.layout.tree, design.build.widths_mm)[0] > 0.0
+        # All branches of a level are alike here, so that bound and rule agree.
+        assert FixTargets.of(design, profile)._window(design) == pytest.approx(
+            max(0.0, worst.pressure_kpa / allowed - 1.0)
+        )
+
+
+def test_random_designs_of_table_1_are_mended(many: ModuleType, profile: LaserProfile) -> None:
+    cases = many.mend_many(8, profile, deepest=2)
+    assert all(case.mended is not None for case in cases)
+    for case in cases:
+        assert run_checks(Subject.of(case.mended, profile)).blocking == ()
+        assert 0.0 < case.size < 6.0

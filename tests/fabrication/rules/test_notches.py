@@ -1,0 +1,84 @@
+"""The drawn outline has the last word: what closing it by a disc adds is a notch or a gap."""
+
+import math
+from collections.abc import Callable
+
+import pytest
+import shapely
+
+from vinefab.core.rng import child
+from vinefab.fabrication.rules.pouches import between, notches
+from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.design import Design, Pouch
+from vinefab.model.finding import Severity
+from vinefab.model.laser import LaserProfile
+
+Make = Callable[..., Design]
+SPOILT = {"VF-T02", "VF-T03", "VF-C02", "VF-C03", "VF-C04", "VF-C05"}
+
+
+@pytest.mark.parametrize("block", range(3))
+def test_the_outline_has_a_narrow_notch_exactly_where_a_rule_says_so(
+    block: int, random_design: Make
+) -> None:
+    quiet = 0
+    for number in range(60):
+        subject = Subject.of(
+            random_design(child(31, block, number), shortest_mm=40.0, pouched=True)
+        )
+        if not subject.body.is_valid:
+            continue
+        findings = run_checks(subject).findings
+        errors = {f.rule for f in findings if f.severity is Severity.ERROR}
+        small = [f for f in findings if f.rule == "VF-C04" and (f.measured or 0.0) < 1.5]
+        if errors & SPOILT or small:
+            continue  # other rules forbid what the outline looks like there
+        narrow = notches(subject.body, 2.98)
+        quiet += not narrow
+        assert bool(narrow) == bool(errors & {"VF-C01", "VF-C07"}), (block, number, errors)
+    assert quiet > 25
+
+
+def test_a_gap_between_pouches_is_a_notch_of_its_width(make: Make) -> None:
+    # Tips of 200 mm, 40 degrees apart, are 136.8 mm from each other.
+    pouch = Pouch(shape="round", radius_mm=(400.0 * math.sin(math.radians(20.0)) - 4.0) / 2.0)
+    subject = Subject.of(make((2, 200.0, 40.0), pouch=pouch))
+    assert notches(subject.body, 3.9) == []
+    assert between(subject, notches(subject.body, 4.2), ("0.0", "0.1"), 4.2)
+
+
+def test_a_fillet_is_no_notch_and_a_sharper_one_is(make: Make) -> None:
+    body = Subject.of(make((2, 200.0, 60.0), fillet_mm=(3.0,))).body
+    assert notches(body, 5.9) == []
+    assert len(notches(body, 8.0)) == 3
+
+
+def test_a_pouch_whose_neck_is_all_fillet_leaves_no_notch_to_its_parent(make: Make) -> None:
+    # A pouch 30 mm wide, 52 mm from the joint of a parent 40 mm wide: 17 mm are between, in the
+    # other 38.5 mm: 3.5 mm, which the fillets of joint and neck, of 6 mm, fill.
+    far, near = (
+        make((1, mm, 0.0), widths_mm=(40.0, 16.0), fillet_mm=(6.0,), pouch=pouch)
+        for mm, pouch in (
+            (52.0, Pouch(shape="round", radius_mm=15.0)),
+            (38.5, Pouch(shape="round", radius_mm=15.0)),
+        )
+    )
+    for design in (far, near):
+        findings = run_checks(Subject.of(design)).findings
+        assert [f for f in findings if f.rule == "VF-C07" and f.severity is Severity.ERROR] == []
+
+
+def test_a_pouch_that_bends_back_to_its_parent_is_found(make: Make, profile: LaserProfile) -> None:
+    # 320 degrees of fan: both children lie along the trunk, their pouches come near it.
+    design = make(
+        (2, 150.0, 310.0), widths_mm=(40.0, 16.0), pouch=Pouch(shape="round", radius_mm=41.5)
+    )
+    found = [f for f in run_checks(Subject.of(design, profile)).findings if f.rule == "VF-C07"]
+    assert found
+    assert {f.branches for f in found} == {("0", "0.0"), ("0", "0.1")}
+    body = Subject.of(design).body
+    gap = min(f.measured for f in found)
+    assert 0.0 < gap < 3.0
+    assert shapely.is_valid(body)
+    assert notches(body, gap + 0.3)

@@ -1,0 +1,121 @@
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from vinefab.core.rng import child
+from vinefab.fabrication.rules.penalty import fabrication_penalty
+from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.design import Design
+from vinefab.model.finding import Severity
+from vinefab.model.laser import LaserProfile
+
+Make = Callable[..., Design]
+
+CHEAP = {
+    *("VF-T02", "VF-T03", "VF-W01", "VF-W02", "VF-W03"),
+    *("VF-C01", "VF-C02", "VF-C03", "VF-C07", "VF-S01"),
+}
+SHEET_MM = (980.0, 580.0)
+"""The usable bed less 10 mm for seam, kerf and overcut."""
+
+
+def errors(design: Design, profile: LaserProfile) -> set[str]:
+    report = run_checks(Subject.of(design, profile))
+    return {f.rule for f in report.findings if f.severity is Severity.ERROR}
+
+
+@pytest.fixture(scope="module")
+def judged(profile: LaserProfile, random_design: Make) -> list[tuple[float, set[str]]]:
+    """Penalty of random designs, and the rules that find errors in them."""
+    designs = [random_design(child(11, number)) for number in range(300)]
+    return [
+        (fabrication_penalty(design, sheet_mm=SHEET_MM), errors(design, profile) & CHEAP)
+        for design in designs
+    ]
+
+
+def test_no_penalty_means_no_errors_from_the_rules_it_stands_for(
+    judged: list[tuple[float, set[str]]],
+) -> None:
+    clean = [found for penalty, found in judged if penalty == 0.0]
+    assert len(clean) > 20
+    assert all(found == set() for found in clean)
+    assert sum(penalty > 0.0 and bool(found) for penalty, found in judged) > 100
+
+
+def test_a_clean_design_is_hardly_ever_penalized(judged: list[tuple[float, set[str]]]) -> None:
+    clean = [penalty for penalty, found in judged if not found]
+    assert len(clean) > 20
+    assert sum(penalty > 0.0 for penalty in clean) <= 0.1 * len(clean)
+
+
+def test_the_penalty_falls_steadily_while_a_fan_opens(make: Make) -> None:
+    values = [
+        fabrication_penalty(make((2, 150.0, angle), (2, 120.0, 60.0)))
+        for angle in np.linspace(10.0, 130.0, 80)
+    ]
+    steps = np.diff(values)
+    assert values[0] > 0.3
+    assert values[-1] == 0.0
+    assert (steps <= 1e-9).all()
+    assert np.abs(steps).max() < 0.4
+
+
+def test_the_penalty_is_continuous_where_branches_begin_to_cross(make: Make) -> None:
+    angles = np.linspace(60.0, 100.0, 1000)
+    values = [fabrication_penalty(make((2, 150.0, a), (2, 140.0, 80.0))) for a in angles]
+    assert np.abs(np.diff(values)).max() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("bad", "good"),
+    [
+        ({"widths_mm": (10.0, 4.0)}, {"widths_mm": (10.0, 5.0)}),
+        ({"widths_mm": (20.0, 17.0)}, {"widths_mm": (20.0, 16.0)}),
+    ],
+)
+def test_each_width_rule_alone_is_penalized(
+    make: Make, bad: dict[str, object], good: dict[str, object]
+) -> None:
+    assert fabrication_penalty(make((2, 200.0, 60.0), **bad)) > 0.0
+    assert fabrication_penalty(make((2, 200.0, 60.0), **good)) == 0.0
+
+
+def test_packing_crotch_angle_and_sheet_are_penalized(make: Make) -> None:
+    assert fabrication_penalty(make((17, 400.0, 320.0), widths_mm=(40.0, 24.0))) > 0.0
+    assert fabrication_penalty(make((2, 47.0, 60.0))) > 0.0
+    assert fabrication_penalty(make((2, 300.0, 14.0), widths_mm=(20.0, 6.0))) > 0.0
+    long = make(trunk_mm=1500.0)
+    assert fabrication_penalty(long) == 0.0
+    assert fabrication_penalty(long, sheet_mm=SHEET_MM) > 0.0
+
+
+def test_limits_can_be_changed(make: Make) -> None:
+    design = make((2, 200.0, 60.0))
+    assert fabrication_penalty(design) == 0.0
+    assert fabrication_penalty(design, {"VF-W02": {"error": 2.0}}) > 0.0
+
+
+def test_the_penalty_is_bounded_and_finite_for_hopeless_trees(make: Make) -> None:
+    heap = make((10, 100.0, 0.0), (10, 100.0, 360.0), (9, 100.0, 0.0))
+    assert 5.0 < fabrication_penalty(heap) < 100.0
+    forest = make((50, 100.0, 360.0), (50, 50.0, 360.0), (2, 10.0, 90.0))
+    assert math.isfinite(fabrication_penalty(forest))
+    assert fabrication_penalty(forest) > 0.0
+
+
+def test_the_penalty_is_quick_enough_for_an_optimizer(make: Make) -> None:
+    large = make((4, 200.0, 115.0), (4, 120.0, 90.0), (4, 80.0, 80.0), (4, 80.0, 80.0))
+    assert large.branch_count == 341
+    fabrication_penalty(large)
+    spent = []
+    for _ in range(5):
+        began = time.perf_counter()
+        fabrication_penalty(large)
+        spent.append(time.perf_counter() - began)
+    # Measured about 1 ms; the bound leaves room for a busy machine.
+    assert min(spent) < 0.02

@@ -1,0 +1,594 @@
+"""Every rule with a case that must fire and one that must not, both close to the limit."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from vinefab.fabrication.job.laser_job import laser_job
+from vinefab.fabrication.rules.catalog import RULES
+from vinefab.fabrication.rules.rig_facts import Corridor, MapCorridors, RigFacts, RigPartFacts
+from vinefab.fabrication.rules.rule import Limits, RuleNotApplicable
+from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Collar, Design, Pouch
+from vinefab.model.finding import Finding, Severity
+from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.laser import LaserProfile, Quantity, RecipeStatus, Standing
+from vinefab.model.map import Pose
+from vinefab.model.outline import Contour, Part
+
+Make = Callable[..., Design]
+Build = Callable[[Make, LaserProfile], Subject]
+E, W = Severity.ERROR, Severity.WARNING
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    fires: Build
+    severity: Severity
+    branches: tuple[str, ...]
+    quiet: Build
+
+
+def of(*fans: tuple[int, float, float], **build: object) -> Build:
+    return lambda make, profile: Subject.of(make(*fans, **build), profile)
+
+
+def cousins(gap_mm: float) -> Build:
+    """Two children 40 degrees apart, each with one straight child: its gap to its uncle is known.
+
+    The grandchild begins L sin(40 deg) from the uncle's centre line; half widths are 12 and 7.
+    """
+    length_mm = (gap_mm + 12.0 + 7.0) / math.sin(math.radians(40.0))
+    return of((2, length_mm, 40.0), (1, 60.0, 0.0), widths_mm=(40.0, 24.0, 14.0))
+
+
+def near_fillet(gap_mm: float) -> Build:
+    """A grandchild shrunk to a disc that floats before the arc of its uncle's fillet."""
+
+    def build(make: Make, _: LaserProfile) -> Subject:
+        subject = Subject.of(make((2, 200.0, 90.0), (2, 90.0, 60.0), fillet_mm=(9.0, 4.0)))
+        arcs = [s for s in subject.outline.contour.segments if s.part is Part.FILLET]
+        arc = next(s for s in arcs if s.branch == "0.0" and s.radius_mm > 8.9)
+        ends = arc.flattened_mm(0.001)
+        middle, center = ends[len(ends) // 2], np.array(arc.center_mm)
+        at = middle + (center - middle) / 9.0 * (gap_mm + 0.5)
+        row, shapes = subject.names.index("0.1.1"), subject.shapes
+        moved = {name: getattr(shapes, name).copy() for name in ("start_mm", "end_mm")}
+        halves = {name: getattr(shapes, name).copy() for name in ("half_mm", "end_half_mm")}
+        for ends in moved.values():
+            ends[row] = at
+        for half in halves.values():
+            half[row] = 0.5
+        return replace(subject, shapes=replace(shapes, **moved, **halves))
+
+    return build
+
+
+def scaled(number: Quantity, value: float) -> Quantity:
+    return replace(number, value=value)
+
+
+def seam(extra_mm: float) -> Build:
+    """Paths drawn with another seam than the recipe's."""
+
+    def build(make: Make, profile: LaserProfile) -> Subject:
+        operations = dict(profile.recipe.operations)
+        weldcut = operations["weldcut"]
+        width = scaled(weldcut.seam_width_mm, weldcut.seam_width_mm.value + extra_mm)
+        operations["weldcut"] = replace(weldcut, seam_width_mm=width)
+        other = replace(profile, recipe=replace(profile.recipe, operations=operations))
+        design = make((2, 150.0, 60.0))
+        return replace(Subject.of(design, profile), job=laser_job(design, other))
+
+    return build
+
+
+def material(**changes: object) -> Build:
+    def build(make: Make, profile: LaserProfile) -> Subject:
+        return Subject.of(make(), replace(profile, material=replace(profile.material, **changes)))
+
+    return build
+
+
+def status(value: RecipeStatus) -> Build:
+    def build(make: Make, profile: LaserProfile) -> Subject:
+        return Subject.of(make(), replace(profile, recipe=replace(profile.recipe, status=value)))
+
+    return build
+
+
+def speed(mm_s: float) -> Build:
+    def build(make: Make, profile: LaserProfile) -> Subject:
+        operations = dict(profile.recipe.operations)
+        operations["mark"] = replace(
+            operations["mark"], speed_mm_s=scaled(operations["mark"].speed_mm_s, mm_s)
+        )
+        return Subject.of(
+            make(), replace(profile, recipe=replace(profile.recipe, operations=operations))
+        )
+
+    return build
+
+
+def jobbed(change: Callable[[Job], tuple[LaserPath, ...]]) -> Build:
+    """A plain vine whose job was changed."""
+
+    def build(make: Make, profile: LaserProfile) -> Subject:
+        subject = Subject.of(make(), profile)
+        assert subject.job is not None
+        return replace(subject, job=replace(subject.job, paths=change(subject.job)))
+
+    return build
+
+
+def path(operation: Operation, points: list[list[float]], *, closed: bool = False) -> LaserPath:
+    contour = Contour.polyline(np.array(points), closed=closed)
+    return LaserPath(operation=operation, contour=contour, label="extra")
+
+
+def mark_above(job: Job, away_mm: float) -> tuple[LaserPath, ...]:
+    top = max(one.contour.box_mm[3] for one in job.along(Operation.WELDCUT))
+    return (path(Operation.MARK, [[300.0, top + away_mm], [310.0, top + away_mm]]), *job.paths)
+
+
+def rigged(
+    height_mm: float = 60.0,
+    size_mm: tuple[float, float, float] = (210.0, 100.0, 63.0),
+    problems: tuple[str, ...] = (),
+) -> Build:
+    """A plain vine and a rig of one part."""
+    part = RigPartFacts(name="part_01", size_mm=size_mm, problems=problems)
+    rig = RigFacts(
+        name="table",
+        printer="bench",
+        room_mm=(210.0, 210.0, 250.0),
+        height_mm=height_mm,
+        parts=(part,),
+    )
+
+    def build(make: Make, profile: LaserProfile) -> Subject:
+        return replace(Subject.of(make(), profile), rig=rig)
+
+    return build
+
+
+def corridor(width_mm: float) -> Build:
+    """A plain vine, 40 mm wide lay-flat, and a map with a narrow and a wide corridor."""
+    corridors = tuple(Corridor(width_mm=mm, x_mm=1.0, y_mm=2.0) for mm in (width_mm, 90.0))
+
+    def build(make: Make, profile: LaserProfile) -> Subject:
+        return replace(
+            Subject.of(make(), profile), courses=(MapCorridors(name="hall", corridors=corridors),)
+        )
+
+    return build
+
+
+def square(low: float, high: float) -> LaserPath:
+    corners = [[low, low], [high, low], [high, high], [low, high]]
+    return path(Operation.CUT, corners, closed=True)
+
+
+def reading(*problems: str) -> Build:
+    return lambda make, profile: Subject.of(
+        make(), profile, readback={"outline.dxf": problems, "outline.svg": ()}
+    )
+
+
+def pouch(radius_mm: float, length_mm: float = 200.0) -> Build:
+    """Two leaves 40 degrees apart: tips of 200 mm are 136.8 mm apart."""
+    return of((2, length_mm, 40.0), pouch=Pouch(shape="round", radius_mm=radius_mm))
+
+
+def collar_off(off_mm: float) -> Build:
+    """A tail whose mouth was drawn for another clamp."""
+
+    def build(make: Make, profile: LaserProfile) -> Subject:
+        drawn, meant = (
+            make(collar=Collar(clamp_diameter_mm=30.0 + 2.0 * more_mm / math.pi))
+            for more_mm in (0.0, off_mm)
+        )
+        return replace(Subject.of(drawn, profile), design=meant)
+
+    return build
+
+
+def winding(fan_deg: float) -> Build:
+    """Seven joints, each half a fan off the way before."""
+    widths_mm = tuple(40.0 * 0.8**level for level in range(8))
+    return of(*[(2, 100.0, fan_deg)] * 7, widths_mm=widths_mm)
+
+
+def piece(line_mm: float, radius_mm: float) -> Build:
+    """A cut with a line and a half circle of given sizes."""
+    points = np.array([[500.0, 500.0], [500.0 + line_mm, 500.0], [500.0 + line_mm, 520.0]])
+    end = points[-1] + [2.0 * radius_mm, 0.0]
+    contour = Contour(
+        points_mm=np.array([*points, end]),
+        bulges=np.array([0.0, 0.0, 1.0]),
+        parts=(Part.OTHER,) * 3,
+        branches=("",) * 3,
+        closed=False,
+    )
+    cut = LaserPath(operation=Operation.CUT, contour=contour, label="piece")
+    return jobbed(lambda job: (*job.paths, cut))
+
+
+def twice(shared_mm: float) -> Build:
+    """Two cuts of which a part lies on the other."""
+    one = path(Operation.CUT, [[500.0, 500.0], [520.0, 500.0]])
+    two = path(Operation.CUT, [[520.0 - shared_mm, 500.0], [540.0, 500.0]])
+    return jobbed(lambda job: (*job.paths, one, two))
+
+
+TREE = of((3, 200.0, 120.0), (2, 120.0, 50.0))
+CROSSING = of((2, 100.0, 60.0), (2, 100.0, 120.0))
+
+CASES: Mapping[str, Case] = {
+    "VF-T01": Case(
+        fires=of((2, 0.09, 60.0)), severity=E, branches=("0.0",), quiet=of((2, 0.11, 60.0))
+    ),
+    "VF-T02": Case(fires=CROSSING, severity=E, branches=("0.0.1", "0.1.0"), quiet=TREE),
+    "VF-T03": Case(fires=cousins(-0.1), severity=E, branches=("0.0", "0.1.0"), quiet=cousins(0.1)),
+    "VF-T04": Case(
+        fires=of(widths_mm=(4.9,)), severity=E, branches=("0",), quiet=of(widths_mm=(5.1,))
+    ),
+    "VF-W01": Case(
+        fires=of(widths_mm=(4.9,)), severity=E, branches=("0",), quiet=of(widths_mm=(8.1,))
+    ),
+    "VF-W02": Case(
+        fires=of((2, 200.0, 60.0), widths_mm=(23.8, 20.0)),
+        severity=E,
+        branches=("0.0",),
+        quiet=of((2, 200.0, 60.0), widths_mm=(30.2, 20.0)),
+    ),
+    # 24 mm x 0.075 mm / 0.1 = 18 mm^2 each, in a lumen of 40^2 / pi = 509 mm^2
+    "VF-W03": Case(
+        fires=of((17, 200.0, 300.0)), severity=E, branches=("0",), quiet=of((8, 200.0, 180.0))
+    ),
+    "VF-W04": Case(fires=seam(0.052), severity=E, branches=("0",), quiet=seam(0.048)),
+    "VF-C01": Case(fires=cousins(2.9), severity=E, branches=("0.0", "0.1.0"), quiet=cousins(5.1)),
+    "VF-C02": Case(
+        fires=of((2, 200.0, 14.9)),
+        severity=E,
+        branches=("0.0", "0.1"),
+        quiet=of((2, 200.0, 20.1)),
+    ),
+    # 24 mm wide at 60 degrees: the sides part 12 / sin(30) = 24 mm from the joint
+    "VF-C03": Case(
+        fires=of((2, 47.9, 60.0)), severity=E, branches=("0.0", "0.1"), quiet=of((2, 48.1, 60.0))
+    ),
+    "VF-C04": Case(
+        fires=of((2, 200.0, 60.0), fillet_mm=(0.9,)),
+        severity=E,
+        branches=("0", "0.0"),
+        quiet=of((2, 200.0, 60.0), fillet_mm=(6.0,)),
+    ),
+    "VF-C06": Case(
+        fires=of((2, 200.0, 181.0)), severity=W, branches=("0.0",), quiet=of((2, 200.0, 179.0))
+    ),
+    "VF-C05": Case(
+        fires=near_fillet(-0.2), severity=E, branches=("0.0", "0.1.1"), quiet=near_fillet(3.1)
+    ),
+    "VF-C07": Case(fires=pouch(67.0), severity=E, branches=("0.0", "0.1"), quiet=pouch(65.8)),
+    # 70 kPa at 20 mm is 35 kPa at 40 mm, 23.3 kPa with the factor of 1.5
+    "VF-P01": Case(
+        fires=of(pressure_kpa=23.4), severity=E, branches=("0",), quiet=of(pressure_kpa=23.3)
+    ),
+    "VF-P02": Case(
+        fires=of(pressure_kpa=70.1), severity=E, branches=("0",), quiet=of(pressure_kpa=69.9)
+    ),
+    # 40 mm, 0.0375 mm, 30 MPa: 50 % at 44.2 kPa
+    "VF-P04": Case(
+        fires=of(pressure_kpa=44.5), severity=W, branches=("0",), quiet=of(pressure_kpa=44.0)
+    ),
+    # Loosely stored film: 91.7 kPa mm / w on the leaf, 778 kPa mm / w allowed on the trunk
+    "VF-P03": Case(
+        fires=of((2, 200.0, 60.0), widths_mm=(100.0, 11.75)),
+        severity=E,
+        branches=("0.0",),
+        quiet=of((2, 200.0, 60.0), widths_mm=(40.0, 23.8)),
+    ),
+    "VF-P05": Case(fires=seam(-0.0052), severity=W, branches=("0",), quiet=seam(-0.0048)),
+    "VF-B01": Case(fires=of(tail_mm=149.0), severity=E, branches=("0",), quiet=of(tail_mm=200.0)),
+    "VF-B02": Case(
+        fires=of(widths_mm=(101.0,)), severity=E, branches=("0",), quiet=of(widths_mm=(99.0,))
+    ),
+    "VF-B03": Case(fires=of(trunk_mm=249.0), severity=W, branches=("0",), quiet=of(trunk_mm=251.0)),
+    # 1000 mm of width fit the bed neither whole nor in tiles; 1200 mm of length do
+    "VF-S01": Case(
+        fires=of(widths_mm=(1000.0,)), severity=E, branches=(), quiet=of(trunk_mm=1000.0)
+    ),
+    "VF-S02": Case(
+        fires=material(roll_width_mm=Quantity(value=39.0, standing=Standing.ASSUMED)),
+        severity=W,
+        branches=(),
+        quiet=material(roll_width_mm=Quantity(value=41.0, standing=Standing.ASSUMED)),
+    ),
+    "VF-L01": Case(
+        fires=jobbed(lambda job: mark_above(job, 2.9)),
+        severity=E,
+        branches=(),
+        quiet=jobbed(lambda job: mark_above(job, 3.1)),
+    ),
+    "VF-L02": Case(
+        fires=jobbed(lambda job: (*job.paths, job.paths[-1])),
+        severity=E,
+        branches=(),
+        quiet=jobbed(lambda job: (*job.paths, square(500.0, 520.0))),
+    ),
+    "VF-L03": Case(
+        fires=jobbed(lambda job: (*job.paths, square(400.0, 500.0), square(420.0, 440.0))),
+        severity=E,
+        branches=(),
+        quiet=jobbed(lambda job: (*job.paths, square(420.0, 440.0), square(400.0, 500.0))),
+    ),
+    "VF-L04": Case(
+        fires=material(ply_mm=Quantity(value=0.05, standing=Standing.PAPER)),
+        severity=E,
+        branches=(),
+        quiet=material(ply_mm=Quantity(value=0.0375, standing=Standing.PAPER)),
+    ),
+    "VF-L05": Case(fires=speed(501.0), severity=W, branches=(), quiet=speed(499.0)),
+    "VF-L06": Case(
+        fires=status(RecipeStatus.UNVERIFIED),
+        severity=W,
+        branches=(),
+        quiet=status(RecipeStatus.COUPON_OK),
+    ),
+    "VF-R01": Case(
+        fires=rigged(problems=("is not closed",)), severity=E, branches=(), quiet=rigged()
+    ),
+    "VF-R02": Case(
+        fires=rigged(size_mm=(100.0, 210.01, 63.0)),
+        severity=E,
+        branches=(),
+        quiet=rigged(size_mm=(210.0, 210.0, 250.0)),
+    ),
+    # 40 mm lay-flat inflates to 80 / pi = 25.46 mm; 1.2 times that is 30.56 mm
+    "VF-R03": Case(fires=corridor(25.4), severity=W, branches=(), quiet=corridor(25.5)),
+    "VF-R04": Case(
+        fires=rigged(height_mm=30.5), severity=W, branches=(), quiet=rigged(height_mm=30.6)
+    ),
+    "VF-X01": Case(fires=reading("area differs by 3 %"), severity=E, branches=(), quiet=reading()),
+}
+
+
+NEAR_LIMITS: list[tuple[str, Build, set[Severity]]] = [
+    ("VF-W01", of(widths_mm=(7.9,)), {W}),
+    ("VF-W02", of((2, 200.0, 60.0), widths_mm=(29.8, 20.0)), {W}),
+    ("VF-W03", of((9, 200.0, 200.0)), {W}),
+    ("VF-C01", cousins(4.9), {W}),
+    ("VF-C01", cousins(3.1), {W}),
+    ("VF-C02", of((2, 200.0, 19.9)), {W}),
+    ("VF-C04", of((2, 200.0, 60.0), fillet_mm=(5.9,)), {W}),
+    ("VF-C04", of((2, 200.0, 60.0), widths_mm=(20.0, 6.0), fillet_mm=(1.9,)), {W}),
+    ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(23.9,)), set()),
+    ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(24.1,)), {W}),
+    ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(47.9,)), {W}),
+    ("VF-C04", of((2, 400.0, 150.0), fillet_mm=(48.1,)), {E}),
+    ("VF-C05", near_fillet(2.9), {W}),
+    # 7 joints of 81 degrees: e^(0.234 * 9.9) = 10.1; of 80 degrees 9.8
+    ("VF-C06", winding(162.0), {W}),
+    ("VF-C06", winding(160.0), set()),
+    ("VF-C07", pouch(65.95), {W}),
+    ("VF-P03", of((2, 200.0, 60.0), widths_mm=(100.0, 11.83)), {W}),
+    ("VF-P03", of((2, 200.0, 60.0), widths_mm=(40.0, 23.6)), {W}),
+    ("VF-B01", of(tail_mm=199.0), {W}),
+    ("VF-B02", collar_off(0.104), {E}),
+    ("VF-B02", collar_off(0.096), set()),
+    ("VF-B03", of(trunk_mm=2001.0), {W}),
+    ("VF-B03", of(trunk_mm=1999.0), set()),
+    ("VF-L02", piece(0.19, 3.0), {E}),
+    ("VF-L02", piece(0.21, 3.0), set()),
+    ("VF-L02", piece(2.0, 0.49), {E}),
+    ("VF-L02", piece(2.0, 0.51), set()),
+    ("VF-L02", twice(0.21), {E}),
+    ("VF-L02", twice(0.19), set()),
+]
+"""Builds close to single limits, with the severities that they must have."""
+
+
+def found(subject: Subject, rule: str) -> tuple[Finding, ...]:
+    report = run_checks(subject)
+    assert rule in {run.rule for run in report.run}
+    return tuple(finding for finding in report.findings if finding.rule == rule)
+
+
+def test_every_rule_has_a_case_that_fires_and_one_that_does_not() -> None:
+    assert set(CASES) == set(RULES)
+
+
+@pytest.mark.parametrize("rule", CASES)
+def test_rule_fires_at_the_right_place(rule: str, make: Make, profile: LaserProfile) -> None:
+    case = CASES[rule]
+    findings = found(case.fires(make, profile), rule)
+    assert findings, "the rule must fire here"
+    assert findings[0].severity is case.severity
+    assert findings[0].branches == case.branches
+    assert findings[0].message[-1] not in ".:"
+
+
+@pytest.mark.parametrize("rule", CASES)
+def test_rule_stays_quiet(rule: str, make: Make, profile: LaserProfile) -> None:
+    assert found(CASES[rule].quiet(make, profile), rule) == ()
+
+
+@pytest.mark.parametrize("rule", ["VF-R01", "VF-R02", "VF-R03", "VF-R04"])
+def test_rules_about_rigs_say_what_they_miss(rule: str, make: Make) -> None:
+    outcome = RULES[rule].look(Subject.of(make()), Limits({}))
+    assert isinstance(outcome, RuleNotApplicable)
+    assert "needs a" in outcome.reason
+
+
+def test_corridors_are_compared_with_every_level(make: Make, profile: LaserProfile) -> None:
+    # 40, 24 mm lay-flat: 25.46 and 15.28 mm inflated
+    subject = Subject.of(make((2, 200.0, 60.0)), profile)
+    wide, narrow = (Corridor(width_mm=mm, x_mm=3.0, y_mm=4.0) for mm in (20.0, 15.0))
+    course = MapCorridors(name="hall", corridors=(narrow, wide))
+    findings = found(replace(subject, courses=(course,)), "VF-R03")
+    assert [(f.measured, f.limit) for f in findings] == [
+        (15.0, pytest.approx(80.0 / math.pi)),
+        (15.0, pytest.approx(48.0 / math.pi)),
+    ]
+    assert "all of the 2 narrowest" in findings[0].message
+    assert "1 of the 2 narrowest" in findings[1].message
+    assert "(3.0, 4.0) mm" in findings[1].message
+
+
+@pytest.mark.parametrize(("rule", "build", "severities"), NEAR_LIMITS)
+def test_each_limit_counts_from_where_it_stands(
+    rule: str, build: Build, severities: set[Severity], make: Make, profile: LaserProfile
+) -> None:
+    assert {finding.severity for finding in found(build(make, profile), rule)} == severities
+
+
+def test_a_child_folded_onto_its_parent_is_found(make: Make) -> None:
+    findings = found(Subject.of(make((2, 300.0, 331.0))), "VF-C02")
+    assert [(f.severity, f.branches) for f in findings] == [(E, ("0", "0.0"))]
+
+
+def test_a_fillet_cut_down_by_a_narrow_angle_is_found(make: Make) -> None:
+    # 40 degrees: the bare crotch is 35.1 mm long, half of the child 35.5 mm
+    findings = found(Subject.of(make((2, 71.0, 40.0), fillet_mm=(6.0,))), "VF-C04")
+    assert [f.severity for f in findings] == [E, Severity.INFO]
+    assert findings[0].measured is not None
+    assert findings[0].measured < 1.0
+    assert findings[1].limit == 6.0
+
+
+@pytest.mark.parametrize(
+    ("fillet_mm", "severities"), [(23.9, []), (24.1, [W]), (47.9, [W]), (48.1, [E])]
+)
+def test_a_fillet_that_swells_its_child_is_found(
+    fillet_mm: float, severities: list[Severity], make: Make
+) -> None:
+    # children are 24 mm wide: once that is a warning, twice an error
+    wide_apart = make((2, 400.0, 150.0), fillet_mm=(fillet_mm,))
+    assert [f.severity for f in found(Subject.of(wide_apart), "VF-C04")] == severities
+
+
+def test_a_pouch_narrower_than_its_branch_is_found(make: Make) -> None:
+    subject = Subject.of(make((2, 200.0, 60.0), pouch=Pouch(shape="round", radius_mm=11.9)))
+    assert [f.measured for f in found(subject, "VF-C07")] == [23.8]
+
+
+@pytest.mark.parametrize(
+    ("length_mm", "rules"),
+    [(4.9, {"VF-W01", "VF-C07"}), (23.9, {"VF-C07"}), (24.1, set())],
+)
+def test_a_rectangular_pouch_of_senseless_length_is_found(
+    length_mm: float, rules: set[str], make: Make
+) -> None:
+    rim = Pouch(shape="rectangle", length_mm=length_mm, width_mm=36.0)
+    report = run_checks(Subject.of(make((2, 200.0, 60.0), pouch=rim)))
+    assert {f.rule for f in report.findings if f.rule in ("VF-W01", "VF-C07")} == rules
+
+
+@pytest.mark.parametrize(
+    ("collar", "errors"),
+    [
+        (Collar(clamp_diameter_mm=70.0), 0),
+        (Collar(clamp_diameter_mm=70.0, length_mm=180.0, flare_mm=40.0), 1),
+        (Collar(clamp_diameter_mm=70.0, flare_mm=10.0), 1),
+    ],
+)
+def test_a_collar_fits_clamp_and_tail(collar: Collar, errors: int, make: Make) -> None:
+    # 110 mm wide at the clamp: too wide without a collar, right with one
+    findings = found(Subject.of(make((2, 200.0, 60.0), collar=collar)), "VF-B02")
+    assert [f.severity for f in findings] == [E] * errors
+
+
+def test_widths_of_tapered_branches_count_where_they_end(make: Make) -> None:
+    narrow = make((2, 200.0, 60.0), widths_mm=(30.0, 16.0), taper=(1.0, 0.3))
+    assert [f.measured for f in found(Subject.of(narrow), "VF-W01")] == pytest.approx([4.8])
+    close = make((2, 200.0, 60.0), widths_mm=(30.0, 16.0), taper=(0.6, 1.0))
+    assert [f.measured for f in found(Subject.of(close), "VF-W02")] == pytest.approx([18 / 16])
+
+
+def test_taper_is_no_fault_of_the_width_as_built(make: Make, profile: LaserProfile) -> None:
+    tapered = make((3, 200.0, 120.0), taper=(0.9, 0.6))
+    for rule in ("VF-W04", "VF-P05"):
+        assert found(Subject.of(tapered, profile), rule) == ()
+    even = replace(Subject.of(make((3, 200.0, 120.0)), profile), job=laser_job(tapered, profile))
+    assert {f.branches[0] for f in found(even, "VF-W04")} == {"0", "0.0", "0.1", "0.2"}
+
+
+def test_a_wide_pouch_limits_the_pressure(make: Make, profile: LaserProfile) -> None:
+    wide = make((2, 200.0, 60.0), pouch=Pouch(shape="round", radius_mm=30.0), pressure_kpa=20.0)
+    finding = found(Subject.of(wide, profile), "VF-P01")[0]
+    assert finding.limit == pytest.approx(70.0 * 20.0 / 60.0 / 1.5)
+    assert finding.branches == ("0.0",)
+    assert "assumed" in finding.message
+
+
+def test_the_60_mm_trunk_at_50_kpa_fails(make: Make, profile: LaserProfile) -> None:
+    trunk = make(widths_mm=(60.0,), pressure_kpa=50.0)
+    finding = found(Subject.of(trunk, profile), "VF-P01")[0]
+    assert (finding.measured, finding.limit) == (50.0, pytest.approx(15.56, abs=0.01))
+
+
+def test_a_path_with_many_turns_is_found_by_its_capstan_factor(make: Make) -> None:
+    # 7 joints of 81 degrees: e^(0.234 * 9.9) = 10.1
+    winding = make(*[(2, 100.0, 162.0)] * 7, widths_mm=tuple(40.0 * 0.8**n for n in range(8)))
+    findings = found(Subject.of(winding), "VF-C06")
+    assert [f.severity for f in findings] == [W]
+    assert "10.1" in findings[0].message
+
+
+def test_turns_at_contacts_count_when_a_deployment_is_given(make: Make) -> None:
+    subject = Subject.of(make())
+    turned = Deployment(
+        tree=subject.layout.tree,
+        pose=Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.0),
+        points_mm=np.array([[0.0, 0.0], [300.0, 0.0]]),
+        first_point=np.array([0, 2]),
+        stop=np.array([0]),
+        grown_mm=np.array([300.0]),
+        contact_turn_rad=np.array([10.0]),
+    )
+    assert found(subject, "VF-C06") == ()
+    assert len(found(replace(subject, deployments=(turned,)), "VF-C06")) == 1
+
+
+def test_a_weld_after_a_cut_is_found(make: Make, profile: LaserProfile) -> None:
+    backwards = jobbed(lambda job: tuple(reversed(job.paths)))
+    assert {f.severity for f in found(backwards(make, profile), "VF-L03")} == {E}
+
+
+def test_tiny_pieces_are_found(make: Make, profile: LaserProfile) -> None:
+    short = path(Operation.CUT, [[500.0, 500.0], [500.19, 500.0], [520.0, 500.0]])
+    tight = LaserPath(
+        operation=Operation.CUT,
+        contour=Contour(
+            points_mm=np.array([[600.0, 500.0], [600.98, 500.0]]),
+            bulges=np.array([1.0]),
+            parts=short.contour.parts[:1],
+            branches=("",),
+            closed=False,
+        ),
+        label="tight",
+    )
+    build = jobbed(lambda job: (*job.paths, short, tight))
+    findings = found(build(make, profile), "VF-L02")
+    assert sorted(f.measured or 0.0 for f in findings) == pytest.approx([0.19, 0.49])
+
+
+def test_fast_small_arcs_are_found(make: Make, profile: LaserProfile) -> None:
+    # weldcut at 60 mm/s: a fillet of 2 mm less the beam's offset asks for 2.5 m/s^2, of 3 allowed
+    operations = dict(profile.recipe.operations)
+    weldcut = operations["weldcut"]
+    operations["weldcut"] = replace(weldcut, speed_mm_s=scaled(weldcut.speed_mm_s, 70.0))
+    fast = replace(profile, recipe=replace(profile.recipe, operations=operations))
+    design = make((2, 200.0, 60.0), widths_mm=(24.0, 8.0), fillet_mm=(2.0,))
+    assert found(Subject.of(design, profile), "VF-L05") == ()
+    assert len(found(Subject.of(design, fast), "VF-L05")) == 1
+
+
+def test_a_film_that_does_not_weld_is_found(make: Make, profile: LaserProfile) -> None:
+    assert len(found(material(weldable=False)(make, profile), "VF-L04")) == 1

@@ -1,0 +1,149 @@
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.fabrication.rules.catalog import RULES
+from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.design import Design, Waiver
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.shipped import names
+from vinefab.model.finding import Severity
+from vinefab.model.laser import LaserProfile
+
+Make = Callable[..., Design]
+
+
+def narrow(make: Make, width_mm: float = 4.0) -> Design:
+    return make((2, 200.0, 60.0), widths_mm=(30.0, width_mm))
+
+
+def fingerprint(design: Design, rule: str) -> str:
+    findings = run_checks(Subject.of(design)).findings
+    return next(finding.fingerprint for finding in findings if finding.rule == rule)
+
+
+@pytest.mark.parametrize("recipe", ["with", "without"])
+def test_every_rule_is_either_run_or_skipped_with_a_reason(
+    make: Make, profile: LaserProfile, recipe: str
+) -> None:
+    report = run_checks(Subject.of(make(), profile if recipe == "with" else None))
+    told = [*(run.rule for run in report.run), *(skipped.rule for skipped in report.skipped)]
+    assert sorted(told) == sorted(RULES)
+    assert all(skipped.reason for skipped in report.skipped)
+
+
+def test_without_a_recipe_its_rules_are_skipped_and_say_so(make: Make) -> None:
+    report = run_checks(Subject.of(make()))
+    reasons = {skipped.rule: skipped.reason for skipped in report.skipped}
+    assert report.recipe == ""
+    for rule in ("VF-P01", "VF-P02", "VF-P04", "VF-W03", "VF-W04", "VF-S01", "VF-L03", "VF-L06"):
+        assert "recipe" in reasons[rule]
+
+
+def test_the_report_counts_what_was_found(make: Make) -> None:
+    report = run_checks(Subject.of(narrow(make)))
+    by_rule = {run.rule: run.findings for run in report.run}
+    assert sum(by_rule.values()) == len(report.findings)
+    assert by_rule["VF-W01"] == 1
+    assert report.blocking
+
+
+def test_a_waiver_names_a_finding_and_lets_it_pass(make: Make) -> None:
+    design = narrow(make)
+    waiver = Waiver(fingerprint=fingerprint(design, "VF-W01"), reason="tried on the bench")
+    report = run_checks(Subject.of(replace(design, waivers=(waiver,))))
+    waived = [finding for finding in report.findings if finding.rule == "VF-W01"]
+    assert [(f.waived, f.reason, f.blocks) for f in waived] == [(True, "tried on the bench", False)]
+    assert all(not finding.waived for finding in report.findings if finding.rule != "VF-W01")
+    assert report.stale_waivers == ()
+
+
+def test_a_waiver_outlives_a_change_of_the_number_but_not_of_the_place(make: Make) -> None:
+    assert fingerprint(narrow(make, 4.0), "VF-W01") == fingerprint(narrow(make, 4.5), "VF-W01")
+    trunk = make(widths_mm=(4.0,))
+    assert fingerprint(narrow(make), "VF-W01") != fingerprint(trunk, "VF-W01")
+
+
+def test_a_waiver_that_waives_nothing_is_listed(make: Make) -> None:
+    design = replace(make(), waivers=(Waiver(fingerprint="0123456789ab", reason="long gone"),))
+    assert run_checks(Subject.of(design)).stale_waivers == ("0123456789ab",)
+
+
+def test_fingerprints_are_different_within_a_report(make: Make, profile: LaserProfile) -> None:
+    bad = make((3, 60.0, 30.0), (3, 60.0, 200.0), widths_mm=(20.0, 18.0, 4.0), tail_mm=100.0)
+    findings = run_checks(Subject.of(bad, profile)).findings
+    assert len(findings) > 10
+    assert len({finding.fingerprint for finding in findings}) == len(findings)
+
+
+def test_limits_can_be_changed(make: Make) -> None:
+    subject = Subject.of(make(tail_mm=180.0))
+    assert run_checks(subject).count(Severity.WARNING) == 1
+    assert run_checks(subject, {"VF-B01": {"warning": 170.0}}).count(Severity.WARNING) == 0
+    assert run_checks(subject, {"VF-B01": {"error": 190.0}}).count(Severity.ERROR) == 1
+
+
+def test_unknown_rules_and_limits_are_refused(make: Make) -> None:
+    subject = Subject.of(make())
+    with pytest.raises(UnknownNameError, match="VF-B01"):
+        run_checks(subject, {"VF-B1": {"warning": 1.0}})
+    with pytest.raises(BadInputError, match=r"VF-B01\.warn"):
+        run_checks(subject, {"VF-B01": {"warn": 1.0}})
+    with pytest.raises(BadInputError, match="VF-B01"):
+        run_checks(subject, {"VF-B01": {"warning": float("nan")}})
+
+
+def test_markers_and_places_are_finite_and_near_the_robot(make: Make) -> None:
+    folded = make((3, 150.0, 60.0), (3, 150.0, 160.0))
+    findings = run_checks(Subject.of(folded)).findings
+    placed = [finding for finding in findings if finding.x_mm is not None]
+    assert len(placed) > 3
+    assert all(abs(f.x_mm or 0.0) < 700.0 and abs(f.y_mm or 0.0) < 700.0 for f in placed)
+    assert all(f.marker_wkt.split("(")[0].strip().isupper() for f in placed if f.marker_wkt)
+
+
+def test_more_than_a_hundred_overlaps_are_counted_in_one_finding(make: Make) -> None:
+    heap = make((5, 200.0, 300.0), (5, 200.0, 300.0), (3, 200.0, 200.0))
+    findings = [f for f in run_checks(Subject.of(heap)).findings if f.rule == "VF-T03"]
+    assert len(findings) == 101
+    assert findings[-1].severity is Severity.INFO
+    assert "more pairs" in findings[-1].message
+
+
+@pytest.mark.parametrize(
+    ("name", "rules"), [("plain_vine", ["VF-L06"]), ("three_level_tree", ["VF-P03", "VF-L06"])]
+)
+def test_hand_made_designs_pass_but_for_the_recipe_and_tightly_stored_film(
+    name: str, rules: list[str], profile: LaserProfile
+) -> None:
+    report = run_checks(Subject.of(read_design(name), profile))
+    assert [finding.rule for finding in report.findings] == rules
+    assert report.blocking == ()
+
+
+@pytest.mark.parametrize("name", names("design"))
+def test_shipped_designs_have_no_errors(name: str, profile: LaserProfile) -> None:
+    assert run_checks(Subject.of(read_design(name), profile)).blocking == ()
+
+
+def test_rules_can_be_read_without_their_code() -> None:
+    for rule_id, rule in RULES.items():
+        assert rule.id == rule_id
+        assert rule.title
+        assert len(rule.reason) > 20
+
+
+@pytest.mark.parametrize("name", ["three_level_tree", "grid_explorer"])
+@pytest.mark.parametrize("problems", [(), ("an arc is missing",)])
+def test_a_rule_applied_later_reads_as_if_all_had_been_applied_at_once(
+    name: str, problems: tuple[str, ...], profile: LaserProfile
+) -> None:
+    design = replace(read_design(name), waivers=(Waiver(fingerprint="gone", reason="old"),))
+    before = Subject.of(design, profile)
+    after = replace(before, readback={"outline.dxf": problems})
+    assert merged_reports(run_checks(before), run_checks(after, only=("VF-X01",))) == run_checks(
+        after
+    )

@@ -1,0 +1,142 @@
+"""Several robots on one sheet: each is measured in the sheet's own paths, and named."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from vinefab.fabrication.job.laser_job import laser_job
+from vinefab.fabrication.job.placement import SheetOptions
+from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES
+from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.design import Design
+from vinefab.model.finding import Finding, Severity
+from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.laser import LaserProfile
+from vinefab.model.outline import Contour
+
+Make = Callable[..., Design]
+
+
+@pytest.fixture
+def fork(make: Make) -> Design:
+    return replace(make((2, 150.0, 70.0)), name="fork")
+
+
+@pytest.fixture
+def vine(make: Make) -> Design:
+    return replace(make(), name="vine")
+
+
+def squeezed(contour: Contour, share: float) -> Contour:
+    """Return a contour with everything nearer to its mouth's middle, as wrong units would."""
+    middle = (contour.points_mm[0] + contour.points_mm[-1]) / 2.0
+    return replace(contour, points_mm=middle + share * (contour.points_mm - middle))
+
+
+def with_path(job: Job, label: str, change: Callable[[LaserPath], LaserPath]) -> Job:
+    paths = tuple(change(path) if path.label == label else path for path in job.paths)
+    assert any(path.label == label for path in job.paths)
+    return replace(job, paths=paths)
+
+
+def found(design: Design, profile: LaserProfile, job: Job, rule: str) -> list[Finding]:
+    report = run_checks(Subject.on_sheet(design, profile, job), only=(rule,))
+    return list(report.findings)
+
+
+def test_widths_of_every_robot_are_measured_where_it_lies(
+    fork: Design, vine: Design, profile: LaserProfile
+) -> None:
+    job = laser_job(fork, profile, SheetOptions(copies=2, beside=(vine,)))
+    for design, checked in ((fork, 2 * 3), (vine, 1)):
+        report = run_checks(Subject.on_sheet(design, profile, job), only=("VF-W04",))
+        assert report.run[0].checked == checked
+        assert report.findings == ()
+
+
+@pytest.mark.parametrize(
+    ("label", "of_fork", "of_vine"),
+    [("fork, part 2 of 3", 1, 0), ("vine, part 3 of 3", 0, 1)],
+)
+def test_the_robot_that_came_out_narrow_is_named(
+    fork: Design, vine: Design, profile: LaserProfile, label: str, of_fork: int, of_vine: int
+) -> None:
+    job = laser_job(fork, profile, SheetOptions(copies=2, beside=(vine,)))
+    wrong = with_path(
+        job,
+        f"outline of {label}",
+        lambda path: replace(path, contour=squeezed(path.contour, 0.98)),
+    )
+    forks, vines = (
+        [f for f in found(design, profile, wrong, "VF-W04") if f.branches == ("0",)]
+        for design in (fork, vine)
+    )
+    assert (len(forks), len(vines)) == (of_fork, of_vine)
+    assert all(f"'outline of {label}'" in finding.message for finding in forks)
+    # a seam too narrow by a fiftieth of the tube, on one side and the other
+    seams = [len(found(design, profile, wrong, "VF-P05")) for design in (fork, vine)]
+    assert [count > 0 for count in seams] == [of_fork > 0, of_vine > 0]
+
+
+def test_an_overcut_is_said_of_its_own_robot_only(
+    fork: Design, vine: Design, profile: LaserProfile
+) -> None:
+    job = laser_job(fork, profile, SheetOptions(copies=2, beside=(vine,)))
+
+    def shorter(path: LaserPath) -> LaserPath:
+        points = path.contour.points_mm
+        along = (points[1] - points[0]) / path.contour.length_mm
+        less = [points[0] + 1.0 * along, points[1] - 1.0 * along]
+        return replace(path, contour=Contour.polyline(less, closed=False))
+
+    def cut(path: LaserPath) -> LaserPath:
+        return replace(path, contour=replace(shorter(path).contour, parts=path.contour.parts))
+
+    wrong = with_path(job, "mouth of fork, part 2 of 3", cut)
+    assert found(vine, profile, wrong, "VF-P05") == []
+    (finding,) = found(fork, profile, wrong, "VF-P05")
+    assert "'mouth of fork, part 2 of 3'" in finding.message
+    assert (finding.measured, finding.limit) == (pytest.approx(1.0), pytest.approx(2.0))
+
+
+def test_what_finds_no_room_to_be_marked_is_a_notice(fork: Design, profile: LaserProfile) -> None:
+    job = laser_job(fork, profile)
+    told = replace(job, facts={**job.facts, "marks_left_out": ["no room for the label of fork"]})
+    (finding,) = found(fork, profile, told, "VF-L01")
+    assert finding.severity is Severity.INFO
+    assert "label of fork: mark the film by hand" in finding.message
+    assert found(fork, profile, job, "VF-L01") == []
+
+
+def test_rules_of_the_sheet_are_rules() -> None:
+    assert set(RULES) > SHEET_RULES
+    assert not {"VF-W04", "VF-P05"} & SHEET_RULES
+
+
+def test_a_cut_into_the_seam_is_found(fork: Design, profile: LaserProfile) -> None:
+    sheet = SheetOptions(process="weld+cut")
+    job = laser_job(fork, profile, sheet)
+    assert found(fork, profile, job, "VF-P05") == []
+    (run,) = run_checks(Subject.on_sheet(fork, profile, job), only=("VF-P05",)).run
+    assert run.checked == 2  # the web along the seam, the cut past its start
+    seam = profile.settings(Operation.WELD).seam_width_mm
+    wide = replace(profile.settings("weld"), seam_width_mm=replace(seam, value=seam.value + 4.2))
+    operations = {**profile.recipe.operations, "weld": wide}
+    asking = replace(profile, recipe=replace(profile.recipe, operations=operations))
+    (finding,) = found(fork, asking, job, "VF-P05")
+    # 2 mm of web and 2.1 mm more on this side of the seam: 0.1 mm is gone
+    assert finding.measured == pytest.approx(seam.value + 4.1, abs=0.02)
+    assert "takes off the seam" in finding.message
+
+
+def test_a_cut_that_ends_where_it_began_is_found(fork: Design, profile: LaserProfile) -> None:
+    cut = profile.settings("cut")
+    bare = replace(cut, overcut_mm=replace(cut.overcut_mm, value=0.5))
+    operations = {**profile.recipe.operations, "cut": bare}
+    short = replace(profile, recipe=replace(profile.recipe, operations=operations))
+    job = laser_job(fork, short, SheetOptions(process="weld+cut"))
+    (finding,) = found(fork, profile, job, "VF-P05")
+    assert (finding.measured, finding.limit) == (pytest.approx(0.5), cut.overcut_mm.value)
+    assert "around the robot" in finding.message

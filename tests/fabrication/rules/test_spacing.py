@@ -1,0 +1,107 @@
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import shapely
+
+from vinefab.core.rng import child
+from vinefab.core.validation import Floats
+from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.rules.shapes import Shapes, shapes_of
+from vinefab.fabrication.rules.spacing import Spacing, closest, spacing
+from vinefab.model.design import Design, Pouch
+
+Make = Callable[..., Design]
+
+
+def lines(shapes: Shapes) -> shapely.Geometry:
+    return shapely.linestrings(np.stack([shapes.start_mm, shapes.end_mm], axis=1))
+
+
+def shapes(design: Design) -> Shapes:
+    return shapes_of(flat_layout(design), design.build)
+
+
+def by_pair(found: Spacing, values: Floats) -> dict[tuple[int, int], float]:
+    pairs = zip(found.first.tolist(), found.second.tolist(), strict=True)
+    return dict(zip(pairs, values.tolist(), strict=True))
+
+
+def test_closest_agrees_with_shapely_also_for_points_parallels_and_touches() -> None:
+    rng = child(5)
+    ends = [rng.uniform(-50.0, 50.0, (4000, 2)) for _ in range(4)]
+    ends[1][:500] = ends[0][:500]
+    ends[3][250:750] = ends[2][250:750]
+    ends[3][1000:1500] = ends[2][1000:1500] + 0.7 * (ends[1] - ends[0])[1000:1500]
+    ends[2][2000:2500] = ends[0][2000:2500] + 0.3 * (ends[1] - ends[0])[2000:2500]
+    found = closest(*ends)
+    a = shapely.linestrings(np.stack(ends[:2], axis=1))
+    b = shapely.linestrings(np.stack(ends[2:], axis=1))
+    assert found.distance_mm == pytest.approx(shapely.distance(a, b), abs=1e-9)
+    on_a = ends[0] + found.along_a[:, None] * (ends[1] - ends[0])
+    on_b = ends[2] + found.along_b[:, None] * (ends[3] - ends[2])
+    assert np.hypot(*(on_a - on_b).T) == pytest.approx(found.distance_mm, abs=1e-9)
+
+
+def test_all_near_pairs_are_found_and_no_joined_ones(make: Make) -> None:
+    flat = shapes(make((4, 120.0, 150.0), (3, 100.0, 120.0), (2, 60.0, 90.0)))
+    found = spacing(flat, 5.0)
+    gaps = by_pair(found, found.gap_mm)
+    drawn = lines(flat)
+    parent = flat.parent.tolist()
+    near = 0
+    for a in range(len(flat)):
+        for b in range(a + 1, len(flat)):
+            if parent[b] == a or parent[a] == parent[b]:
+                assert (a, b) not in gaps
+                continue
+            gap = shapely.distance(drawn[a], drawn[b]) - flat.half_mm[a] - flat.half_mm[b]
+            near += gap < 5.0
+            if gap < 5.0 or (a, b) in gaps:
+                assert gaps[a, b] == pytest.approx(gap, abs=1e-9)
+    assert near > 20
+    assert found.complete
+
+
+def test_crossing_tells_how_far_the_nearest_end_runs_past() -> None:
+    cross = Shapes(
+        start_mm=np.array([[0.0, 0.0], [70.0, -40.0], [0.0, 5.0]]),
+        end_mm=np.array([[100.0, 0.0], [70.0, 60.0], [60.0, 5.0]]),
+        half_mm=np.full(3, 10.0),
+        end_half_mm=np.full(3, 10.0),
+        branch=np.arange(3),
+        pouch=np.zeros(3, dtype=bool),
+        parent=np.array([-1, 5, 6]),
+    )
+    found = spacing(cross, 0.0)
+    crossing = by_pair(found, found.crossing_mm)
+    assert crossing[0, 1] == pytest.approx(30.0)
+    assert crossing[0, 2] == 0.0
+
+
+@pytest.mark.parametrize(
+    "pouch",
+    [
+        None,
+        Pouch(shape="round", radius_mm=20.0),
+        Pouch(shape="rectangle", length_mm=50.0, width_mm=34.0),
+        Pouch(shape="rectangle", length_mm=30.0, width_mm=50.0),
+    ],
+)
+def test_shapes_cover_the_drawn_outline_but_for_fillets(make: Make, pouch: Pouch | None) -> None:
+    design = make((3, 200.0, 120.0), (2, 120.0, 50.0), pouch=pouch, fillet_mm=(2.0, 2.0))
+    flat = shapes(design)
+    capsules = shapely.buffer(lines(flat), flat.half_mm, quad_segs=64)
+    covered = shapely.union_all(capsules)
+    body = shapely.Polygon(body_outline(design).contour.flattened_mm())
+    missed = shapely.difference(body, shapely.buffer(covered, 0.01))
+    largest = max((part.area for part in shapely.get_parts(missed)), default=0.0)
+    # What is left are fillets: nothing larger than the corner of a square around one.
+    assert largest < 2.0**2
+    # The other way round only the trunk's round end reaches past the straight mouth.
+    beyond = shapely.difference(covered, shapely.buffer(body, 0.05))
+    mouth = [part for part in shapely.get_parts(beyond) if part.area > 1.0]
+    inside_pouch = 0 if pouch is None else 12
+    assert 1 <= len(mouth) <= 1 + inside_pouch
+    assert mouth[0].bounds[0] == pytest.approx(-220.0, abs=0.1)

@@ -1,0 +1,150 @@
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vinefab.fabrication.rules.pressure_limits import worst_growth
+from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.design import Design
+from vinefab.model.finding import Finding, Severity
+from vinefab.model.laser import LaserProfile, Quantity, Standing
+from vinefab.model.map import Pose
+from vinefab.physics.growth_pressure import FITTED, NO_TENSION
+
+Make = Callable[..., Design]
+LOOSE = FITTED.with_storage(NO_TENSION)
+
+
+def findings(subject: Subject) -> list[Finding]:
+    return [finding for finding in run_checks(subject).findings if finding.rule == "VF-P03"]
+
+
+def straight_and_bent(subject: Subject, turn_rad: float) -> Deployment:
+    """A fork whose second child meets a wall half way and turns there."""
+    half = 100.0
+    tip = np.array([300.0, 0.0])
+    left, right = math.radians(30.0), math.radians(-30.0)
+    corner = tip + half * np.array([math.cos(left), math.sin(left)])
+    end = corner + half * np.array([math.cos(left + turn_rad), math.sin(left + turn_rad)])
+    straight = tip + 2 * half * np.array([math.cos(right), math.sin(right)])
+    return Deployment(
+        tree=subject.layout.tree,
+        pose=Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.0),
+        points_mm=np.array([[0.0, 0.0], tip, tip, straight, tip, corner, end]),
+        first_point=np.array([0, 2, 4, 7]),
+        stop=np.zeros(3, dtype=np.int64),
+        grown_mm=np.array([300.0, 200.0, 200.0]),
+        contact_turn_rad=np.array([0.0, 0.0, abs(turn_rad)]),
+    )
+
+
+def test_the_worst_leaf_by_hand(make: Make, profile: LaserProfile) -> None:
+    subject = Subject.of(make((2, 200.0, 60.0), widths_mm=(40.0, 20.0)), profile)
+    loose = worst_growth(subject, LOOSE, 25.0)
+    scale = 25.0 / (2 * 20.0 / math.pi)
+    by_hand = scale * (1.92 + 0.771 * 0.3 * math.exp(0.234 * math.pi / 6) + 0.771 * 0.2)
+    assert loose.pressure_kpa == pytest.approx(by_hand)
+    assert loose.branch in (1, 2)
+
+
+def test_a_trunk_full_of_film_can_be_worse_than_its_leaves(
+    make: Make, profile: LaserProfile
+) -> None:
+    full = make((20, 400.0, 320.0), widths_mm=(40.0, 39.0), trunk_mm=10.0)
+    worst = worst_growth(Subject.of(full, profile), LOOSE, 25.0)
+    assert worst.branch == 0
+
+
+def test_contacts_on_a_map_add_to_it_and_are_named(make: Make, profile: LaserProfile) -> None:
+    design = make((2, 200.0, 60.0), widths_mm=(100.0, 12.5))
+    free = Subject.of(design, profile)
+    assert [finding.severity for finding in findings(free)] == [Severity.WARNING]
+    bent = replace(free, deployments=(straight_and_bent(free, 2.0),), places=("cave_3",))
+    (found,) = findings(bent)
+    assert (found.severity, found.branches) == (Severity.ERROR, ("0.1",))
+    assert "on cave_3" in found.message
+    assert found.marker_wkt.startswith("MULTILINESTRING")
+    straight = worst_growth(free, LOOSE, 25.0).pressure_kpa
+    # The same tip, with a turn of 2 rad in front of its last 100 mm
+    scale = 25.0 / (2 * 12.5 / math.pi)
+    before = 0.771 * 0.3 * math.exp(0.234 * math.pi / 6) + 0.771 * 0.1
+    by_hand = scale * (1.92 + before * math.exp(0.234 * 2.0) + 0.771 * 0.1)
+    assert found.measured == pytest.approx(by_hand)
+    assert by_hand > straight
+
+
+def test_the_worst_of_several_maps_counts_and_of_robots_that_never_start_free_space(
+    make: Make, profile: LaserProfile
+) -> None:
+    free = Subject.of(make((2, 200.0, 60.0)), profile)
+    never = replace(
+        straight_and_bent(free, 0.0),
+        points_mm=np.zeros((0, 2)),
+        first_point=np.zeros(4, dtype=np.int64),
+        stop=np.full(3, Stop.NOT_DEPLOYED, dtype=np.int64),
+    )
+    turns = (0.1, 1.5, 0.3)
+    many = replace(free, deployments=(never, *(straight_and_bent(free, t) for t in turns)))
+    worst = worst_growth(many, LOOSE, 25.0)
+    assert worst.place == "on deployment 3"
+    alone = worst_growth(replace(free, deployments=(never,)), LOOSE, 25.0)
+    assert alone.place == "in free space"
+
+
+def test_without_a_map_the_rule_says_what_it_did_not_see(make: Make, profile: LaserProfile) -> None:
+    report = run_checks(Subject.of(make(), profile))
+    (note,) = [run.note for run in report.run if run.rule == "VF-P03"]
+    assert "no map" in note
+
+
+def test_a_working_pressure_below_growth_is_told(make: Make, profile: LaserProfile) -> None:
+    design = make((2, 200.0, 60.0), widths_mm=(40.0, 23.8), pressure_kpa=3.0)
+    (found,) = findings(Subject.of(design, profile))
+    assert found.severity is Severity.WARNING
+    assert "at most 23.3" in found.message
+    assert (
+        findings(
+            Subject.of(replace(design, build=replace(design.build, pressure_kpa=5.0)), profile)
+        )
+        == []
+    )
+
+
+def test_the_60_mm_trunk_at_50_kpa_has_no_window_left(make: Make, profile: LaserProfile) -> None:
+    # 70 kPa at 20 mm is 23.3 kPa at 60 mm, 15.6 with safety, 13.0 with the margin
+    trunk = make((3, 200.0, 120.0), widths_mm=(60.0, 8.0), pressure_kpa=50.0)
+    report = run_checks(Subject.of(trunk, profile))
+    blocking = {finding.rule: finding for finding in report.blocking}
+    assert set(blocking) == {"VF-P01"}
+    assert blocking["VF-P01"].limit == pytest.approx(15.56, abs=0.01)
+    (window,) = findings(Subject.of(trunk, profile))
+    assert window.limit == pytest.approx(12.96, abs=0.01)
+    thin = make((3, 200.0, 120.0), widths_mm=(60.0, 6.5), pressure_kpa=15.0)
+    assert [finding.severity for finding in findings(Subject.of(thin, profile))] == [Severity.ERROR]
+
+
+def test_a_fit_of_the_recipes_own_tube_takes_the_place_of_the_published_one(
+    make: Make, profile: LaserProfile
+) -> None:
+    design = make((2, 200.0, 60.0), widths_mm=(40.0, 20.0))
+    (assumed,) = findings(Subject.of(design, profile))
+    assert assumed.severity is Severity.WARNING
+    names = ("yield_kpa", "drag_kpa_m", "storage_kpa", "friction", "width_mm")
+    for storage_kpa, severities in ((10.0, [Severity.ERROR]), (1.0, [])):
+        values = (2.0, 1.0, storage_kpa, 0.25, 30.0)
+        fit = {
+            name: Quantity(value=value, standing=Standing.MEASURED)
+            for name, value in zip(names, values, strict=True)
+        }
+        own = replace(profile, recipe=replace(profile.recipe, growth=fit))
+        found = findings(Subject.of(design, own))
+        assert [finding.severity for finding in found] == severities
+    # 30 mm to 20 mm is a factor of 1.5
+    by_hand = 1.5 * (2.0 + (10.0 + 0.3) * math.exp(0.25 * math.pi / 6) + 0.2)
+    fit["storage_kpa"] = Quantity(value=10.0, standing=Standing.MEASURED)
+    own = replace(profile, recipe=replace(profile.recipe, growth=fit))
+    assert findings(Subject.of(design, own))[0].measured == pytest.approx(by_hand)

@@ -1,0 +1,79 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from vinefab.core.errors import UnknownNameError
+from vinefab.fabrication.profile_listing import KINDS, explain, kind_of, profile_json, profile_list
+from vinefab.model.files.profile_toml import read_material, read_profile
+from vinefab.model.files.shipped import USER_VARIABLE, names, shipped_root
+
+RECIPE = "co2_60w__stretchlon_200"
+
+
+@pytest.fixture
+def own_folder(tmp_path, monkeypatch):
+    """A user's folder with a film of their own and a recipe that shadows a shipped one."""
+    monkeypatch.setenv(USER_VARIABLE, str(tmp_path))
+    for kind in ("materials", "recipes"):
+        (tmp_path / "laser_profiles" / kind).mkdir(parents=True)
+    film = (shipped_root() / "laser_profiles/materials/stretchlon_200.toml").read_text()
+    film = film.replace('name = "stretchlon_200"', 'name = "my_film"').replace("0.0375,", "0.03,")
+    (tmp_path / "laser_profiles/materials/my_film.toml").write_text(film)
+    recipe = (shipped_root() / f"laser_profiles/recipes/{RECIPE}.toml").read_text()
+    recipe = recipe.replace('material = "stretchlon_200"', 'material = "my_film"')
+    (tmp_path / f"laser_profiles/recipes/{RECIPE}.toml").write_text(recipe)
+    return tmp_path
+
+
+def test_everything_that_is_shipped_is_listed(tmp_path, monkeypatch):
+    monkeypatch.setenv(USER_VARIABLE, str(tmp_path))
+    text = "\n".join(profile_list())
+    for kind in KINDS:
+        assert all(f"  {name}: " in text for name in names(kind))
+    assert "[unverified]" in text
+    assert str(tmp_path) in text
+
+
+@pytest.mark.parametrize("name", [name for kind in KINDS for name in names(kind)])
+def test_every_number_of_every_profile_is_explained_with_its_standing(name):
+    lines = explain(name)
+    numbers = json.loads(profile_json(name))["numbers"]
+    assert len(lines) == len(numbers) + 2
+    for line, (key, number) in zip(lines[2:], numbers.items(), strict=True):
+        assert key in line
+        assert f"{number['standing']}: {number['source']}" in line
+        assert number["source"]
+
+
+def test_line_energy_is_worked_out_for_the_laser_and_not_for_the_sealer():
+    laser = json.loads(profile_json(RECIPE))["numbers"]
+    # 60 W x 12 % at 60 mm/s.
+    assert laser["weldcut.line_energy_mj_mm"]["value"] == pytest.approx(120.0)
+    sealed = json.loads(profile_json("co2_60w__tpu_nylon_70d"))["numbers"]
+    assert [key for key in sealed if key.startswith("weld.")] == [
+        "weld.temperature_c",
+        "weld.dwell_s",
+        "weld.seam_width_mm",
+    ]
+
+
+def test_the_users_own_files_come_first(own_folder):
+    assert read_material("my_film").ply_mm.value == 0.03
+    assert read_profile(RECIPE).material.name == "my_film"
+    text = "\n".join(profile_list())
+    assert "my_film (yours)" in text
+    assert f"{RECIPE} (yours)" in text
+    assert json.loads(profile_json(None))["user_folder"] == str(own_folder)
+
+
+def test_a_path_is_what_its_folder_says():
+    folder = shipped_root() / "laser_profiles"
+    assert kind_of(str(folder / "machines/co2_60w.toml")) == "machine"
+    assert kind_of(str(folder / f"recipes/{RECIPE}.toml")) == "recipe"
+    assert kind_of(str(Path("somewhere/film.toml"))) == "recipe"
+
+
+def test_an_unknown_profile_offers_the_nearest():
+    with pytest.raises(UnknownNameError, match="did you mean 'stretchlon_800'"):
+        kind_of("stretchlon_80")

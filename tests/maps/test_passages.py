@@ -1,0 +1,135 @@
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vinefab.maps.generators.cave import CaveOptions, cave_map
+from vinefab.maps.generators.grid import grid_map
+from vinefab.maps.passages import narrow_passages
+
+ROOM = shapely.box(0, 0, 100, 60)
+
+
+def widths_of(free, most=5):
+    return [passage.width_mm for passage in narrow_passages(free, most)]
+
+
+def test_two_boxes_a_gap_apart():
+    free = ROOM - shapely.box(20, 20, 40, 40) - shapely.box(47, 20, 70, 40)
+    first = narrow_passages(free, 1)[0]
+    assert first.width_mm == pytest.approx(7.0, abs=1e-9)
+    assert first.middle_mm == pytest.approx((43.5, 30.0), abs=1e-9)
+    # The rest: 20 below and above each of the boxes, 20 to the left and 30 to the right.
+    assert widths_of(free, 9) == pytest.approx([7.0, 20.0, 20.0, 20.0, 20.0, 20.0, 30.0])
+
+
+def test_corner_to_corner_and_corner_to_wall():
+    free = ROOM - shapely.Polygon([(30, 0), (50, 20), (70, 0)]) - shapely.box(53, 24, 90, 60)
+    first = narrow_passages(free, 1)[0]
+    assert first.width_mm == pytest.approx(5.0)
+    assert set(first.ends_mm) == {(50.0, 20.0), (53.0, 24.0)}
+    wedge = ROOM - shapely.Polygon([(20, 60), (50, 11), (80, 60)])
+    assert widths_of(wedge) == pytest.approx([11.0])
+
+
+def test_a_corridor_is_one_passage_at_its_middle():
+    rooms = shapely.union_all(
+        [shapely.box(0, 0, 30, 60), shapely.box(70, 0, 100, 60), shapely.box(30, 25, 70, 35)]
+    )
+    found = narrow_passages(rooms)
+    assert [passage.width_mm for passage in found] == pytest.approx([10.0, 30.0, 30.0])
+    assert found[0].middle_mm == pytest.approx((50.0, 30.0))
+
+
+def test_a_long_room_is_a_corridor_and_a_square_one_is_not():
+    assert widths_of(shapely.box(0, 0, 100, 10)) == pytest.approx([10.0])
+    assert widths_of(shapely.Polygon([(0, 0), (50, 5), (40, 45), (-3, 40)])) == []
+    assert narrow_passages(shapely.Polygon()) == ()
+
+
+def test_two_doors_of_a_chamber_are_two_passages_but_a_rough_corridor_is_one():
+    chamber = shapely.Point(0, 0).buffer(30)
+    doors = [shapely.box(-60, -5, 0, 5), shapely.box(0, -4, 60, 4)]
+    ends = [shapely.box(-80, -20, -60, 20), shapely.box(60, -20, 80, 20)]
+    found = narrow_passages(shapely.union_all([chamber, *doors, *ends]), 3)
+    assert [passage.width_mm for passage in found] == pytest.approx([8.0, 10.0, 20.0])
+    along = np.linspace(0.0, 100.0, 51)
+    rough = np.random.default_rng(4).uniform(0.0, 0.8, (2, 51))
+    wall = np.vstack(
+        [np.column_stack([along, -5 - rough[0]]), np.column_stack([along, 5 + rough[1]])[::-1]]
+    )
+    corridor = shapely.union_all(
+        [shapely.Polygon(wall), shapely.box(-50, -40, 0, 40), shapely.box(100, -40, 150, 40)]
+    )
+    widths = widths_of(corridor, 4)
+    assert 10.0 <= widths[0] <= 11.0
+    assert min(widths[1:], default=40.0) > 30.0
+
+
+def test_pegs_have_a_gate_between_each_two():
+    pegs = [shapely.Point(x, y).buffer(2.0, quad_segs=16) for x in (0, 20, 40) for y in (0, 20, 40)]
+    free = shapely.box(-60, -60, 100, 100) - shapely.union_all(pegs)
+    found = narrow_passages(free, 12)
+    assert len(found) == 12
+    for passage in found:
+        assert passage.width_mm == pytest.approx(16.0, abs=1e-9)
+    middles = sorted((round(x), round(y)) for x, y in (passage.middle_mm for passage in found))
+    across = [(x, y) for x in (10, 30) for y in (0, 20, 40)]
+    assert middles == sorted(across + [(y, x) for x, y in across])
+
+
+def test_passages_lead_through_free_space_and_touch_both_walls():
+    for world in (grid_map(2), cave_map(2)):
+        free = world.free_space
+        for passage in narrow_passages(free, 12):
+            line = shapely.LineString(passage.ends_mm)
+            circle = shapely.Point(passage.middle_mm).buffer(0.4999 * passage.width_mm)
+            assert line.length == pytest.approx(passage.width_mm)
+            assert free.covers(circle)
+            for end in line.boundary.geoms:
+                assert end.distance(free.boundary) < 1e-9
+
+
+def test_the_narrowest_place_of_a_cave_keeps_its_promise():
+    options = CaveOptions(passage_width_min_mm=20.0, roughness=0.0, wander=0.2)
+    for seed in range(3):
+        assert narrow_passages(cave_map(seed, options).free_space, 1)[0].width_mm > 19.9
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    gap=st.floats(0.01, 8.0),
+    turn=st.floats(0.0, 2 * math.pi),
+    scale=st.floats(1e-3, 1e3),
+)
+def test_moving_and_scaling_the_map_moves_and_scales_the_passage(gap, turn, scale):
+    free = ROOM - shapely.box(20, 20, 40, 40) - shapely.box(40 + gap, 12, 70, 32)
+    rotation = scale * np.array(
+        [[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]]
+    )
+    moved = shapely.transform(free, lambda points: points @ rotation + scale * 7.0)
+    first = narrow_passages(moved, 1)[0]
+    assert first.width_mm == pytest.approx(gap * scale, rel=1e-6)
+    # The middle of where the boxes run beside each other, if they do so for long enough.
+    expected = np.array([40 + 0.5 * gap, 26.0]) @ rotation + scale * 7.0
+    assert np.hypot(*(np.array(first.middle_mm) - expected)) <= scale * 6.0 + 1e-6
+    if gap < 5.0 and turn == 0.0:
+        assert first.middle_mm == pytest.approx(tuple(expected), rel=1e-6)
+
+
+def test_narrowest_passage_against_eroding_until_it_closes():
+    free = grid_map(7).free_space
+    width = narrow_passages(free, 1)[0].width_mm
+    before = shapely.buffer(free, -0.5 * width * (1 - 2e-3), quad_segs=64)
+    after = shapely.buffer(free, -0.5 * width * (1 + 2e-3), quad_segs=64)
+    rings = [
+        shapely.get_num_interior_rings(shapely.get_parts(shape)).sum() for shape in (before, after)
+    ]
+    parts = [shapely.get_num_geometries(shape) for shape in (before, after)]
+    # Up to there nothing closes; beyond it, an island joins its neighbour or a way is cut.
+    assert rings[0] == 36
+    assert parts[0] == 1
+    assert rings[1] < 36 or parts[1] > 1

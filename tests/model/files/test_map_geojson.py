@@ -1,0 +1,232 @@
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely import Polygon
+
+from vinefab.core.atomic import is_ours, write_text
+from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.maps.generators.grid import grid_map
+from vinefab.model.files.map_geojson import map_text, read_map
+from vinefab.model.map import Map, Pose, Start
+
+BOX = [[0, 0], [100, 0], [100, 100], [0, 100], [0, 0]]
+BLOCK = [[40, 40], [60, 40], [60, 60], [40, 60], [40, 40]]
+
+
+def feature(kind: str, coordinates: Any, **properties: Any) -> dict[str, Any]:
+    geometry = {"type": kind, "coordinates": coordinates}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def collection(*features: dict[str, Any], **members: Any) -> dict[str, Any]:
+    return {"type": "FeatureCollection", **members, "features": list(features)}
+
+
+BOUNDS = feature("Polygon", [BOX], role="bounds")
+OBSTACLE = feature("Polygon", [BLOCK], role="obstacle")
+
+
+def start(x: Any, y: Any, **properties: Any) -> dict[str, Any]:
+    return feature("Point", [x, y], **{"role": "start", "heading_deg": 90, **properties})
+
+
+@pytest.fixture
+def reading(tmp_path: Path) -> Any:
+    def read(document: Any) -> Map:
+        path = tmp_path / "world.geojson"
+        text = document if isinstance(document, str) else json.dumps(document)
+        path.write_text(text, encoding="utf-8")
+        return read_map(path)
+
+    return read
+
+
+def assert_same_map(first: Map, second: Map) -> None:
+    assert first.bounds.normalize() == second.bounds.normalize()
+    assert [p.normalize() for p in first.obstacles] == [p.normalize() for p in second.obstacles]
+    for one, two in zip(first.starts, second.starts, strict=True):
+        assert two.pose.x_mm == pytest.approx(one.pose.x_mm, abs=1e-6)
+        assert two.pose.heading_rad == pytest.approx(one.pose.heading_rad, abs=1e-10)
+        assert two.spread_heading_rad == pytest.approx(one.spread_heading_rad, abs=1e-10)
+        assert (two.spread_x_mm, two.spread_y_mm) == (one.spread_x_mm, one.spread_y_mm)
+    assert (first.name, first.environment, first.seed) == (
+        second.name,
+        second.environment,
+        second.seed,
+    )
+    assert dict(first.facts) == dict(second.facts)
+
+
+def test_a_generated_map_comes_back_exactly(reading: Any) -> None:
+    world = grid_map(5)
+    again = reading(map_text(world))
+    assert_same_map(world, again)
+    assert map_text(again) == map_text(world)
+
+
+def test_holes_and_facts_survive(reading: Any) -> None:
+    ring = Polygon(BLOCK, [[(45, 45), (45, 55), (55, 55), (55, 45)]])
+    bounds = Polygon(BOX, [[(5, 5), (5, 10), (10, 10), (10, 5)]])
+    world = Map(
+        name="ring",
+        bounds=bounds,
+        obstacles=(ring,),
+        starts=(Start(pose=Pose(x_mm=50, y_mm=50, heading_rad=-1.2), spread_x_mm=2.5),),
+        environment="ros",
+        facts={"resolution_m": np.float64(0.05), "lost": {"islands": 2}},
+    )
+    again = reading(map_text(world))
+    assert_same_map(world, again)
+    assert again.seed is None
+    assert len(again.obstacles[0].interiors) == len(again.bounds.interiors) == 1
+
+
+def test_the_text_is_the_contract(tmp_path: Path) -> None:
+    document = json.loads(map_text(grid_map(2)))
+    assert document["type"] == "FeatureCollection"
+    about = document["vinefab"]
+    assert (about["schema"], about["environment"], about["seed"]) == ("vinefab/map-1", "grid", 2)
+    roles = [item["properties"]["role"] for item in document["features"]]
+    assert roles == ["bounds"] + ["obstacle"] * 36 + ["start"]
+    assert document["features"][-1]["properties"]["heading_deg"] == 90.0
+    for item in document["features"][:-1]:
+        (ring,) = item["geometry"]["coordinates"]
+        assert ring[0] == ring[-1]
+        assert shapely.is_ccw(shapely.LinearRing(ring))
+    assert is_ours(write_text(tmp_path / "m.geojson", map_text(grid_map(2))))
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(1e-2, 1e6), st.floats(-9e5, 9e5), st.integers(3, 12))
+def test_any_scale_comes_back_to_a_nanometre(scale: float, shift: float, corners: int) -> None:
+    angles = np.arange(corners) * 2 * np.pi / corners
+    points = shift + scale * np.column_stack([np.cos(angles), np.sin(angles)])
+    world = Map(name="any", bounds=Polygon(points))
+    lines = json.loads(map_text(world))["features"]
+    again = np.array(lines[0]["geometry"]["coordinates"][0])
+    distance = np.abs(again[:-1, None] - points).max(axis=2).min(axis=1)
+    assert distance.max() <= 5.1e-7
+
+
+def test_without_roles_the_largest_is_the_bounds(reading: Any) -> None:
+    other = [[[10, 10], [20, 10], [10, 20]]]
+    parts = feature("MultiPolygon", [other, [[[70, 70], [80, 70], [70, 80], [70, 70]]]])
+    world = reading(collection(feature("Polygon", [BLOCK]), feature("Polygon", [BOX]), parts))
+    assert world.bounds.area == 10_000
+    assert [p.area for p in world.obstacles] == [400, 50, 50]
+    assert world.starts == ()
+    assert (world.name, world.environment, world.seed) == ("world", "geojson", None)
+
+
+def test_bounds_with_a_large_hole_are_still_the_bounds(reading: Any) -> None:
+    hole = [[1, 1], [1, 99], [99, 99], [99, 1], [1, 1]]
+    world = reading(collection(feature("Polygon", [BLOCK]), feature("Polygon", [BOX, hole])))
+    assert world.bounds.area == 10_000 - 98 * 98
+
+
+def test_one_polygon_alone_is_the_bounds(reading: Any) -> None:
+    world = reading(collection(feature("Polygon", [BOX])))
+    assert world.obstacles == ()
+
+
+def test_a_z_coordinate_and_an_open_ring_do_no_harm(reading: Any) -> None:
+    ring = [[x, y, 7.0] for x, y in BOX[:-1]]
+    assert reading(collection(feature("Polygon", [ring]))).bounds.area == 10_000
+
+
+def test_a_start_on_the_wall_is_in_free_space(reading: Any) -> None:
+    world = reading(collection(BOUNDS, OBSTACLE, start(50, 0), start(40, 50)))
+    assert len(world.starts) == 2
+
+
+BOW_TIE = [[10, 10], [30, 30], [30, 10], [10, 30], [10, 10]]
+BAD_CONTENT = [
+    ("no features", collection(), r"features is 'no polygons'; allowed: at least one polygon"),
+    ("a list", [], r"type is 'list'; allowed: FeatureCollection"),
+    ("a geometry", {"type": "Polygon", "coordinates": [BOX]}, r"type is 'Polygon'"),
+    ("features not a list", {"type": "FeatureCollection", "features": 3}, r"features is 3"),
+    ("no bounds", collection(OBSTACLE), r"bounds is '0 polygons'; allowed: exactly one"),
+    ("two bounds", collection(BOUNDS, BOUNDS), r"bounds is '2 polygons'"),
+    (
+        "crossing",
+        collection(BOUNDS, feature("Polygon", [BOW_TIE], role="obstacle")),
+        r"features\[2\] is 'Self-intersection at \(20, 20\)'",
+    ),
+    (
+        "hole outside",
+        collection(BOUNDS, feature("Polygon", [BLOCK, BOW_TIE[:3]], role="obstacle")),
+        r"features\[2\] is 'Hole lies outside shell at",
+    ),
+    ("two points", collection(feature("Polygon", [[[0, 0], [1, 1], [0, 0]]])), r"2 different"),
+    ("no ring", collection(feature("Polygon", [])), r"an outer ring, then holes"),
+    ("NaN", collection(feature("Polygon", [[[float("nan"), 0], [1, 0], [0, 1]]])), r"\[nan, 0\]"),
+    ("huge", collection(feature("Polygon", [[[0, 0], [1e9, 0], [0, 1]]])), r"1000000000"),
+    ("huge integer", collection(feature("Polygon", [[[0, 0], [10**400, 0], [0, 1]]])), r"1e\+07"),
+    ("words", collection(feature("Polygon", [[["a", "b"], [1, 0], [0, 1]]])), r"\['a', 'b'\]"),
+    ("truth", collection(feature("Polygon", [[[True, 0], [1, 0], [0, 1]]])), r"\[True, 0\]"),
+    ("a line", collection(feature("LineString", BOX)), r"'LineString'; allowed: Polygon or Mult"),
+    ("no geometry", collection({"type": "Feature", "geometry": None}), r"geometry is missing"),
+    ("role", collection(BOUNDS, feature("Polygon", [BLOCK], role="wall")), r"role is 'wall'"),
+    ("role missing", collection(BOUNDS, feature("Polygon", [BLOCK])), r"\[2\]\.\S+role is missing"),
+    ("in obstacle", collection(BOUNDS, OBSTACLE, start(50, 45)), r"\(50, 45\) is 'inside an obst"),
+    ("outside", collection(BOUNDS, OBSTACLE, start(150, 45)), r"\(150, 45\) is 'outside the bou"),
+    ("no heading", collection(BOUNDS, start(5, 5, heading_deg=None)), r"heading_deg is missing"),
+    ("heading", collection(BOUNDS, start(5, 5, heading_deg="up")), r"heading_deg is 'up'"),
+    ("spread", collection(BOUNDS, start(5, 5, spread_x_mm=-1)), r"spread_x_mm is -1"),
+    ("start is no point", collection(feature("Polygon", [BOX], role="start")), r"heading_deg"),
+    ("schema", collection(BOUNDS, vinefab={"schema": "vinefab/map-9"}), r"vinefab.schema is 'vin"),
+    ("no schema", collection(BOUNDS, vinefab={}), r"vinefab.schema is missing"),
+    ("member", collection(BOUNDS, vinefab=[1]), r"vinefab is \[1\]"),
+    (
+        "seed",
+        collection(BOUNDS, vinefab={"schema": "vinefab/map-1", "seed": "x"}),
+        r"vinefab.seed is 'x'; allowed: int",
+    ),
+    (
+        "not contained",
+        collection(feature("Polygon", [BOX]), feature("Polygon", [[[90, 5], [150, 5], [90, 9]]])),
+        r"features\[2\]: position \(.*outside the largest polygon, features\[1\]",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("document", "message"), [case[1:] for case in BAD_CONTENT], ids=[c[0] for c in BAD_CONTENT]
+)
+def test_bad_content_is_one_clear_line(reading: Any, document: Any, message: str) -> None:
+    with pytest.raises(BadInputError, match=message) as caught:
+        reading(document)
+    text = str(caught.value)
+    assert "world.geojson" in text
+    assert "\n" not in text
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("schema = 1", "is not JSON"),
+        ("", "is not JSON"),
+        ('{"type": "FeatureCollection", "features": [', "is not JSON"),
+        ("[" * 200_000, "is not JSON"),
+        ("9" * 5000, "is not JSON"),
+    ],
+)
+def test_what_is_not_json_is_unreadable(reading: Any, text: str, message: str) -> None:
+    with pytest.raises(UnreadableFileError, match=message):
+        reading(text)
+
+
+def test_a_missing_file_a_folder_and_bytes_are_unreadable(tmp_path: Path) -> None:
+    with pytest.raises(UnreadableFileError, match="no such file"):
+        read_map(tmp_path / "none.geojson")
+    with pytest.raises(UnreadableFileError, match="folder"):
+        read_map(tmp_path)
+    (tmp_path / "b.geojson").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(UnreadableFileError, match="UTF-8"):
+        read_map(tmp_path / "b.geojson")

@@ -1,0 +1,196 @@
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.model.files.profile_toml import read_machine, read_profile
+from vinefab.model.files.shipped import names, shipped_root
+from vinefab.model.laser import LaserProfile, RecipeStatus, Standing, Tool
+from vinefab.physics.seam import fluence_j_cm2, line_energy_mj_mm, spot_at_mm
+
+SHIPPED = "co2_60w__stretchlon_200"
+MELT_J_CM2, CUT_J_CM2 = 2.8, 23.0
+
+
+@pytest.fixture
+def profiles_folder(tmp_path: Path) -> Path:
+    """A copy of the shipped profiles that a test may spoil."""
+    for kind in ("machines", "materials", "recipes"):
+        (tmp_path / kind).mkdir()
+        for path in (shipped_root() / "laser_profiles" / kind).glob("*.toml"):
+            (tmp_path / kind / path.name).write_text(path.read_text(encoding="utf-8"))
+    return tmp_path
+
+
+def spoil(path: Path, old: str, new: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert text.count(old) >= 1, f"{old!r} is not in {path.name}"
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+
+
+def fluence(profile: LaserProfile, operation: str) -> float:
+    settings = profile.settings(operation)
+    power_w = profile.machine.power_w.value * settings.power_percent.value / 100.0
+    energy = line_energy_mj_mm(power_w, settings.speed_mm_s.value, settings.passes)
+    return fluence_j_cm2(energy, settings.spot_mm.value)
+
+
+def test_the_shipped_recipe_is_unverified_and_says_so() -> None:
+    profile = read_profile(SHIPPED)
+    assert profile.recipe.status is RecipeStatus.UNVERIFIED
+    assert profile.material.ply_mm.value == 0.0375
+    assert profile.material.ply_mm.standing is Standing.PAPER
+    assert profile.material.burst_width_mm.standing is Standing.ASSUMED
+    assert profile.machine.usable_mm == (990.0, 590.0)
+
+
+@pytest.mark.parametrize("name", names("recipe"))
+def test_every_shipped_recipe_reads(name: str) -> None:
+    assert read_profile(name).recipe.name == name
+
+
+LASERED = [name for name in names("recipe") if name.endswith("stretchlon_200")]
+
+
+@pytest.mark.parametrize("name", LASERED)
+def test_shipped_recipes_have_enough_energy_to_cut_and_little_enough_to_mark(name: str) -> None:
+    profile = read_profile(name)
+    assert MELT_J_CM2 < fluence(profile, "weld") < CUT_J_CM2 / 2
+    assert CUT_J_CM2 < fluence(profile, "weldcut") < 3 * CUT_J_CM2
+    assert fluence(profile, "cut") > CUT_J_CM2
+    assert fluence(profile, "mark") < MELT_J_CM2
+
+
+@pytest.mark.parametrize("name", LASERED)
+@pytest.mark.parametrize("operation", ["weldcut", "weld", "cut", "mark"])
+def test_computed_spots_agree_with_the_machine(name: str, operation: str) -> None:
+    profile = read_profile(name)
+    settings = profile.settings(operation)
+    spot = spot_at_mm(
+        profile.machine.spot_mm.value,
+        settings.focus_offset_mm.value,
+        profile.machine.rayleigh_mm.value,
+    )
+    assert settings.spot_mm.value == pytest.approx(spot, abs=0.005)
+
+
+@pytest.mark.parametrize("name", names("machine"))
+def test_computed_rayleigh_lengths_follow_from_the_spot(name: str) -> None:
+    machine = read_machine(name)
+    expected = math.pi * (machine.spot_mm.value / 2) ** 2 / 10.6e-3
+    assert machine.rayleigh_mm.value == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("name", [name for name in names("recipe") if name not in LASERED])
+def test_films_that_no_laser_welds_have_a_sealer_in_their_recipe(name: str) -> None:
+    profile = read_profile(name)
+    weld = profile.settings("weld")
+    assert not profile.material.weldable
+    assert weld.tool is Tool.IMPULSE_SEALER
+    assert weld.seam_width_mm.value > 0.0
+    assert weld.temperature_c is not None
+    assert weld.temperature_c.standing is Standing.ASSUMED
+
+
+@pytest.mark.parametrize("kind", ["machine", "material", "recipe"])
+def test_no_shipped_number_claims_to_be_measured(kind: str) -> None:
+    for path in (shipped_root() / "laser_profiles" / f"{kind}s").glob("*.toml"):
+        assert '"measured"' not in path.read_text(encoding="utf-8")
+
+
+def test_what_was_measured_takes_the_materials_place(profiles_folder: Path) -> None:
+    path = profiles_folder / f"recipes/{SHIPPED}.toml"
+    more = """
+[measured]
+friction = { value = 0.41, standing = "measured", source = "incline", uncertainty = 0.02 }
+[growth]
+yield_kpa = { value = 1.0, standing = "measured", source = "fit", uncertainty = 0.1 }
+drag_kpa_m = { value = 0.5, standing = "measured", source = "fit", uncertainty = 0.1 }
+storage_kpa = { value = 4.0, standing = "measured", source = "fit", uncertainty = 0.1 }
+friction = { value = 0.2, standing = "measured", source = "fit", uncertainty = 0.1 }
+width_mm = { value = 40.0, standing = "measured", source = "ruler" }
+"""
+    path.write_text(path.read_text(encoding="utf-8") + more, encoding="utf-8")
+    profile = read_profile(path)
+    assert profile.material.friction.value == 0.41
+    assert profile.material.friction.uncertainty == 0.02
+    assert profile.material.burst_kpa.value == 70.0
+    assert set(profile.recipe.growth) == {
+        "yield_kpa",
+        "drag_kpa_m",
+        "storage_kpa",
+        "friction",
+        "width_mm",
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text.replace("[sealer]", "[operations.weld]"), "no such key"),
+        (lambda text: text[: text.index("[sealer]")], "weldcut, weld or a"),
+    ],
+)
+def test_a_recipe_that_makes_no_seam_is_refused(
+    profiles_folder: Path, change: Callable[[str], str], message: str
+) -> None:
+    path = profiles_folder / "recipes/co2_60w__stretchlon_800.toml"
+    path.write_text(change(path.read_text(encoding="utf-8")), encoding="utf-8")
+    with pytest.raises(BadInputError, match=message):
+        read_profile(path)
+
+
+def test_a_recipe_that_does_not_cut_is_refused(profiles_folder: Path) -> None:
+    path = profiles_folder / f"recipes/{SHIPPED}.toml"
+    before, after = path.read_text(encoding="utf-8").split("[operations.cut]")
+    path.write_text(before + after[after.index("[operations.") :], encoding="utf-8")
+    with pytest.raises(BadInputError, match=r"operations\.cut is missing"):
+        read_profile(path)
+
+
+def test_a_recipe_given_by_path_uses_the_machine_beside_it(profiles_folder: Path) -> None:
+    spoil(profiles_folder / "machines/co2_60w.toml", "value = 1000.0", "value = 700.0")
+    profile = read_profile(profiles_folder / f"recipes/{SHIPPED}.toml")
+    assert profile.machine.bed_width_mm.value == 700.0
+
+
+def test_a_recipe_outside_any_folder_uses_shipped_machines(tmp_path: Path) -> None:
+    source = shipped_root() / f"laser_profiles/recipes/{SHIPPED}.toml"
+    alone = tmp_path / "deep" / f"{SHIPPED}.toml"
+    alone.parent.mkdir()
+    alone.write_text(source.read_text(encoding="utf-8"), encoding="utf-8")
+    assert read_profile(alone).machine.name == "co2_60w"
+
+
+def test_an_unknown_recipe_offers_the_nearest_name() -> None:
+    with pytest.raises(UnknownNameError, match=SHIPPED):
+        read_profile("co2_60w__stretchlon_20")
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "message"),
+    [
+        (f"recipes/{SHIPPED}.toml", "kerf_mm", "kerf_um", "kerf_um"),
+        (f"recipes/{SHIPPED}.toml", "kerf_mm", "kerf_in", "did you mean 'kerf_mm'"),
+        (f"recipes/{SHIPPED}.toml", '"unverified"', '"fine"', "burst_tested"),
+        (f"recipes/{SHIPPED}.toml", "value = 12.0", "value = 120.0", "0 to 100"),
+        (f"recipes/{SHIPPED}.toml", "value = 60.0", "value = nan", "finite"),
+        (f"recipes/{SHIPPED}.toml", "[operations.cut]", "[operations.mark2]", "mark2"),
+        (f"recipes/{SHIPPED}.toml", f'name = "{SHIPPED}"', 'name = "other"', "name of the file"),
+        ("machines/co2_60w.toml", ', standing = "assumed"', "", "standing"),
+        ("machines/co2_60w.toml", '"assumed"', '"guessed"', "measured"),
+        ("machines/co2_60w.toml", "value = 1000.0", "value = 0.0", "bed_width_mm"),
+        ("machines/co2_60w.toml", "value = 1000.0", 'value = "1 m"', "number"),
+        ("materials/stretchlon_200.toml", "plies = 2", "plies = 2\nline_energy_mj_mm = 3", "line"),
+    ],
+)
+def test_a_spoilt_profile_is_refused_with_the_reason(
+    profiles_folder: Path, file: str, old: str, new: str, message: str
+) -> None:
+    spoil(profiles_folder / file, old, new)
+    with pytest.raises(BadInputError) as caught:
+        read_profile(profiles_folder / f"recipes/{SHIPPED}.toml")
+    assert message in str(caught.value)
+    assert Path(file).name in str(caught.value)

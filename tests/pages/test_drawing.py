@@ -1,0 +1,105 @@
+import itertools
+import re
+
+import numpy as np
+import pytest
+import shapely
+
+from vinefab.growth.simulator import grow
+from vinefab.growth.terrain import Terrain
+from vinefab.model.design import Build, Design, Level
+from vinefab.model.map import Map, Pose
+from vinefab.pages.drawing import UNSEEN, deployment_plan, longer_mm, robot_view, rock_in
+from vinefab.pages.figure import LEVEL_COLOURS, svg_bytes
+
+POSE = Pose(x_mm=50.0, y_mm=5.0, heading_rad=1.5)
+
+
+def world_of(side_mm):
+    corners = np.mgrid[20 : side_mm - 20 : 20, 20 : side_mm - 20 : 20].reshape(2, -1)
+    boxes = shapely.box(*corners, *(corners + 8))
+    return Map(name="w", bounds=shapely.box(0, 0, side_mm, side_mm), obstacles=tuple(boxes))
+
+
+def deployed(world):
+    fork = Level(branches=2, length_mm=30.0, fan_rad=1.0)
+    design = Design(name="y", trunk_length_mm=40.0, levels=(fork,), build=Build.standard(2, 4.0))
+    return grow(design, Terrain.of(world), POSE)
+
+
+def test_a_small_robot_on_a_large_map_is_drawn_with_its_surroundings_only():
+    near, far = world_of(100), world_of(1000)
+    assert robot_view(near, deployed(near)) == near.bounds.bounds
+    deployment = deployed(far)
+    x_min, y_min, x_max, y_max = robot_view(far, deployment)
+    assert 60.0 < longer_mm((x_min, y_min, x_max, y_max)) < 130.0
+    assert ((x_min, y_min) <= deployment.points_mm.min(axis=0)).all()
+    assert ((x_max, y_max) >= deployment.points_mm.max(axis=0)).all()
+    figure = deployment_plan(far, deployment, (4.0, 2.0))
+    assert "1000 x 1000 mm" in figure.axes[0].get_title()
+    assert len(svg_bytes(figure)) < 100_000
+
+
+def test_walls_are_drawn_where_they_are():
+    world = world_of(1000)
+    box = (100.0, 100.0, 220.0, 180.0)
+    shown = shapely.union_all(rock_in(world, box)) & shapely.box(*box)
+    real = shapely.union_all(world.obstacles) & shapely.box(*box)
+    assert real.area > 1000
+    assert shown.hausdorff_distance(real) <= UNSEEN * 120.0
+    assert all(part.distance(shapely.box(*box)) < 40.0 for part in rock_in(world, box))
+
+
+def test_names_of_branches_are_written_once_each():
+    world = world_of(100)
+    texts = [text.get_text() for text in deployment_plan(
+        world, deployed(world), (4.0, 2.0), named=True
+    ).axes[0].texts]  # fmt: skip
+    names = [name for text in texts for name in text.split(", ") if text]
+    assert sorted(names) == ["0", "0.0", "0.1"]
+
+
+def test_numbers_in_paths_are_short_but_letters_keep_their_size():
+    world = world_of(100)
+    picture = svg_bytes(deployment_plan(world, deployed(world), (4.0, 2.0)))
+    assert not re.search(rb' d="[^"]*\.\d\d\d', picture)
+    assert b"scale(0.015625)" in picture
+
+
+# Machado, Oliveira and Fernandes 2009, severity 1: what colour-blind readers see (linear RGB).
+DEUTAN = [
+    [0.367322, 0.860646, -0.227968],
+    [0.280085, 0.672501, 0.047413],
+    [-0.011820, 0.042940, 0.968881],
+]
+PROTAN = [
+    [0.152286, 1.052583, -0.204868],
+    [0.114503, 0.786281, 0.099216],
+    [-0.003882, -0.048116, 1.051998],
+]
+TO_XYZ = [
+    [0.4124564, 0.3575761, 0.1804375],
+    [0.2126729, 0.7151522, 0.0721750],
+    [0.0193339, 0.1191920, 0.9503041],
+]
+
+
+def lab_of(colour, seen_as):
+    """Return CIE L*, a*, b* of a colour as seen through a matrix."""
+    parts = np.array([int(colour[place : place + 2], 16) for place in (1, 3, 5)]) / 255
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    xyz = TO_XYZ @ np.clip(seen_as @ linear, 0, 1) / [0.95047, 1.0, 1.08883]
+    f = np.where(xyz > 216 / 24389, np.cbrt(xyz), (24389 / 27 * xyz + 16) / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("seen_as", [np.eye(3), np.array(DEUTAN), np.array(PROTAN)])
+def test_levels_that_meet_are_told_apart_by_everybody(seen_as):
+    labs = [lab_of(colour, seen_as) for colour in LEVEL_COLOURS]
+    apart = [np.linalg.norm(one - other) for one, other in itertools.pairwise(labs)]
+    assert min(apart) > 30
+
+
+def test_levels_that_meet_are_told_apart_in_grey():
+    lightness = [lab_of(colour, np.eye(3))[0] for colour in LEVEL_COLOURS]
+    assert min(np.abs(np.diff(lightness))) > 12

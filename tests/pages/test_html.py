@@ -1,0 +1,108 @@
+import xml.etree.ElementTree as ET
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+import shapely
+
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.design import Build, Design, Level
+from vinefab.model.map import Map, Pose, Start
+from vinefab.model.tree import branch_tree
+from vinefab.pages.charts import fitness_curve, score_strips
+from vinefab.pages.drawing import deployment_plan, map_plan
+from vinefab.pages.figure import png_bytes, svg_bytes
+from vinefab.pages.html import Picture, Report, Section, Table, page_html
+
+
+@pytest.fixture
+def world():
+    pose = Pose(x_mm=50.0, y_mm=0.0, heading_rad=1.5)
+    hole = shapely.box(20, 20, 40, 40) - shapely.box(25, 25, 30, 30)
+    return Map(
+        name="w", bounds=shapely.box(0, 0, 100, 80), obstacles=(hole,), starts=(Start(pose=pose),)
+    )
+
+
+@pytest.fixture
+def deployment():
+    fork = Level(branches=2, length_mm=20.0, fan_rad=1.0)
+    design = Design(name="y", trunk_length_mm=30.0, levels=(fork,), build=Build.standard(2))
+    return Deployment(
+        tree=branch_tree(design),
+        pose=Pose(x_mm=50.0, y_mm=0.0, heading_rad=1.5),
+        points_mm=np.array([[50.0, 0], [60, 10], [50, 30], [50, 30], [40, 45.0]]),
+        first_point=np.array([0, 3, 5, 5]),
+        stop=np.array([Stop.FULL_LENGTH, Stop.HEAD_ON, Stop.NOT_DEPLOYED]),
+        grown_mm=np.array([36.5, 18.0, 0.0]),
+        contact_turn_rad=np.zeros(3),
+    )
+
+
+class Links(HTMLParser):
+    """Collects every address that a page would load and every tag left open."""
+
+    def __init__(self):
+        super().__init__()
+        self.addresses = []
+        self.open = []
+
+    def handle_starttag(self, tag, attrs):
+        self.addresses += [value for key, value in attrs if key in ("src", "href")]
+        if tag not in ("meta", "img", "link", "br"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def report(picture: Picture) -> Report:
+    table = Table(caption="<b>bold</b>", headings=("a", "b"), rows=(("1", "2"),))
+    section = Section(title="T", paragraphs=("x < y",), tables=(table,), pictures=(picture,))
+    return Report(title="R", verdict="V", tone="bad", facts=(("f", "1 mm"),), sections=(section,))
+
+
+def test_page_is_whole_escapes_text_and_loads_nothing(world):
+    page = page_html(report(Picture(image=svg_bytes(map_plan(world)), caption='say "hi"')))
+    links = Links()
+    links.feed(page)
+    assert links.open == []
+    assert links.addresses[0] == "#t"
+    assert len(links.addresses) == 2
+    assert links.addresses[1].startswith("data:image/svg+xml;base64,")
+    assert "<b>bold</b>" not in page
+    assert "x &lt; y" in page
+    assert "written by vinefab" in page[:8192]
+
+
+def test_pictures_are_the_same_bytes_every_time(world, deployment):
+    def draw() -> bytes:
+        return svg_bytes(deployment_plan(world, deployment, (40.0, 24.0)))
+
+    assert draw() == draw()
+
+
+def test_plan_draws_obstacles_with_holes_branches_and_reasons(world, deployment):
+    figure = deployment_plan(world, deployment, (4.0, 2.0))
+    axes = figure.axes[0]
+    labels = {text.get_text() for text in axes.get_legend().get_texts()}
+    assert labels == {
+        "level 1 (1 of 1)", "level 2 (1 of 2)", "contact (1)", "start",
+        "grown in full (1)", "stopped head-on (1)", "never emerged (1)",
+    }  # fmt: skip
+    codes = [patch.get_path().codes for patch in axes.patches]
+    assert any(np.count_nonzero(code == 1) == 2 for code in codes if code is not None)
+
+
+def test_figures_are_xml_and_png(world):
+    root = ET.fromstring(svg_bytes(map_plan(world)))  # noqa: S314  our own text
+    assert root.tag.endswith("svg")
+    assert png_bytes(map_plan(world), dpi=40).startswith(b"\x89PNG")
+    assert b"written by vinefab" in png_bytes(map_plan(world), dpi=40)[:8192]
+
+
+def test_charts_show_every_generation_and_group():
+    curve = fitness_curve([0.1, 0.2], [0.0, 0.1], [0.1, 0.1]).axes[0]
+    assert [len(line.get_xdata()) for line in curve.get_lines()] == [2, 2]
+    strips = score_strips({"a": [1.0, 2.0], "b": [3.0]}, "score").axes[0]
+    assert [tick.get_text() for tick in strips.get_yticklabels()] == ["a", "b"]

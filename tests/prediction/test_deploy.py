@@ -1,0 +1,70 @@
+"""What a user is told where a robot does not fit."""
+
+import json
+import math
+
+import pytest
+from shapely import box
+
+from vinefab.growth.options import GrowthOptions
+from vinefab.model.design import Build, Design, Level
+from vinefab.model.map import Map, Pose
+from vinefab.prediction.deploy import deploy
+
+INFLATED = GrowthOptions(body="inflated")
+WIDTH_MM = Build.standard(1).widths_mm[0]
+# A room with a passage of 5 mm between two blocks.
+WORLD = Map(
+    name="passage",
+    bounds=box(0.0, 0.0, 400.0, 200.0),
+    obstacles=(box(200.0, 0.0, 300.0, 97.5), box(200.0, 102.5, 300.0, 200.0)),
+)
+
+
+def vine(length_mm: float) -> Design:
+    return Design(name="vine", trunk_length_mm=length_mm, build=Build.standard(1))
+
+
+def test_a_start_too_narrow_for_the_trunk_is_a_result():
+    grown = deploy(vine(50.0), WORLD, Pose(x_mm=250.0, y_mm=100.0, heading_rad=0.0), INFLATED)
+    assert grown.stops["not_deployed"] == 1
+    (place,) = grown.without_room
+    assert (place.branch, place.x_mm, place.y_mm) == ("0", 250.0, 100.0)
+    assert place.radius_mm == pytest.approx(WIDTH_MM / math.pi)
+    assert "no room to start for branch: 0 at (250.0, 100.0) mm" in grown.summary()
+    metrics = json.loads(grown.text())["metrics"]
+    assert metrics["without_room"] == [place.content()]
+
+
+def test_a_gap_too_narrow_stops_the_inflated_body_and_not_the_centreline():
+    pose = Pose(x_mm=50.0, y_mm=100.0, heading_rad=0.0)
+    assert deploy(vine(200.0), WORLD, pose, GrowthOptions()).stops["full_length"] == 1
+    grown = deploy(vine(200.0), WORLD, pose, INFLATED)
+    assert grown.stops["full_length"] == grown.stops["not_deployed"] == 0
+    # Where its round end touches both blocks.
+    radius_mm = WIDTH_MM / math.pi
+    short_mm = math.sqrt(radius_mm**2 - 2.5**2)
+    assert grown.deployment.points_mm[-1] == pytest.approx((200.0 - short_mm, 100.0), abs=0.1)
+
+
+def test_a_wedged_branch_is_named_with_its_place():
+    # 45 degrees into the corner of floor and block: the tip slides along the floor into it.
+    pose = Pose(x_mm=120.0, y_mm=60.0, heading_rad=math.radians(-44.0))
+    grown = deploy(vine(300.0), WORLD, pose, GrowthOptions())
+    assert grown.stops["corner"] == 1
+    assert "wedged: branch: 0 at (200.0, 0.0) mm" in grown.summary()
+    assert json.loads(grown.text())["metrics"]["wedged"][0]["branch"] == "0"
+    assert grown.without_room == ()
+
+
+def test_children_wider_than_their_parent_may_lack_room_at_its_tip():
+    build = Build.standard(2)
+    wide = Build(
+        widths_mm=(build.widths_mm[0] / 8.0, build.widths_mm[0]), fillet_mm=build.fillet_mm
+    )
+    fork = Level(branches=2, length_mm=30.0, fan_rad=1.0)
+    robot = Design(name="fork", trunk_length_mm=200.0, levels=(fork,), build=wide)
+    pose = Pose(x_mm=50.0, y_mm=100.0, heading_rad=0.0)
+    grown = deploy(robot, WORLD, pose, INFLATED)
+    assert [place.branch for place in grown.without_room] == ["0.0", "0.1"]
+    assert grown.without_room[0].x_mm == pytest.approx(250.0)

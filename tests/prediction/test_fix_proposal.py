@@ -1,0 +1,76 @@
+import math
+
+import pytest
+
+from vinefab.fabrication.checking import check_design
+from vinefab.maps.generators.grid import grid_map
+from vinefab.model.design import Build, Design, Level, Waiver, default_fillets_mm
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.prediction.deploy import deploy_from_starts
+from vinefab.prediction.fix_proposal import propose_fix, score_change_lines
+
+
+@pytest.fixture(scope="module")
+def profile():
+    return read_profile("co2_60w__stretchlon_200")
+
+
+def fork(widths_mm, **changes):
+    level = Level(branches=2, length_mm=200.0, fan_rad=math.radians(60.0))
+    build = Build(widths_mm=widths_mm, fillet_mm=default_fillets_mm(widths_mm), **changes)
+    return Design(name="fork", trunk_length_mm=250.0, levels=(level,), build=build)
+
+
+def test_a_sound_design_gets_no_proposal(profile):
+    found = propose_fix(fork((40.0, 24.0)), profile)
+    assert (found.design, found.failed) == (None, False)
+    assert "nothing to mend" in found.lines()[0]
+
+
+def test_a_proposal_has_a_name_and_an_origin_of_its_own(profile):
+    design = fork((40.0, 24.0), tail_mm=120.0)
+    found = propose_fix(design, profile)
+    assert found.design.name == found.after.design == "fork_mended"
+    assert found.design.origin["mended_from"] == "fork"
+    assert found.design.origin["changes"] == ["the tail: 120 -> 150 mm (+25.0 %)"]
+    assert found.lines()[0].startswith("fix: 1 changes clear VF-B01")
+    assert check_design(found.design, profile).blocking == ()
+
+
+def test_what_no_change_of_the_design_mends_is_said_plainly(profile):
+    limits = {"VF-L04": {"error": 0.01}}
+    found = propose_fix(fork((40.0, 24.0), tail_mm=120.0), profile, limits)
+    assert found.failed
+    assert found.design is None
+    assert "VF-L04" in found.lines()[0]
+    assert "VF-B01" not in found.lines()[0]
+
+
+def test_waived_errors_need_no_mending(profile):
+    design = fork((40.0, 24.0), tail_mm=120.0)
+    (error,) = check_design(design, profile).blocking
+    waived = Design(
+        name="fork",
+        trunk_length_mm=250.0,
+        levels=design.levels,
+        build=design.build,
+        waivers=(Waiver(fingerprint=error.fingerprint, reason="tried"),),
+    )
+    assert not propose_fix(waived, profile).failed
+
+
+def test_growth_on_a_map_has_to_stay_in_the_window(profile):
+    world, limits = grid_map(seed=2), {"VF-P03": {"loose_kpa": 6.5}}
+    design = fork((24.0, 12.0))
+    free, grown = (
+        check_design(design, profile, limits, deployed)
+        for deployed in ((), deploy_from_starts(design, [world]))
+    )
+    assert {finding.rule for finding in grown.blocking} == {"VF-P03"}
+    assert free.blocking == ()
+    found = propose_fix(design, profile, limits, [world])
+    assert found.design is not None
+    deployed = deploy_from_starts(found.design, [world])
+    assert check_design(found.design, profile, limits, deployed).blocking == ()
+    words = score_change_lines(design, found.design, [world])
+    assert [line.split(",")[0].strip() for line in words] == ["coverage", "reach", "anchoring"]

@@ -1,0 +1,123 @@
+import json
+import math
+import xml.etree.ElementTree as ET
+
+import pytest
+import shapely
+
+from vinefab.core.errors import BadInputError
+from vinefab.maps.generators.cave import cave_map
+from vinefab.maps.generators.grid import grid_map
+from vinefab.model.map import Map, Pose, Start
+from vinefab.prediction.map_info import info_lines, info_text, map_info
+
+
+def start_at(x_mm, y_mm):
+    return Start(pose=Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=0.0))
+
+
+def two_rooms(door_mm):
+    """Two rooms of 50 x 60 mm with a door between them, the start in the left one."""
+    walls = (shapely.box(50, 0, 54, 30 - door_mm / 2), shapely.box(50, 30 + door_mm / 2, 54, 60))
+    return Map(
+        name="rooms",
+        bounds=shapely.box(0, 0, 104, 60),
+        obstacles=walls,
+        starts=(start_at(25.0, 25.0),),
+    )
+
+
+def test_largest_body_in_a_corridor_of_known_width():
+    corridor = Map(name="c", bounds=shapely.box(0, 0, 300, 12), starts=(start_at(20.0, 6.0),))
+    info = map_info(corridor)
+    assert [gate.passage.width_mm for gate in info.gates] == pytest.approx([12.0])
+    assert info.gates[0].between == ("bounds", "bounds")
+    assert info.starts[0].clearance_mm == pytest.approx(6.0)
+    assert info.starts[0].body_mm == pytest.approx(math.pi * 6.0)
+    # Only the corners of the corridor are out of reach of a body that just fits.
+    assert info.widest_mm[0.9] == pytest.approx(math.pi * 6.0, rel=0.01)
+    assert map_info(corridor, width_mm=math.pi * 5.999).body.share == pytest.approx(
+        1.0 - (4.0 - math.pi) * 36.0 / 3600.0, abs=2e-3
+    )
+    assert map_info(corridor, width_mm=math.pi * 6.001).body.share == 0.0
+
+
+def test_a_door_decides_how_wide_a_body_has_room_in_both_rooms():
+    info = map_info(two_rooms(8.0))
+    assert info.gates[0].passage.width_mm == pytest.approx(8.0)
+    assert set(info.gates[0].between) == {"obstacle 1", "obstacle 2"}
+    assert info.gates[0].body_mm == pytest.approx(math.pi * 4.0)
+    # 90 % takes both rooms, so the body has to go through the door; 45 % is one room.
+    assert info.widest_mm[0.9] == pytest.approx(math.pi * 4.0, rel=0.07)
+    assert info.widest_mm[0.9] < math.pi * 4.05
+    for width_mm, share in ((math.pi * 3.9, 0.99), (math.pi * 4.1, 0.49)):
+        assert map_info(two_rooms(8.0), width_mm=width_mm).body.share == pytest.approx(
+            share, abs=0.02
+        )
+
+
+def test_regions_and_areas():
+    world = two_rooms(8.0)
+    shut = Map(
+        name="shut",
+        bounds=world.bounds,
+        obstacles=(shapely.box(50, 0, 60, 60), shapely.box(70, 10, 80, 20)),
+        starts=world.starts,
+    )
+    info = map_info(shut)
+    assert info.regions_mm2 == pytest.approx((3000.0, 44.0 * 60 - 100))
+    assert info.free_share == pytest.approx(5540.0 / 6240.0)
+    assert info.widest_mm[0.9] is None
+    assert info.widest_mm[0.5] > 20.0
+
+
+def test_starts_without_room_and_maps_without_starts():
+    walls = two_rooms(8.0).obstacles
+    on_wall = Map(
+        name="w", bounds=shapely.box(0, 0, 104, 60), obstacles=walls, starts=(start_at(0.0, 30.0),)
+    )
+    info = map_info(on_wall, width_mm=5.0)
+    assert info.starts[0].clearance_mm == 0.0
+    assert info.widest_mm == {0.9: None, 0.5: None}
+    assert info.body.share == 0.0
+    bare = map_info(Map(name="b", bounds=shapely.box(0, 0, 10, 10)), width_mm=5.0)
+    assert "no start" in list(info_lines(bare))[-1]
+    assert json.loads(info_text(bare))["starts"] == []
+
+
+def test_a_map_without_free_space_is_a_result_too():
+    full = shapely.box(0, 0, 10, 10)
+    info = map_info(
+        Map(name="f", bounds=full, obstacles=(full,), starts=(start_at(5.0, 5.0),)), width_mm=1.0
+    )
+    assert (info.gates, info.regions_mm2, info.body.share) == ((), (), 0.0)
+    assert json.loads(info_text(info))["free_share"] == 0.0
+
+
+def test_json_says_what_was_computed():
+    world = cave_map(1)
+    document = json.loads(info_text(map_info(world, width_mm=12.0, passages=3)))
+    assert document["schema"] == "vinefab/map-info-1"
+    assert document["standing"] == "computed"
+    assert document["walls"] == world.wall_count
+    assert document["free_area_mm2"] == pytest.approx(world.free_space.area)
+    assert len(document["passages"]) == 3
+    assert set(document["passages"][0]) == {
+        "width_mm", "x_mm", "y_mm", "ends_mm", "between", "widest_body_mm"
+    }  # fmt: skip
+    assert document["body"]["fits"] is True
+    assert 0.9 < document["body"]["free_share"] <= 1.0
+
+
+def test_picture_is_the_same_every_time_and_shows_every_passage():
+    info = map_info(grid_map(4), width_mm=12.0, passages=4)
+    picture = info.picture(".svg")
+    assert picture == info.picture(".svg")
+    assert ET.fromstring(picture).tag.endswith("svg")  # noqa: S314  our own text
+    assert info.picture(".png").startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("wrong", [{"width_mm": 0.0}, {"width_mm": math.nan}, {"passages": -1}])
+def test_numbers_out_of_range_are_named(wrong):
+    with pytest.raises(BadInputError, match=r"--width-mm|--passages"):
+        map_info(two_rooms(8.0), **wrong)

@@ -1,0 +1,164 @@
+"""The rig as a job: what it refuses, and what the rules say of it."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+from shapely import Polygon, box
+
+from vinefab.core.errors import BadInputError
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.map import Map, Pose, Start
+from vinefab.rig import make as module
+from vinefab.rig import plate as build
+from vinefab.rig.board import build_board
+from vinefab.rig.laser_cut_files import compare_layers, laser_cut_files
+from vinefab.rig.make import RigRequest, make_rig
+from vinefab.rig.options import RigOptions
+from vinefab.rig.printer import Printer
+
+PRINTER = Printer(name="bench", bed_width_mm=220, bed_depth_mm=220, height_mm=100)
+START = Start(pose=Pose(x_mm=90.0, y_mm=10.0, heading_rad=math.pi / 2))
+BARE = RigRequest(pictures=False)
+
+
+def _map(*obstacles, bounds=None):
+    return Map(
+        name="table", bounds=bounds or box(0, 0, 180, 150), obstacles=obstacles, starts=(START,)
+    )
+
+
+def test_a_map_without_obstacles_is_refused_unless_wanted():
+    with pytest.raises(BadInputError, match=r"number of obstacles is 0; .*--allow-empty"):
+        make_rig(_map(), PRINTER, RigOptions(), BARE)
+    with pytest.raises(BadInputError, match="number of obstacles"):
+        make_rig(_map(box(500, 0, 510, 10)), PRINTER, RigOptions(), BARE)
+    assert make_rig(
+        _map(), PRINTER, RigOptions(), RigRequest(allow_empty=True, pictures=False)
+    ).files
+
+
+def test_bounds_with_a_corner_to_go_around_are_enough():
+    hall = box(0, 0, 180, 150) - box(60, 60, 180, 150)
+    assert make_rig(_map(bounds=hall), PRINTER, RigOptions(), BARE).files
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (RigOptions(scale=13.0), r"rig.parts is \d+; allowed: at most 100 for a plate of"),
+        (RigOptions(height_mm=98.0), "rig.height_mm is 98"),
+    ],
+)
+def test_what_cannot_be_printed_is_refused_before_anything_is_built(monkeypatch, options, words):
+    monkeypatch.setattr(build, "plan_of", lambda *_: pytest.fail("a plan was made"))
+    monkeypatch.setattr(module, "solid_files", lambda *_: pytest.fail("files were made"))
+    with pytest.raises(BadInputError, match=words):
+        make_rig(_map(box(30, 60, 60, 90)), PRINTER, options, BARE)
+
+
+def test_a_rig_is_fitted_to_a_size():
+    world = _map(box(30, 60, 60, 90))
+    options = RigOptions(border_mm=5.0).fitted(world, 100.0)
+    made = make_rig(world, PRINTER, options, BARE)
+    assert options.scale == 0.5
+    assert made.rig.parts[0].size_mm == pytest.approx((100.0, 85.0, 33.0))
+    with pytest.raises(BadInputError, match="--fit-mm is 10"):
+        RigOptions(border_mm=5.0).fitted(world, 10.0)
+
+
+def test_corridors_and_heights_are_compared_with_the_robot():
+    # 20 mm between the blocks; the trunk of plain_vine inflates to 25.5 mm, 30.6 mm with 1.2.
+    world = _map(box(30, 60, 80, 100), box(100, 60, 150, 100))
+    design = read_design("plain_vine")
+    made = make_rig(
+        world, PRINTER, RigOptions(height_mm=30.0), RigRequest(design=design, pictures=False)
+    )
+    checks = json.loads(made.files["rig.json"])["checks"]
+    assert [run["id"] for run in checks["rules_run"]] == ["VF-R01", "VF-R02", "VF-R03", "VF-R04"]
+    found = {finding["id"]: finding for finding in checks["findings"]}
+    assert found["VF-R03"]["measured"] == pytest.approx(20.0)
+    assert found["VF-R04"]["measured"] == 30.0
+    assert any("VF-R03" in line for line in made.summary())
+    large = make_rig(
+        world,
+        PRINTER,
+        RigOptions(height_mm=40.0, scale=1.3),
+        RigRequest(design=design, pictures=False),
+    )
+    assert large.report.findings == ()
+
+
+def test_without_a_robot_these_rules_are_skipped_with_the_reason():
+    made = make_rig(_map(box(30, 60, 80, 100)), PRINTER, RigOptions(), BARE)
+    assert [skip.rule for skip in made.report.skipped] == ["VF-R03", "VF-R04"]
+    assert any("needs a" in line and "VF-R04" in line for line in made.summary())
+
+
+def test_thickened_walls_narrow_the_corridors():
+    # The wall of 0.4 mm becomes 0.8 to 1 mm; corridors are measured beside what is printed.
+    world = _map(box(30, 60, 80, 60.4), box(30, 80, 80, 100))
+    design = read_design("plain_vine")
+    made = make_rig(
+        world, PRINTER, RigOptions(height_mm=40.0), RigRequest(design=design, pictures=False)
+    )
+    (finding,) = made.report.findings
+    assert 19.25 <= finding.measured <= 19.4 + 1e-6
+    assert made.comparison.thickened_mm2 > 15.0
+
+
+def test_a_slanted_plate_is_no_empty_map():
+    world = _map(Polygon([(20, 40), (40, 40), (20, 60)]))
+    assert make_rig(world, PRINTER, RigOptions(), BARE).comparison.share < 1e-3
+
+
+def test_pictures_drawing_and_page_come_with_the_files():
+    world = _map(box(30, 60, 60, 90), box(90, 60, 150, 60.4))
+    made = make_rig(world, PRINTER, RigOptions(scale=1.5))
+    beds = json.loads(made.files["rig.json"])["beds"]
+    pictures = {bed["file"].replace(".3mf", ".png") for bed in beds}
+    names = {"assembly.svg", "assembly.pdf", "assembled.png", "report.html", *pictures}
+    assert names < set(made.files)
+    assert made.files["assembly.pdf"].startswith(b"%PDF")
+    for name in names:
+        assert b"written by vinefab" in made.files[name][:8192] + made.files[name][-8192:], name
+    page = made.files["report.html"].decode()
+    assert "Test rig" in page
+    assert page.count("data:image/png") == 1 + len(pictures)
+    again = make_rig(world, PRINTER, RigOptions(scale=1.5))
+    assert again.files == made.files
+
+
+@pytest.mark.parametrize("style", ["board", "sheet"])
+def test_loose_and_layered_rigs_come_with_their_sheets(style):
+    world = _map(box(30, 60, 60, 90), box(90, 60, 150, 100))
+    options = RigOptions(style=style, height_mm=31.0)
+    made = make_rig(world, PRINTER, options, RigRequest(lid=True, pictures=False))
+    content = json.loads(made.files["rig.json"])
+    sheets = {sheet["file"] for sheet in content["laser"]}
+    assert {"board_01.dxf", "lid_01.dxf"} <= sheets <= set(made.files)
+    assert made.comparison.share < 1e-4
+    assert len(content["parts"]) >= 3
+    for part in content["parts"]:
+        assert part["file"] in made.files
+        assert np.array(part["transform_to_map"]).shape == (4, 4)
+        assert part["volume_mm3"] > 0
+    if style == "sheet":
+        assert "layers_01.dxf" in sheets
+        assert {part["size_mm"][2] for part in content["parts"]} == {33.0}  # eleven layers of 3 mm
+        block = next(part for part in content["parts"] if part["size_mm"][:2] == [60.0, 40.0])
+        assert block["volume_mm3"] == pytest.approx(60 * 40 * 33.0)
+
+
+def test_a_layer_in_the_wrong_place_is_seen():
+    world = _map(box(30, 60, 60, 90))
+    options = RigOptions(style="sheet")
+    rig, pieces = build_board(world, PRINTER, options)
+    cut = laser_cut_files(rig, world, pieces, lid=False)
+    assert compare_layers(rig, world, cut).share < 1e-4
+    first = cut.copies[0]
+    moved = dataclasses.replace(first, shift_mm=(first.shift_mm[0] + 1.0, first.shift_mm[1]))
+    bad = dataclasses.replace(cut, copies=(moved, *cut.copies[1:]))
+    assert compare_layers(rig, world, bad).share > 1e-3

@@ -1,0 +1,126 @@
+import math
+
+import numpy as np
+import pytest
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.rng import child
+from vinefab.search.axes import SearchAxes
+from vinefab.search.optimizers.particleswarm import _STREAM, AdaptiveSwarm, AdaptiveSwarmConfig
+
+SHAPE = (9, 4)
+
+
+def worth(x: np.ndarray) -> np.ndarray:
+    return -np.abs(x - 0.37).sum(axis=1) + 0.2 * np.cos(25.0 * x[:, 0])
+
+
+class Slow:
+    """The published steps, one particle and one coordinate at a time."""
+
+    def __init__(self, seed: int) -> None:
+        rng = child(seed, _STREAM, 0)
+        self.seed = seed
+        self.x = rng.random(SHAPE).tolist()
+        self.v = rng.uniform(-1.0, 1.0, SHAPE).tolist()
+        self.best = [list(row) for row in self.x]
+        self.value = [-math.inf] * SHAPE[0]
+        self.least = max(2, math.floor(0.25 * SHAPE[0]))
+        self.near, self.w, self.c, self.generation = self.least, 1.1, 0, 0
+
+    def tell(self, fitness: list[float]) -> None:
+        before = max(self.value)
+        for i, value in enumerate(fitness):
+            if value > self.value[i]:
+                self.value[i], self.best[i] = value, list(self.x[i])
+        if self.generation > 0:
+            if max(self.value) > before:
+                self.c, self.near = max(0, self.c - 1), self.least
+            else:
+                self.c, self.near = self.c + 1, min(self.near + self.least, SHAPE[0] - 1)
+            if self.c < 2:
+                self.w = min(1.1, 2.0 * self.w)
+            elif self.c > 5:
+                self.w = max(0.1, 0.5 * self.w)
+        self.generation += 1
+        self.move()
+
+    def move(self) -> None:
+        rng = child(self.seed, _STREAM, self.generation)
+        lots = rng.random((SHAPE[0], SHAPE[0]))
+        u1, u2 = rng.random((2, *SHAPE))
+        leaders = []
+        for i in range(SHAPE[0]):
+            others = sorted((j for j in range(SHAPE[0]) if j != i), key=lambda j: lots[i, j])
+            leaders.append(max(others[: self.near], key=lambda j: self.value[j]))
+        for i, g in enumerate(leaders):
+            for k in range(SHAPE[1]):
+                own = 1.49 * u1[i, k] * (self.best[i][k] - self.x[i][k])
+                social = 1.49 * u2[i, k] * (self.best[g][k] - self.x[i][k])
+                self.v[i][k] = self.w * self.v[i][k] + own + social
+                self.x[i][k] += self.v[i][k]
+                if not 0.0 <= self.x[i][k] <= 1.0:
+                    self.x[i][k] = min(1.0, max(0.0, self.x[i][k]))
+                    self.v[i][k] = 0.0
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_slow_second_writing_of_the_steps_goes_the_same_way(seed: int) -> None:
+    fast, slow = AdaptiveSwarm(AdaptiveSwarmConfig(), SHAPE, seed), Slow(seed)
+    inertias = set()
+    for _ in range(60):
+        x = fast.ask()
+        np.testing.assert_allclose(x, slow.x, rtol=0.0, atol=1e-9)
+        slow.x = x.tolist()
+        fast.tell(x, worth(x))
+        slow.tell(worth(x).tolist())
+        assert (fast.inertia, fast.neighbours, fast.failures) == (slow.w, slow.near, slow.c)
+        inertias.add(fast.inertia)
+        slow.v = fast.velocity.tolist()
+    assert len(inertias) > 2
+
+
+def adapted(recipe: AdaptiveSwarmConfig, fitness: list[float]) -> list[tuple[float, int, int]]:
+    swarm = AdaptiveSwarm(recipe, (20, 2), seed=1)
+    found = []
+    for value in fitness:
+        swarm.tell(swarm.ask(), np.full(20, value))
+        found.append((round(swarm.inertia, 6), swarm.neighbours, swarm.failures))
+    return found
+
+
+def test_failures_widen_the_neighbourhood_and_calm_the_swarm() -> None:
+    found = adapted(AdaptiveSwarmConfig(), [0.0] * 12)
+    assert [near for _, near, _ in found] == [5, 10, 15, 19, *[19] * 8]
+    assert [failures for *_, failures in found] == [*range(12)]
+    assert [inertia for inertia, *_ in found] == [1.1] * 6 + [0.55, 0.275, 0.1375, 0.1, 0.1, 0.1]
+
+
+def test_an_improvement_narrows_it_again() -> None:
+    *_, last = adapted(AdaptiveSwarmConfig(), [0.0, 0.0, 0.0, 1.0])
+    assert last == (1.1, 5, 1)
+
+
+def test_the_inertia_may_adapt_after_improvements_only() -> None:
+    found = adapted(AdaptiveSwarmConfig(adapt_always=False), [0.0] * 10 + [1.0] + [2.0])
+    assert [inertia for inertia, *_ in found] == [1.1] * 10 + [0.55, 0.275]
+
+
+def test_personal_bests_that_were_lucky_are_found_out() -> None:
+    rng = np.random.default_rng(5)
+    kept = {}
+    for reevaluate in (False, True):
+        swarm = AdaptiveSwarmConfig(reevaluate=reevaluate).start(SearchAxes.plain(3), 20, seed=1)
+        assert isinstance(swarm, AdaptiveSwarm)
+        assert len(swarm.position) == (10 if reevaluate else 20)
+        for _ in range(40):
+            x = swarm.ask()
+            swarm.tell(x, rng.normal(0.0, 1.0, len(x)))
+        kept[reevaluate] = swarm._best_means().mean()
+    assert kept[False] > 1.8  # the largest of 40 draws of noise is about 2.2
+    assert kept[True] < 0.8 * kept[False]
+
+
+def test_the_range_of_the_inertia_must_be_in_order() -> None:
+    with pytest.raises(BadInputError, match=r"least_inertia is 2\.0"):
+        AdaptiveSwarmConfig(least_inertia=2.0)

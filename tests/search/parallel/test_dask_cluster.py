@@ -1,0 +1,213 @@
+"""Workers in other processes. What they find is looked at in a process of its own."""
+
+import importlib.util
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vinefab.core.errors import BadInputError, WorkersLostError
+from vinefab.model.design import Design
+from vinefab.model.map import Map
+from vinefab.search.evaluator import TRAINING, Evaluator, EvaluatorSpec
+from vinefab.search.parallel import dask_cluster as module
+from vinefab.search.parallel.dask_cluster import (
+    DaskEvaluator,
+    WorkerPayload,
+    _evaluated,
+    deserialized,
+    serialized,
+)
+from vinefab.search.record.timing import Ledger, Work
+from vinefab.search.settings import PartSettings, RunSettings
+
+Maps = tuple[Map, ...]
+
+PROGRAM = """
+import os, signal, sys
+from pathlib import Path
+from vinefab.search.run_file import read_run
+from vinefab.search.parallel import dask_cluster as module
+from vinefab.search.parallel.dask_cluster import DaskEvaluator
+from vinefab.search.run import run_search as search
+
+def main():
+    from distributed import Client
+    settings = read_run(Path(sys.argv[1]))
+    killed = []
+
+    def tell(progress):
+        # One worker dies in the middle, later all that there are.
+        if progress.generation in (2, 4):
+            pids = sorted(Client.current().run(os.getpid).values())
+            for pid in pids[: progress.generation // 2]:
+                os.kill(pid, signal.SIGKILL)
+                killed.append(pid)
+        if progress.generation == 5:
+            # As if dask had not started them again: none is left, and none would come.
+            Client.current().cluster.scale(0)
+
+    module.REHIRE_S = 5.0
+    threads = search(settings, Path(sys.argv[2]) / "threads")
+    crew = DaskEvaluator("local:2", patience_s=500.0)
+    cluster = search(settings, Path(sys.argv[2]) / "cluster", workers=crew, tell=tell)
+    assert len(killed) >= 2, killed
+    assert cluster.times.workers == 2 and cluster.times.growth_s > 0.0
+    assert cluster.best == threads.best
+    assert cluster.score == threads.score
+    for one, other in zip(cluster.history, threads.history, strict=True):
+        assert (one.x == other.x).all() and (one.fitness == other.fitness).all()
+
+if __name__ == "__main__":
+    main()
+"""
+RUN = """schema = "vinefab/run-1"
+[maps]
+count = 2
+[optimizer]
+name = "pso"
+population = 12
+generations = 6
+[evaluation]
+fabricable = true
+finalists = 2
+"""
+
+
+def test_workers_may_die_and_the_result_is_that_of_threads(tmp_path: Path) -> None:
+    program, run_file = tmp_path / "program.py", tmp_path / "run.toml"
+    program.write_text(PROGRAM)
+    run_file.write_text(RUN)
+    subprocess.run([sys.executable, program, run_file, tmp_path], check=True, timeout=540)
+
+
+@dataclass(frozen=True)
+class LongTrunk:
+    """A penalty that can be sent."""
+
+    most_mm: float = 100.0
+
+    def __call__(self, design: Design) -> float:
+        return max(0.0, design.trunk_length_mm - self.most_mm)
+
+
+def test_a_worker_finds_what_the_run_would_find(fabricable: RunSettings, maps: Maps) -> None:
+    trial = Evaluator.of(fabricable, maps, LongTrunk())
+    x = np.random.default_rng(1).random((5, len(trial.space)))
+    poses = trial.poses(3, TRAINING, 0, 2)
+    found, work = deserialized(_evaluated(WorkerPayload.of(trial.brief), x, poses))
+    expected, _ = trial.evaluate(x, poses)
+    np.testing.assert_array_equal(found.score, expected.score)
+    np.testing.assert_array_equal(found.penalty, expected.penalty)
+    assert {name: v.tolist() for name, v in found.terms.items()} == {
+        name: v.tolist() for name, v in expected.terms.items()
+    }
+    assert min(work) > 0.0
+
+
+def test_read_only_views_can_be_sent(maps: Maps) -> None:
+    again = deserialized(serialized(maps[0]))
+    assert again.facts == maps[0].facts
+    assert type(again.facts) is type(maps[0].facts)
+
+
+def test_a_penalty_that_cannot_be_sent_is_named(fabricable: RunSettings, maps: Maps) -> None:
+    trial = Evaluator.of(fabricable, maps, lambda _: 0.0)
+    with pytest.raises(BadInputError, match="a penalty that can be pickled"):
+        WorkerPayload.of(trial.brief)
+
+
+def test_a_worker_with_other_versions_refuses(small: RunSettings, maps: Maps) -> None:
+    trial = Evaluator.of(small, maps, None)
+    parcel = WorkerPayload.of(trial.brief)
+    strange = replace(parcel, versions={**parcel.versions, "numpy": "0.1"})
+    x, poses = np.full((1, len(trial.space)), 0.5), trial.poses(3, TRAINING, 0, 1)
+    with pytest.raises(BadInputError, match=r"numpy .*; allowed: numpy 0\.1, as the run has"):
+        _evaluated(strange, x, poses)
+
+
+def test_a_worker_without_the_packages_of_the_run_is_named(small: RunSettings, maps: Maps) -> None:
+    theirs = replace(small, task=PartSettings(name="depth"))
+    parcel = WorkerPayload.of(EvaluatorSpec(settings=theirs, maps=maps, penalty=None))
+    x, poses = np.full((1, 3), 0.5), ((), ())
+    with pytest.raises(BadInputError, match=r"a worker is .*without task 'depth'.*same packages"):
+        _evaluated(parcel, x, poses)
+    gone = replace(parcel, name="gone", brief=b"cno_such_package\nPenalty\n.")
+    with pytest.raises(BadInputError, match=r"a worker is .*no_such_package.*same packages"):
+        _evaluated(gone, x, poses)
+    # It comes through the wire as it is.
+    with pytest.raises(BadInputError) as told:
+        _evaluated(parcel, x, poses)
+    assert str(deserialized(serialized(told.value))) == str(told.value)
+
+
+@pytest.mark.parametrize("address", ["local", "local:0", "local:x", "somewhere", ""])
+def test_addresses_that_cannot_be_are_refused(address: str) -> None:
+    with pytest.raises(BadInputError, match=r"--cluster is .*local:N"):
+        DaskEvaluator(address)
+
+
+def test_the_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def without(name: str) -> Any:
+        return None if name == "distributed" else found(name)
+
+    found = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", without)
+    with pytest.raises(BadInputError, match=r"pip install 'vinefab\[cluster\]'"):
+        DaskEvaluator("local:2")
+
+
+def test_pieces_are_worth_their_trip() -> None:
+    four = DaskEvaluator("local:4")
+    assert four._rows(100, 0.0) == 25  # nothing is known yet: an equal share for everybody
+    assert four._rows(100, 0.001) == 25  # a millisecond each: more than a share would be too much
+    assert four._rows(100, 0.01) == 10
+    assert four._rows(100, 1.0) == 7  # long work is dealt out four times a generation
+    assert four._rows(1, 1.0) == 1
+
+
+class Deserted:
+    """A client of a cluster whose workers have all gone, or whose work kills them."""
+
+    def __init__(self, error: Callable[[], Exception] | None = None) -> None:
+        self.error = error
+        self.retried = 0
+
+    def submit(self, *_: object, **__: object) -> "Deserted":
+        return self
+
+    @property
+    def status(self) -> str:
+        return "error"
+
+    def done(self) -> bool:
+        return self.error is not None
+
+    def nthreads(self) -> dict[str, int]:
+        return {}
+
+    def gather(self, _: object) -> object:
+        assert self.error is not None
+        raise self.error()
+
+    def retry(self) -> None:
+        self.retried += 1
+
+
+def test_a_run_gives_up_when_nobody_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_wait", lambda _: None)
+    with pytest.raises(WorkersLostError, match=r"no worker for 0\.01 s; --resume goes on"):
+        DaskEvaluator("local:2", patience_s=0.01)._gathered(Deserted(), [Deserted()])
+
+
+def test_counting_starts_with_the_ledger() -> None:
+    ledger = Ledger(1)
+    assert ledger.worked_s == 0.0
+    ledger.add(Work(making_s=1.0, scoring_s=0.5))
+    ledger.add(Work(growth_s=0.25))
+    assert ledger.worked_s == 1.75

@@ -1,0 +1,112 @@
+import sqlite3
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.growth.options import GrowthOptions
+from vinefab.maps.generators.cave import cave_map
+from vinefab.model.design import Pouch
+from vinefab.model.map import Map
+from vinefab.search.loop import Search
+from vinefab.search.record.identity import RunIdentity, map_fingerprint
+from vinefab.search.record.record_reading import (
+    FILE_NAME,
+    map_from_text,
+    map_to_text,
+    settings_from_plain,
+)
+from vinefab.search.record.result import RunResult
+from vinefab.search.record.run_archive import RunArchive, plain_summary, records_in
+from vinefab.search.record.store import RunStore
+from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
+from vinefab.search.space import Bounds, BuildSettings
+
+Maps = tuple[Map, ...]
+
+
+def recorded(folder: Path, settings: RunSettings, maps: Maps) -> RunResult:
+    identity = RunIdentity.of(settings, maps)
+    with RunStore.open(folder, identity, maps=maps) as store:
+        return Search.of(settings, maps, None).run(store=store)
+
+
+def test_the_record_alone_says_what_the_run_said(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    result = recorded(tmp_path, small, maps)
+    archive = RunArchive.read(tmp_path / FILE_NAME)
+    again = archive.result()
+    assert again.best == result.best
+    assert again.score == result.score
+    assert again.stopped == result.stopped == "generations"
+    for one, other in zip(again.history, result.history, strict=True):
+        np.testing.assert_array_equal(one.x, other.x)
+        np.testing.assert_array_equal(one.fitness, other.fitness)
+        assert one.seconds == other.seconds
+    assert archive.settings == small
+    assert [map_fingerprint(m) for m in archive.maps] == [map_fingerprint(m) for m in maps]
+    (session,) = archive.sessions
+    assert session.times.total_s > 0.0
+    assert session.times.evaluating_s == pytest.approx(result.times.evaluating_s, rel=0.5)
+    summary = plain_summary(archive)
+    assert summary["evaluations"] == 30
+    assert summary["winner_score"] == result.score.composite
+
+
+def test_settings_of_every_kind_survive(small: RunSettings) -> None:
+    space = replace(
+        small.space,
+        by_level={
+            1: {"length_mm": Bounds(low=40, high=120)},
+            3: {"branches": Bounds(low=2, high=2)},
+        },
+    )
+    rich = replace(
+        small,
+        space=space,
+        maps=MapSettings(count=2, files=(Path("a.geojson"), Path("b/c.geojson"))),
+        task=PartSettings(name="coverage", parameters={"radius_mm": 40.0, "clip": "none"}),
+        growth=GrowthOptions(body="inflated", children_of_stuck="deploy"),
+        optimizer=PartSettings(name="cmaes", parameters={"spread": 0.3}),
+        build=BuildSettings(pouch=Pouch(shape="round", radius_mm=12.0)),
+    )
+    assert settings_from_plain(plain_settings(rich)) == rich
+
+
+def test_maps_keep_every_bit(maps: Maps) -> None:
+    for world in (*maps, cave_map(3)):
+        again = map_from_text(map_to_text(world))
+        assert map_fingerprint(again) == map_fingerprint(world)
+        assert (again.environment, again.seed) == (world.environment, world.seed)
+
+
+def test_a_run_that_has_not_ended_has_no_result(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    with RunStore.open(tmp_path, RunIdentity.of(small, maps), maps=maps):
+        archive = RunArchive.read(tmp_path / FILE_NAME)  # while another has it open
+    assert plain_summary(archive)["best_fitness"] is None
+    with pytest.raises(BadInputError, match="has not ended"):
+        archive.result()
+
+
+def test_records_are_found_below_a_folder_and_others_refused(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    for name in ("b", "a/deep"):
+        RunStore.open(tmp_path / name, RunIdentity.of(small, maps), maps=maps).close()
+    found = records_in(tmp_path)
+    assert [path.parent.relative_to(tmp_path).as_posix() for path in found] == ["a/deep", "b"]
+    with pytest.raises(UnreadableFileError, match="no such folder"):
+        records_in(tmp_path / "none")
+    with pytest.raises(UnreadableFileError, match="no such file"):
+        RunArchive.read(tmp_path / "none" / FILE_NAME)
+    old = sqlite3.connect(found[0])
+    old.execute("UPDATE run SET value = 'vinefab/run-store-1' WHERE key = 'schema'")
+    old.commit()
+    old.close()
+    with pytest.raises(UnreadableFileError, match="of form vinefab/run-store-1; this vinefab"):
+        RunArchive.read(found[0])

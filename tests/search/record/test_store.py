@@ -1,0 +1,343 @@
+import sqlite3
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vinefab.core.atomic import is_ours
+from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError
+from vinefab.model.design import Design
+from vinefab.model.map import Map
+from vinefab.search.loop import optimize
+from vinefab.search.record.identity import RunIdentity
+from vinefab.search.record.record_reading import FILE_NAME
+from vinefab.search.record.result import Progress, RunResult
+from vinefab.search.record.store import RunStore
+from vinefab.search.settings import RunSettings
+
+Maps = tuple[Map, ...]
+Penalty = Callable[[Design], float]
+
+
+class InterruptedError(Exception):
+    """Stands for whatever ends a process between two generations."""
+
+
+def recorded(
+    folder: Path,
+    settings: RunSettings,
+    maps: Maps,
+    penalty: Penalty | None = None,
+    *,
+    resume: bool = False,
+    stop_after: int | None = None,
+) -> RunResult:
+    """Run into a folder, breaking off after some generations."""
+
+    def interrupt(progress: Progress) -> None:
+        if progress.generation == stop_after:
+            raise InterruptedError
+
+    with RunStore.open(folder, RunIdentity.of(settings, maps), resume=resume) as store:
+        return optimize(settings, maps, penalty=penalty, store=store, progress=interrupt)
+
+
+def content(folder: Path) -> dict[str, list[tuple[object, ...]]]:
+    """Everything that a record holds but times."""
+    questions = {
+        "run": "SELECT * FROM run ORDER BY 1",
+        "map": "SELECT * FROM map ORDER BY 1",
+        "generation": "SELECT number, x, fitness, composite, penalty FROM generation ORDER BY 1",
+        "term": "SELECT * FROM term ORDER BY 1, 2",
+        "optimizer": "SELECT * FROM optimizer",
+        "finalist": "SELECT * FROM finalist ORDER BY 1",
+    }
+    connection = sqlite3.connect(folder / FILE_NAME)
+    try:
+        return {key: connection.execute(text).fetchall() for key, text in questions.items()}
+    finally:
+        connection.close()
+
+
+def test_interrupted_runs_end_as_the_undisturbed_one(
+    tmp_path: Path, fabricable: RunSettings, maps: Maps, film_penalty: Penalty
+) -> None:
+    undisturbed = recorded(tmp_path / "whole", fabricable, maps, film_penalty)
+    rng = np.random.default_rng(8)
+    for trial in range(4):
+        folder = tmp_path / f"trial{trial}"
+        stops = sorted(set(rng.integers(1, 6, 2).tolist()))
+        for stop in stops:
+            with pytest.raises(InterruptedError):
+                recorded(folder, fabricable, maps, film_penalty, resume=True, stop_after=stop)
+        result = recorded(folder, fabricable, maps, film_penalty, resume=True)
+        assert result.best == undisturbed.best
+        assert result.score == undisturbed.score
+        assert content(folder) == content(tmp_path / "whole")
+
+
+def test_a_finished_run_is_read_back_without_computing(
+    tmp_path: Path, small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = recorded(tmp_path, small, maps)
+
+    def forbidden(*_: object) -> None:
+        raise AssertionError("evaluated again")
+
+    monkeypatch.setattr("vinefab.search.evaluator.Evaluator.begin", forbidden)
+    second = recorded(tmp_path, small, maps, resume=True)
+    assert second.best == first.best
+    assert second.score == first.score
+    assert [g.fitness.tolist() for g in second.history] == [
+        g.fitness.tolist() for g in first.history
+    ]
+    assert {k: v.tolist() for k, v in second.history[1].terms.items()} == {
+        k: v.tolist() for k, v in first.history[1].terms.items()
+    }
+
+
+def test_a_folder_with_a_run_is_refused_without_resume_and_nothing_is_lost(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    with pytest.raises(InterruptedError):
+        recorded(tmp_path, small, maps, stop_after=2)
+    before = content(tmp_path)
+    with pytest.raises(BadInputError, match="--resume"):
+        recorded(tmp_path, small, maps)
+    assert content(tmp_path) == before
+
+
+def test_another_run_cannot_go_on_with_a_record(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    recorded(tmp_path, small, maps)
+    other = replace(small, search=replace(small.search, seed=9))
+    with pytest.raises(BadInputError, match=r"search\.seed is 9; allowed: 3, with which"):
+        recorded(tmp_path, other, maps, resume=True)
+    with pytest.raises(BadInputError, match="maps with which the run began"):
+        recorded(tmp_path, small, maps[:1], resume=True)
+
+
+def test_another_version_cannot_go_on_with_a_record(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    recorded(tmp_path, small, maps)
+    identity = RunIdentity.of(small, maps)
+    newer = replace(identity, versions={**identity.versions, "vinefab": "99.0"})
+    with pytest.raises(BadInputError, match="which began the run"):
+        RunStore.open(tmp_path, newer, resume=True)
+
+
+def test_the_record_is_known_as_ours_even_while_the_run_goes_on(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    with RunStore.open(tmp_path, RunIdentity.of(small, maps)):
+        assert is_ours(tmp_path / FILE_NAME)
+
+
+@pytest.mark.parametrize("text", ["not a database, but long enough to be taken for one", ""])
+def test_foreign_files_are_kept(tmp_path: Path, small: RunSettings, maps: Maps, text: str) -> None:
+    path = tmp_path / FILE_NAME
+    path.write_text(text)
+    with pytest.raises(BadInputError):
+        recorded(tmp_path, small, maps)
+    if text:
+        with pytest.raises(UnreadableFileError):
+            recorded(tmp_path, small, maps, resume=True)
+        assert path.read_text() == text
+
+
+def test_a_foreign_database_is_kept(tmp_path: Path, small: RunSettings, maps: Maps) -> None:
+    connection = sqlite3.connect(tmp_path / FILE_NAME)
+    connection.execute("CREATE TABLE theirs (a)")
+    connection.close()
+    with pytest.raises(UnreadableFileError, match="not the record of a run"):
+        recorded(tmp_path, small, maps, resume=True)
+
+
+@dataclass
+class Trunk:
+    """A penalty on trunks beyond a length, after whose last call the user stops the run."""
+
+    most_mm: float
+    calls_left: int = 10**9
+
+    def __call__(self, design: Design) -> float:
+        self.calls_left -= 1
+        if self.calls_left < 0:
+            raise KeyboardInterrupt
+        return max(0.0, design.trunk_length_mm - self.most_mm) / 100.0
+
+    def passes(self, design: Design) -> bool:
+        return self(design) == 0.0
+
+
+@pytest.fixture
+def too_short_mm(fabricable: RunSettings, maps: Maps) -> float:
+    """A trunk so short that the search finds none."""
+    history = optimize(fabricable, maps, penalty=Trunk(most_mm=0.0)).history
+    return min(100.0 * float(generation.penalty.min()) for generation in history) - 1.0
+
+
+def stopped(*_: object, **__: object) -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("place", ["loop.reevaluated", "record.store.RunStore.finish"])
+def test_a_run_stopped_while_it_is_judged_ends_as_the_undisturbed_one(
+    tmp_path: Path,
+    fabricable: RunSettings,
+    maps: Maps,
+    monkeypatch: pytest.MonkeyPatch,
+    place: str,
+) -> None:
+    folder, penalty = tmp_path / "struck", Trunk(most_mm=150.0)
+    recorded(tmp_path / "whole", fabricable, maps, penalty)
+    with monkeypatch.context() as patch:
+        patch.setattr(f"vinefab.search.{place}", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            recorded(folder, fabricable, maps, penalty)
+    assert len(content(folder)["generation"]) == 5
+    assert content(folder)["finalist"] == []
+    recorded(folder, fabricable, maps, penalty, resume=True)
+    assert content(folder) == content(tmp_path / "whole")
+
+
+def test_a_run_stopped_in_its_repair_ends_as_the_undisturbed_one(
+    tmp_path: Path, fabricable: RunSettings, maps: Maps, too_short_mm: float
+) -> None:
+    folder = tmp_path / "struck"
+    whole = recorded(tmp_path / "whole", fabricable, maps, Trunk(most_mm=too_short_mm))
+    assert "changes of the 3 best were tried, and 3 of them can be made now" in whole.repair
+    # 30 designs are penalized by the search; what comes after is the repair.
+    for calls in (31, 35):
+        halfway = Trunk(most_mm=too_short_mm, calls_left=calls)
+        with pytest.raises(KeyboardInterrupt):
+            recorded(folder, fabricable, maps, halfway, resume=True)
+        assert len(content(folder)["generation"]) == 5
+        assert content(folder)["finalist"] == []
+    for _ in range(2):  # the second time from the record alone
+        again = recorded(folder, fabricable, maps, Trunk(most_mm=too_short_mm), resume=True)
+        assert (again.best, again.repair) == (whole.best, whole.repair)
+        assert content(folder) == content(tmp_path / "whole")
+
+
+def test_a_second_process_is_refused_before_it_begins(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    identity = RunIdentity.of(small, maps)
+    with RunStore.open(tmp_path / "run", identity) as one:
+        before = content(tmp_path / "run")
+        with pytest.raises(CannotWriteError, match="another process is going on with the same run"):
+            RunStore.open(tmp_path / "run", identity, resume=True)
+        assert content(tmp_path / "run") == before
+        one.add([optimize(small, maps).history[0]], {"generation": 1})
+    RunStore.open(tmp_path / "run", identity, resume=True).close()
+
+
+def test_two_processes_cannot_write_the_same_generation(
+    tmp_path: Path, small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the system has no locks, the record itself keeps two processes apart."""
+    monkeypatch.setattr("vinefab.search.record.store.lock_folder", lambda *_: None)
+    identity = RunIdentity.of(small, maps)
+    with (
+        RunStore.open(tmp_path, identity) as one,
+        RunStore.open(tmp_path, identity, resume=True) as two,
+    ):
+        generation = optimize(small, maps).history[0]
+        one.add([generation], {"generation": 1})
+        with pytest.raises(CannotWriteError, match="another process"):
+            two.add([generation], {"generation": 1})
+        assert len(two.generations()) == 1
+
+
+def test_a_record_begun_for_a_run_that_is_refused_goes_away(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    identity, folder = RunIdentity.of(small, maps), tmp_path / "deep" / "run"
+
+    def refuse(error: Exception, *, resume: bool = False) -> None:
+        with RunStore.open(folder, identity, resume=resume):
+            raise error
+
+    with pytest.raises(BadInputError):
+        refuse(BadInputError("--cluster", "nowhere", "somewhere"))
+    assert not (folder / FILE_NAME).exists()
+    # What stops a run from outside leaves what it has, and so does a run that had begun before.
+    with pytest.raises(InterruptedError):
+        refuse(InterruptedError())
+    with pytest.raises(BadInputError):
+        refuse(BadInputError("--cluster", "nowhere", "somewhere"), resume=True)
+    assert (folder / FILE_NAME).exists()
+
+
+def test_a_place_that_cannot_be_written_is_named(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(CannotWriteError, match="file"):
+        RunStore.open(tmp_path / "file" / "run", RunIdentity.of(small, maps))
+
+
+def test_a_full_disk_keeps_what_was_recorded(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    generations = optimize(small, maps).history
+    with RunStore.open(tmp_path, RunIdentity.of(small, maps)) as store:
+        store.add([generations[0]], {"generation": 1})
+        # SQLite's own limit on the file's size answers as a full disk does.
+        pages = store._connection.execute("PRAGMA page_count").fetchone()[0]
+        store._connection.execute(f"PRAGMA max_page_count = {pages}")
+        with pytest.raises(CannotWriteError, match="full"):
+            store.add([generations[1]], {"generation": "x" * 100_000})
+        assert len(store.generations()) == 1
+        assert store.optimizer_state() == {"generation": 1}
+
+
+def test_an_interrupt_as_a_recording_begins_leaves_the_record_usable(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    history = optimize(small, maps).history
+
+    class Interrupted:
+        """A connection that is interrupted when it has begun, before anybody knows."""
+
+        def __init__(self, connection: sqlite3.Connection) -> None:
+            self.real, self.is_hit = connection, False
+
+        def execute(self, text: str, *values: Sequence[object]) -> sqlite3.Cursor:
+            found = self.real.execute(text, *values)
+            if text.startswith("BEGIN") and not self.is_hit:
+                self.is_hit = True
+                raise KeyboardInterrupt
+            return found
+
+        def __getattr__(self, name: str) -> object:
+            return getattr(self.real, name)
+
+    with RunStore.open(tmp_path, RunIdentity.of(small, maps)) as store:
+        store._connection = Interrupted(store._connection)  # type: ignore[assignment]
+        with pytest.raises(KeyboardInterrupt):
+            store.add(history[:1], {"generation": 1})
+        assert store.recorded == 0
+        store.add(history[:2], {"generation": 2})
+        assert store.recorded == 2
+
+
+def test_an_interrupt_while_a_record_is_closed_leaves_it_to_the_next(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    class Interrupted:
+        def close(self) -> None:
+            raise KeyboardInterrupt
+
+    identity = RunIdentity.of(small, maps)
+    store = RunStore.open(tmp_path, identity)
+    store._connection.close()
+    store._connection = Interrupted()  # type: ignore[assignment]
+    with pytest.raises(KeyboardInterrupt):
+        store.close()
+    RunStore.open(tmp_path, identity, resume=True).close()

@@ -1,0 +1,149 @@
+"""Designs as columns, against the same designs one by one: equal to the last bit."""
+
+import math
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vinefab.growth import kernel
+from vinefab.growth.batch import Batch, Launches, TerrainSet
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plan, Plans
+from vinefab.growth.simulator import grow
+from vinefab.growth.terrain import Terrain
+from vinefab.maps.generators.grid import GridOptions, grid_map
+from vinefab.maps.poses import draw_poses
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import MOST_BRANCHES
+from vinefab.model.tree import branch_tree
+from vinefab.search.design_batch import planned_batch
+from vinefab.search.space import (
+    DECIMALS,
+    LIMITS,
+    Bounds,
+    BuildSettings,
+    Space,
+    SpaceSettings,
+    _rounded,
+)
+
+WIDE = Space(
+    SpaceSettings(
+        levels=Bounds(low=1, high=4),
+        branches=Bounds(low=1, high=7),
+        by_level={
+            1: {"length_mm": Bounds(low=30, high=60)},
+            3: {"branches": Bounds(low=2, high=2)},
+        },
+    ),
+    BuildSettings(),
+)
+PLAIN = Space(SpaceSettings(levels=Bounds(low=1, high=1)), BuildSettings())
+SPACES = [Space(SpaceSettings(), BuildSettings()), WIDE, PLAIN]
+
+
+def points(space: Space, count: int = 60) -> np.ndarray:
+    """Random points, with corners of the space among them."""
+    x = np.random.default_rng(5).random((count, len(space)))
+    x[: count // 4] = np.round(x[: count // 4])
+    return x
+
+
+@pytest.mark.parametrize("space", SPACES, ids=["table 1", "wide", "plain vines"])
+@pytest.mark.parametrize("body", ["centerline", "inflated"])
+def test_a_fleet_has_the_plans_of_its_designs(space: Space, body: str) -> None:
+    x, options = points(space), GrowthOptions(body=body)
+    designs = [space.design(row) for row in x]
+    deepest = space.build_of(int(space.settings.levels.high)).widths_mm
+    radii_mm = (0.0,) if body == "centerline" else tuple(w / math.pi for w in deepest)
+    fleet = space.fleet(x)
+    builds = {depth: space.build_of(depth) for depth in range(1, 6)}
+    trees = planned_batch(fleet, builds, radii_mm).each
+    assert fleet.sizes.tolist() == [design.branch_count for design in designs]
+    assert len(trees[2:5]) == 3
+    for design, made in zip(designs, trees, strict=True):
+        plan = Plan.of(design, options)
+        assert (made.edges, made.radii_mm, made.build) == (plan.edges, plan.radii_mm, plan.build)
+        np.testing.assert_array_equal(made.turn, plan.turn)
+        np.testing.assert_array_equal(made.long_mm, plan.long_mm)
+        for field in fields(plan.tree):
+            one, other = getattr(made.tree, field.name), getattr(plan.tree, field.name)
+            np.testing.assert_array_equal(one, other)
+
+
+def everything(deployment: Deployment) -> list[object]:
+    arrays = (deployment.points_mm, deployment.grown_mm, deployment.stop, deployment.tight_exit)
+    return [deployment.pose, deployment.contact_turn_rad.tolist(), *(a.tolist() for a in arrays)]
+
+
+@pytest.mark.parametrize("space", SPACES[1:], ids=["wide", "plain vines"])
+@pytest.mark.parametrize("body", ["centerline", "inflated"])
+def test_a_fleet_grows_as_its_designs_do(space: Space, body: str) -> None:
+    x, options = points(space, 20), GrowthOptions(body=body)
+    worlds = [grid_map(seed, GridOptions(columns=4, rows=4)) for seed in (1, 2)]
+    poses = [draw_poses(world, 2, 5, clearance_mm=14.0) for world in worlds]
+    launches = Launches.of(TerrainSet([Terrain.of(world) for world in worlds]), poses)
+    deepest = space.build_of(int(space.settings.levels.high)).widths_mm
+    radii_mm = (0.0,) if body == "centerline" else tuple(w / math.pi for w in deepest)
+    builds = {depth: space.build_of(depth) for depth in range(1, 6)}
+    fleet = Batch(planned_batch(space.fleet(x), builds, radii_mm), launches, options)
+    batch = Batch(Plans.of([space.design(row) for row in x], options), launches, options)
+    assert len(fleet) == len(batch)
+    assert [everything(d) for d in fleet.deployments()] == [
+        everything(d) for d in batch.deployments()
+    ]
+    lengths = [
+        [length for block in each.each(lambda b: b.planned_mm().tolist()) for length in block]
+        for each in (fleet, batch)
+    ]
+    assert lengths[0] == lengths[1]
+
+
+def test_growth_is_compiled_once_for_all_ways_to_grow() -> None:
+    """Compiling it again would take ten seconds; arrays of another kind make that necessary."""
+    terrains = [Terrain.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
+    poses = [terrain.world.starts[0].pose for terrain in terrains]
+    space, options = SPACES[0], GrowthOptions()
+    design, x = space.design(np.full(len(space), 0.5)), np.full((1, len(space)), 0.5)
+    builds = {depth: space.build_of(depth) for depth in range(1, 6)}
+    grow(design, terrains[0], poses[0])
+    for some in (1, 2):
+        launches = Launches.of(TerrainSet(terrains[:some]), [[pose] for pose in poses[:some]])
+        for plans in (Plans.of([design], options), planned_batch(space.fleet(x), builds, (0.0,))):
+            assert len(Batch(plans, launches, options).deployments()) == some
+    assert len(kernel.grow_jobs.signatures) == 1
+
+
+@given(st.lists(st.integers(-(10**9), 10**9), min_size=1, max_size=9), st.integers(-3, 3))
+def test_numbers_are_rounded_as_python_does(thousandths: list[int], ulps: int) -> None:
+    values = np.array(thousandths) / 1000.0
+    for _ in range(abs(ulps)):
+        values = np.nextafter(values, math.copysign(math.inf, ulps))
+    expected = [round(value, DECIMALS) for value in values.tolist()]
+    assert _rounded(values).tolist() == expected
+
+
+def test_trees_too_large_for_a_design_are_counted_but_never_planted() -> None:
+    space = Space(
+        SpaceSettings(levels=Bounds(low=10, high=10), branches=Bounds(low=1, high=1000)),
+        BuildSettings(),
+    )
+    x = np.zeros((3, len(space)))
+    x[1:, [v.name == "branches" for v in space.variables]] = [[1.0], [0.0015]]
+    sizes = space.fleet(x).sizes
+    assert sizes[0] == 10
+    assert sizes[1] > MOST_BRANCHES
+    assert sizes[2] == 2**10 - 1
+    tree = planned_batch(space.fleet(x[2:]), {10: space.build_of(10)}, (0.0,)).each[0].tree
+    np.testing.assert_array_equal(tree.parent, branch_tree(space.design(x[2])).parent)
+
+
+def test_every_corner_of_what_bounds_may_be_is_a_design_unless_it_is_too_large() -> None:
+    ranges = {name: Bounds(low=low, high=high) for name, (low, high) in LIMITS.items()}
+    space = Space(SpaceSettings(levels=Bounds(low=1, high=2), **ranges), BuildSettings())
+    corners = np.array(np.meshgrid(*[[0.0, 1.0]] * len(space))).reshape(len(space), -1).T
+    for x, size in zip(corners, space.fleet(corners).sizes.tolist(), strict=True):
+        assert space.design(x).branch_count == size

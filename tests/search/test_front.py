@@ -1,0 +1,194 @@
+"""Several objectives at once: fronts, NSGA-II, and runs that end with a front."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vinefab.core.errors import BadInputError
+from vinefab.model.design import Build, Design, Level
+from vinefab.model.map import Map
+from vinefab.search.axes import SearchAxes
+from vinefab.search.costs import check_objectives, film_area_mm2, film_length_mm
+from vinefab.search.front import knee, non_dominated, spread_out
+from vinefab.search.loop import optimize
+from vinefab.search.optimizers.nsga2 import FrontFinder, NsgaConfig, ranking
+from vinefab.search.record.identity import RunIdentity
+from vinefab.search.record.store import RunStore
+from vinefab.search.settings import PartSettings, RunSettings
+
+Maps = tuple[Map, ...]
+VALUES = st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), min_size=1, max_size=15)
+
+
+@given(VALUES)
+def test_a_front_holds_just_what_nothing_beats(values: list[tuple[int, int]]) -> None:
+    worth, cost = np.array(values, dtype=float).T
+    kept = non_dominated(worth, cost[:, None])
+    for row, (w, c) in enumerate(values):
+        beaten = any(v >= w and d <= c and (v, d) != (w, c) for v, d in values)
+        first = values.index((w, c)) == row
+        assert kept[row] == (first and not beaten)
+
+
+def test_the_knee_and_points_along_a_front() -> None:
+    worth, cost = np.array([0.0, 0.5, 0.9, 1.0]), np.array([1.0, 2.0, 3.0, 10.0])
+    assert knee(worth, cost) == 2
+    assert spread_out(cost[::-1, None], 2) == [3, 0]
+    assert spread_out(cost[:, None], 9) == [0, 1, 2, 3]
+
+
+def test_a_front_that_does_not_bend_has_no_knee() -> None:
+    cost = np.linspace(3.0, 9.0, 7)
+    share = (cost - 3.0) / 6.0
+    assert knee(share**2, cost) is None  # sags
+    assert knee(5.0 + share, 100.0 * cost) is None  # straight
+    assert knee(share + 0.01 * np.sin(9.0 * share), cost) is None  # as good as straight
+    assert knee(np.sqrt(share), cost) is not None
+    assert knee(np.array([0.0, 1.0]), np.array([1.0, 2.0])) is None
+    assert knee(np.array([0.3]), np.array([1.0])) is None
+
+
+@given(VALUES, st.integers(1, 9), st.integers(-5, 5))
+def test_a_knee_is_above_the_line_between_the_ends_in_any_units(
+    values: list[tuple[int, int]], scale: int, shift: int
+) -> None:
+    worth, cost = np.array(values, dtype=float).T
+    found = knee(worth, cost)
+    assert knee(scale * worth + shift, 2.0 * scale * cost) == found
+    front = sorted(_unbeaten(values))
+    if found is None:
+        heights = [_height(front, point) for point in front[1:-1]]
+        assert max(heights, default=0.0) < 0.05 + 1e-9
+    else:
+        here = float(cost[found]), float(worth[found])
+        assert here in front[1:-1]
+        assert _height(front, here) == pytest.approx(max(_height(front, p) for p in front))
+
+
+def _unbeaten(values: list[tuple[int, int]]) -> set[tuple[int, int]]:
+    return {
+        (c, w)
+        for w, c in values
+        if not any(v >= w and d <= c and (v, d) != (w, c) for v, d in values)
+    }
+
+
+def _height(front: list[tuple[int, int]], point: tuple[float, float]) -> float:
+    """The vertical way from the line between the ends to a point, over the front's height."""
+    (c0, w0), (c1, w1) = front[0], front[-1]
+    on_line = w0 + (w1 - w0) * (point[0] - c0) / (c1 - c0)
+    return (point[1] - on_line) / (w1 - w0)
+
+
+def test_ranking_goes_front_by_front_ends_first_and_what_cannot_be_made_last() -> None:
+    worth = np.array([1.0, 2.0, 3.0, 0.5, -9.0, -5.0, 1.9])
+    cost = np.array([[1.0], [2.0], [3.0], [1.5], [0.1], [0.1], [2.5]])
+    order = ranking(worth, cost, lowest=0.0).tolist()
+    assert set(order[:3]) == {0, 1, 2}
+    assert order[2] == 1  # between the ends of its front
+    assert set(order[3:5]) == {3, 6}
+    assert order[5:] == [5, 4]
+
+
+def sphere_front(seed: int, generations: int) -> np.ndarray:
+    """What NSGA-II finds for -|x - a| against |x - b|: the way from a to b."""
+    a, b = np.full(4, 0.3), np.full(4, 0.7)
+    search = NsgaConfig().start(SearchAxes.plain(4), 24, seed)
+    assert isinstance(search, FrontFinder)
+    search.weigh(lambda x: np.linalg.norm(x - b, axis=1)[:, None], -10.0)
+    for _ in range(generations):
+        x = search.ask()
+        search.tell(x, -np.linalg.norm(x - a, axis=1))
+    return np.asarray(search.state()["parents"])
+
+
+def test_the_algorithm_finds_a_front_that_is_known() -> None:
+    x = sphere_front(1, 60)
+    ways = np.linalg.norm(x - 0.3, axis=1) + np.linalg.norm(x - 0.7, axis=1)
+    assert np.median(ways) < 1.03 * 0.8  # the straight way from a to b
+    assert x.mean(axis=1).min() < 0.36
+    assert x.mean(axis=1).max() > 0.64
+    assert np.array_equal(x, sphere_front(1, 60))
+    assert not np.array_equal(x, sphere_front(2, 60))
+
+
+def with_front(settings: RunSettings) -> RunSettings:
+    return replace(
+        settings, objectives=("coverage", "film_length"), optimizer=PartSettings(name="nsga2")
+    )
+
+
+def test_finalists_of_a_run_are_its_front(small: RunSettings, maps: Maps) -> None:
+    result = optimize(with_front(small), maps)
+    x = np.concatenate([g.x for g in result.history])
+    assert len(x) == 30
+    assert 2 <= len(result.finalists) <= 3
+    lengths = [film_length_mm(finalist.design) for finalist in result.finalists]
+    assert max(lengths) > 1.5 * min(lengths)
+    assert result.fabricable
+
+
+def test_a_front_is_the_same_after_a_stop(small: RunSettings, maps: Maps, tmp_path: Path) -> None:
+    settings = with_front(small)
+    whole = optimize(settings, maps)
+
+    def stop(progress: object) -> None:
+        if progress.generation == 2:
+            raise KeyboardInterrupt
+
+    identity = RunIdentity.of(settings, maps)
+    with RunStore.open(tmp_path, identity, maps=maps) as store, pytest.raises(KeyboardInterrupt):
+        optimize(settings, maps, store=store, progress=stop)
+    with RunStore.open(tmp_path, identity, maps=maps, resume=True) as store:
+        resumed = optimize(settings, maps, store=store)
+    assert resumed.best == whole.best
+    assert [f.fitness for f in resumed.finalists] == [f.fitness for f in whole.finalists]
+    assert len(resumed.history) == 5
+
+
+class Short:
+    """Designs over 700 mm of film are penalized, and those between 300 and 500 mm inspected out."""
+
+    def __call__(self, design: Design) -> float:
+        return max(0.0, film_length_mm(design) - 700.0) / 1000.0
+
+    def passes(self, design: Design) -> bool:
+        return not 300.0 < film_length_mm(design) < 500.0
+
+
+def test_every_design_of_a_front_can_be_made(fabricable: RunSettings, maps: Maps) -> None:
+    settings = with_front(replace(fabricable, search=replace(fabricable.search, population=20)))
+    result = optimize(settings, maps, penalty=Short())
+    for finalist in result.finalists:
+        assert Short()(finalist.design) == finalist.penalty == 0.0
+        assert Short().passes(finalist.design)
+
+
+def test_costs_of_a_design_done_by_hand() -> None:
+    fork = Level(branches=2, length_mm=50.0, fan_rad=1.0)
+    build = Build(widths_mm=(20.0, 10.0), fillet_mm=(2.0,))
+    design = Design(name="fork", trunk_length_mm=100.0, levels=(fork,), build=build)
+    assert film_length_mm(design) == 200.0
+    assert film_area_mm2(design) == 100.0 * 20.0 + 2 * 50.0 * 10.0
+
+
+@pytest.mark.parametrize(
+    ("objectives", "optimizer", "words"),
+    [
+        (("coverage", "film_lenght"), "nsga2", "did you mean 'film_length'"),
+        (("coverage", "reach"), "nsga2", "'coverage' and costs"),
+        (("coverage", "film_length", "film_length"), "nsga2", "each objective once"),
+        (("branches", "film_length"), "nsga2", "'coverage', among them"),
+        (("coverage",), "nsga2", "a cost beside the score"),
+        (("coverage", "branches"), "pso", "'nsga2' for several objectives"),
+    ],
+)
+def test_objectives_that_contradict_are_refused(
+    objectives: tuple[str, ...], optimizer: str, words: str
+) -> None:
+    with pytest.raises(BadInputError, match=words):
+        check_objectives(objectives, "coverage", optimizer)

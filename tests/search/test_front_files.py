@@ -1,0 +1,98 @@
+"""The front of a run as designs, JSON and a picture."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from vinefab.maps.generators.grid import grid_map
+from vinefab.model.tree import branch_tree
+from vinefab.pages.figure import svg_bytes
+from vinefab.search.front_files import front_json, front_lines, front_of, front_picture
+from vinefab.search.loop import optimize
+from vinefab.search.record.result import RunResult
+from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
+from vinefab.search.space import Bounds, SpaceSettings
+
+SETTINGS = RunSettings(
+    name="two",
+    space=SpaceSettings(levels=Bounds(low=1, high=3)),
+    optimizer=PartSettings(name="nsga2"),
+    search=SearchSettings(population=10, generations=3, seed=2),
+    evaluation=EvaluationSettings(fabricable=False, finalists=6, final_poses_per_map=1),
+    objectives=("coverage", "film_length", "branches"),
+)
+WORLD = grid_map(1)
+
+
+@pytest.fixture(scope="module")
+def result() -> RunResult:
+    return optimize(SETTINGS, (WORLD,))
+
+
+def test_a_front_rises_with_its_cost_and_none_beats_another(result: RunResult) -> None:
+    members = front_of(result, SETTINGS)
+    costs = [member.costs for member in members]
+    assert len(members) >= 2
+    assert [cost[0] for cost in costs] == sorted(cost[0] for cost in costs)
+    assert sum(member.is_knee for member in members) <= 1
+    assert len({member.design.name for member in members}) == len(members)
+    for one in members:
+        for other in members:
+            as_cheap = all(a <= b for a, b in zip(one.costs, other.costs, strict=True))
+            assert one is other or not (as_cheap and one.worth >= other.worth)
+
+
+def test_json_and_words_say_what_the_front_is(result: RunResult) -> None:
+    members = front_of(result, SETTINGS)
+    content = json.loads(front_json(members, result, SETTINGS))
+    assert content["schema"] == "vinefab/front-1"
+    assert [entry["better"] for entry in content["objectives"]] == ["larger", "smaller", "smaller"]
+    for entry, member in zip(content["designs"], members, strict=True):
+        assert entry["design"] == member.design.name
+        assert entry["film_length"] == member.costs[0]
+        assert entry["coverage"] == member.score.composite["mean"]
+    names = [member.design.name for member in members if member.is_knee]
+    assert content["knee"] == (names[0] if names else None)
+    lines = front_lines(members, SETTINGS)
+    assert len(lines) == len(members) + (1 if names else 2)
+
+
+def test_a_knee_is_named_where_there_is_one_and_missed_where_there_is_none(
+    result: RunResult,
+) -> None:
+    """The same finalists with worths that rise fast at first, and with worths that rise late."""
+    settings = replace(SETTINGS, objectives=("coverage", "film_length"))
+    by_cost = sorted(result.finalists, key=lambda f: branch_tree(f.design).total_length_mm)
+    assert len(by_cost) >= 4
+
+    def with_worths(power: float, count: int) -> RunResult:
+        shares = (index / (count - 1 or 1) for index in range(count))
+        finalists = (
+            replace(f, fitness=share**power) for f, share in zip(by_cost, shares, strict=False)
+        )
+        return replace(result, finalists=tuple(finalists))
+
+    members = front_of(with_worths(0.1, 4), settings)
+    assert [member.is_knee for member in members] == [False, True, False, False]
+    assert "  knee" in front_lines(members, settings)[2]
+    for power, count, why in (
+        (9.0, 4, "nowhere lies 5% above"),
+        (1.0, 2, "takes three designs"),
+        (1.0, 1, "takes three designs"),
+    ):
+        flat = with_worths(power, count)
+        members = front_of(flat, settings)
+        assert len(members) == count
+        assert not any(member.is_knee for member in members)
+        assert why in front_lines(members, settings)[-1]
+        assert json.loads(front_json(members, flat, settings))["knee"] is None
+        assert svg_bytes(front_picture(members, flat, settings, WORLD))
+
+
+def test_the_picture_is_the_same_every_time_also_for_a_front_of_one(result: RunResult) -> None:
+    members = front_of(result, SETTINGS)
+    pictures = [svg_bytes(front_picture(members, result, SETTINGS, WORLD)) for _ in range(2)]
+    assert pictures[0] == pictures[1]
+    alone = (replace(members[0], is_knee=True),)
+    assert svg_bytes(front_picture(alone, result, SETTINGS, WORLD)) != pictures[0]

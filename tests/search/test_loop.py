@@ -1,0 +1,297 @@
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from vinefab.core.errors import BadInputError
+from vinefab.growth.options import GrowthOptions
+from vinefab.model.design import Design
+from vinefab.model.map import Map
+from vinefab.search.axes import SearchAxes
+from vinefab.search.evaluation import INVALID_FITNESS
+from vinefab.search.evaluator import FINAL, TRAINING, Evaluator
+from vinefab.search.loop import AHEAD, Search, optimize, why_stop
+from vinefab.search.optimizers.optimizer import Optimizer
+from vinefab.search.optimizers.random_search import RandomSearch
+from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
+from vinefab.search.record.result import Generation, Progress, RunResult
+from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
+from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
+from vinefab.tasks.evaluate import Poses, score_design
+
+Maps = tuple[Map, ...]
+Penalty = Callable[[Design], float]
+
+
+def same(one: RunResult, other: RunResult) -> bool:
+    """Whether two runs agree in every number but the times."""
+    numbers = [
+        np.concatenate([np.r_[g.x.ravel(), g.fitness, g.penalty] for g in result.history])
+        for result in (one, other)
+    ]
+    return (
+        one.best == other.best
+        and np.array_equal(*numbers)
+        and one.score == other.score
+        and one.stopped == other.stopped
+    )
+
+
+def test_a_run_gives_a_named_design_and_its_whole_history(small: RunSettings, maps: Maps) -> None:
+    seen: list[Progress] = []
+    result = optimize(small, maps, progress=seen.append)
+    assert result.best.name == "small"
+    assert result.best.origin["run"] == result.run_id
+    assert result.best.origin["score_mean"] == result.score.composite["mean"]
+    assert [g.number for g in result.history] == [0, 1, 2, 3, 4]
+    assert result.evaluations == 30
+    assert [p.generation for p in seen] == [1, 2, 3, 4, 5]
+    assert seen[-1].best == max(g.fitness.max() for g in result.history)
+    assert seen[-1].left_s == 0.0
+    assert set(result.history[0].terms) == {"area", "count", "length", "film", "eta"}
+
+
+def test_the_number_of_workers_changes_nothing(small: RunSettings, maps: Maps) -> None:
+    assert same(optimize(small, maps), optimize(small, maps, workers=3))
+
+
+def test_the_seed_changes_the_run(small: RunSettings, maps: Maps) -> None:
+    other = replace(small, search=replace(small.search, seed=4))
+    assert not same(optimize(small, maps), optimize(other, maps))
+
+
+def test_a_generation_meets_the_same_poses_and_the_next_one_others(
+    small: RunSettings, maps: Maps
+) -> None:
+    trial = Evaluator.of(small, maps, None)
+    assert trial.poses(3, TRAINING, 0, 2) == trial.poses(3, TRAINING, 0, 2)
+    draws = [trial.poses(3, TRAINING, g, 2) for g in range(3)] + [trial.poses(3, FINAL, 0, 2)]
+    assert len(set(draws)) == 4
+    assert len({pose for draw in draws for poses in draw for pose in poses}) == 4 * 2 * 2
+
+
+def test_fitness_can_be_computed_again_from_the_record(small: RunSettings, maps: Maps) -> None:
+    trial = Evaluator.of(small, maps, None)
+    for redraw in (True, False):
+        settings = replace(small, evaluation=replace(small.evaluation, redraw=redraw))
+        last = optimize(settings, maps).history[4]
+        poses = trial.poses(3, TRAINING, 4 if redraw else 0, 1)
+        for x, fitness in zip(last.x, last.fitness, strict=True):
+            score = score_design(trial.space.design(x), trial.sites, poses, trial.task)
+            assert score.composite["mean"] == fitness
+
+
+def test_finalists_are_judged_on_fresh_poses_and_the_best_there_wins(
+    small: RunSettings, maps: Maps
+) -> None:
+    result = optimize(small, maps)
+    fitness = [finalist.fitness for finalist in result.finalists]
+    assert len(fitness) == 3
+    assert fitness == sorted(fitness, reverse=True)
+    trial = Evaluator.of(small, maps, None)
+    fresh = trial.poses(3, FINAL, 0, 2)
+    expected = score_design(result.finalists[0].design, trial.sites, fresh, trial.task)
+    assert result.score == expected
+    assert len(result.score.evaluations) == 4
+
+
+def test_the_winner_can_be_made_when_the_run_asks_for_it(
+    fabricable: RunSettings, small: RunSettings, maps: Maps, film_penalty: Penalty
+) -> None:
+    free = optimize(small, maps, penalty=film_penalty)
+    bound = optimize(fabricable, maps, penalty=film_penalty)
+    assert film_penalty(free.best) > 0.0
+    assert film_penalty(bound.best) == 0.0
+    assert bound.fabricable
+    for generation in bound.history:
+        possible = generation.penalty == 0.0
+        assert (generation.fitness[possible] >= -0.5).all()
+        assert (generation.fitness[~possible] < -0.5).all()
+
+
+def test_the_search_learns(small: RunSettings, maps: Maps) -> None:
+    longer = replace(small, search=replace(small.search, population=10, generations=15))
+    history = optimize(longer, maps).history
+    early = np.mean([g.composite.mean() for g in history[:2]])
+    late = np.mean([g.composite.mean() for g in history[-2:]])
+    assert late > early + 0.03
+
+
+def test_points_that_are_no_designs_are_worth_least_and_do_not_stop_the_run(
+    small: RunSettings, maps: Maps
+) -> None:
+    # 40 to 300 branches per parent on up to four levels: too many for some points.
+    wild = SpaceSettings(
+        levels=Bounds(low=1, high=4),
+        branches=Bounds(low=2, high=300),
+        length_mm=Bounds(low=1, high=2),
+    )
+    result = optimize(
+        replace(small, space=wild, search=SearchSettings(population=6, generations=1, seed=3)), maps
+    )
+    fitness = result.history[0].fitness
+    assert (fitness == INVALID_FITNESS).any()
+    assert np.isnan(result.history[0].composite[fitness == INVALID_FITNESS]).all()
+    assert result.score.composite["mean"] > -0.5
+
+
+def test_a_penalty_that_refuses_a_design_makes_it_invalid(
+    fabricable: RunSettings, maps: Maps
+) -> None:
+    def refusing(design: Design) -> float:
+        raise BadInputError("outline", design.name, "a design that can be laid out")
+
+    with pytest.raises(BadInputError, match="bounds that hold designs"):
+        optimize(fabricable, maps, penalty=refusing)
+    result = optimize(fabricable, maps, penalty=lambda d: math.nan if d.levels else 0.0)
+    assert result.best.levels == ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrayRecipe:
+    """A recipe for an optimizer that proposes what is outside the space."""
+
+    value: float = math.nan
+
+    def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
+        dimensions, value = len(axes), self.value
+
+        class Stray(RandomSearch):
+            def ask(self) -> np.ndarray:
+                return np.full((population, dimensions), value)
+
+        return Stray(dimensions, population, seed)
+
+
+@pytest.mark.parametrize("value", [math.nan, 1.5])
+def test_an_optimizer_that_strays_is_named(
+    small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch, value: float
+) -> None:
+    parts: Mapping[str, object] = {**OPTIMIZERS._parts, "stray": StrayRecipe}
+    monkeypatch.setattr(OPTIMIZERS, "_parts", parts)
+    stray = replace(small, optimizer=PartSettings(name="stray", parameters={"value": value}))
+    with pytest.raises(BadInputError, match="optimizer stray"):
+        optimize(stray, maps)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InPlaceRecipe:
+    """A recipe for an optimizer that always works in the same arrays, whoever holds them."""
+
+    def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
+        class InPlace(RandomSearch):
+            x = np.empty((population, len(axes)))
+
+            def ask(self) -> np.ndarray:
+                self.x[:] = super().ask()
+                return self.x
+
+            def tell(self, x: np.ndarray, fitness: np.ndarray) -> None:
+                super().tell(x, fitness)
+                x[:] = 0.0
+                fitness.sort()
+
+        return InPlace(len(axes), population, seed)
+
+
+def test_an_optimizer_may_work_in_what_it_hands_out_and_is_given(
+    small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parts: Mapping[str, object] = {**OPTIMIZERS._parts, "in_place": InPlaceRecipe}
+    monkeypatch.setattr(OPTIMIZERS, "_parts", parts)
+    usual = replace(small, optimizer=PartSettings(name="random"))
+    in_place = replace(small, optimizer=PartSettings(name="in_place"))
+    one, other = optimize(usual, maps), optimize(in_place, maps)
+    for known, found in zip(one.history, other.history, strict=True):
+        assert np.array_equal(known.x, found.x)
+        assert np.array_equal(known.fitness, found.fitness)
+    assert one.score == other.score
+
+
+@pytest.mark.parametrize("generations", [5, AHEAD])
+def test_poses_that_no_generation_needs_cannot_end_a_run(
+    small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch, generations: int
+) -> None:
+    """Those of another seed, and those after the last generation."""
+    settings = replace(small, search=replace(small.search, generations=generations))
+    draw, whole = Evaluator.training_poses, optimize(settings, maps)
+
+    def rare(trial: Evaluator, seed: int, generation: int) -> Poses:
+        if seed != settings.search.seed or generation >= generations:
+            raise BadInputError("starts", generation, "a start with free space in its range")
+        return draw(trial, seed, generation)
+
+    monkeypatch.setattr(Evaluator, "training_poses", rare)
+    assert same(whole, optimize(settings, maps))
+
+
+def test_runs_that_cannot_be_are_refused(
+    small: RunSettings, fabricable: RunSettings, maps: Maps
+) -> None:
+    with pytest.raises(BadInputError, match="at least one map"):
+        optimize(small, ())
+    with pytest.raises(BadInputError, match="a penalty function"):
+        optimize(fabricable, maps)
+    with pytest.raises(BadInputError, match="starts"):
+        optimize(small, (replace(maps[0], starts=()),))
+    with pytest.raises(BadInputError, match="workers"):
+        optimize(small, maps, workers=0)
+    fixed = SpaceSettings(
+        levels=Bounds(low=1, high=1), by_level={1: {"length_mm": Bounds(low=50, high=50)}}
+    )
+    with pytest.raises(BadInputError, match="every variable fixed"):
+        optimize(replace(small, space=fixed), maps)
+
+
+def test_what_no_search_could_help_is_refused_at_once(small: RunSettings, maps: Maps) -> None:
+    wide = replace(
+        small,
+        build=BuildSettings(trunk_width_mm=400.0),
+        growth=GrowthOptions(body="inflated"),
+    )
+    with pytest.raises(BadInputError, match="a trunk with room at a start"):
+        Search.of(wide, maps, None)
+    huge = SpaceSettings(levels=Bounds(low=10, high=10), branches=Bounds(low=9, high=10))
+    with pytest.raises(BadInputError, match="at most 100000 branches"):
+        Search.of(replace(small, space=huge), maps, None)
+
+
+def past(*best: float, seconds: float = 1.0) -> list[Generation]:
+    return [
+        Generation(
+            number=number,
+            x=np.zeros((1, 1)),
+            fitness=np.array([value]),
+            composite=np.array([value]),
+            penalty=np.zeros(1),
+            terms={},
+            seconds=seconds,
+        )
+        for number, value in enumerate(best)
+    ]
+
+
+def test_a_run_stops_for_each_of_its_reasons() -> None:
+    search = SearchSettings(generations=5, stall_generations=2, wall_time_s=10.0)
+    assert why_stop([], search) is None
+    assert why_stop(past(0.1, 0.2, 0.3, 0.4, 0.5), search) == "generations"
+    assert why_stop(past(0.1, 0.3, 0.2), search) is None
+    assert why_stop(past(0.1, 0.3, 0.2, 0.3), search) == "stall"
+    assert why_stop(past(0.1, 0.3, 0.2, 0.31), search) is None
+    assert why_stop(past(0.1, seconds=11.0), search) == "wall_time"
+    lenient = SearchSettings(generations=9, stall_generations=2, stall_tolerance=0.1)
+    assert why_stop(past(-0.1, -0.3, -0.095), lenient) == "stall"
+    assert why_stop(past(-0.1, -0.3, -0.08), lenient) is None
+    assert why_stop(past(0.1, 0.2, 0.3), SearchSettings(evaluations=4)) is None
+    assert why_stop(past(0.1, 0.2, 0.3), SearchSettings(evaluations=3)) == "evaluations"
+
+
+def test_settings_that_contradict_are_refused() -> None:
+    with pytest.raises(BadInputError, match="composite"):
+        EvaluationSettings(composite="median")
+    with pytest.raises(BadInputError, match="penalty_weight"):
+        EvaluationSettings(penalty_weight=0.0)
+    with pytest.raises(BadInputError, match="population"):
+        SearchSettings(population=1)

@@ -1,0 +1,137 @@
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileError
+from vinefab.search.settings import (
+    EvaluationSettings,
+    MapSettings,
+    PartSettings,
+    RunSettings,
+    SearchSettings,
+)
+from vinefab.search.space import Bounds, SpaceSettings
+from vinefab.studies.contest.contest_table import (
+    comparison_json,
+    comparison_svg,
+    comparison_table,
+    table_lines,
+)
+from vinefab.studies.contest.optimizer_contest import Contender, Contest, ContestRow, contest_rows
+
+TINY = RunSettings(
+    name="tiny",
+    maps=MapSettings(count=1),
+    space=SpaceSettings(levels=Bounds(low=2, high=2), branches=Bounds(low=2, high=2)),
+    search=SearchSettings(population=4, generations=2),
+    evaluation=EvaluationSettings(fabricable=False, finalists=2, final_poses_per_map=1),
+)
+CONTENDERS = tuple(
+    Contender(label=name, part=PartSettings(name=name)) for name in ("random", "pso")
+)
+CONTEST = Contest(problems=(TINY,), contenders=CONTENDERS, seeds=2, unseen=1, poses=1)
+
+
+def timeless(rows: list[ContestRow]) -> list[ContestRow]:
+    return [replace(row, optimizer_s=0.0, total_s=0.0) for row in rows]
+
+
+def test_contenders_meet_the_same_maps_and_every_number_its_own() -> None:
+    bouts = CONTEST.bouts()
+    assert [(b.contender, b.number) for b in bouts] == [
+        ("random", 0), ("pso", 0), ("random", 1), ("pso", 1),
+    ]  # fmt: skip
+    assert [b.settings.maps.seed for b in bouts] == [1, 1, 2, 2]
+    assert [b.settings.search.seed for b in bouts] == [1, 1, 2, 2]
+    assert len({b.key for b in bouts}) == 4
+
+
+def test_a_comparison_goes_on_where_it_was_cut_off(tmp_path: Path) -> None:
+    record, seen = tmp_path / "bouts.jsonl", []
+    whole = contest_rows(CONTEST, record, tell=lambda share, _: seen.append(share))
+    assert seen == [0.25, 0.5, 0.75, 1.0]
+    assert all(row.evaluations == 8 for row in whole)
+    text = record.read_text()
+    record.write_text(text[: text.rindex("{") + 30])  # killed while writing the last line
+    seen.clear()
+    again = contest_rows(CONTEST, record, tell=lambda share, _: seen.append(share))
+    assert seen == [1.0]
+    assert timeless(again) == timeless(whole)
+    assert contest_rows(CONTEST, record) == again
+
+
+def test_a_foreign_record_is_kept(tmp_path: Path) -> None:
+    record = tmp_path / "bouts.jsonl"
+    record.write_text("mine")
+    with pytest.raises(ForeignFileError):
+        contest_rows(CONTEST, record)
+    assert record.read_text() == "mine"
+    other = tmp_path / "other.jsonl"
+    other.write_text('{"generator": "written by vinefab"}\n{"a": 1}\n')
+    with pytest.raises(UnreadableFileError, match="no record of a comparison"):
+        contest_rows(CONTEST, other)
+
+
+def made_up(contest: Contest, worth: dict[str, np.ndarray]) -> list[ContestRow]:
+    return [
+        ContestRow(
+            key=bout.key,
+            problem=bout.settings.name,
+            contender=bout.contender,
+            number=bout.number,
+            unseen=float(worth[bout.contender][bout.number]),
+            fresh=0.5,
+            lucky=0.6,
+            penalty=0.0,
+            evaluations=8,
+            optimizer_s=0.1,
+            total_s=1.0,
+        )
+        for bout in contest.bouts()
+    ]
+
+
+def test_the_table_says_who_is_better_and_how_sure_that_is() -> None:
+    rng = np.random.default_rng(4)
+    base = rng.normal(0.5, 0.1, 12)
+    names = ("first", "better", "same")
+    worth = dict(zip(names, (base, base + 0.02 + 0.01 * rng.random(12), base), strict=True))
+    contest = Contest(
+        problems=(TINY, replace(TINY, name="other")),
+        contenders=tuple(Contender(label=n, part=PartSettings(name="random")) for n in names),
+        seeds=12,
+    )
+    rows = made_up(contest, worth)
+    table = comparison_table(contest, rows)
+    assert [entry["problem"] for entry in table] == ["tiny"] * 3 + ["other"] * 3 + ["all"] * 3
+    first, better, same = table[:3]
+    assert "difference" not in first
+    assert first["unseen"]["mean"] == pytest.approx(base.mean())
+    error = base.std() / np.sqrt(12)
+    assert first["unseen"]["high"] - first["unseen"]["mean"] == pytest.approx(1.96 * error, rel=0.2)
+    # All twelve pairs favour it: two-sided, 2 / 2^12, and two contenders are tested.
+    assert better["difference"]["p"] == pytest.approx(2 / 2**12)
+    assert better["difference"]["p_holm"] == pytest.approx(4 / 2**12)
+    assert 0.02 <= better["difference"]["low"] < better["difference"]["high"] <= 0.03
+    assert same["difference"]["p"] == 1.0
+    assert "+0.0" in table_lines(table)[1]
+    assert comparison_svg(contest, rows).startswith(b"<?xml")
+    assert '"vinefab/comparison-1"' in comparison_json(contest, rows)
+    assert asdict(rows[0])["key"] in comparison_json(contest, rows)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"seeds": 0}, "--seeds is 0"),
+        ({"contenders": ()}, "--optimizer"),
+        ({"contenders": CONTENDERS * 2}, "each once"),
+        ({"problems": (TINY, TINY)}, r"RUN\.toml"),
+        ({"problems": (replace(TINY, maps=MapSettings(files=(Path("a"),))),)}, "generated maps"),
+    ],
+)
+def test_comparisons_that_cannot_be_are_refused(change: dict[str, object], words: str) -> None:
+    with pytest.raises(BadInputError, match=words):
+        replace(CONTEST, **change)

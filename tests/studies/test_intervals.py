@@ -1,0 +1,104 @@
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from vinefab.studies.intervals import difference, interval, peak, ratio, seed_mean, spread
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+def test_the_interval_of_a_mean_is_that_of_the_normal_law(rng):
+    """Maps drawn independently, one pose, one run: the closed form is known."""
+    values = rng.normal(2.0, 1.0, (1, 400, 1))
+    found = interval(values)
+    half = norm.ppf(0.975) * values.std() / np.sqrt(400)
+    assert found.value == pytest.approx(values.mean())
+    assert (found.low, found.high) == pytest.approx(
+        (values.mean() - half, values.mean() + half), abs=0.01
+    )
+    assert found.held
+
+
+def test_poses_on_a_map_do_not_count_as_maps(rng):
+    """Copies of the same pose bring no confidence."""
+    values = rng.normal(0.0, 1.0, (1, 30, 1))
+    once, copied = interval(values), interval(np.repeat(values, 10, axis=2))
+    assert (copied.low, copied.high) == pytest.approx((once.low, once.high))
+
+
+def test_seeds_count_for_what_differs_between_them(rng):
+    """Runs far apart from each other leave a wide interval however many maps there are."""
+    runs = np.array([0.0, 1.0, 2.0, 3.0, 4.0])[:, None, None]
+    found = interval(runs + 0.01 * rng.normal(size=(5, 200, 1)))
+    assert found.high - found.low > 2.0
+
+
+def test_shared_maps_are_paired(rng):
+    """A small gain on every one of very different maps is seen only when maps are paired."""
+    maps = rng.normal(0.0, 1.0, (1, 25, 1))
+    better = maps + 0.05
+    assert difference(better, maps).held
+    assert difference(better, maps).low == pytest.approx(0.05)
+    assert difference(better, maps, same_maps=False).verdict == "not held: undecided"
+
+
+def test_paired_runs_are_drawn_together(rng):
+    """Every run gains a little over its pair; runs differ far more from each other."""
+    runs = rng.normal(0.0, 1.0, (6, 25, 1)) + rng.normal(0.0, 3.0, (6, 1, 1))
+    better = runs + 0.05
+    found = difference(better, runs, same_runs=True)
+    assert (found.low, found.high) == (pytest.approx(0.05), pytest.approx(0.05))
+    assert not difference(better, runs).held
+
+
+def test_p_agrees_with_the_normal_law_and_with_the_interval(rng):
+    values = rng.normal(0.0, 1.0, (1, 300, 1))
+    for shift in (-0.2, -0.05, 0.0, 0.03, 0.1, 0.3):
+        moved = values - values.mean() + shift
+        found = interval(moved)
+        known = 2.0 * norm.sf(abs(shift) / (values.std() / np.sqrt(300)))
+        assert found.p == pytest.approx(min(1.0, known), abs=0.03)
+        assert (found.p < 0.05) == (found.low > 0.0 or found.high < 0.0)
+
+
+@pytest.mark.parametrize("statistic", [seed_mean, spread, peak])
+def test_a_group_does_not_differ_from_itself(rng, statistic):
+    values = rng.normal(size=(1, 20, 3))
+    found = difference(values, values, statistic)
+    assert (found.value, found.low, found.high, found.above) == (0.0, 0.0, 0.0, 0.5)
+    assert not found.held
+
+
+def test_a_reversed_order_is_called_so(rng):
+    low, high = rng.normal(0.0, 0.1, (2, 3, 20, 2))
+    assert difference(low, high + 1.0).verdict == "not held: reversed"
+
+
+def test_spread_and_peak_are_those_of_each_run(rng):
+    values = rng.normal(size=(3, 40, 2))
+    flat = values.reshape(3, -1)
+    assert interval(values, spread).value == pytest.approx(flat.std(axis=1).mean())
+    assert interval(values, peak).value == pytest.approx(np.percentile(flat, 95, axis=1).mean())
+
+
+def test_a_ratio_is_that_of_the_means(rng):
+    first, second = rng.normal(2.0, 0.1, (1, 50, 3)), rng.normal(4.0, 0.1, (1, 6, 3))
+    found = ratio(first, second)
+    assert found.value == pytest.approx(first.mean() / second.mean() - 1.0)
+    assert found.low < -0.5 < found.high or abs(found.value + 0.5) < 0.05
+    beyond = ratio(first, second, beyond=-0.6)
+    assert beyond.value == pytest.approx(found.value + 0.6)
+    assert beyond.held
+
+
+def test_intervals_cover_the_truth_as_often_as_they_say():
+    """Of 100 intervals of 95 %, 88 or more hold the true mean: fewer has a chance of 0.1 %."""
+    rng = np.random.default_rng(8)
+    held = 0
+    for _ in range(100):
+        found = interval(rng.normal(0.0, 1.0, (1, 60, 1)))
+        held += found.low <= 0.0 <= found.high
+    assert held >= 88

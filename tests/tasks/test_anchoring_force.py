@@ -1,0 +1,210 @@
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from shapely import box
+
+from vinefab.core.errors import BadInputError
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.simulator import grow
+from vinefab.maps.generators.cave import cave_map
+from vinefab.maps.generators.grid import grid_map
+from vinefab.maps.poses import draw_poses
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.design import Build, Design, Level, Pouch
+from vinefab.model.map import Map, Pose
+from vinefab.physics.anchoring import amplification_interval, tip_force_n
+from vinefab.tasks.anchoring_force import Anchoring
+from vinefab.tasks.evaluate import PreparedMap, score_design
+from vinefab.tasks.leaves import path_turn_rad, tip_gaps_mm
+from vinefab.tasks.map_context import MapContext
+
+Ended = Callable[..., Deployment]
+LINE = [(0, 0), (10, 10)]
+POUCH = Anchoring(pouch_length_mm=30.0, pouch_width_mm=40.0)
+"""Inflates to 25.5 mm."""
+
+
+@pytest.fixture
+def corridor() -> MapContext:
+    """A corridor of 1000 x 20 mm."""
+    return MapContext.of(Map(name="corridor", bounds=box(0, 0, 1000, 20)))
+
+
+def test_turns_add_up_along_each_path_and_leaves_add_up(
+    fork: Design, ended: Ended, room_ground: MapContext
+) -> None:
+    end = ended(fork, [LINE] * 3, turns=[1.0, 0.5, 2.0])
+    score, terms = Anchoring(friction=0.3).evaluate(end, room_ground)
+    assert score == pytest.approx(math.exp(0.3 * 1.5) + math.exp(0.3 * 3.0))
+    assert terms["engaged"] == 2
+    assert terms["largest_turn_rad"] == pytest.approx(3.0)
+
+
+def test_joint_angles_count_on_request(fork: Design, ended: Ended, room_ground: MapContext) -> None:
+    end = ended(fork, [LINE] * 3, turns=[1.0, 0.5, 2.0])
+    score, _ = Anchoring(friction=0.3, count_joint_angles=True).evaluate(end, room_ground)
+    assert score == pytest.approx(math.exp(0.3 * (1.5 + 0.5)) + math.exp(0.3 * (3.0 + 0.5)))
+
+
+def test_a_leaf_that_did_not_emerge_holds_nothing(
+    fork: Design, ended: Ended, room_ground: MapContext
+) -> None:
+    end = ended(fork, [LINE, LINE, None], turns=[0.0, 0.0, 0.0])
+    assert Anchoring().evaluate(end, room_ground)[0] == pytest.approx(1.0)
+    nothing = ended(fork, [LINE, None, None])
+    assert Anchoring().evaluate(nothing, room_ground)[0] == 0.0
+    assert POUCH.evaluate(nothing, room_ground)[0] == 0.0
+
+
+def six(ended: Ended, turns: Sequence[float]) -> Deployment:
+    levels = tuple(Level(branches=k, length_mm=50.0, fan_rad=1.0) for k in (2, 3))
+    design = Design(name="six", trunk_length_mm=100.0, levels=levels, build=Build.standard(3))
+    return ended(design, [LINE] * 9, turns=[0.0] * 3 + list(turns))
+
+
+def test_six_branches_without_turns_hold_six_times_one(
+    ended: Ended, room_ground: MapContext
+) -> None:
+    assert Anchoring().evaluate(six(ended, [0.0] * 6), room_ground)[0] == pytest.approx(6.0)
+
+
+def test_the_papers_figures_come_out(ended: Ended, room_ground: MapContext) -> None:
+    """6.86 for six branches alike; 5.72 and 4.57 for five and four of them."""
+    turn = math.log(6.86 / 6.0) / 0.3
+    score, terms = Anchoring(friction=0.3).evaluate(six(ended, [turn] * 6), room_ground)
+    assert score == pytest.approx(6.86)
+    assert terms["low"] == pytest.approx(4.0 * math.exp(0.2 * turn))
+    assert 4.0 < terms["low"] < 4.57 < score < terms["high"]
+
+
+def test_the_interval_is_that_of_the_physics(ended: Ended, room_ground: MapContext) -> None:
+    turns = [0.1, 2.0, 0.7, 3.0, 0.0, 1.5]
+    _, terms = Anchoring().evaluate(six(ended, turns), room_ground)
+    interval = amplification_interval(turns, 4)
+    assert terms["low"] == pytest.approx(interval.low)
+    assert terms["high"] == pytest.approx(interval.high)
+
+
+def test_turns_reach_the_third_level(ended: Ended) -> None:
+    levels = (Level(branches=2, length_mm=50.0, fan_rad=1.0),) * 2
+    design = Design(name="deep", trunk_length_mm=100.0, levels=levels, build=Build.standard(3))
+    turns = [1.0, 10.0, 20.0, 100.0, 200.0, 300.0, 400.0]
+    total = path_turn_rad(ended(design, [LINE] * 7, turns=turns))
+    assert total.tolist() == [1.0, 11.0, 21.0, 111.0, 211.0, 321.0, 421.0]
+
+
+def test_only_pouches_wider_than_their_gap_are_engaged(
+    fork: Design, ended: Ended, corridor: MapContext, room_ground: MapContext
+) -> None:
+    chains = [[(10, 10), (100, 10)], [(100, 10), (200, 10)], [(100, 10), (150, 0), (300, 0)]]
+    end = ended(fork, chains)
+    score, terms = POUCH.evaluate(end, corridor)
+    assert (score, terms["leaves"], terms["engaged"]) == (2.0, 2.0, 2.0)
+    # Inflated 2 w / pi = 20 mm at w = 31.4: narrower than the corridor below that.
+    for width, engaged in ((31.3, 0.0), (31.5, 2.0)):
+        task = replace(POUCH, pouch_width_mm=width)
+        assert task.evaluate(end, corridor)[0] == engaged
+    assert POUCH.evaluate(end, room_ground)[1] == terms | {"engaged": 0.0, "low": 0.0, "high": 0.0}
+
+
+def test_a_leaf_that_was_stopped_counts_unless_its_pouch_must_have_come_out(
+    fork: Design, ended: Ended, corridor: MapContext
+) -> None:
+    end = ended(fork, [[(10, 10), (100, 10)], [(100, 10), (200, 10)], [(100, 10), (140, 20)]])
+    stop = np.array([Stop.FULL_LENGTH, Stop.FULL_LENGTH, Stop.HEAD_ON])
+    stuck = replace(end, stop=stop)
+    assert POUCH.evaluate(stuck, corridor)[0] == 2.0
+    assert replace(POUCH, only_full_length=True).evaluate(stuck, corridor)[0] == 1.0
+
+
+def test_a_tip_on_a_wall_has_its_gap_on_the_free_side(
+    fork: Design, ended: Ended, pillar_room: Map
+) -> None:
+    ground = MapContext.of(pillar_room)
+    # Along the pillar's lower side; towards it; in the open under it; past its lower right corner.
+    for chain, gap in (
+        ([(100, 100), (200, 100)], 100.0),
+        ([(200, 50), (200, 100)], 400.0),
+        ([(100, 50), (200, 50)], 100.0),
+        ([(200, 100), (250, 100)], 100.0),
+        ([(250, 150), (250, 180)], 150.0 - 0.0),
+    ):
+        end = ended(fork, [chain, None, None])
+        assert tip_gaps_mm(end, np.array([0]), ground)[0] == pytest.approx(gap, abs=2e-3)
+
+
+@pytest.mark.parametrize("body", ["centerline", "inflated"])
+def test_gaps_of_grown_robots_agree_with_polygons(body: str) -> None:
+    fan = Level(branches=4, length_mm=90.0, fan_rad=2.0, growth=0.8)
+    tree = Design(name="t", trunk_length_mm=150.0, levels=(fan, fan), build=Build.standard(3, 24.0))
+    checked = 0
+    for world in (grid_map(1), cave_map(1)):
+        site = PreparedMap.of(world)
+        for pose in draw_poses(world, 3, 1, clearance_mm=8.0):
+            end = grow(tree, site.terrain, pose, GrowthOptions(body=body))
+            leaves = np.flatnonzero(end.tree.is_leaf & end.deployed & (end.grown_mm > 1.0))
+            gaps = tip_gaps_mm(end, leaves, site.ground)
+            for leaf, gap in zip(leaves.tolist(), gaps.tolist(), strict=True):
+                assert gap == pytest.approx(by_polygons(end, leaf, site.ground), abs=1e-5)
+                checked += 1
+    assert checked > 40
+
+
+def by_polygons(end: Deployment, leaf: int, ground: MapContext) -> float:
+    """The same gap from the free space cut by a long line."""
+    before, tip = end.chain_mm(leaf)[-2:]
+    along = (tip - before) / np.hypot(*(tip - before))
+    tip = tip - 1e-3 * along
+    across = 5000.0 * np.array([-along[1], along[0]])
+    line = shapely.LineString([tip - across, tip + across])
+    parts = shapely.get_parts(shapely.intersection(ground.free, line))
+    near = parts[shapely.distance(parts, shapely.Point(tip)) < 1e-6]
+    return float(shapely.length(near).max(initial=0.0))
+
+
+def test_the_designs_own_pouch_is_used_and_film_and_seam_are_the_limit() -> None:
+    pouch = Pouch(shape="rectangle", length_mm=30.0, width_mm=40.0)
+    build = replace(Build.standard(1, 20.0), pouch=pouch, pressure_kpa=30.0)
+    vine = Design(name="vine", trunk_length_mm=300.0, build=build)
+    site = PreparedMap.of(Map(name="corridor", bounds=box(0, 0, 1000, 20)))
+    poses = ((Pose(x_mm=10.0, y_mm=10.0, heading_rad=0.0),),)
+
+    def terms(task: Anchoring, design: Design = vine) -> dict[str, float]:
+        (evaluation,) = score_design(design, [site], poses, task).evaluations
+        return {"score": evaluation.score, **evaluation.terms}
+
+    contact_mm2 = 30.0 * (40.0 - math.pi * 20.0 / 2.0)
+    force_n = tip_force_n(30.0, contact_mm2, 0.3)
+    assert terms(Anchoring())["force_n"] == pytest.approx(force_n)
+    # A seam that stands 0.01 N/mm on the branch's 40 mm of circumference: 0.4 N.
+    held = terms(Anchoring(seam_n_mm=0.01, film_n_mm=1.0))
+    assert held["force_n"] == pytest.approx(0.4)
+    assert held["score"] == pytest.approx(0.4 / force_n)
+    assert held["capped"] == 1.0
+    small = replace(pouch, width_mm=30.0)
+    narrow = replace(vine, build=replace(build, pouch=small))
+    assert terms(Anchoring(), narrow)["engaged"] == 0.0
+    bare = replace(vine, build=replace(build, pouch=None))
+    assert terms(Anchoring(), bare)["engaged"] == 1.0
+    assert terms(Anchoring(), bare)["force_n"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("parameters", "key"),
+    [
+        ({"friction": math.nan}, "friction"),
+        ({"friction": 0.1}, "friction_low"),
+        ({"friction_high": 0.2}, "friction_high"),
+        ({"pouch_width_mm": 30.0}, "pouch_length_mm"),
+        ({"pouch_length_mm": 30.0}, "pouch_width_mm"),
+        ({"seam_n_mm": -1.0}, "seam_n_mm"),
+    ],
+)
+def test_parameters_that_contradict_are_refused(parameters: dict[str, float], key: str) -> None:
+    with pytest.raises(BadInputError) as caught:
+        Anchoring(**parameters)
+    assert caught.value.key == f"task.{key}"

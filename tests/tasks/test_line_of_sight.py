@@ -1,0 +1,117 @@
+"""What sensors see past walls, held against rays walked point by point."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from vinefab.maps.generators.cave import cave_map
+from vinefab.maps.generators.grid import grid_map
+from vinefab.model.map import Map
+from vinefab.tasks.line_of_sight import _hit, seen_areas
+from vinefab.tasks.map_context import MapContext
+
+DISC = math.pi * 80.0**2
+
+
+def area(ground: MapContext, x: float, y: float, radius: float = 80.0) -> float:
+    areas, union = seen_areas(np.array([[x, y]]), radius, ground.edges_mm)
+    assert union.area == pytest.approx(areas[0], rel=1e-6)
+    return float(areas[0])
+
+
+@pytest.mark.parametrize(
+    ("place", "share"), [((500, 500), 1.0), ((0, 500), 0.5), ((0, 0), 0.25), ((1000, 1000), 0.25)]
+)
+def test_open_rooms_walls_and_corners(
+    room_ground: MapContext, place: tuple[float, float], share: float
+) -> None:
+    assert area(room_ground, *place) == pytest.approx(share * DISC, rel=1e-5)
+
+
+def test_a_pillar_hides_what_is_behind_it(pillar_room: Map) -> None:
+    ground = MapContext.of(pillar_room)
+    # On the corner of the pillar: three quarters of the disc. In front of it: the disc, less what
+    # is beyond the pillar's lower side.
+    assert area(ground, 150.0, 100.0) == pytest.approx(0.75 * DISC, rel=1e-5)
+    depth = 100.0 - 60.0
+    segment = 80.0**2 * math.acos(depth / 80.0) - depth * math.sqrt(80.0**2 - depth**2)
+    below = 20.0
+    floor = 80.0**2 * math.acos((80.0 - below) / 80.0) - (80.0 - below) * math.sqrt(
+        80.0**2 - (80.0 - below) ** 2
+    )
+    # The pillar is 100 wide: at 40 mm from it the disc is 138 wide, 19 more on either side. What
+    # is there is seen up to the lines from the sensor past the pillar's corners.
+    expected = DISC - segment - floor
+    past = 2.0 * sum_past_corner(50.0, 40.0, 80.0)
+    assert area(ground, 200.0, 60.0) == pytest.approx(expected + past, rel=1e-6)
+
+
+def sum_past_corner(across: float, ahead: float, radius: float) -> float:
+    """Area of the disc beyond a wall's line and outside the line past its corner."""
+    begin = math.atan2(ahead, across)
+    end = math.asin(ahead / radius)
+    sector = 0.5 * radius**2 * (begin - end)
+    on_line = math.sqrt(radius**2 - ahead**2)
+    return sector - 0.5 * ahead * (on_line - across)
+
+
+def by_rays(free, x: float, y: float, radius: float, count: int = 3600) -> float:
+    """Area seen, from the first meeting of many rays with the border: a second way."""
+    border = free.boundary
+    total = 0.0
+    for angle in (np.arange(count) + 0.5) * 2.0 * math.pi / count:
+        end = (x + radius * math.cos(angle), y + radius * math.sin(angle))
+        hits = shapely.get_coordinates(
+            shapely.intersection(border, shapely.LineString([(x, y), end]))
+        )
+        depth = np.hypot(*(hits - (x, y)).T).min(initial=radius)
+        total += 0.5 * depth**2 * 2.0 * math.pi / count
+    return total
+
+
+def test_generated_maps_agree_with_many_rays() -> None:
+    for world in (grid_map(2), cave_map(2)):
+        ground = MapContext.of(world)
+        rng = np.random.default_rng(1)
+        places = rng.uniform(0.0, 500.0, (400, 2))
+        inside = shapely.contains_xy(ground.free.buffer(-1.0), places[:, 0], places[:, 1])
+        for x, y in places[inside][:4].tolist():
+            expected = by_rays(ground.free, x, y, 50.0)
+            assert area(ground, x, y, 50.0) == pytest.approx(expected, rel=5e-3)
+
+
+def test_what_is_seen_lies_in_free_space_and_overlaps_once() -> None:
+    ground = MapContext.of(grid_map(4))
+    rng = np.random.default_rng(3)
+    places = rng.uniform(0.0, 500.0, (300, 2))
+    places = places[shapely.contains_xy(ground.free, places[:, 0], places[:, 1])][:30]
+    areas, union = seen_areas(places, 60.0, ground.edges_mm)
+    assert union.is_valid
+    assert union.area < areas.sum()
+    assert union.difference(ground.free).area < 1e-3 * union.area
+    discs = shapely.union_all(shapely.buffer(shapely.points(places), 60.0, quad_segs=64))
+    assert union.difference(discs.buffer(0.1)).area < 1e-6
+
+
+def test_walls_seen_edge_on_hide_nothing_and_stop_nothing() -> None:
+    """Tips slide along walls: sensors lie on lines of walls, to the last digit or nearly."""
+    hole = shapely.box(400, 400, 600, 600)
+    ground = MapContext.of(
+        Map(name="edge", bounds=shapely.box(0, 0, 1000, 1000), obstacles=(hole,))
+    )
+    for below in (0.0, 1e-13, 1e-9, 3e-6):
+        for x, away in ((350.0, 50.0), (400.0, 0.0), (600.0, 0.0), (620.0, 20.0)):
+            segment = 80.0**2 * math.acos(away / 80.0) - away * math.sqrt(80.0**2 - away**2)
+            expected = DISC - 0.5 * segment
+            assert area(ground, x, 400.0 - below) == pytest.approx(expected, rel=1e-5)
+        assert area(ground, 450.0, 400.0 - below) == pytest.approx(0.5 * DISC, rel=1e-5)
+
+
+def test_a_ray_along_a_wall_meets_it_between_its_ends() -> None:
+    first, along = np.array([3.0, 0.0]), np.array([2.0, 0.0])
+    for angle in (0.0, 1e-300, 1e-17, math.pi):
+        place = _hit(angle, first, along)
+        assert 3.0 <= place[0] <= 5.0
+        assert place[1] == 0.0

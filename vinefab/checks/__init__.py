@@ -1,1 +1,0 @@
-"""Design rules: outline, design and profile in, findings out."""

@@ -1,0 +1,256 @@
+"""The main job at small size: from training maps to files for the laser and the printer."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import bootstrap
+
+from vinefab.core.atomic import write_bytes
+from vinefab.core.jsontext import json_text
+from vinefab.core.rng import child
+from vinefab.fabrication.package.package_files import zip_bytes
+from vinefab.fabrication.package.prepare import package
+from vinefab.growth.options import GrowthOptions
+from vinefab.maps.generators.grid import GridOptions, grid_map
+from vinefab.model.design import Design
+from vinefab.model.files.design_toml import design_text, read_design
+from vinefab.model.files.map_geojson import map_text
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
+from vinefab.model.map import Map
+from vinefab.model.score import Score
+from vinefab.prediction.deployments import PredictionPlan
+from vinefab.prediction.map_families import MapFamily
+from vinefab.prediction.measures import REACH
+from vinefab.prediction.predict import Predicted, predict
+from vinefab.prediction.provenance import origin_of
+from vinefab.prediction.scoring import ScorePlan as ScoreTrials
+from vinefab.prediction.scoring import score_design_on_task
+from vinefab.rig.make import RigFiles, make_rig
+from vinefab.rig.options import RigOptions
+from vinefab.rig.printer import read_printer
+from vinefab.search.record.result import Progress, RunResult
+from vinefab.search.run import progress_words, run_search, training_maps
+from vinefab.search.search_sections import search_section, unseen_section
+from vinefab.search.settings import (
+    EvaluationSettings,
+    MapSettings,
+    PartSettings,
+    RunSettings,
+    SearchSettings,
+)
+from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
+
+Tell = Callable[[float, str], None]
+"""Called with the share of the whole job that is done and a few words."""
+
+_FIRST_UNSEEN = 100_001
+_POSES = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoSettings:
+    """How large the demonstration is.
+
+    Parameters
+    ----------
+    seed
+        Seed of maps, search and poses.
+    training, unseen
+        Number of maps to train on and to test on.
+    population, generations
+        Size of the search.
+    workers
+        Threads of the search; no result depends on it.
+    """
+
+    seed: int = 1
+    training: int = 4
+    unseen: int = 6
+    population: int = 32
+    generations: int = 40
+    workers: int = 2
+
+    def run(self) -> RunSettings:
+        """Return the run of the optimizer.
+
+        Narrower than Table 1 of the paper: at most three levels and four children, so that the
+        winner has a size that a person can cut, mount and deploy on a bench.
+        """
+        return RunSettings(
+            name="demo_winner",
+            maps=MapSettings(environment="grid", count=self.training, seed=self.seed),
+            task=PartSettings(name="coverage"),
+            space=SpaceSettings(
+                levels=Bounds(low=2, high=3),
+                length_mm=Bounds(low=40.0, high=180.0),
+                angle_deg=Bounds(low=40.0, high=160.0),
+                branches=Bounds(low=2, high=4),
+                growth_percent=Bounds(low=60.0, high=140.0),
+            ),
+            build=BuildSettings(trunk_width_mm=24.0, width_ratio=0.65),
+            growth=GrowthOptions(body="inflated"),
+            search=SearchSettings(
+                population=self.population, generations=self.generations, seed=self.seed
+            ),
+            evaluation=EvaluationSettings(poses_per_map=2, fabricable=True),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Demo:
+    """What the demonstration found.
+
+    Parameters
+    ----------
+    result
+        The search.
+    training, unseen, baseline
+        Scores of the winner on the training maps and on unseen ones, and of a plain vine on the
+        unseen ones.
+    predicted
+        Deployments on unseen maps, job and check.
+    rig
+        The rig of the first unseen map.
+    files
+        What was written, as paths relative to the folder.
+    """
+
+    result: RunResult
+    training: Score
+    unseen: Score
+    baseline: Score
+    predicted: Predicted
+    rig: RigFiles
+    files: tuple[str, ...]
+
+    @property
+    def made(self) -> bool:
+        """Whether the winner passed every rule that would have kept it from being cut."""
+        return not self.predicted.prepared.report.blocking
+
+    def table(self) -> tuple[tuple[str, str], ...]:
+        """Return the result as rows of name and value."""
+        best, report = self.result.best, self.predicted.prepared.report
+        reach = self.predicted.main.outcomes.spread(REACH)
+        return (
+            ("winner", f"{best.branch_count} branches on {best.depth} levels"),
+            ("coverage score, training maps", f"{demo_interval_text(self.training)} (simulated)"),
+            ("coverage score, unseen maps", f"{demo_interval_text(self.unseen)} (simulated)"),
+            (
+                "coverage score, plain vine, unseen",
+                f"{demo_interval_text(self.baseline)} (simulated)",
+            ),
+            (
+                "free space reached, unseen maps",
+                f"{REACH.text(reach.mean)} (simulated)" if reach else "none",
+            ),
+            ("design rules", f"{len(report.blocking)} block the cut, {len(report.run)} run"),
+            ("rig", f"{len(self.rig.rig.parts)} parts to print"),
+        )
+
+
+def run_demo(
+    folder: Path, settings: DemoSettings, tell: Tell, announce: Callable[[str], None]
+) -> Demo:
+    """Run the main job and write everything into a folder.
+
+    Parameters
+    ----------
+    folder
+        An empty folder.
+    settings
+        How large.
+    tell
+        Called as the work goes on.
+    announce
+        Called with a line about each step that begins.
+
+    Raises
+    ------
+    ReadBackError, CannotWriteError
+        If a file is not what it should be or cannot be written.
+    """
+    run = settings.run()
+    announce(
+        f"training on {run.maps.count} generated maps: {run.search.generations} generations "
+        f"of {run.search.population} designs"
+    )
+    unseen = tuple(
+        grid_map(_FIRST_UNSEEN + settings.seed + index, GridOptions())
+        for index in range(settings.unseen)
+    )
+
+    def tell_search(progress: Progress) -> None:
+        tell(0.05 + 0.55 * progress.generation / progress.generations, progress_words(progress))
+
+    result = run_search(run, folder / "run", workers=settings.workers, tell=tell_search)
+    tell(0.6, "testing the winner on unseen maps")
+    announce(f"testing the winner on {len(unseen)} maps that it never saw")
+    scores = _scores(result.best, run, unseen)
+    predicted = predict(
+        result.best,
+        read_profile(DEFAULT_RECIPE),
+        [MapFamily(label=f"{len(unseen)} unseen grid maps", worlds=unseen)],
+        PredictionPlan(poses=_POSES, seed=settings.seed, options=run.growth),
+        lambda share, words: tell(0.6 + 0.15 * share, words),
+    )
+    tell(0.75, "making the rig")
+    announce(f"making the printable rig of {unseen[0].name}")
+    rig = make_rig(unseen[0], read_printer(DEFAULT_PRINTER), RigOptions())
+    tell(0.8, "writing the package and the report")
+    announce("writing the fabrication package and the report")
+    demo = Demo(result=result, predicted=predicted, rig=rig, files=(), **scores)
+    return replace(demo, files=_write(folder, demo, run, unseen))
+
+
+def demo_interval_text(score: Score) -> str:
+    """Return a mean with its 95 % bootstrap interval over the evaluations."""
+    low, high = bootstrap_interval(score)
+    return f"{score.composite['mean']:.3f} [{low:.3f}, {high:.3f}]"
+
+
+def bootstrap_interval(score: Score) -> tuple[float, float]:
+    """Return the 95 % percentile bootstrap interval of the mean score, 2000 resamples."""
+    values = score.scores
+    if np.ptp(values) == 0.0:
+        return float(values[0]), float(values[0])
+    interval = bootstrap(
+        (values,), np.mean, n_resamples=2000, method="percentile", rng=child(0, 1701)
+    ).confidence_interval
+    return float(interval.low), float(interval.high)
+
+
+def _scores(best: Design, run: RunSettings, unseen: tuple[Map, ...]) -> dict[str, Score]:
+    trials = ScoreTrials(task=run.task.name, poses=_POSES, seed=run.search.seed)
+    return {
+        "training": score_design_on_task(best, training_maps(run), trials, run.growth),
+        "unseen": score_design_on_task(best, unseen, trials, run.growth),
+        "baseline": score_design_on_task(read_design("plain_vine"), unseen, trials, run.growth),
+    }
+
+
+def _write(folder: Path, demo: Demo, run: RunSettings, unseen: tuple[Map, ...]) -> tuple[str, ...]:
+    training = training_maps(run)
+    texts = {f"maps/training_{world.name}.geojson": map_text(world) for world in training}
+    texts |= {f"maps/unseen_{world.name}.geojson": map_text(world) for world in unseen}
+    texts["run/best.toml"] = design_text(demo.result.best)
+    rig = (demo.rig.section,) if demo.rig.section else ()
+    more = (unseen_section(demo.table()), search_section(demo.result, training), *rig)
+    field = MapFamily(label=demo.predicted.main.place.label, worlds=unseen)
+    command = f"vinefab demo --seed {run.search.seed} --generations {run.search.generations}"
+    command += f" --population {run.search.population}"
+    origin = origin_of(command, [demo.result.best], demo.predicted.prepared.profile, [field])
+    texts["report.html"] = demo.predicted.page(origin, more)
+    texts["results.json"] = json_text("vinefab/demo-1", {"results": dict(demo.table())})
+    files = {name: text.encode() for name, text in texts.items()}
+    files |= {f"rig/{name}": data for name, data in demo.rig.files.items()}
+    if demo.made:
+        parts = package(demo.predicted.prepared)
+        files |= {f"package/{name}": data for name, data in parts.items()}
+        files["package.zip"] = zip_bytes(parts, "package")
+    for name, data in files.items():
+        write_bytes(folder / name, data)
+    return ("run/run.sqlite", *files)

@@ -1,1 +1,0 @@
-"""Generators of maps and the geometry that turns imported data into maps."""

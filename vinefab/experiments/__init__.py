@@ -1,1 +1,0 @@
-"""The paper's experiments, each a short script over the rooms above."""

@@ -1,1 +1,0 @@
-"""The only room that knows the file formats going out."""

@@ -1,0 +1,1 @@
+"""From a design to a checked fabrication package; never loads the simulator."""

@@ -1,0 +1,1 @@
+"""Coupons out, readings in, a calibrated recipe out."""

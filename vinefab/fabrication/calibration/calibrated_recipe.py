@@ -1,0 +1,177 @@
+"""What `vinefab calibrate` writes and says."""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.jsontext import GENERATOR, json_text
+from vinefab.fabrication.calibration.estimate import Estimate
+from vinefab.fabrication.calibration.fit_recipe import Calibration
+from vinefab.fabrication.package.job_json import plain_quantity
+from vinefab.model.files.profile_toml import profile_of
+from vinefab.model.files.shipped import locate
+from vinefab.model.files.toml import read_toml
+from vinefab.model.laser import EnergyWindow, Quantity, RecipeStatus
+
+_OWN_TABLES = ("measured", "growth", "coupons")
+
+
+def calibrated_text(
+    recipe: str | Path,
+    out: Path,
+    numbers: Mapping[str, Estimate],
+    *,
+    windows: Sequence[EnergyWindow],
+    status: RecipeStatus,
+    results: Path,
+) -> str:
+    """Return a recipe file with fitted numbers, as text.
+
+    Parameters
+    ----------
+    recipe
+        Path or name of the recipe that the coupons were cut with.
+    out
+        Where it will lie; its name is the recipe's name.
+    numbers
+        Fitted numbers by their place, as in `fit_recipe.Calibration`.
+    windows
+        Line energies that came out right; none keeps those of the recipe.
+    status
+        How far it has been tried.
+    results
+        Where the readings are, for the record.
+
+    Raises
+    ------
+    BadInputError
+        If ``out`` does not end in ``.toml``.
+    """
+    if out.suffix != ".toml":
+        raise BadInputError("--out", str(out), "a file that ends in .toml")
+    document = read_toml(locate("recipe", recipe))
+    before = document["name"]
+    document["name"] = out.stem
+    document["status"] = str(status)
+    document["source"] = f"{before}, calibrated with {results.name}; before: {document['source']}"
+    for place, estimate in numbers.items():
+        table, key = place.split(".")
+        target = _table(document, table)
+        target[key] = _number(estimate, results)
+    if windows:
+        _table(document, "coupons")["windows"] = [_window(window, results) for window in windows]
+    return f"# {GENERATOR}\n{tomli_w.dumps(document)}"
+
+
+def _table(document: dict[str, Any], name: str) -> dict[str, Any]:
+    if name in _OWN_TABLES:
+        found: dict[str, Any] = document.setdefault(name, {})
+        return found
+    operations: dict[str, Any] = document["operations"]
+    sealed: dict[str, Any] = operations[name] if name in operations else document["sealer"]
+    return sealed
+
+
+def _number(estimate: Estimate, results: Path) -> dict[str, object]:
+    plural = "s" if estimate.readings > 1 else ""
+    content: dict[str, object] = {
+        "value": float(f"{estimate.value:.6g}"),
+        "standing": "measured",
+        "source": f"{results.name}: {estimate.readings} reading{plural}",
+    }
+    if estimate.uncertainty > 0.0:
+        content["uncertainty"] = float(f"{estimate.uncertainty:.3g}")
+    return content
+
+
+def _window(window: EnergyWindow, results: Path) -> dict[str, object]:
+    content: dict[str, object] = {"operation": window.operation, "focus_mm": window.focus_mm}
+    for name in ("least_mj_mm", "most_mj_mm"):
+        energy: Quantity | None = getattr(window, name)
+        if energy is not None:
+            content[name] = {
+                "value": energy.value,
+                "standing": str(energy.standing),
+                "source": f"{results.name}: {energy.source}",
+            }
+    return content
+
+
+SCHEMA = "vinefab/calibration-1"
+
+
+def calibrated_recipe(
+    calibration: Calibration, recipe: str | Path, out: Path, results: Path
+) -> str:
+    """Return the recipe file, read again as it will lie and found to be usable.
+
+    Raises
+    ------
+    BadInputError, UnknownNameError
+        If the recipe could not be read where it is to lie: its machine and material are looked
+        for beside it, then by name.
+    """
+    text = calibrated_text(
+        recipe,
+        out,
+        calibration.numbers,
+        windows=calibration.windows,
+        status=calibration.status,
+        results=results,
+    )
+    profile_of(tomllib.loads(text), out)
+    return text
+
+
+def calibration_lines(calibration: Calibration) -> list[str]:
+    """Return what was fitted, as lines for the user."""
+    numbers = calibration.numbers
+    width = max((len(name) for name in numbers), default=0)
+    lines = [
+        f"{name:<{width}}  {_words(number)}  measured,"
+        f" {number.readings} reading{'s' if number.readings > 1 else ''}"
+        for name, number in numbers.items()
+    ]
+    return [*lines, *calibration.remarks, f"status: {calibration.status}"]
+
+
+def _words(number: Estimate) -> str:
+    spread = f" +- {number.uncertainty:.2g}" if number.uncertainty > 0.0 else ""
+    return f"{number.value:.4g}{spread}"
+
+
+def calibration_json(calibration: Calibration) -> str:
+    """Return what was fitted as JSON."""
+    return json_text(
+        SCHEMA,
+        {
+            "status": str(calibration.status),
+            "numbers": {
+                name: {
+                    "value": number.value,
+                    "uncertainty": number.uncertainty,
+                    "readings": number.readings,
+                }
+                for name, number in calibration.numbers.items()
+            },
+            "windows": [
+                {
+                    "operation": window.operation,
+                    "focus_mm": window.focus_mm,
+                    **{
+                        name: None if energy is None else plain_quantity(energy)
+                        for name, energy in (
+                            ("least_mj_mm", window.least_mj_mm),
+                            ("most_mj_mm", window.most_mj_mm),
+                        )
+                    },
+                }
+                for window in calibration.windows
+            ],
+            "remarks": list(calibration.remarks),
+        },
+    )

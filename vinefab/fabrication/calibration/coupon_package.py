@@ -1,0 +1,344 @@
+"""The coupons of a recipe: laser files, checks, a picture, instructions and a table to fill in."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from textwrap import fill
+
+from vinefab.core.jsontext import GENERATOR, json_text
+from vinefab.fabrication.calibration.coupon_shapes import (
+    BALLOONS,
+    FILLETS_MM,
+    LADDER_MM,
+    SQUARE_MM,
+    STRIP_MM,
+    STRIPS,
+    Coupon,
+    coupon_pieces,
+)
+from vinefab.fabrication.calibration.coupon_sheets import (
+    FOCUS_MM,
+    Matrix,
+    coupon_sheets,
+    energy_matrix,
+)
+from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, Colours
+from vinefab.fabrication.formats.laser_files import (
+    LIBRARY_NAME,
+    POLYLINE_NAME,
+    laser_file_problems,
+    laser_files,
+)
+from vinefab.fabrication.job.passes import weldcut_offset_mm
+from vinefab.fabrication.package.package_files import ensure_right
+from vinefab.fabrication.package.sheet_pictures import job_plan
+from vinefab.fabrication.rules.run_rules import checks_text, run_checks
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.finding import CheckReport, RuleRun
+from vinefab.model.job import Job, Operation
+from vinefab.model.laser import LaserProfile
+from vinefab.pages.figure import png_bytes
+
+COLUMNS = ("measure", "setting", "value", "unit", "uncertainty", "note")
+OFFSET_NOTE = "# weldcut_offset_mm"
+RECIPE_NOTE = "# recipe"
+
+Row = tuple[str, str, str, str]
+
+
+def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
+    """Return the table of results, CSV, with every row that the coupons ask for, unfilled."""
+    lines = [
+        f"# coupon results, {GENERATOR}",
+        f"{RECIPE_NOTE} {profile.recipe.name}",
+    ]
+    if Operation.WELDCUT in profile.recipe.operations:
+        lines.append(f"{OFFSET_NOTE} {weldcut_offset_mm(profile):.6g}")
+    lines += [
+        "# Fill in the column value; rows without a value are ignored; add rows as you like.",
+        "# uncertainty: one standard deviation of the reading in the row's unit, or empty.",
+        ",".join(COLUMNS),
+        *(
+            ",".join((measure, setting, "", unit, "", note))
+            for measure, setting, unit, note in (*_rows(profile), *_matrix_rows(matrix))
+        ),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def coupon_readme(profile: LaserProfile, jobs: Sequence[Job], matrix: Matrix | None) -> str:
+    """Return what to cut, in which order, and what to measure on each piece."""
+    title = f"Coupons for recipe {profile.recipe.name}"
+    parts = [f"{title}\n{'=' * len(title)}", _section("1. Cut", _cutting(jobs, matrix))]
+    parts.append(_section("2. Measure", _measuring(profile)))
+    parts.append(_section("3. Give the results back", _giving_back(profile)))
+    parts.append(GENERATOR)
+    return "\n\n".join(parts) + "\n"
+
+
+def _rows(profile: LaserProfile) -> list[Row]:
+    names = [op for op in (Operation.WELDCUT, Operation.CUT) if op in profile.recipe.operations]
+    rows: list[Row] = [
+        ("kerf_piece", name, "mm", f"side of the piece that came out of KERF-{name}")
+        for name in names
+    ]
+    seal = Operation.WELDCUT if Operation.WELDCUT in names else Operation.WELD
+    rows += [("seam", seal, "mm", "width of the fused rim inward of any cut") for _ in range(3)]
+    rows += [("width", f"{w:g}", "mm", f"lay-flat lumen of finger W{w:g}") for w in LADDER_MM]
+    rows += [
+        ("burst", "20", "kPa", f"BURST-{k}; setting: lay-flat width")
+        for k in range(1, BALLOONS + 1)
+    ]
+    rows += [
+        ("peel", f"{STRIP_MM[1]:g}", "N", f"PEEL-{k}; setting: strip width")
+        for k in range(1, STRIPS + 1)
+    ]
+    rows += [("crotch_burst", f"{radius:g}", "kPa", f"CROTCH-R{radius:g}") for radius in FILLETS_MM]
+    rows += [("friction_incline", "", "deg", "incline at which film slides on the obstacle")] * 3
+    rows += [("growth_width", "", "mm", "lay-flat width of the tube that was grown")]
+    rows += [
+        ("growth", path, "kPa", "lengths mm and turns deg in turn")
+        for path in ("300", "600", "300 90 300", "300 90 300 90 300", "300 180 300", "900 90 100")
+    ]
+    return rows
+
+
+def _matrix_rows(matrix: Matrix | None) -> list[Row]:
+    if matrix is None:
+        return []
+    return [
+        ("matrix", f"{energy:.1f} {focus:g}", "", "nothing / weld / weldcut / cut / burnt")
+        for focus in FOCUS_MM
+        for energy in matrix.energies_mj_mm
+    ]
+
+
+def _cutting(jobs: Sequence[Job], matrix: Matrix | None) -> list[str]:
+    steps = ["Prepare the film as for a robot: clean, laminated flat, without bubbles."]
+    if matrix is not None and matrix.jobs:
+        energies = ", ".join(f"{energy:.1f}" for energy in matrix.energies_mj_mm)
+        names = ", ".join(job.name for job in matrix.jobs)
+        steps.append(
+            f"First the energy matrix: {names}. Each file is for one focus offset (its name says"
+            f" it, in mm): set the lens by hand. Every line has a layer of its own with the speed"
+            f" for its energy: {energies} mJ/mm. The .lbrn2 files have these settings inside."
+        )
+        steps.append("Judge each line between its ticks only, where the head runs at full speed.")
+    if matrix is not None and matrix.out_of_reach_mj_mm:
+        lost = ", ".join(f"{energy:.1f}" for energy in matrix.out_of_reach_mj_mm)
+        steps.append(
+            f"Not drawn, because this machine cannot give so little on so short a line: {lost}"
+            " mJ/mm."
+        )
+    sheets = ", ".join(job.name for job in jobs)
+    steps.append(f"Then {sheets}, with the recipe's settings, exactly as a robot is cut.")
+    return steps
+
+
+def _measuring(profile: LaserProfile) -> list[str]:
+    steps = [
+        f"KERF: side of the piece that fell out of the {SQUARE_MM:g} mm square, to 0.02 mm, mean of"
+        " both directions.",
+    ]
+    if Operation.WELDCUT in profile.recipe.operations:
+        steps.append(
+            "Seam: width of the fused rim inward of the cut edge, under a loupe, at 3"
+            " places of a straight."
+        )
+    steps += [
+        "W5 to W40: lay-flat width of the open lumen, between the seams, in the middle of the"
+        " finger.",
+        "BURST: blunt needle through the port, clamp it, raise the pressure slowly behind a shield;"
+        " write down the pressure at which it bursts and where. Three balloons at least: one alone"
+        " says nothing of the spread.",
+        "PEEL: pull the two free plies apart, 90 degrees each; the largest force.",
+        "CROTCH: inflate until it fails; the fillet that fails last is the one to use.",
+        "friction_incline: a strip of film on the obstacle's material; tilt until it slides.",
+        "growth: one long tube of one width, along paths of straight pieces and turns; the pressure"
+        " at which it just grows at the end of each path. At least five paths that differ in length"
+        " and in turns. Setting: lengths in mm and turns in degrees, in turn: 300 90 300.",
+    ]
+    return steps
+
+
+def _giving_back(profile: LaserProfile) -> list[str]:
+    name = profile.recipe.name
+    return [
+        "Fill in the column value of results.csv. Units: mm, cm, um, in; kPa, Pa, MPa, bar, mbar,"
+        " psi; N, gf, kgf; deg, rad.",
+        f"vinefab calibrate --recipe {name} results.csv --out {name}_mine.toml",
+        "The result is a recipe: kerf and seam are measured then, and fabricate takes it without"
+        " --allow-uncalibrated.",
+    ]
+
+
+def _section(title: str, items: Sequence[str]) -> str:
+    return "\n".join([title, "-" * len(title), *(_item(item) for item in items)])
+
+
+def _item(text: str) -> str:
+    return fill(
+        text,
+        width=96,
+        initial_indent="- ",
+        subsequent_indent="  ",
+        break_on_hyphens=False,
+        break_long_words=False,
+    )
+
+
+SCHEMA = "vinefab/coupon-1"
+RESULTS_NAME = "results.csv"
+
+SHAPE_RULES = ("VF-T01", "VF-T02", "VF-T03", "VF-T04", "VF-W04", "VF-C03", "VF-C05")
+"""Rules that each coupon that is a robot must keep."""
+
+PATH_RULES = ("VF-L01", "VF-L02", "VF-L03", "VF-X01")
+"""Rules that every sheet must keep. Length, tail and bed are not a coupon's business."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Coupons:
+    """The coupons of a recipe, checked, with their laser files.
+
+    Parameters
+    ----------
+    profile
+        Machine, material and recipe.
+    sheets
+        Jobs with all pieces but the energy matrix.
+    matrix
+        The energy matrix, or None where the laser makes no seam.
+    report
+        What the rules say of pieces and sheets.
+    laser
+        Laser files by name, read again and found right.
+    """
+
+    profile: LaserProfile
+    sheets: tuple[Job, ...]
+    matrix: Matrix | None
+    report: CheckReport
+    laser: Mapping[str, bytes]
+
+    @property
+    def jobs(self) -> tuple[Job, ...]:
+        """Every job, sheets first."""
+        return (*self.sheets, *(self.matrix.jobs if self.matrix else ()))
+
+
+def make_coupons(profile: LaserProfile) -> Coupons:
+    """Return the coupons for a recipe, laser files written in memory and read again.
+
+    Raises
+    ------
+        If the recipe makes no seam or a piece is larger than the bed.
+    ReadBackError
+        If a laser file, read again, is not what its job says.
+    """
+    pieces = coupon_pieces(profile)
+    sheets = coupon_sheets(pieces, profile)
+    matrix = _matrix(profile)
+    colours = PRESETS[profile.machine.colours]
+    laser: dict[str, bytes] = {}
+    problems: dict[str, tuple[str, ...]] = {}
+    for job, preset in [
+        *((job, colours) for job in sheets),
+        *((job, DEFAULT) for job in (matrix.jobs if matrix else ())),
+    ]:
+        files, found = _written(job, preset, profile)
+        laser |= files
+        problems |= found
+    ensure_right(problems)
+    report = _checked(pieces, sheets, profile, problems)
+    return Coupons(profile=profile, sheets=sheets, matrix=matrix, report=report, laser=laser)
+
+
+def coupon_files(coupons: Coupons) -> dict[str, bytes]:
+    """Return every file of the coupon folder, by name."""
+    profile, matrix = coupons.profile, coupons.matrix
+    pictures = {
+        f"{job.name}.png": png_bytes(job_plan(job, coupons.report.findings)) for job in coupons.jobs
+    }
+    return {
+        "README.txt": coupon_readme(profile, coupons.sheets, matrix).encode(),
+        "coupon.json": _settings_text(coupons).encode(),
+        **coupons.laser,
+        **pictures,
+        "checks.json": checks_text(coupons.report).encode(),
+        RESULTS_NAME: results_text(profile, matrix).encode(),
+    }
+
+
+def _matrix(profile: LaserProfile) -> Matrix | None:
+    if not any(s.by_laser for op, s in profile.recipe.operations.items() if op.startswith("weld")):
+        return None
+    return energy_matrix(profile)
+
+
+def _written(
+    job: Job, colours: Colours, profile: LaserProfile
+) -> tuple[dict[str, bytes], dict[str, tuple[str, ...]]]:
+    """Return a job's laser files under its own name, and what was wrong with each."""
+    hairline_mm = profile.machine.hairline_mm
+    files = laser_files(job, colours, hairline_mm=hairline_mm, profile=profile)
+    problems = laser_file_problems(files, job, colours, profile)
+    if not any(path.contour.arc_count for path in job.paths):
+        del files[POLYLINE_NAME], problems[POLYLINE_NAME]  # the same drawing once more
+    named = {name: _named(name, job) for name in files}
+    return (
+        {named[name]: data for name, data in files.items()},
+        {named[name]: found for name, found in problems.items()},
+    )
+
+
+def _named(name: str, job: Job) -> str:
+    return name if name == LIBRARY_NAME else name.replace("outline", job.name, 1)
+
+
+def _checked(
+    pieces: Sequence[Coupon],
+    sheets: Sequence[Job],
+    profile: LaserProfile,
+    problems: Mapping[str, tuple[str, ...]],
+) -> CheckReport:
+    subjects = [Subject.of(piece.design, profile) for piece in pieces if piece.design is not None]
+    reports = [run_checks(subject, only=SHAPE_RULES) for subject in subjects]
+    reports += [
+        run_checks(replace(subjects[0], job=sheet, readback=problems), only=PATH_RULES)
+        for sheet in sheets
+    ]
+    run: dict[str, RuleRun] = {}
+    for one in (one for report in reports for one in report.run):
+        before = run.get(one.rule, RuleRun(rule=one.rule, checked=0, findings=0))
+        checked, found = before.checked + one.checked, before.findings + one.findings
+        run[one.rule] = replace(one, checked=checked, findings=found)
+    skipped = {skip.rule: skip for report in reports for skip in report.skipped}
+    findings = [
+        replace(finding, message=f"{report.design}: {finding.message}")
+        for report in reports
+        for finding in report.findings
+    ]
+    return CheckReport(
+        design="coupons",
+        recipe=profile.recipe.name,
+        run=tuple(run.values()),
+        skipped=tuple(skipped.values()),
+        findings=tuple(findings),
+        stale_waivers=(),
+    )
+
+
+def _settings_text(coupons: Coupons) -> str:
+    matrix = coupons.matrix
+    return json_text(
+        SCHEMA,
+        {
+            "recipe": coupons.profile.recipe.name,
+            "jobs": [
+                {"name": job.name, "paths": len(job.paths), "facts": dict(job.facts)}
+                for job in coupons.jobs
+            ],
+            "energies_mj_mm": list(matrix.energies_mj_mm) if matrix else [],
+            "energies_out_of_reach_mj_mm": list(matrix.out_of_reach_mj_mm) if matrix else [],
+        },
+    )

@@ -1,0 +1,405 @@
+"""From coupon results to a calibrated recipe: fitted numbers, each with its uncertainty.
+
+A square cut on a path of 50 mm comes out a kerf too small; the hole that it leaves is a kerf too
+large. A finger of the ladder whose outline was offset by d is w + 2 (d - s - k / 2) wide.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean, stdev
+
+from vinefab.core.errors import BadInputError
+from vinefab.fabrication.calibration.coupon_results import Reading, Results
+from vinefab.fabrication.calibration.coupon_shapes import SQUARE_MM
+from vinefab.fabrication.calibration.estimate import (
+    Equation,
+    Estimate,
+    GrownPath,
+    fit_growth,
+    mean_estimate,
+    solve_equations,
+)
+from vinefab.model.job import Operation
+from vinefab.model.laser import EnergyWindow, LaserProfile, Quantity, RecipeStatus, Standing
+from vinefab.physics.seam import allowed_line_load_n_mm, line_load_n_mm
+
+_CUTTING = (Operation.WELDCUT, Operation.CUT)
+_SEALING = (Operation.WELDCUT, Operation.WELD)
+
+
+def fit_kerfs(results: Results, profile: LaserProfile) -> dict[str, Estimate]:
+    """Return the kerfs and seam widths that readings give, by ``OPERATION.kerf_mm`` and so on.
+
+    Parameters
+    ----------
+    results
+        The readings.
+    profile
+        The recipe that the coupons were cut with.
+
+    Raises
+    ------
+    BadInputError
+        If a reading is impossible, or the readings cannot tell kerf and seam apart.
+    """
+    equations = list(_equations(results, profile))
+    if not equations:
+        return {}
+    found = solve_equations(equations, "kerf and seam")
+    for name, estimate in found.items():
+        if estimate.value < 0.0:
+            words = "0 or more: look for readings of the wrong piece, unit or operation"
+            raise BadInputError(name, f"{estimate.value:.3f} mm", words)
+    return found
+
+
+def _equations(results: Results, profile: LaserProfile) -> Iterator[Equation]:
+    for reading in results.of("kerf_piece"):
+        yield _equation(reading, {_kerf(reading, profile): 1.0}, SQUARE_MM - reading.value)
+    for reading in results.of("kerf_hole"):
+        yield _equation(reading, {_kerf(reading, profile): 1.0}, reading.value - SQUARE_MM)
+    for reading in results.of("seam"):
+        operation = _operation(reading, _SEALING, profile)
+        yield _equation(reading, {f"{operation}.seam_width_mm": 1.0}, reading.value)
+    for reading in results.of("width"):
+        offset_mm = _offset_mm(results, reading, profile)
+        # s + k / 2 = d - (measured - w) / 2; half a width has half its uncertainty.
+        target = offset_mm - (reading.value - _width_mm(reading)) / 2.0
+        sigma = None if reading.sigma is None else reading.sigma / 2.0
+        factors = {"weldcut.seam_width_mm": 1.0, "weldcut.kerf_mm": 0.5}
+        yield Equation(factors=factors, value=target, sigma=sigma)
+
+
+def _equation(reading: Reading, factors: dict[str, float], value: float) -> Equation:
+    if value < 0.0:
+        words = f"a square of {SQUARE_MM:g} mm comes out smaller, its hole larger"
+        raise reading.wrong(f"{reading.value:g} mm, a kerf of {value:.3f} mm", words)
+    return Equation(factors=factors, value=value, sigma=reading.sigma)
+
+
+def _kerf(reading: Reading, profile: LaserProfile) -> str:
+    return f"{_operation(reading, _CUTTING, profile)}.kerf_mm"
+
+
+def _operation(reading: Reading, allowed: tuple[Operation, ...], profile: LaserProfile) -> str:
+    known = [str(operation) for operation in allowed if operation in profile.recipe.operations]
+    if reading.setting not in known:
+        raise reading.wrong(reading.setting, f"one of {', '.join(known)}, as setting")
+    return reading.setting
+
+
+def _width_mm(reading: Reading) -> float:
+    try:
+        width = float(reading.setting)
+    except ValueError as error:
+        raise reading.wrong(reading.setting, "the designed width in mm, as setting") from error
+    if not 0.5 * width < reading.value < 1.5 * width:
+        raise reading.wrong(f"{reading.value:g} mm", f"near the designed {width:g} mm")
+    return width
+
+
+def _offset_mm(results: Results, reading: Reading, profile: LaserProfile) -> float:
+    """Return the outline's offset on the coupons: what their table says, else the recipe's."""
+    settings = profile.recipe.operations.get(Operation.WELDCUT)
+    if settings is None:
+        raise reading.wrong(reading.setting, "a recipe that cuts and seals in one pass")
+    recipe_mm = settings.seam_width_mm.value + settings.kerf_mm.value / 2.0
+    if results.offset_mm is None:
+        return recipe_mm
+    if abs(results.offset_mm - recipe_mm) > 1e-6:
+        raise BadInputError(
+            "weldcut_offset_mm",
+            results.offset_mm,
+            f"{recipe_mm:g}, that of recipe {profile.recipe.name}; name the recipe that the"
+            " coupons were cut with",
+        )
+    return recipe_mm
+
+
+_MAKES = {Operation.WELD: "weld", Operation.WELDCUT: "weldcut"}
+"""What a line of the matrix must have done to be right for an operation."""
+
+
+def energy_windows(results: Results, profile: LaserProfile) -> tuple[EnergyWindow, ...]:
+    """Return the energies that were right, per operation of the recipe and focus offset.
+
+    They are the longest run of neighbouring lines that were right: energies between lines that
+    failed are not claimed. Without such a line the window is empty, which is a result too.
+
+    Raises
+    ------
+    BadInputError
+        If a reading's setting is no line energy with a focus offset.
+    """
+    lines: dict[float, list[tuple[float, str]]] = {}
+    for reading in results.of("matrix"):
+        energy, focus = _cell(reading)
+        lines.setdefault(focus, []).append((energy, reading.word))
+    return tuple(
+        _window(operation, focus, sorted(found), profile)
+        for operation, _ in _MAKES.items()
+        if _by_laser(operation, profile)
+        for focus, found in sorted(lines.items())
+    )
+
+
+def window_lines(windows: Sequence[EnergyWindow], profile: LaserProfile) -> list[str]:
+    """Return windows as lines for the user, and the energies that the recipe runs beside them."""
+    told = [window.words() for window in windows]
+    for operation in dict.fromkeys(window.operation for window in windows):
+        settings = profile.settings(operation)
+        energy = settings.line_energy_mj_mm(profile.machine)
+        focus = settings.focus_offset_mm.value
+        told.append(f"the recipe runs {operation} at {energy:.1f} mJ/mm, focus {focus:g} mm")
+    return told
+
+
+def _by_laser(operation: Operation, profile: LaserProfile) -> bool:
+    settings = profile.recipe.operations.get(operation)
+    return settings is not None and settings.by_laser
+
+
+def _window(
+    operation: Operation, focus: float, lines: list[tuple[float, str]], profile: LaserProfile
+) -> EnergyWindow:
+    right = _MAKES[operation]
+    best: list[float] = []
+    run: list[float] = []
+    for energy in sorted({energy for energy, _ in lines}):
+        good = all(word == right for at, word in lines if at == energy)
+        run = [*run, energy] if good else []
+        best = max(best, run, key=len)
+    count = sum(word == right for _, word in lines)
+    words = f"energy matrix: {count} of {len(lines)} lines, power of {profile.machine.name}"
+    least, most = (
+        Quantity(value=energy, standing=Standing.MEASURED, source=words) if best else None
+        for energy in ((best[0], best[-1]) if best else (0.0, 0.0))
+    )
+    return EnergyWindow(operation=operation, focus_mm=focus, least_mj_mm=least, most_mj_mm=most)
+
+
+def _cell(reading: Reading) -> tuple[float, float]:
+    try:
+        energy, focus = (float(word) for word in reading.setting.split())
+    except ValueError as error:
+        words = "line energy in mJ/mm and focus offset in mm, such as 46.8 6, as setting"
+        raise reading.wrong(reading.setting, words) from error
+    return energy, focus
+
+
+BALLOONS_TESTED = 3
+"""Burst balloons from which on a recipe counts as burst-tested; fewer show no spread (ours)."""
+
+_LARGEST_TURN_DEG = 3600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """What coupons say of a recipe.
+
+    Parameters
+    ----------
+    numbers
+        Fitted numbers by their place in a recipe file (``weldcut.kerf_mm``,
+        ``measured.burst_kpa``, ``growth.friction``).
+    windows
+        Line energies at which the matrix came out right.
+    status
+        How far the recipe has been tried now.
+    remarks
+        What else was found, for people.
+    """
+
+    numbers: Mapping[str, Estimate]
+    windows: tuple[EnergyWindow, ...]
+    status: RecipeStatus
+    remarks: tuple[str, ...]
+
+
+def calibrate(results: Results, profile: LaserProfile) -> Calibration:
+    """Return what readings say of the recipe that the coupons were cut with.
+
+    Raises
+    ------
+    BadInputError
+        If readings are impossible, too few for what they are about, or of another recipe.
+    """
+    name = profile.recipe.name
+    if results.recipe and results.recipe != name:
+        words = f"{name}, or --recipe {results.recipe}"
+        raise BadInputError("recipe of the coupons", results.recipe, words)
+    if not results.readings:
+        raise BadInputError("results", "no row with a value", "at least one reading")
+    numbers = {
+        **fit_kerfs(results, profile),
+        **_burst(results),
+        **_friction(results),
+        **_growth(results),
+        **_peel(results),
+        **_crotches(results),
+    }
+    windows = energy_windows(results, profile)
+    return Calibration(
+        numbers=numbers,
+        windows=windows,
+        status=_status(numbers, profile),
+        remarks=tuple(window_lines(windows, profile)),
+    )
+
+
+def _burst(results: Results) -> dict[str, Estimate]:
+    """Return the line load that a seam bears, as a burst pressure at the mean width tested."""
+    readings = results.of("burst")
+    if not readings:
+        return {}
+    widths = [
+        _positive_setting(reading, "the balloon's lay-flat width in mm") for reading in readings
+    ]
+    pairs = list(zip(readings, widths, strict=True))
+    load = mean_estimate(
+        [allowed_line_load_n_mm(_pressure(r), w) for r, w in pairs],
+        [None if r.sigma is None else line_load_n_mm(r.sigma, w) for r, w in pairs],
+        "burst",
+    )
+    width_mm = math.fsum(widths) / len(widths)
+    per_load = 1.0 / line_load_n_mm(1.0, width_mm)
+    return {
+        "measured.burst_kpa": Estimate(
+            value=load.value * per_load,
+            uncertainty=load.uncertainty * per_load,
+            readings=len(readings),
+        ),
+        "measured.burst_width_mm": Estimate(
+            value=width_mm, uncertainty=0.0, readings=len(readings)
+        ),
+    }
+
+
+def _pressure(reading: Reading) -> float:
+    if reading.value <= 0.0:
+        raise reading.wrong(f"{reading.value:g} kPa", "a pressure above 0")
+    return reading.value
+
+
+def _friction(results: Results) -> dict[str, Estimate]:
+    """Return the friction on the obstacle: mu = tan of the incline at which film slides."""
+    readings = results.of("friction_incline")
+    if not readings:
+        return {}
+    for reading in readings:
+        if not 0.0 < reading.value < math.radians(80.0):
+            raise reading.wrong(f"{math.degrees(reading.value):g} deg", "above 0, below 80 deg")
+    slopes = [math.tan(reading.value) for reading in readings]
+    sigmas = [
+        None if reading.sigma is None else reading.sigma * (1.0 + slope**2)
+        for reading, slope in zip(readings, slopes, strict=True)
+    ]
+    return {"measured.friction": mean_estimate(slopes, sigmas, "friction_incline")}
+
+
+def _growth(results: Results) -> dict[str, Estimate]:
+    readings, widths = results.of("growth"), results.of("growth_width")
+    if not readings and not widths:
+        return {}
+    if len(widths) != 1 or not readings:
+        words = "one growth_width, and the pressures along the paths that this tube was grown"
+        raise BadInputError("growth", f"{len(widths)} widths, {len(readings)} paths", words)
+    if widths[0].value <= 0.0:
+        raise widths[0].wrong(f"{widths[0].value:g} mm", "a width above 0")
+    fitted = fit_growth([_path(reading) for reading in readings])
+    sigma = widths[0].sigma or 0.0
+    width = Estimate(value=widths[0].value, uncertainty=sigma, readings=1)
+    return {**{f"growth.{name}": e for name, e in fitted.items()}, "growth.width_mm": width}
+
+
+def _path(reading: Reading) -> GrownPath:
+    words = "lengths in mm and turns in deg in turn, such as 300 90 300, as setting"
+    try:
+        numbers = [float(word) for word in reading.setting.replace(";", " ").split()]
+    except ValueError as error:
+        raise reading.wrong(reading.setting, words) from error
+    lengths, turns = numbers[::2], numbers[1::2]
+    sound = len(numbers) % 2 == 1 and all(0.0 < length < 1e6 for length in lengths)
+    if not sound or not all(abs(turn) <= _LARGEST_TURN_DEG for turn in turns):
+        raise reading.wrong(reading.setting, words)
+    return GrownPath(
+        lengths_mm=tuple(lengths),
+        turns_rad=tuple(math.radians(turn) for turn in turns),
+        pressure_kpa=_pressure(reading),
+        sigma_kpa=reading.sigma,
+    )
+
+
+def _positive_setting(reading: Reading, words: str) -> float:
+    try:
+        value = float(reading.setting)
+    except ValueError as error:
+        raise reading.wrong(reading.setting, f"{words}, as setting") from error
+    if not 0.0 < value < 1e4:
+        raise reading.wrong(reading.setting, f"{words}, above 0")
+    return value
+
+
+def _status(numbers: Mapping[str, Estimate], profile: LaserProfile) -> RecipeStatus:
+    """Return how far a recipe has been tried: never less than before.
+
+    With kerf and seam of what seals, coupons have confirmed it; with enough burst balloons as
+    well, it is burst-tested.
+    """
+    before = profile.recipe.status
+    tried = before is not RecipeStatus.UNVERIFIED or _seal_is_known(numbers, profile)
+    if not tried or before is RecipeStatus.BURST_TESTED:
+        return before
+    burst = numbers.get("measured.burst_kpa")
+    if burst is not None and burst.readings >= BALLOONS_TESTED:
+        return RecipeStatus.BURST_TESTED
+    return RecipeStatus.COUPON_OK
+
+
+def _seal_is_known(numbers: Mapping[str, Estimate], profile: LaserProfile) -> bool:
+    if Operation.WELDCUT in profile.recipe.operations:
+        return {"weldcut.kerf_mm", "weldcut.seam_width_mm"} <= set(numbers)
+    return "weld.seam_width_mm" in numbers
+
+
+def _peel(results: Results) -> dict[str, Estimate]:
+    """Return the force that parts the plies, per width of the strip."""
+    readings = results.of("peel")
+    if not readings:
+        return {}
+    widths = [_positive_setting(reading, "strip width in mm") for reading in readings]
+    sigmas = [
+        None if r.sigma is None else r.sigma / w for r, w in zip(readings, widths, strict=True)
+    ]
+    loads = [r.value / w for r, w in zip(readings, widths, strict=True)]
+    return {"coupons.peel_n_mm": _average(loads, sigmas)}
+
+
+def _crotches(results: Results) -> dict[str, Estimate]:
+    """Return which of the crotch fillets held most, and what it held."""
+    held: dict[float, list[Reading]] = {}
+    for reading in results.of("crotch_burst"):
+        radius_mm = _positive_setting(reading, "fillet radius in mm")
+        _pressure(reading)
+        held.setdefault(radius_mm, []).append(reading)
+    if not held:
+        return {}
+    burst = {
+        radius: _average([r.value for r in readings], [r.sigma for r in readings])
+        for radius, readings in held.items()
+    }
+    best = max(burst, key=lambda radius: (burst[radius].value, -radius))
+    radius = Estimate(value=best, uncertainty=0.0, readings=burst[best].readings)
+    return {"coupons.crotch_burst_kpa": burst[best], "coupons.crotch_fillet_mm": radius}
+
+
+def _average(values: Sequence[float], sigmas: Sequence[float | None]) -> Estimate:
+    """Return a mean that nothing is predicted from: one reading without uncertainty will do.
+
+    The worse of scatter and stated uncertainties counts; 0 where there is neither.
+    """
+    count = len(values)
+    scatter = stdev(values) / math.sqrt(count) if count > 1 else 0.0
+    stated = math.hypot(*(sigma or 0.0 for sigma in sigmas)) / count
+    return Estimate(value=fmean(values), uncertainty=max(scatter, stated), readings=count)

@@ -1,0 +1,187 @@
+"""The design rules over a design and what is known of it on maps: the report of a check."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import ReadBackError
+from vinefab.fabrication.job.laser_job import laser_job
+from vinefab.fabrication.rules.annotated import annotated_job
+from vinefab.fabrication.rules.rig_facts import Corridor, MapCorridors, RigFacts
+from vinefab.fabrication.rules.rule import LimitChanges
+from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.maps.passages import narrow_passages
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design
+from vinefab.model.finding import CheckReport, Finding, Severity
+from vinefab.model.job import Job
+from vinefab.model.laser import LaserProfile
+from vinefab.model.map import Map
+
+MOST = 50
+"""How many of the narrowest corridors are looked at."""
+
+
+def map_corridors(world: Map) -> MapCorridors:
+    """Return the narrowest corridors of a map."""
+    return corridors_in(world.name, world.free_space)
+
+
+def corridors_in(name: str, free: BaseGeometry, scale: float = 1.0) -> MapCorridors:
+    """Return the narrowest corridors of a free space.
+
+    Parameters
+    ----------
+    name
+        Whose they are.
+    free
+        Free space, in map coordinates.
+    scale
+        Millimetres that the robot sees per millimetre of the map.
+    """
+    return MapCorridors(
+        name=name,
+        corridors=tuple(
+            Corridor(
+                width_mm=scale * passage.width_mm,
+                x_mm=passage.middle_mm[0],
+                y_mm=passage.middle_mm[1],
+            )
+            for passage in narrow_passages(free, MOST)
+        ),
+    )
+
+
+_PEN_MM = 0.4
+"""Stroke width of pictures for people; a laser's hairline is hard to see on a screen."""
+
+_SIGNS = {Severity.ERROR: "ERROR", Severity.WARNING: "warn ", Severity.INFO: "info "}
+
+Deployed = tuple[tuple[str, Deployment], ...]
+"""Deployments, each with what its map is called."""
+
+
+def check_design(
+    design: Design,
+    profile: LaserProfile,
+    limits: LimitChanges | None = None,
+    deployed: Deployed = (),
+    maps: Sequence[Map] = (),
+    rig: RigFacts | None = None,
+) -> CheckReport:
+    """Return what every rule says of a design.
+
+    Parameters
+    ----------
+    design, profile
+        What is to be made, and with what.
+    limits
+        Limits of this one check; they go before the design's and the recipe's.
+    deployed
+        Simulated deployments, for the rules about paths.
+    maps, rig
+        Maps whose corridors it must pass, and a test rig that it is to be tried on.
+    """
+    courses = tuple(map_corridors(world) for world in maps)
+    subject = replace(subject_of(design, profile, deployed), courses=courses, rig=rig)
+    return run_checks(subject, limits)
+
+
+def subject_of(design: Design, profile: LaserProfile, deployed: Deployed = ()) -> Subject:
+    """Return what the rules look at, deployments with the names of their maps among it."""
+    places, deployments = tuple(name for name, _ in deployed), tuple(d for _, d in deployed)
+    return Subject.of(design, profile, deployments=deployments, places=places)
+
+
+def findings_drawing(design: Design, profile: LaserProfile, report: CheckReport) -> Job:
+    """Return the design's outline on the sheet with a marker for every finding; never to be cut."""
+    return annotated_job(laser_job(design, profile), report.findings)
+
+
+def drawing_text(drawing: Job, path: Path) -> str:
+    """Return a drawing as the text of an SVG or a DXF, by the end of a path's name.
+
+    Raises
+    ------
+    ReadBackError
+        If the text, read again, is not what was drawn.
+    """
+    # The readers load ezdxf, which a check without a picture has no use for.
+    from vinefab.fabrication.formats.dxf_format import dxf_text, read_dxf  # noqa: PLC0415
+    from vinefab.fabrication.formats.readback import drawing_differences  # noqa: PLC0415
+    from vinefab.fabrication.formats.svg_format import read_svg, svg_text  # noqa: PLC0415
+
+    is_svg = path.suffix.lower() == ".svg"
+    text = svg_text(drawing, hairline_mm=_PEN_MM) if is_svg else dxf_text(drawing)
+    problems = drawing_differences(drawing, read_svg(text) if is_svg else read_dxf(text))
+    if problems:
+        raise ReadBackError(path, problems[0])
+    return text
+
+
+def deployed_lines(deployed: Deployed) -> list[str]:
+    """Return in words how far each deployment got."""
+    return [
+        f"deployed on {name}: {int(found.deployed.sum())} of {len(found.tree)} branches, "
+        f"{found.grown_mm.sum() / found.tree.total_length_mm:.0%} of their length (simulated)"
+        for name, found in deployed
+    ]
+
+
+def check_lines(report: CheckReport, *, verbose: bool = False) -> list[str]:
+    """Return a check as lines for the user.
+
+    Parameters
+    ----------
+    report
+        The check.
+    verbose
+        List every rule that was run too.
+    """
+    lines = [_finding_line(finding) for finding in report.findings]
+    if verbose:
+        lines += [f"ran     {r.rule}  looked at {r.checked}" for r in report.run]
+    lines += [f"note    {r.rule}  {r.note}" for r in report.run if r.note]
+    lines += [
+        f"limit   {limit.rule}.{limit.name} is {limit.value:g} (else {limit.default:g}), "
+        f"from {limit.source}"
+        for limit in report.limits
+    ]
+    reasons = dict.fromkeys(skipped.reason for skipped in report.skipped)
+    lines += [
+        f"skipped {', '.join(s.rule for s in report.skipped if s.reason == why)}  {why}"
+        for why in reasons
+    ]
+    lines += [
+        f"warn    stale waiver {name}: nothing of that name was found; take it out of the design"
+        for name in report.stale_waivers
+    ]
+    return [*lines, verdict(report)]
+
+
+def verdict(report: CheckReport) -> str:
+    """Return the outcome of a check in one sentence."""
+    errors, warnings = report.count(Severity.ERROR), report.count(Severity.WARNING)
+    rules = f"{len(report.run)} rules run, {len(report.skipped)} skipped"
+    found = f"{errors} errors, {warnings} warnings; {rules}"
+    if report.blocking:
+        return f"{report.design}: cannot be made as it is: {found}"
+    return f"{report.design}: can be made: {found}"
+
+
+def _finding_line(finding: Finding) -> str:
+    sign = "waived" if finding.waived else _SIGNS[finding.severity]
+    who = f" [{', '.join(finding.branches[:4])}]" if finding.branches else ""
+    why = f" (waived: {finding.reason})" if finding.waived else ""
+    words = f"{finding.message}{_numbers(finding)}{why}"
+    return f"{sign}  {finding.rule}{who}  {words}  #{finding.fingerprint}"
+
+
+def _numbers(finding: Finding) -> str:
+    if finding.measured is None or finding.limit is None:
+        return ""
+    unit = f" {finding.unit}" if finding.unit else ""
+    return f" (is {finding.measured:.4g}, limit {finding.limit:.4g}{unit})"

@@ -1,0 +1,1 @@
+"""One file per laser format: writer, reader and tolerance."""

@@ -1,0 +1,213 @@
+"""Reading a DXF file of ours again."""
+
+import io
+import logging
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from ezdxf import options  # type: ignore[attr-defined]
+from ezdxf.document import Drawing as DxfDocument
+from ezdxf.entities.lwpolyline import LWPolyline
+from ezdxf.entities.polyline import Polyline
+from ezdxf.filemanagement import new, read
+from ezdxf.lldxf.const import DXFError
+
+from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.jsontext import GENERATOR
+from vinefab.fabrication.formats.laser_drawing import (
+    DEFAULT,
+    Colours,
+    DrawnPath,
+    Format,
+    ReadDrawing,
+    StyledPath,
+    metadata,
+    styled_paths,
+)
+from vinefab.model.job import Job
+from vinefab.model.outline import FLATTEN_MM, Contour, Part
+
+VERSION = "R2010"
+RELEASE_12 = "R12"
+AC1009 = "AC1009"
+"""What a file of release 12 calls its version."""
+
+MILLIMETRES = 4
+METRIC = 1
+
+_EZDXF_LOG = logging.getLogger("ezdxf")
+
+
+def dxf_text(
+    job: Job, colours: Colours = DEFAULT, *, polyline: bool = False, r12: bool = False
+) -> str:
+    """Return a job as the text of a DXF file, to be encoded as UTF-8.
+
+    Every path is one LWPOLYLINE; arcs are bulges with exactly the radius of the model. Layer and
+    entity both carry the colour, since some programs read the one and some the other. There are no
+    texts, splines, blocks or hatches.
+
+    Parameters
+    ----------
+    job
+        The paths, in millimetres from the sheet's lower left corner.
+    colours
+        Layers and colours.
+    polyline
+        Flatten arcs to chords at most 0.01 mm away, for programs that ignore bulges.
+    r12
+        Write release 12: POLYLINE instead of LWPOLYLINE, and no unit, for it knows none.
+
+    Returns
+    -------
+    str
+        The same bytes for the same job and the same ezdxf.
+    """
+    with _fixed_metadata():
+        document = new(RELEASE_12) if r12 else new(VERSION, units=MILLIMETRES)
+        _describe(document, job, colours)
+        for styled in styled_paths(job, colours):
+            _add(document, styled, polyline=polyline)
+        _register_classes(document)
+        stream = io.StringIO()
+        document.write(stream)
+    # Group 999 is a comment; at the top every reader skips it, and people see it first.
+    return f"999\n{GENERATOR}\n{stream.getvalue()}"
+
+
+def dxf_contour(contour: Contour, *, polyline: bool) -> Contour:
+    """Return a contour as it is written: itself, or its chords."""
+    if not polyline:
+        return contour
+    return Contour.polyline(contour.flattened_mm(FLATTEN_MM), closed=contour.closed)
+
+
+def _describe(document: DxfDocument, job: Job, colours: Colours) -> None:
+    document.header["$MEASUREMENT"] = METRIC
+    for key, value in metadata(job, colours).items():
+        document.header.custom_vars.append(key, value)
+    space = document.modelspace()
+    space.reset_limits((0.0, 0.0), (job.sheet_width_mm, job.sheet_height_mm))
+    boxes = np.array([styled.path.contour.box_mm for styled in styled_paths(job, colours)])
+    if len(boxes):
+        low, high = boxes[:, :2].min(axis=0).tolist(), boxes[:, 2:].max(axis=0).tolist()
+        space.reset_extents((*low, 0.0), (*high, 0.0))
+
+
+def _add(document: DxfDocument, styled: StyledPath, *, polyline: bool) -> None:
+    style = styled.style
+    if style.layer not in document.layers:
+        document.layers.add(style.layer, color=style.aci)
+    contour = dxf_contour(styled.path.contour, polyline=polyline)
+    bulges = contour.bulges.tolist()
+    if not contour.closed:
+        bulges.append(0.0)
+    points = contour.points_mm.tolist()
+    space = document.modelspace()
+    # LWPOLYLINE came after release 12.
+    add = space.add_polyline2d if document.dxfversion == AC1009 else space.add_lwpolyline
+    add(
+        [(x, y, bulge) for (x, y), bulge in zip(points, bulges, strict=True)],
+        format="xyb",
+        close=contour.closed,
+        dxfattribs={"layer": style.layer, "color": style.aci},
+    )
+
+
+def _register_classes(document: DxfDocument) -> None:
+    """List the classes of what the file holds by name; ezdxf would take them from a set."""
+    if document.dxfversion != AC1009:
+        for name in sorted(document.entitydb.dxf_types_in_use()):
+            document.classes.add_class(name)
+
+
+@contextmanager
+def _fixed_metadata() -> Iterator[None]:
+    """Keep the clock and random identifiers out of the file; ezdxf has only a global switch.
+
+    It also warns of every file of release 12 that it has no unit, which nobody can change.
+    """
+    before, level = options.write_fixed_meta_data_for_testing, _EZDXF_LOG.level
+    options.write_fixed_meta_data_for_testing = True
+    _EZDXF_LOG.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        options.write_fixed_meta_data_for_testing = before
+        _EZDXF_LOG.setLevel(level)
+
+
+def read_dxf(source: Path | str) -> ReadDrawing:
+    """Return what a DXF file says.
+
+    Parameters
+    ----------
+    source
+        A path, or the text itself when it is a string.
+
+    Raises
+    ------
+    UnreadableFileError
+        If it is missing, not DXF, or holds numbers that are not finite.
+    """
+    name = str(source) if isinstance(source, Path) else "DXF text"
+    try:
+        text = source.read_text("utf-8") if isinstance(source, Path) else source
+        document = read(io.StringIO(text))
+        return _drawing(document)
+    except (DXFError, BadInputError, UnicodeDecodeError) as error:
+        raise UnreadableFileError(name, f"not a DXF file of ours: {error}") from error
+    except OSError as error:
+        raise UnreadableFileError(name, error.strerror or str(error)) from error
+
+
+def _drawing(document: DxfDocument) -> ReadDrawing:
+    entities = list(document.modelspace())
+    own = Polyline if document.dxfversion == AC1009 else LWPolyline
+    polylines = [entity for entity in entities if isinstance(entity, own)]
+    limit = document.header.get("$LIMMAX", (0.0, 0.0))
+    return ReadDrawing(
+        format=Format.DXF,
+        unit=_unit(document),
+        sheet=(float(limit[0]), float(limit[1])),
+        paths=tuple(_path(polyline) for polyline in polylines),
+        layer_colours={layer.dxf.name: str(layer.dxf.color) for layer in document.layers},
+        oddities=tuple(
+            f"{count} entities of kind {kind}"
+            for kind, count in Counter(entity.dxftype() for entity in entities).items()
+            if kind != own.DXFTYPE
+        ),
+    )
+
+
+def _unit(document: DxfDocument) -> str:
+    if document.dxfversion == AC1009:
+        return "mm"  # the only one that we write; the format has no place to say so
+    said = document.header.get("$INSUNITS", 0), document.header.get("$MEASUREMENT", 0)
+    if said == (MILLIMETRES, METRIC):
+        return "mm"
+    return f"$INSUNITS {said[0]} with $MEASUREMENT {said[1]}"
+
+
+def _path(polyline: LWPolyline | Polyline) -> DrawnPath:
+    if isinstance(polyline, Polyline):
+        rows = [(*v.dxf.location.vec2, v.dxf.get("bulge", 0.0)) for v in polyline.vertices]
+        points, closed = np.array(rows, dtype=np.float64), bool(polyline.is_closed)
+    else:
+        points, closed = np.array(polyline.get_points("xyb")), bool(polyline.closed)
+    points = points.reshape(-1, 3)
+    count = len(points) if closed else len(points) - 1
+    return DrawnPath(
+        layer=polyline.dxf.layer,
+        colour=str(polyline.dxf.color),
+        contour=Contour(
+            points_mm=points[:, :2],
+            bulges=points[: max(count, 0), 2],
+            parts=(Part.OTHER,) * count,
+            branches=("",) * count,
+            closed=closed,
+        ),
+    )

@@ -1,0 +1,318 @@
+"""Reading an SVG file of ours again: exactly the subset that is written, anything else is odd."""
+
+import math
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import svgwrite
+from svgwrite.extensions import Inkscape
+
+from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.fabrication.formats.laser_drawing import (
+    DEFAULT,
+    Colours,
+    DrawnPath,
+    Format,
+    ReadDrawing,
+    StyledPath,
+    metadata,
+    one_line,
+    styled_paths,
+)
+from vinefab.model.job import Job
+from vinefab.model.outline import Contour, Segment
+
+DECIMALS = 3
+HAIRLINE_MM = 0.01
+LARGEST_TURN_RAD = math.pi / 2
+LEAST_SAGITTA_MM = 0.0005
+
+
+def svg_text(job: Job, colours: Colours = DEFAULT, *, hairline_mm: float = HAIRLINE_MM) -> str:
+    """Return a job as the text of an SVG file, to be encoded as UTF-8.
+
+    Width and height are in millimetres with an equal view box, so that a user unit is a
+    millimetre in every program; there are no transforms (y is flipped in the coordinates) and no
+    path commands but M, L, A and Z.
+
+    Parameters
+    ----------
+    job
+        The paths, in millimetres from the sheet's lower left corner.
+    colours
+        Layers and colours.
+    hairline_mm
+        Stroke width; programs take a line as thin as this for a vector to be cut.
+    """
+    width, height = _number(job.sheet_width_mm), _number(job.sheet_height_mm)
+    drawing = svgwrite.Drawing(
+        size=(f"{width}mm", f"{height}mm"), viewBox=f"0 0 {width} {height}", debug=False
+    )
+    inkscape = Inkscape(drawing)
+    lines = [f"{key}: {value}" for key, value in metadata(job, colours).items()]
+    drawing.set_desc(title=one_line(job.name), desc="\n".join(lines))
+    layers: dict[str, svgwrite.container.Group] = {}
+    for styled in styled_paths(job, colours):
+        layer = styled.style.layer
+        if layer not in layers:
+            # An XML id may not start with a digit, a layer's name may.
+            layers[layer] = drawing.add(inkscape.layer(label=layer, id=f"layer_{layer}"))
+        layers[layer].add(_path(drawing, styled, float(height), hairline_mm))
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{drawing.tostring()}\n'
+
+
+def svg_contour(contour: Contour) -> Contour:
+    """Return a contour as SVG can hold it: arcs of at most 90 degrees.
+
+    SVG gives an arc by its ends and radius. Near a semicircle the centre follows from the small
+    difference of radius and half chord: rounding to 0.001 mm would move a 175 degree arc by more
+    than 0.02 mm, and where the rounded radius is less than half the chord, renderers enlarge it.
+    At 90 degrees no error grows. Arcs that differ from their chord by less than the rounding
+    become lines.
+    """
+    pieces = [piece for segment in contour.segments for piece in _split(segment)]
+    return Contour.from_segments(pieces, closed=contour.closed)
+
+
+def _split(segment: Segment) -> list[Segment]:
+    turn = abs(segment.turn_rad)
+    if abs(segment.bulge) * segment.chord_mm / 2 < LEAST_SAGITTA_MM and turn < LARGEST_TURN_RAD:
+        return [_piece(segment, segment.start_mm, segment.end_mm, 0.0)]
+    count = math.ceil(turn / LARGEST_TURN_RAD - 1e-9)
+    if count <= 1:
+        return [segment]
+    x, y = segment.center_mm
+    first = math.atan2(segment.start_mm[1] - y, segment.start_mm[0] - x)
+    angles = [first + segment.turn_rad * k / count for k in range(1, count)]
+    radius = segment.radius_mm
+    middle = [(x + radius * math.cos(angle), y + radius * math.sin(angle)) for angle in angles]
+    ends = [segment.start_mm, *middle, segment.end_mm]
+    bulge = math.tan(segment.turn_rad / count / 4)
+    return [_piece(segment, *pair, bulge) for pair in pairwise(ends)]
+
+
+def _piece(
+    whole: Segment, start_mm: tuple[float, float], end_mm: tuple[float, float], bulge: float
+) -> Segment:
+    return Segment(
+        start_mm=start_mm, end_mm=end_mm, bulge=bulge, part=whole.part, branch=whole.branch
+    )
+
+
+def _path(
+    drawing: svgwrite.Drawing, styled: StyledPath, height_mm: float, hairline_mm: float
+) -> svgwrite.path.Path:
+    rgb, width = styled.style.rgb, f"{hairline_mm:g}"
+    extra = {"inkscape:label": one_line(styled.path.label)} if styled.path.label else {}
+    return drawing.path(
+        d=_commands(svg_contour(styled.path.contour), height_mm),
+        fill="none",
+        stroke=rgb,
+        stroke_width=width,
+        style=f"fill:none;stroke:{rgb};stroke-width:{width}",
+        **extra,
+    )
+
+
+def _commands(contour: Contour, height_mm: float) -> str:
+    segments = list(contour.segments)
+    words = ["M", *_point(segments[0].start_mm, height_mm)]
+    for segment in segments[:-1]:
+        words.extend(_command(segment, height_mm))
+    if not contour.closed or segments[-1].bulge:
+        words.extend(_command(segments[-1], height_mm))
+    return " ".join([*words, "Z"] if contour.closed else words)
+
+
+def _command(segment: Segment, height_mm: float) -> list[str]:
+    end = _point(segment.end_mm, height_mm)
+    if not segment.bulge:
+        return ["L", *end]
+    radius = _number(segment.radius_mm)
+    # With y pointing down, SVG's positive (sweep 1) direction looks clockwise: our negative one.
+    return ["A", radius, radius, "0", "0", "0" if segment.bulge > 0 else "1", *end]
+
+
+def _point(point_mm: tuple[float, float], height_mm: float) -> tuple[str, str]:
+    return _number(point_mm[0]), _number(height_mm - point_mm[1])
+
+
+def _number(value: float) -> str:
+    # Adding 0 turns a negative zero into a positive one.
+    return f"{round(float(value), DECIMALS) + 0.0:.{DECIMALS}f}"
+
+
+_SVG = "{http://www.w3.org/2000/svg}"
+_LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
+_SILENT = {f"{_SVG}{name}" for name in ("title", "desc", "defs")}
+_NUMBER = re.compile(r"-?\d+\.\d+")
+_SIZE = re.compile(r"(-?\d+(?:\.\d+)?)(\D*)")
+_ARGUMENTS = {"M": 2, "L": 2, "A": 7, "Z": 0}
+
+
+def read_svg(source: Path | str) -> ReadDrawing:
+    """Return what an SVG file says, y up again.
+
+    Parameters
+    ----------
+    source
+        A path, or the text itself when it is a string.
+
+    Raises
+    ------
+    UnreadableFileError
+        If it is missing, not well formed, declares a document type (and with it, perhaps,
+        entities that expand without end), or has paths that vinefab does not write.
+    """
+    name = str(source) if isinstance(source, Path) else "SVG text"
+    try:
+        text = source.read_text("utf-8") if isinstance(source, Path) else source
+        return _drawing(_root(text))
+    except (ET.ParseError, BadInputError, UnicodeDecodeError) as error:
+        raise UnreadableFileError(name, f"not an SVG file of ours: {error}") from error
+    except OSError as error:
+        raise UnreadableFileError(name, error.strerror or str(error)) from error
+
+
+def _root(text: str) -> ET.Element:
+    if "<!" in text:
+        raise BadInputError("<!", text[text.index("<!") :][:40], "no declarations and comments")
+    # Without declarations there are no entities that could expand without end.
+    return ET.fromstring(text.encode("utf-8"))  # noqa: S314
+
+
+def _drawing(root: ET.Element) -> ReadDrawing:
+    (width, unit), (height, unit_y) = _size(root, "width"), _size(root, "height")
+    paths: list[DrawnPath] = []
+    odd = [] if root.tag == f"{_SVG}svg" else [f"root element {root.tag}"]
+    for group in root:
+        if group.tag == f"{_SVG}g":
+            paths.extend(_group(group, height, odd))
+        elif group.tag not in _SILENT:
+            odd.append(f"element {group.tag.removeprefix(_SVG)} outside the layers")
+    odd.extend(f"a transform on {e.tag}" for e in root.iter() if "transform" in e.attrib)
+    box = root.get("viewBox", "").split()
+    equal = [float(number) for number in box] == [0.0, 0.0, width, height] if box else False
+    return ReadDrawing(
+        format=Format.SVG,
+        unit=unit if equal and unit == unit_y else f"{unit} with view box {' '.join(box)!r}",
+        sheet=(width, height),
+        paths=tuple(paths),
+        layer_colours={},
+        oddities=tuple(odd),
+    )
+
+
+def _size(root: ET.Element, key: str) -> tuple[float, str]:
+    match = _SIZE.fullmatch(root.get(key, ""))
+    if match is None:
+        raise BadInputError(key, root.get(key), "a number with its unit, such as 300mm")
+    return float(match[1]), match[2]
+
+
+def _group(group: ET.Element, height_mm: float, odd: list[str]) -> list[DrawnPath]:
+    layer = group.get(_LABEL, "")
+    found = []
+    for element in group:
+        if element.tag != f"{_SVG}path":
+            odd.append(f"element {element.tag.removeprefix(_SVG)} on layer {layer}")
+            continue
+        stroke = element.get("stroke", "none")
+        style = dict(item.split(":", 1) for item in element.get("style", "").split(";") if item)
+        if style.get("stroke") != stroke:
+            odd.append(f"stroke {stroke} but style {style.get('stroke')} on layer {layer}")
+        if {element.get("fill"), style.get("fill")} != {"none"}:
+            odd.append(f"a filled path on layer {layer}")
+        contour = read_commands(element.get("d", ""), height_mm)
+        found.append(DrawnPath(layer=layer, colour=stroke.upper(), contour=contour))
+    return found
+
+
+@dataclass(slots=True)
+class _Pen:
+    """Where the pen stands while a path is read."""
+
+    first: tuple[float, float]
+    now: tuple[float, float]
+    segments: list[Segment] = field(default_factory=list)
+
+    def draw(self, end: tuple[float, float], bulge: float = 0.0) -> None:
+        self.segments.append(Segment(start_mm=self.now, end_mm=end, bulge=bulge))
+        self.now = end
+
+
+def read_commands(text: str, height_mm: float) -> Contour:
+    """Return the contour of one path's commands (absolute M, L, A and Z only), y up.
+
+    Parameters
+    ----------
+    text
+        The path's ``d``.
+    height_mm
+        The sheet's height, from which y is taken.
+
+    Raises
+    ------
+    BadInputError
+        If there is anything that vinefab does not write.
+    """
+    words = text.split()
+    if words[:1] != ["M"]:
+        raise BadInputError("d", text[:40], "one path that begins with M")
+    start = _read_point(words[1:3], height_mm)
+    pen = _Pen(first=start, now=start)
+    at, closed = 3, False
+    while at < len(words):
+        letter = words[at]
+        count = _ARGUMENTS.get(letter, -1)
+        arguments = words[at + 1 : at + 1 + count]
+        if closed or letter == "M" or len(arguments) != count:
+            raise BadInputError("d", " ".join(words[at : at + 8]), "L, A and one closing Z")
+        _run(pen, letter, arguments, height_mm)
+        closed = letter == "Z"
+        at += 1 + count
+    if not pen.segments:
+        raise BadInputError("d", text[:40], "at least one line or arc")
+    return Contour.from_segments(pen.segments, closed=closed)
+
+
+def _run(pen: _Pen, letter: str, arguments: list[str], height_mm: float) -> None:
+    if letter == "Z":
+        if pen.now != pen.first:
+            pen.draw(pen.first)
+        return
+    end = _read_point(arguments[-2:], height_mm)
+    pen.draw(end, _bulge(pen.now, end, arguments) if letter == "A" else 0.0)
+
+
+def _bulge(start: tuple[float, float], end: tuple[float, float], arguments: list[str]) -> float:
+    """Return the bulge of an arc command, read as the SVG standard says.
+
+    A radius less than half the chord counts as half the chord; with a radius of 0 or no distance
+    between the ends there is no arc.
+    """
+    radius, other = _value(arguments[0]), _value(arguments[1])
+    if radius != other or arguments[2] != "0" or not set(arguments[3:5]) <= {"0", "1"}:
+        raise BadInputError("d", " ".join(arguments), "a circular arc")
+    chord = math.dist(start, end)
+    if radius == 0.0 or chord == 0.0:
+        return 0.0
+    turn = 2.0 * math.asin(min(1.0, chord / (2.0 * radius)))
+    if arguments[3] == "1":
+        turn = math.tau - turn
+    return math.tan(turn / 4) * (1.0 if arguments[4] == "0" else -1.0)
+
+
+def _read_point(words: list[str], height_mm: float) -> tuple[float, float]:
+    if len(words) != 2:
+        raise BadInputError("d", " ".join(words), "x and y")
+    return _value(words[0]), height_mm - _value(words[1])
+
+
+def _value(word: str) -> float:
+    if _NUMBER.fullmatch(word) is None:
+        raise BadInputError("d", word, "a decimal number")
+    return float(word)

@@ -1,0 +1,223 @@
+"""From designs and a recipe to what the laser is to do, placed on the bed."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.units import deg
+from vinefab.fabrication.job.marks import fold_ticks, marks_of
+from vinefab.fabrication.job.nesting_on_bed import nest
+from vinefab.fabrication.job.passes import BodyPaths, body_paths, in_order
+from vinefab.fabrication.job.placement import (
+    ONE,
+    BedPlacement,
+    SheetOptions,
+    SheetRobot,
+    box_around_mm,
+    place_contours,
+)
+from vinefab.fabrication.job.tile_jobs import Tiled, target_paths, tile_jobs, tiled
+from vinefab.model.design import Design
+from vinefab.model.job import Job, Operation
+from vinefab.model.laser import LaserProfile
+
+MOST_BRANCHES = 5000
+"""Larger trees are not looked at: no sheet holds them, and pairs grow with the square."""
+
+
+def check_size(design: Design) -> None:
+    """Complain of a design with more branches than a flat robot could ever hold.
+
+    Raises
+    ------
+    BadInputError
+        If it has.
+    """
+    if design.branch_count > MOST_BRANCHES:
+        count, allowed = design.branch_count, f"at most {MOST_BRANCHES} for checks and laser files"
+        raise BadInputError(f"design {design.name}", f"{count} branches", allowed)
+
+
+def laser_job(design: Design, profile: LaserProfile, sheet: SheetOptions = ONE) -> Job:
+    """Return the job for a design: its outline, the cuts that free it, and marks beside it.
+
+    A robot that does not fit the bed is placed all the same, and ``fits_bed`` in the facts says so.
+    Of several robots those that find no room are left out; ``robots_placed`` counts the others.
+
+    Parameters
+    ----------
+    design
+        The design.
+    profile
+        Machine, material and recipe.
+    sheet
+        How many, and which others beside them.
+
+    Raises
+    ------
+    BadInputError
+        If the recipe lacks an operation, a design is too large for any sheet, or two different
+        designs have the same name.
+    """
+    for one in (design, *sheet.beside):
+        check_size(one)
+    robots = _placed_robots(design, profile, sheet)
+    machine = profile.machine
+    alone = robots[0].placement if len(robots) == 1 else None
+    parted: Tiled | str = ""
+    if alone is not None and not alone.fits:
+        body = robots[0].body
+        parted = tiled(design, body, profile, pass_through=sheet.pass_through)
+        if isinstance(parted, Tiled):
+            return _tiled_job(design, body, profile, parted)
+    bodies = [path for robot in robots for path in robot.paths]
+    margin = machine.margin_mm.value
+    usable = machine.usable_mm
+    within = (margin, margin, margin + usable[0], margin + usable[1])
+    marks = marks_of(robots, bodies, profile, within)
+    return Job(
+        name=design.name,
+        sheet_width_mm=machine.bed_width_mm.value,
+        sheet_height_mm=machine.bed_height_mm.value,
+        paths=in_order([*marks.paths, *bodies]),
+        facts={
+            **_recipe_facts(profile),
+            **robots[0].body.facts,
+            **_placement_facts(robots, profile),
+            **_body_facts(robots[0]),
+            **({"tiling": parted} if parted else {}),
+            **marks.facts,
+        },
+    )
+
+
+def _tiled_job(design: Design, body: BodyPaths, profile: LaserProfile, parted: Tiled) -> Job:
+    """Return the job of a robot in tiles: the whole on its film, and one job per tile."""
+    robot = SheetRobot(design=design, body=body, placement=parted.placement)
+    first, room = parted.tiles[0], profile.machine.usable_mm
+    within = (*first.low_mm, first.low_mm[0] + room[0], first.low_mm[1] + room[1])
+    targets = [path for tile in parted.tiles for path in target_paths(tile, profile)]
+    marks = marks_of([robot], [*robot.paths, *targets], profile, within)
+    facts = {**_recipe_facts(profile), **body.facts, **_body_facts(robot), **marks.facts}
+    # Targets and labels may lie beyond the robot: the film begins a rim below all of them.
+    paths = [*marks.paths, *targets, *robot.paths]
+    margin = profile.machine.margin_mm.value
+    x0, y0, x1, y1 = box_around_mm(path.contour for path in paths)
+    low = x0 - margin, y0 - margin
+    jobs = tile_jobs(design.name, profile, replace(parted, film_mm=low), marks.paths, facts)
+    shifted = parted.placement.shifted(-low[0], -low[1])
+    whole = [path for path in paths if path.operation is not Operation.REG]
+    return Job(
+        name=design.name,
+        sheet_width_mm=x1 - low[0] + margin,
+        sheet_height_mm=y1 - low[1] + margin,
+        paths=in_order(
+            replace(path, contour=path.contour.moved(0.0, -low[0], -low[1])) for path in whole
+        ),
+        facts={
+            **facts,
+            **_placement_facts([replace(robot, placement=shifted)], profile),
+            "tiles": len(jobs),
+        },
+        tiles=jobs,
+    )
+
+
+def _placed_robots(design: Design, profile: LaserProfile, sheet: SheetOptions) -> list[SheetRobot]:
+    machine, apart = profile.machine, sheet.process == "weld+cut"
+    designs = [*[design] * sheet.copies, *sheet.beside]
+    _refuse_namesakes(designs)
+    bodies = {id(one): body_paths(one, profile, apart=apart) for one in designs}
+    made = [bodies[id(one)] for one in designs]
+    contours = [tuple(path.contour for path in body.paths) for body in made]
+    corner = machine.margin_mm.value
+    placements: Sequence[BedPlacement | None]
+    if len(designs) == 1:
+        placements = [_alone(design, made[0], profile)]
+    else:
+        placements = nest(contours, machine.usable_mm, corner)
+    robots = [
+        SheetRobot(design=one, body=body, placement=placement)
+        for one, body, placement in zip(designs, made, placements, strict=True)
+    ]
+    count = sum(robot.placement is not None for robot in robots)
+    numbers = itertools.count(1)
+    return [
+        replace(robot, number=next(numbers), count=count) if robot.placement else robot
+        for robot in robots
+    ]
+
+
+def _refuse_namesakes(designs: Sequence[Design]) -> None:
+    """Refuse different designs of one name: paths, labels and findings go by it."""
+    named: dict[str, Design] = {}
+    for design in designs:
+        if named.setdefault(design.name, design) != design:
+            words = "designs of different names on one sheet, or the same design again"
+            raise BadInputError("name", f"{design.name} twice", words)
+
+
+def _alone(design: Design, body: BodyPaths, profile: LaserProfile) -> BedPlacement:
+    """Return where one robot lies: with room for its fold line, if there is any."""
+    room, corner = profile.machine.usable_mm, profile.machine.margin_mm.value
+    contours = [path.contour for path in body.paths]
+    if Operation.MARK in profile.recipe.operations:
+        marked = place_contours([*contours, *fold_ticks(design, body.reach_mm)], room, corner)
+        if marked.fits:
+            return marked
+    return place_contours(contours, room, corner)
+
+
+def _recipe_facts(profile: LaserProfile) -> dict[str, object]:
+    return {
+        "machine": profile.machine.name,
+        "material": profile.material.name,
+        "recipe": profile.recipe.name,
+        "recipe_status": profile.recipe.status.value,
+    }
+
+
+def _placement_facts(robots: Sequence[SheetRobot], profile: LaserProfile) -> dict[str, object]:
+    usable = profile.machine.usable_mm
+    facts: dict[str, object] = {
+        "usable_width_mm": usable[0],
+        "usable_height_mm": usable[1],
+    }
+    if len(robots) == 1 and (placement := robots[0].placement):
+        return {
+            "rotation_deg": deg(placement.angle_rad),
+            "shift_x_mm": placement.dx_mm,
+            "shift_y_mm": placement.dy_mm,
+            "box_width_mm": placement.width_mm,
+            "box_height_mm": placement.height_mm,
+            **facts,
+            "fits_bed": placement.fits,
+        }
+    placed = [(robot.design.name, robot.placement) for robot in robots if robot.placement]
+    return {
+        **facts,
+        "fits_bed": len(placed) == len(robots),
+        "robots_wanted": len(robots),
+        "robots_placed": len(placed),
+        "robots": [
+            {
+                "part": number,
+                "design": name,
+                "rotation_deg": deg(placement.angle_rad),
+                "shift_x_mm": placement.dx_mm,
+                "shift_y_mm": placement.dy_mm,
+            }
+            for number, (name, placement) in enumerate(placed, start=1)
+        ],
+    }
+
+
+def _body_facts(robot: SheetRobot) -> dict[str, object]:
+    points, outline = robot.body.outline.contour.points_mm, robot.body.outline
+    return {
+        "mouth_lumen_mm": robot.design.build.mouth_width_mm,
+        "mouth_gap_mm": math.dist(points[0], points[-1]),
+        "outline_problems": [problem.words for problem in outline.problems],
+    }

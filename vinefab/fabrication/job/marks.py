@@ -1,0 +1,246 @@
+"""Marks on the film around robots: fold lines, what each robot is, and what found no room.
+
+They lie outside the body: a mark weakens film under pressure.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from vinefab.core.jsontext import GENERATOR
+from vinefab.core.validation import Floats
+from vinefab.fabrication.job.font import text_strokes_mm, text_width_mm, unwritten
+from vinefab.fabrication.job.passes import closes
+from vinefab.fabrication.job.placement import SheetRobot
+from vinefab.model.design import Design
+from vinefab.model.job import LaserPath, Operation
+from vinefab.model.laser import LaserProfile
+from vinefab.model.outline import Contour
+
+CLEAR_MM = 3.5
+"""Marks stay this far from everything else: VF-L01 asks for 3 mm."""
+
+TICK_MM = 7.0
+HEIGHTS_MM = (4.0, 3.0, 2.5)
+"""Heights of letters that are tried, the largest first; the least keeps strokes over 0.4 mm."""
+
+_STEP_MM = 5.0
+_LINE = 1.5
+
+Box = tuple[float, float, float, float]
+
+
+def fold_ticks(design: Design, reach_mm: float) -> list[Contour]:
+    """Return the two ends of the line along which the tail is folded over its base.
+
+    That is where the trunk begins; within the body the line is not drawn.
+
+    Parameters
+    ----------
+    design
+        The design, whose flat layout the coordinates are those of.
+    reach_mm
+        How far outside the lumen the paths of the body reach.
+    """
+    first = design.build.widths_mm[0] / 2.0 + reach_mm + CLEAR_MM
+    ends = [[[0.0, side * first], [0.0, side * (first + TICK_MM)]] for side in (-1.0, 1.0)]
+    return [Contour.polyline(np.array(line), closed=False) for line in ends]
+
+
+def label_lines(name: str, profile: LaserProfile, part: tuple[int, int]) -> list[str]:
+    """Return what to write beside a robot: name, recipe, version and which part of how many."""
+    version = GENERATOR.removeprefix("written by ")
+    return [name, profile.recipe.name, f"{version} part {part[0]} of {part[1]}"]
+
+
+class Free:
+    """The room on a sheet that no path has taken yet.
+
+    Parameters
+    ----------
+    paths
+        What lies on the sheet.
+    within
+        The part of the sheet that marks may use.
+    """
+
+    def __init__(self, paths: Sequence[LaserPath], within: Box) -> None:
+        self.within = within
+        self.taken = shapely.union_all([region(path.contour) for path in paths])
+        shapely.prepare(self.taken)
+
+    def has(self, contour: Contour) -> bool:
+        """Whether a mark lies on the sheet and clear of everything."""
+        line = shapely.LineString(contour.points_mm)
+        inside = shapely.box(*self.within).buffer(1e-6).covers(line)
+        return bool(inside) and not shapely.dwithin(self.taken, line, CLEAR_MM - 1e-6)
+
+    def take(self, shape: shapely.Geometry) -> None:
+        """Keep later marks away from a shape."""
+        self.taken = shapely.union(self.taken, shape)
+        shapely.prepare(self.taken)
+
+    def box_near(self, size_mm: tuple[float, float], to_mm: tuple[float, float]) -> Box | None:
+        """Return the free box of some size whose middle is nearest to a place, or None."""
+        x0, y0, x1, y1 = self.within
+        across = np.arange(x0, x1 - size_mm[0] + 1e-9, _STEP_MM)
+        up = np.arange(y0, y1 - size_mm[1] + 1e-9, _STEP_MM)
+        x, y = (grid.ravel() for grid in np.meshgrid(across, up))
+        away = np.hypot(x + size_mm[0] / 2 - to_mm[0], y + size_mm[1] / 2 - to_mm[1])
+        for rows in np.array_split(np.argsort(away, kind="stable"), max(1, len(x) // 500)):
+            boxes = shapely.box(x[rows], y[rows], x[rows] + size_mm[0], y[rows] + size_mm[1])
+            free = np.flatnonzero(~shapely.dwithin(self.taken, boxes, CLEAR_MM))
+            if len(free):
+                row = rows[free[0]]
+                low = float(x[row]), float(y[row])
+                return *low, low[0] + size_mm[0], low[1] + size_mm[1]
+        return None
+
+
+def label_paths(
+    lines: Sequence[str], free: Free, near_mm: tuple[float, float], label: str, name: str
+) -> tuple[LaserPath, ...]:
+    """Return lines of text as strokes near a place, level or upright; none if there is no room.
+
+    Parameters
+    ----------
+    lines
+        From the top.
+    free
+        The room left; what is written is taken from it.
+    near_mm
+        Where it should be.
+    label
+        What the strokes are called.
+    name
+        The design's name.
+    """
+    for height in HEIGHTS_MM:
+        wide = max(text_width_mm(line, height) for line in lines)
+        high = height * (1.0 + _LINE * (len(lines) - 1))
+        found = [
+            (box, upright)
+            for upright, size in ((False, (wide, high)), (True, (high, wide)))
+            if (box := free.box_near(size, near_mm)) is not None
+        ]
+        if found:
+            box, upright = min(found, key=lambda one: math.dist(_middle(one[0]), near_mm))
+            free.take(shapely.box(*box))
+            return tuple(
+                _mark(stroke, label, name)
+                for stroke in _strokes(lines, height, box, upright=upright)
+            )
+    return ()
+
+
+def mark(contour: Contour, label: str, name: str) -> LaserPath:
+    """Return a mark."""
+    return LaserPath(operation=Operation.MARK, contour=contour, label=label, of=name)
+
+
+def _mark(points_mm: Floats, label: str, name: str) -> LaserPath:
+    return mark(Contour.polyline(points_mm, closed=False), label, name)
+
+
+def _strokes(lines: Sequence[str], height: float, box: Box, *, upright: bool) -> list[Floats]:
+    strokes = []
+    for row, line in enumerate(lines):
+        rise = _LINE * height * (len(lines) - 1 - row)
+        for stroke in text_strokes_mm(line, height):
+            x, y = stroke[:, 0], stroke[:, 1] + rise
+            placed = (box[2] - y, box[1] + x) if upright else (box[0] + x, box[1] + y)
+            strokes.append(np.column_stack(placed))
+    return strokes
+
+
+def region(contour: Contour) -> shapely.Geometry:
+    """Return what a path takes of the sheet: a line, or all that it encloses."""
+    points = contour.flattened_mm(0.05)
+    line = shapely.LineString(points)
+    if closes(contour) and not contour.closed:
+        points = points[:-1]  # without the overcut
+    if len(points) < 4:
+        return line
+    area = shapely.Polygon(points)
+    return area if area.is_valid else area.convex_hull
+
+
+def _middle(box: Box) -> tuple[float, float]:
+    return (box[0] + box[2]) / 2.0, (box[1] + box[3]) / 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Marking:
+    """Marks of a sheet.
+
+    Parameters
+    ----------
+    paths
+        The marks.
+    left_out
+        In words, what should have been marked and was not.
+    """
+
+    paths: tuple[LaserPath, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def facts(self) -> dict[str, object]:
+        """What a job records of it."""
+        return {"marks_left_out": list(self.left_out)} if self.left_out else {}
+
+
+def marks_of(
+    robots: Sequence[SheetRobot], bodies: Sequence[LaserPath], profile: LaserProfile, within: Box
+) -> Marking:
+    """Return fold lines and labels of robots, as far as there is room for them.
+
+    Parameters
+    ----------
+    robots
+        The robots; those without a place get none.
+    bodies
+        All paths that marks must stay clear of.
+    profile
+        Marks are made only where the recipe can mark.
+    within
+        The part of the sheet that marks may use.
+    """
+    if Operation.MARK not in profile.recipe.operations:
+        return Marking()
+    free = Free(bodies, within)
+    placed = [robot for robot in robots if robot.placement]
+    folds = [_fold(robot, free) for robot in placed]
+    for path in (path for fold in folds for path in fold.paths):
+        free.take(Free([path], within).taken)
+    labels = [_label(robot, free, profile) for robot in placed]
+    made = [*folds, *labels]
+    return Marking(
+        paths=tuple(path for one in made for path in one.paths),
+        left_out=tuple(words for one in made for words in one.left_out),
+    )
+
+
+def _fold(robot: SheetRobot, free: Free) -> Marking:
+    """Return the ends of the line along which the tail is folded; one of them tells where."""
+    label = f"fold line of {robot.title}"
+    ticks = [robot.on_sheet(tick) for tick in fold_ticks(robot.design, robot.body.reach_mm)]
+    paths = tuple(mark(tick, label, robot.design.name) for tick in ticks if free.has(tick))
+    return Marking(paths=paths, left_out=() if paths else (f"no room for the {label}",))
+
+
+def _label(robot: SheetRobot, free: Free, profile: LaserProfile) -> Marking:
+    name = robot.design.name
+    lines = label_lines(name, profile, (robot.number, robot.count))
+    tail = robot.on_sheet(robot.body.outline.contour).points_mm
+    x, y = ((tail[0] + tail[-1]) / 2.0).tolist()
+    label = f"label of {robot.title}"
+    paths = label_paths(lines, free, (x, y), label, name)
+    if not paths:
+        return Marking(left_out=(f"no room for the {label}",))
+    blank = unwritten("".join(lines))
+    left_out = (f"no strokes for {blank} in the {label}",) if blank else ()
+    return Marking(paths=paths, left_out=left_out)

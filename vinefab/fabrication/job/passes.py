@@ -1,0 +1,252 @@
+"""What the laser does around one robot, and in which order.
+
+Everything is in the coordinates of the flat layout.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+
+from vinefab.fabrication.outline.body_outline import BodyOutline, body_outline
+from vinefab.model.design import Design
+from vinefab.model.job import LaserPath, Operation
+from vinefab.model.laser import LaserProfile
+from vinefab.model.outline import Contour, Part, Segment
+
+_OPERATIONS = tuple(Operation)
+_MEETS_MM = 1e-6
+
+
+def closes(contour: Contour) -> bool:
+    """Whether a path ends where it began, or past that, on its first segment."""
+    if contour.closed:
+        return True
+    first = next(iter(contour.segments))
+    if first.bulge:
+        return False
+    start, end = np.array(first.start_mm), np.array(first.end_mm)
+    last, along = contour.points_mm[-1], end - start
+    share = float(np.dot(last - start, along) / np.dot(along, along))
+    foot = start + share * along
+    return len(contour) > 2 and -1e-9 <= share <= 1.0 and math.dist(foot, last) < _MEETS_MM
+
+
+def frees(path: LaserPath) -> bool:
+    """Whether a path cuts a piece out of the sheet."""
+    return path.operation in (Operation.WELDCUT, Operation.CUT) and closes(path.contour)
+
+
+def in_order(paths: Iterable[LaserPath]) -> tuple[LaserPath, ...]:
+    """Return paths in process order.
+
+    Within an operation, paths inside of many others come first; paths alike keep their order.
+    """
+    given = list(paths)
+    depth = dict.fromkeys(range(len(given)), 0)
+    rings = {row: _area(path) for row, path in enumerate(given) if frees(path)}
+    for outer, area in rings.items():
+        for inner in rings:
+            if inner != outer and given[inner].operation is given[outer].operation:
+                x, y = given[inner].contour.points_mm[0]
+                depth[inner] += bool(shapely.contains_xy(area, x, y))
+    order = sorted(
+        range(len(given)), key=lambda row: (_OPERATIONS.index(given[row].operation), -depth[row])
+    )
+    return tuple(given[row] for row in order)
+
+
+def _area(path: LaserPath) -> shapely.Polygon:
+    return shapely.Polygon(path.contour.flattened_mm(0.1))
+
+
+WEB_MM = 2.0
+"""Film left between the seam and the cut where both are made apart (assumed)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BodyPaths:
+    """The paths of one robot.
+
+    Parameters
+    ----------
+    paths
+        In process order.
+    outline
+        The outline that forms the body, and what is wrong with it.
+    reach_mm
+        How far outside the lumen the paths reach.
+    facts
+        Offsets that were applied.
+    """
+
+    paths: tuple[LaserPath, ...]
+    outline: BodyOutline
+    reach_mm: float
+    facts: dict[str, object]
+
+
+def weldcut_offset_mm(profile: LaserProfile) -> float:
+    """Return how far outside the lumen's edge the beam's centre runs when it cuts and seals.
+
+    The seam that extends inward of the kerf plus half the kerf: the beam melts the seam's whole
+    width to both sides of the kerf, and the lumen ends where the seam begins.
+    """
+    settings = profile.settings(Operation.WELDCUT)
+    return settings.seam_width_mm.value + settings.kerf_mm.value / 2.0
+
+
+def weld_offset_mm(profile: LaserProfile) -> float:
+    """Return how far outside the lumen's edge the middle of a seam runs that is welded alone."""
+    return profile.settings(Operation.WELD).seam_width_mm.value / 2.0
+
+
+def cut_offset_mm(profile: LaserProfile) -> float:
+    """Return how far outside the lumen's edge the cut runs around a seam that is welded alone."""
+    seam, kerf = profile.settings(Operation.WELD).seam_width_mm, profile.settings(Operation.CUT)
+    return seam.value + WEB_MM + kerf.kerf_mm.value / 2.0
+
+
+def in_one_pass(profile: LaserProfile) -> bool:
+    """Whether a recipe cuts and seals at once; else it welds and cuts apart."""
+    operations = profile.recipe.operations
+    return Operation.WELDCUT in operations or Operation.WELD not in operations
+
+
+def body_paths(design: Design, profile: LaserProfile, *, apart: bool = False) -> BodyPaths:
+    """Return the paths of one robot.
+
+    Parameters
+    ----------
+    design, profile
+        What is made, and with what.
+    apart
+        Weld and cut apart even if the recipe can do both at once.
+
+    Raises
+    ------
+    BadInputError
+        If the recipe lacks an operation.
+    """
+    if apart or not in_one_pass(profile):
+        return _apart(design, profile)
+    return _one_pass(design, profile)
+
+
+def _one_pass(design: Design, profile: LaserProfile) -> BodyPaths:
+    """Cut and seal the outline, which stays open at the mouth; then cut across the mouth."""
+    settings, offset = profile.settings(Operation.WELDCUT), weldcut_offset_mm(profile)
+    overcut = profile.settings(Operation.CUT).overcut_mm.value
+    outline = body_outline(design, offset)
+    name = design.name
+    paths = (
+        _path(Operation.WELDCUT, outline.contour, f"outline of {name}", name),
+        _path(Operation.CUT, mouth_cut(outline.contour, overcut), f"mouth of {name}", name),
+    )
+    facts: dict[str, object] = {
+        "process": "weldcut: one pass seals and cuts",
+        "weldcut_offset_mm": offset,
+        "weldcut_seam_mm": settings.seam_width_mm.value,
+        "weldcut_kerf_mm": settings.kerf_mm.value,
+        "weldcut_passes": settings.passes,
+        "cut_passes": profile.settings(Operation.CUT).passes,
+        "mouth_overcut_mm": overcut,
+    }
+    return BodyPaths(paths=paths, outline=outline, reach_mm=offset, facts=facts)
+
+
+def _apart(design: Design, profile: LaserProfile) -> BodyPaths:
+    """Weld the seam, open at the mouth; then cut around it and across the mouth in one go."""
+    weld, cut = profile.settings(Operation.WELD), profile.settings(Operation.CUT)
+    overcut = cut.overcut_mm.value
+    outline = body_outline(design, weld_offset_mm(profile))
+    around = body_outline(design, cut_offset_mm(profile))
+    name = design.name
+    paths = (
+        _path(Operation.WELD, outline.contour, f"seam of {name}", name),
+        _path(Operation.CUT, closed_cut(around.contour, overcut), f"cut around {name}", name),
+    )
+    facts: dict[str, object] = {
+        "process": "weld and cut: the seam first, then the cut around it",
+        "weld_offset_mm": weld_offset_mm(profile),
+        "weld_seam_mm": weld.seam_width_mm.value,
+        "weld_passes": weld.passes,
+        "web_mm": WEB_MM,
+        "cut_offset_mm": cut_offset_mm(profile),
+        "cut_kerf_mm": cut.kerf_mm.value,
+        "cut_passes": cut.passes,
+        "cut_overcut_mm": overcut,
+    }
+    problems = outline.problems or around.problems
+    return BodyPaths(
+        paths=paths,
+        outline=replace(outline, problems=problems),
+        reach_mm=cut_offset_mm(profile),
+        facts=facts,
+    )
+
+
+def mouth_cut(outline: Contour, overcut_mm: float) -> Contour:
+    """Return the straight cut across the mouth of an open outline.
+
+    Parameters
+    ----------
+    outline
+        Open; its two ends are the mouth's corners.
+    overcut_mm
+        How far the cut runs past each of them.
+    """
+    first, last = outline.points_mm[-1], outline.points_mm[0]
+    along = (last - first) / math.dist(first, last)
+    return Contour(
+        points_mm=np.array([first - overcut_mm * along, last + overcut_mm * along]),
+        bulges=np.zeros(1),
+        parts=(Part.MOUTH,),
+        branches=outline.branches[:1],
+        closed=False,
+    )
+
+
+def closed_cut(outline: Contour, overcut_mm: float) -> Contour:
+    """Return the cut all around an open outline and across its mouth.
+
+    It begins in the middle of the longest straight of the tail, away from crotches and tips (of
+    the mouth, where nothing else is straight), and runs past its start by the overcut: a path
+    without ends would leave a bridge where the laser turns on and off.
+
+    Parameters
+    ----------
+    outline
+        Open; its two ends are the mouth's corners.
+    overcut_mm
+        How far to run past the start.
+    """
+    segments = list(outline.segments)
+    mouth = Segment(
+        start_mm=segments[-1].end_mm,
+        end_mm=segments[0].start_mm,
+        part=Part.MOUTH,
+        branch=segments[0].branch,
+    )
+    ring = [*segments, mouth]
+    straight = [row for row, s in enumerate(segments) if not s.bulge and s.part is Part.TAIL]
+    straight = straight or [row for row, s in enumerate(segments) if not s.bulge] or [-1]
+    row = max(straight, key=lambda row: ring[row].length_mm) % len(ring)
+    before, after = split(ring[row], 0.5)
+    around = [after, *ring[row + 1 :], *ring[:row], before]
+    if overcut_mm > 0.0:
+        around.append(split(after, min(1.0, overcut_mm / after.length_mm))[0])
+    return Contour.from_segments(around, closed=False)
+
+
+def split(segment: Segment, share: float) -> tuple[Segment, Segment]:
+    """Return the two parts of a straight segment, cut at a share of its length."""
+    (x0, y0), (x1, y1) = segment.start_mm, segment.end_mm
+    middle = x0 + share * (x1 - x0), y0 + share * (y1 - y0)
+    return replace(segment, end_mm=middle), replace(segment, start_mm=middle)
+
+
+def _path(operation: Operation, contour: Contour, label: str, name: str) -> LaserPath:
+    return LaserPath(operation=operation, contour=contour, label=label, of=name)

@@ -1,0 +1,1 @@
+"""From a design to its exact outline of lines and arcs."""

@@ -1,0 +1,165 @@
+"""The outline of a design: one walk around its tree, in exact lines and arcs.
+
+From the mouth's right corner up one side of tail and trunk, at each joint on to the next branch
+counter-clockwise, around each tip, and back down to the mouth's left corner. The body is always to
+the left. Whether far parts of the body cross each other is not the walk's business.
+"""
+
+import math
+from dataclasses import dataclass
+
+from vinefab.fabrication.outline.exactness import (
+    OutlineProblem,
+    Pattern,
+    ProblemKind,
+    drawing_problems,
+    pattern_of,
+    pattern_problems,
+)
+from vinefab.fabrication.outline.joint import Joint
+from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
+from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM, LocalFrame, Pen, Point, placed
+from vinefab.model.design import Design
+from vinefab.model.outline import Contour, Part
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BodyOutline:
+    """The outline of a design.
+
+    Parameters
+    ----------
+    contour
+        Open, from the mouth's right corner counter-clockwise around the body to its left corner.
+        Where there are problems it is a sketch for a picture, not a shape to cut.
+    problems
+        Why the contour is not exact; empty if it is.
+    """
+
+    contour: Contour
+    problems: tuple[OutlineProblem, ...]
+
+
+def body_outline(design: Design, offset_mm: float = 0.0) -> BodyOutline:
+    """Return the outline of a design in the coordinates of its flat layout.
+
+    Parameters
+    ----------
+    design
+        The design.
+    offset_mm
+        How far outside the lumen's edge the outline runs: half widths and convex radii grow by
+        it, fillet radii shrink by it. The mouth stays at the tail's end.
+
+    Examples
+    --------
+    >>> from vinefab.model.design import Build
+    >>> vine = Design(name="vine", trunk_length_mm=100.0, build=Build.standard(1))
+    >>> outline = body_outline(vine)
+    >>> [segment.part.value for segment in outline.contour.segments]
+    ['tail', 'side', 'tip', 'tip', 'side', 'tail']
+    >>> [round(edge, 6) for edge in outline.contour.box_mm]
+    [-200.0, -20.0, 120.0, 20.0]
+    """
+    layout = flat_layout(design)
+    pattern = pattern_of(design, offset_mm)
+    problems = pattern_problems(design, layout, pattern)
+    if any(problem.kind is ProblemKind.VANISHED for problem in problems):
+        pattern = pattern_of(design, 0.0)
+    contour = _Walk(layout, pattern).contour()
+    return BodyOutline(
+        contour=contour, problems=problems or drawing_problems(layout, pattern, contour)
+    )
+
+
+class _Walk:
+    """One walk around a tree; made for one contour and thrown away."""
+
+    def __init__(self, layout: FlatLayout, pattern: Pattern) -> None:
+        self.pattern = pattern
+        self.ids = layout.tree.ids
+        self.level = layout.tree.level.tolist()
+        self.ends: list[Point] = [(x, y) for x, y in layout.end_mm.tolist()]
+        self.heading = layout.heading_rad.tolist()
+        self.sibling = [0] * len(self.ids)
+        self.children: list[list[int]] = [[] for _ in self.ids]
+        for branch, parent in enumerate(layout.tree.parent.tolist()):
+            if parent >= 0:
+                self.sibling[branch] = len(self.children[parent])
+                self.children[parent].append(branch)
+        self.pen = Pen([pattern.tail.start_mm])
+
+    def contour(self) -> Contour:
+        """Walk from one corner of the mouth to the other."""
+        tail, name = self.pattern.tail, self.ids[0]
+        for piece in tail.pieces:
+            self.pen.go_to(piece.end_mm, piece.part, name, piece.bulge)
+        self._around(0)
+        # The left side mirrors the right one.
+        ends = [tail.start_mm, *(piece.end_mm for piece in tail.pieces)]
+        self._side(_mirrored(ends[-1]), 0)
+        for piece, end in zip(reversed(tail.pieces), reversed(ends[:-1]), strict=True):
+            self.pen.go_to(_mirrored(end), piece.part, name, piece.bulge)
+        return self.pen.contour()
+
+    def _around(self, branch: int) -> None:
+        """Walk from the base of a branch's right side to the end of its left side."""
+        if not self.children[branch]:
+            frame = LocalFrame(self.ends[branch], self.heading[branch])
+            tip = self.pattern.tip(self.sibling[branch])
+            self._side(placed(tip.run.start_mm, frame), branch)
+            self.pen.pieces(tip.run, frame, (self.ids[branch],))
+            return
+        joint = self.pattern.joint(self.level[branch], self.sibling[branch])
+        self._gap(joint, 0, branch, branch)
+        for number, child in enumerate(self.children[branch], start=1):
+            self._around(child)
+            self._gap(joint, number, branch, child)
+
+    def _gap(self, joint: Joint, number: int, parent: int, first: int) -> None:
+        """Walk from the left of one neighbour at a joint to the right of the next."""
+        gap = joint.gaps[number]
+        frame = LocalFrame(self.ends[parent], self.heading[parent])
+        self._side(placed(gap.run.start_mm, frame), first)
+        owners = (self.ids[parent], *(self.ids[child] for child in self.children[parent]))
+        self.pen.pieces(gap.run, frame, owners)
+
+    def _side(self, point: Point, branch: int) -> None:
+        """Walk straight along a branch; below the trunk's base its side is the tail."""
+        if branch > 0:
+            self.pen.go_to(point, Part.SIDE, self.ids[branch])
+            return
+        here = self.pen.points[-1]
+        for end, bulge in self._base(here, point):
+            part = Part.JOINT if bulge else self._trunk_part(end)
+            self.pen.go_to(end, part, self.ids[0], bulge)
+        self.pen.go_to(point, self._trunk_part(point), self.ids[0])
+
+    def _base(self, here: Point, point: Point) -> list[tuple[Point, float]]:
+        """Return the way past the trunk's base, as far as a straight way passes it.
+
+        An even trunk has its base there only where it divides the way into two that can both be
+        drawn.
+        """
+        tail = self.pattern.tail
+        way = [(tail.base_mm, 0.0), *((piece.end_mm, piece.bulge) for piece in tail.bend)]
+        if here[0] > point[0]:
+            ends = [_mirrored(end) for end, _ in reversed(way)]
+            way = list(zip(ends, [0.0, *(bulge for _, bulge in reversed(way[1:]))], strict=True))
+        if tail.bend:
+            return way if min(here[0], point[0]) <= tail.base_mm[0] + 1e-9 else []
+        base = way[0][0]
+        if (here[0] < base[0]) == (point[0] < base[0]):
+            return []
+        nearest = min(math.dist(here, base), math.dist(way[-1][0], point))
+        return way if nearest >= LEAST_SEGMENT_MM else []
+
+    def _trunk_part(self, point: Point) -> Part:
+        """Return what the straight way to a point on the trunk's side belongs to."""
+        middle = (self.pen.points[-1][0] + point[0]) / 2
+        return Part.TAIL if middle < 0.0 else Part.SIDE
+
+
+def _mirrored(point: Point) -> Point:
+    """Return a point of the right side on the left side of tail and trunk."""
+    return point[0], -point[1]

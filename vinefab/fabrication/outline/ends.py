@@ -1,0 +1,343 @@
+"""The ends of an outline: the tail with its collar and mouth, rounded tips and pouches.
+
+Coordinates are those of the flat layout: the trunk's base is the origin and the tail lies along
+-x. Only the right side is worked out; the left one mirrors it.
+
+The frame's origin is the end of the branch's planned length and +x is the branch's heading. A
+rounded tip and a round pouch are centred on the origin, a rectangular pouch is too: half of its
+length lies beyond the planned length.
+"""
+
+import math
+from dataclasses import dataclass
+
+from vinefab.fabrication.outline.gap import Neck, neck
+from vinefab.fabrication.outline.joint import level_tapers_rad
+from vinefab.fabrication.outline.layout import level_fillets_mm
+from vinefab.fabrication.outline.stroke import (
+    LEAST_SEGMENT_MM,
+    Point,
+    StrokeRun,
+    StrokeSegment,
+    arc,
+    polar,
+    turned,
+)
+from vinefab.model.design import Collar, Design, Pouch
+from vinefab.model.outline import Part
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tail:
+    """The right side of a tail.
+
+    Parameters
+    ----------
+    start_mm
+        Right corner of the mouth.
+    pieces
+        From the mouth to where the tail is as wide as the trunk; none without a collar.
+    even_mm
+        Where that is, along x; not after the trunk's base unless the collar is too long.
+    base_mm
+        Where the trunk's base ends the tail's side.
+    bend
+        From there to where a tapered trunk's side begins; none for an even trunk.
+    """
+
+    start_mm: Point
+    pieces: tuple[StrokeSegment, ...]
+    even_mm: float
+    base_mm: Point
+    bend: tuple[StrokeSegment, ...] = ()
+
+
+def tail_of(design: Design, offset_mm: float) -> Tail:
+    """Return the tail of a design.
+
+    Parameters
+    ----------
+    design
+        The design.
+    offset_mm
+        How far outside the lumen's edge the outline runs; the mouth stays where it is.
+    """
+    mouth, half = -design.build.tail_mm, design.build.widths_mm[0] / 2 + offset_mm
+    base, bend = _bend(half, level_tapers_rad(design, 1)[0])
+    collar = design.build.collar
+    if collar is None:
+        return Tail(start_mm=(mouth, -half), pieces=(), even_mm=mouth, base_mm=base, bend=bend)
+    wide = collar.flat_width_mm / 2 + offset_mm
+    # A straight piece too short to draw is left out.
+    start = mouth + (collar.length_mm if collar.length_mm >= LEAST_SEGMENT_MM else 0.0)
+    pieces = _transition(collar, (start, wide - half), offset_mm)
+    straight = [StrokeSegment((start, -wide), 0.0, Part.TAIL)] if start > mouth else []
+    shifted = [StrokeSegment((p.end_mm[0], p.end_mm[1] - wide), p.bulge, p.part) for p in pieces]
+    return Tail(
+        start_mm=(mouth, -wide),
+        pieces=(*straight, *shifted),
+        even_mm=start + collar.flare_mm,
+        base_mm=base,
+        bend=bend,
+    )
+
+
+def _bend(half_mm: float, lean_rad: float) -> tuple[Point, tuple[StrokeSegment, ...]]:
+    """Return where the tail's side ends and how it goes over into the trunk's."""
+    if half_mm * lean_rad < LEAST_SEGMENT_MM:
+        return (half_mm * math.tan(lean_rad / 2), -half_mm), ()
+    end = turned((0.0, -half_mm), lean_rad)
+    return (0.0, -half_mm), (StrokeSegment(end, math.tan(lean_rad / 4), Part.JOINT),)
+
+
+def _transition(collar: Collar, start_and_rise_mm: Point, offset_mm: float) -> list[StrokeSegment]:
+    """Return two arcs that rise from the clamp's side to the trunk's.
+
+    Arcs of one radius r that both turn by t rise 2 r (1 - cos t) over 2 r sin t. An offset keeps
+    centres and turns, makes the one that bulges outward larger and the other one smaller.
+
+    Parameters
+    ----------
+    collar
+        The collar.
+    start_and_rise_mm
+        Where they begin along x; by how much the right side rises towards the axis.
+    offset_mm
+        As in `tail_of`.
+    """
+    start, rise = start_and_rise_mm
+    if abs(rise) < 1e-9:
+        return []
+    turn = 2.0 * math.atan(rise / collar.flare_mm)
+    radius = collar.flare_mm / (2.0 * math.sin(abs(turn)))
+    outward, inward = radius + offset_mm, radius - offset_mm
+    # A mouth wider than the trunk: its side first turns in, around the body's own side.
+    first = outward if rise > 0.0 else inward
+    middle = start + first * math.sin(abs(turn))
+    risen = math.copysign(first * (1.0 - math.cos(turn)), rise)
+    bulge = math.tan(turn / 4.0)
+    return [
+        StrokeSegment((middle, risen), bulge, Part.COLLAR),
+        StrokeSegment((start + collar.flare_mm, rise), -bulge, Part.COLLAR),
+    ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leaf:
+    """The end of a leaf, as its pouch sees it.
+
+    Parameters
+    ----------
+    half_mm
+        Distance of its sides from its end.
+    lean_rad
+        Angle by which they lean towards its axis.
+    fillet_mm
+        Fillet radius of the neck.
+    """
+
+    half_mm: float
+    lean_rad: float
+    fillet_mm: float
+
+    @property
+    def rise(self) -> float:
+        """How far a fillet between side and shoulder reaches along the shoulder, over its radius.
+
+        1 at a right angle.
+        """
+        return math.tan(math.pi / 4 + self.lean_rad / 2)
+
+    def half_at_mm(self, x_mm: float) -> float:
+        """Return how far from the axis a side is at a place along it; 0 is the end."""
+        return (self.half_mm - x_mm * math.sin(self.lean_rad)) / math.cos(self.lean_rad)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TipStroke:
+    """What the walk does at the end of a leaf.
+
+    Parameters
+    ----------
+    run
+        From the branch's right side to its left side.
+    used_mm
+        How far before the end of the branch its straight sides stop.
+    """
+
+    run: StrokeRun
+    used_mm: float
+
+
+def tip_of(design: Design, offset_mm: float, lean_rad: float = 0.0) -> TipStroke:
+    """Return the far end of a leaf of a design.
+
+    Parameters
+    ----------
+    design
+        The design.
+    offset_mm
+        How far outside the lumen's edge the outline runs.
+    lean_rad
+        Angle by which the leaf's sides lean towards its axis.
+    """
+    half, pouch = design.build.end_widths_mm[-1] / 2, design.build.pouch
+    # A pouch no wider than its branch is a named problem; the bare tip is what can be drawn.
+    if pouch is None or pouch.flat_width_mm <= 2.0 * half:
+        return round_tip(half + offset_mm, lean_rad)
+    return pouch_tip(pouch, leaf_of(design, lean_rad), offset_mm)
+
+
+def leaf_of(design: Design, lean_rad: float) -> Leaf:
+    """Return the end of a design's leaves whose sides lean by an angle."""
+    return Leaf(
+        half_mm=design.build.end_widths_mm[-1] / 2,
+        lean_rad=lean_rad,
+        fillet_mm=level_fillets_mm(design)[-1],
+    )
+
+
+def round_tip(half_mm: float, lean_rad: float = 0.0) -> TipStroke:
+    """Return the round end of a branch of half width ``half_mm``, tangent to its sides."""
+    start = turned((0.0, -half_mm), lean_rad)
+    pieces = arc((0.0, 0.0), start, math.pi - 2.0 * lean_rad, Part.TIP)
+    return TipStroke(run=StrokeRun(start, tuple(pieces)), used_mm=0.0)
+
+
+def pouch_tip(pouch: Pouch, leaf: Leaf, offset_mm: float) -> TipStroke:
+    """Return a pouch on the end of a branch.
+
+    Parameters
+    ----------
+    pouch
+        Its flat size, wider than the branch.
+    leaf
+        The branch's end.
+    offset_mm
+        How far outside the lumen's edge the outline runs.
+    """
+    if pouch.shape == "round":
+        return _round_pouch((pouch.radius_mm or 0.0) + offset_mm, leaf, offset_mm)
+    return _rectangle(pouch, leaf, offset_mm)
+
+
+def _mirrored(
+    right: list[StrokeSegment], start: Point, middle: list[StrokeSegment], lean_rad: float
+) -> TipStroke:
+    """Return the tip whose left side mirrors its right side about the branch's axis."""
+    ends = [start, *(piece.end_mm for piece in right)]
+    left = [
+        StrokeSegment((end[0], -end[1]), piece.bulge, piece.part)
+        for end, piece in zip(reversed(ends[:-1]), reversed(right), strict=True)
+    ]
+    return TipStroke(
+        run=StrokeRun(start, (*right, *middle, *left)), used_mm=-turned(start, -lean_rad)[0]
+    )
+
+
+def _round_pouch(pouch_mm: float, leaf: Leaf, offset_mm: float) -> TipStroke:
+    half, lean = leaf.half_mm + offset_mm, leaf.lean_rad
+    found = neck(half, pouch_mm, max(0.0, leaf.fillet_mm - offset_mm))
+    start = turned((-found.used_mm, -half), lean)
+    enter = polar(pouch_mm, found.angle_rad - math.pi + lean)
+    right = _neck_fillet(found, enter)
+    turn = 2.0 * (math.pi - found.angle_rad - lean)
+    return _mirrored(right, start, arc((0.0, 0.0), enter, turn, Part.POUCH), lean)
+
+
+def _neck_fillet(found: Neck, enter: Point) -> list[StrokeSegment]:
+    if found.radius_mm * found.turn_rad == 0.0:
+        return []
+    return [StrokeSegment(enter, -math.tan(found.turn_rad / 4.0), Part.FILLET)]
+
+
+def corner_radii_mm(pouch: Pouch, leaf: Leaf) -> Point:
+    """Return neck fillet and corner radius of a rectangular pouch's lumen.
+
+    The shoulder between branch and pouch is shared: the neck gets its designed radius but at most
+    half the shoulder, the corner the same radius as long as a quarter of the pouch's length and
+    the rest of the shoulder allow.
+
+    Parameters
+    ----------
+    pouch
+        A rectangular pouch.
+    leaf
+        The branch's end, with the designed radius of the neck.
+    """
+    length, width = pouch.length_mm or 0.0, pouch.width_mm or 0.0
+    shoulder = width / 2 - leaf.half_at_mm(-length / 2)
+    inner = min(leaf.fillet_mm, shoulder / 2 / leaf.rise)
+    wanted = leaf.fillet_mm if leaf.fillet_mm > 0.0 else shoulder / 2
+    outer = min(wanted, shoulder - leaf.rise * inner, length / 4)
+    # Between the two the shoulder is straight for at least the shortest segment, or not at all.
+    straight = shoulder - leaf.rise * inner - outer
+    if 1e-9 < straight < LEAST_SEGMENT_MM:
+        grows = outer + straight <= length / 4
+        outer += straight if grows else straight - LEAST_SEGMENT_MM
+    return inner, outer
+
+
+def least_convex_radius_mm(design: Design) -> float:
+    """Return the smallest convex radius at the lumen's tips: of the pouches, or else of the tips.
+
+    Parameters
+    ----------
+    design
+        The design.
+    """
+    half, pouch = design.build.end_widths_mm[-1] / 2, design.build.pouch
+    if pouch is None:
+        return half
+    if pouch.shape == "round":
+        return pouch.flat_width_mm / 2
+    leans = level_tapers_rad(design, design.depth)
+    return min(corner_radii_mm(pouch, leaf_of(design, lean))[1] for lean in leans)
+
+
+def _rectangle(pouch: Pouch, leaf: Leaf, offset_mm: float) -> TipStroke:
+    inner, outer = corner_radii_mm(pouch, leaf)
+    front = (pouch.length_mm or 0.0) / 2 + offset_mm
+    side = (pouch.width_mm or 0.0) / 2 + offset_mm
+    # Inward beyond its radius, a rounded corner becomes a sharp one.
+    radius = max(0.0, outer + offset_mm)
+    axis = (radius - front, radius - side)
+    drawn = Leaf(
+        half_mm=leaf.half_mm + offset_mm,
+        lean_rad=leaf.lean_rad,
+        fillet_mm=max(0.0, inner - offset_mm),
+    )
+    right, start = _shoulder(drawn, axis, radius)
+    right += [StrokeSegment((-axis[0], -side), 0.0, Part.POUCH)]
+    right += arc((-axis[0], axis[1]), (-axis[0], -side), math.pi / 2, Part.POUCH)
+    middle = [StrokeSegment((-axis[0] + radius, -axis[1]), 0.0, Part.POUCH)]
+    return _mirrored(right, start, middle, leaf.lean_rad)
+
+
+def _shoulder(leaf: Leaf, axis: Point, radius_mm: float) -> tuple[list[StrokeSegment], Point]:
+    """Return the way from the branch's side round the back corner, and where it starts.
+
+    Parameters
+    ----------
+    leaf
+        The branch's end, as wide and with a fillet as large as drawn.
+    axis, radius_mm
+        Centre and radius of the back corner's arc.
+    """
+    back, lean, fillet = axis[0] - radius_mm, leaf.lean_rad, leaf.fillet_mm
+    ball = back - fillet, -leaf.half_at_mm(back) - leaf.rise * fillet
+    if axis[1] - ball[1] > 1e-9:
+        # The fillet is gone and the branch's side has risen past the start of the corner's arc.
+        x, y = turned(axis, -lean)
+        along = math.sqrt(max(0.0, radius_mm**2 - (leaf.half_mm + y) ** 2))
+        start = turned((x - along, -leaf.half_mm), lean)
+        turn = math.acos(max(-1.0, min(1.0, (axis[1] - start[1]) / max(radius_mm, 1e-12))))
+        return arc(axis, start, turn, Part.POUCH), start
+    out = turned((0.0, 1.0), lean)
+    start = ball[0] + fillet * out[0], ball[1] + fillet * out[1]
+    pieces: list[StrokeSegment] = []
+    if fillet > 0.0:
+        turn = math.pi / 2 + lean
+        pieces += [StrokeSegment((back, ball[1]), -math.tan(turn / 4), Part.FILLET)]
+    pieces += [StrokeSegment((back, axis[1]), 0.0, Part.POUCH)]
+    return [*pieces, *arc(axis, (back, axis[1]), math.pi / 2, Part.POUCH)], start

@@ -1,0 +1,407 @@
+"""The walk between two neighbours at a joint, past the core that a rolling ball rests on.
+
+All of it happens in the joint's frame: the joint is the origin and the parent's heading is +x. The
+core is the parent with a rounded end: a disc of its half width R and, behind the disc, its two
+sides. The walk round the core comes along the parent's right side, around the disc and back along
+its left side. The sides of an even parent are y = -R and y = R; those of a tapered one touch the
+disc a little further ahead and lean by the tilt. Children stick out of the core; one that bends
+backwards sticks out of the parent's side, and behind it that side shows again.
+
+A fillet of radius r is a ball that rolls in the gap between two children, down the left side of
+the first and down the right side of the second, until it rests on the core. Where the first would
+rest behind the second, a ball between the two never reaches the core: it rests on both of them.
+"""
+
+import math
+from dataclasses import dataclass
+
+from vinefab.fabrication.outline.crotch import LEFT, RIGHT, Gap, Strip
+from vinefab.fabrication.outline.stroke import (
+    LEAST_SEGMENT_MM,
+    Point,
+    StrokeRun,
+    StrokeSegment,
+    arc,
+    polar,
+    turned,
+)
+from vinefab.model.outline import Part
+
+
+@dataclass(frozen=True, slots=True)
+class Neck:
+    """Where a straight side meets a disc that bulges out of it.
+
+    Parameters
+    ----------
+    used_mm
+        Distance along the side from the disc's centre to where the side ends.
+    angle_rad
+        Angle, from the strip's axis, at which the disc begins.
+    radius_mm
+        Fillet radius, 0 for a bare corner or where side and disc are tangent.
+    """
+
+    used_mm: float
+    angle_rad: float
+    radius_mm: float
+
+    @property
+    def turn_rad(self) -> float:
+        """Angle through which the fillet turns, not negative."""
+        return math.pi / 2 - self.angle_rad
+
+
+def neck(half_mm: float, disc_mm: float, radius_mm: float) -> Neck:
+    """Return how a side at ``half_mm`` from the axis meets a disc, with a fillet.
+
+    A fillet shorter than the shortest segment becomes a corner.
+    """
+    # The product keeps its zero exact when side and disc are tangent; a difference of squares
+    # would leave 1e-7 mm of fillet behind.
+    used = math.sqrt(max(0.0, (disc_mm - half_mm) * (disc_mm + half_mm + 2.0 * radius_mm)))
+    found = Neck(used, math.atan2(half_mm + radius_mm, used), radius_mm)
+    if radius_mm > 0.0 and radius_mm * found.turn_rad < LEAST_SEGMENT_MM:
+        return neck(half_mm, disc_mm, 0.0)
+    return found
+
+
+DISC = 0
+"""The core's rounded end."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Core:
+    """A parent with a rounded end.
+
+    Parameters
+    ----------
+    radius_mm
+        Radius of its end.
+    tilt_rad
+        Angle by which its sides lean towards its axis, along its heading.
+    """
+
+    radius_mm: float
+    tilt_rad: float = 0.0
+
+    @property
+    def side_rad(self) -> float:
+        """Direction out of the left side; the right side's is its negative."""
+        return math.pi / 2 - self.tilt_rad
+
+    def corner_mm(self, zone: int) -> Point:
+        """Return where a side touches the disc."""
+        return polar(self.radius_mm, zone * self.side_rad)
+
+    def depth_mm(self, point: Point) -> float:
+        """Return how far inside a point lies, negative outside."""
+        x, y = turned((point[0], abs(point[1])), self.tilt_rad)
+        return self.radius_mm - (math.hypot(x, y) if x > 0.0 else y)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contact:
+    """Where a ball that rolls down one side of a child rests on the core.
+
+    Parameters
+    ----------
+    side
+        `LEFT` or `RIGHT` side of the child.
+    used_mm
+        How far from the joint, along the child, the child's straight side ends.
+    side_mm
+        The end of the child's straight side.
+    core_mm
+        The point of the core that the ball touches.
+    zone
+        What of the core that is: `LEFT` or `RIGHT` side of the parent, or `DISC`.
+    normal_rad
+        Direction out of the core at that point.
+    radius_mm
+        The ball's radius, 0 for a bare corner.
+    turn_rad
+        Angle that the walk turns clockwise around the ball, not negative.
+    along_mm
+        How far ahead of where the parent's side touches the disc the point is, along that side;
+        0 on the disc.
+    position_mm
+        How far around the core the point is: 0 where its right side touches the disc, rising
+        counter-clockwise.
+    """
+
+    side: int
+    used_mm: float
+    side_mm: Point
+    core_mm: Point
+    zone: int
+    normal_rad: float
+    radius_mm: float
+    turn_rad: float
+    along_mm: float
+    position_mm: float
+
+    @property
+    def bulge(self) -> float:
+        """Bulge of the fillet around the ball."""
+        return -math.tan(self.turn_rad / 4.0)
+
+
+def contact(
+    strip: Strip, side: int, core: Core, radius_mm: float, *, tolerance_mm: float
+) -> Contact:
+    """Return where a ball that rolls down a child's side rests on the core.
+
+    Parameters
+    ----------
+    strip, side
+        The child, and which of its sides.
+    core
+        The parent.
+    radius_mm
+        The ball's radius.
+    tolerance_mm
+        Where the disc ends and the parent's side begins, a ball that would touch the disc less
+        than this ahead of it counts as touching the side.
+    """
+    found = neck(strip.half_mm, core.radius_mm, radius_mm)
+    normal = strip.angle_rad + side * found.angle_rad
+    zone = LEFT if normal > 0.0 else RIGHT
+    past = min(abs(normal) - core.side_rad, math.pi / 2)
+    leans = zone * math.sin(strip.angle_rad + zone * core.tilt_rad)
+    if -core.radius_mm * math.sin(past) < tolerance_mm and leans > 1e-9:
+        return _on_parent((strip, side, zone), core, radius_mm)
+    return Contact(
+        side=side,
+        used_mm=found.used_mm,
+        side_mm=turned((found.used_mm, side * strip.half_mm), strip.angle_rad),
+        core_mm=polar(core.radius_mm, normal),
+        zone=DISC,
+        normal_rad=normal,
+        radius_mm=found.radius_mm,
+        turn_rad=found.turn_rad,
+        along_mm=0.0,
+        position_mm=(normal + core.side_rad) * core.radius_mm,
+    )
+
+
+def _on_parent(child: tuple[Strip, int, int], core: Core, radius_mm: float) -> Contact:
+    """Return where the ball rests on one of the parent's straight sides.
+
+    Worked out in a frame that is turned so that this side of the parent runs along x.
+    """
+    strip, side, zone = child
+    back = -zone * core.tilt_rad
+    angle = strip.angle_rad - back
+    sin, cos = math.sin(angle), math.cos(angle)
+    radius = radius_mm
+    # In front of the child it closes the angle between child and parent, behind the child the
+    # rest of the half turn.
+    turn = math.remainder(zone * angle, math.tau)
+    turn = turn if side == zone else math.pi - turn
+    if radius * turn < LEAST_SEGMENT_MM:
+        radius = 0.0
+    used = (zone * (core.radius_mm + radius) - side * (strip.half_mm + radius) * cos) / sin
+    # Almost parallel to the parent they never part: a named problem, drawn where the child ends.
+    used = min(used, 2.0 * strip.length_mm + core.radius_mm)
+    x = turned((used, side * (strip.half_mm + radius)), angle)[0]
+    around = 2.0 * core.side_rad * core.radius_mm
+    return Contact(
+        side=side,
+        used_mm=used,
+        side_mm=turned((used, side * strip.half_mm), strip.angle_rad),
+        core_mm=turned((x, zone * core.radius_mm), back),
+        zone=zone,
+        normal_rad=zone * core.side_rad,
+        radius_mm=radius,
+        turn_rad=turn,
+        along_mm=x,
+        position_mm=x if zone == RIGHT else around - x,
+    )
+
+
+PARENT = 0
+"""Owner number of the parent."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Given:
+    """The core, and the fillet radius asked for."""
+
+    core: Core
+    fillet_mm: float
+
+
+def solve_gap(first: Strip, second: Strip, core: Core, fillet_mm: float) -> Gap:
+    """Return the walk between two neighbours at a joint.
+
+    Between two fillets the core shows for at least the shortest segment, or not at all. Where it
+    would show for less, one ball that rests on both sides presses into it: no radius is bent to
+    make it fit, and the gap says how far off that is.
+
+    Parameters
+    ----------
+    first, second
+        Left side of one neighbour, right side of the next one counter-clockwise; the parent comes
+        first or last.
+    core
+        The parent with the joint's disc, which is at least as wide as any child.
+    fillet_mm
+        Fillet radius.
+    """
+    given = _Given(core=core, fillet_mm=fillet_mm)
+    one, two = _contacts(first, second, given)
+    hidden = one is not None and two is not None and _shown_mm(one, two) < LEAST_SEGMENT_MM
+    if hidden:
+        return _between_children(first, second, given)
+    return _past_core((first, second), (one, two), given)
+
+
+def _contacts(first: Strip, second: Strip, given: _Given) -> tuple[Contact | None, Contact | None]:
+    """Return where the ball rests on the core at both ends of the gap; None for the parent.
+
+    Where the way begins or ends on the parent's side, no arc may follow that is too short: then a
+    ball just past the disc's end counts as resting on the side too. The error is of second order.
+    """
+
+    def rest(strip: Strip, side: int, tolerance_mm: float) -> Contact | None:
+        if strip.owner == PARENT:
+            return None
+        return contact(strip, side, given.core, given.fillet_mm, tolerance_mm=tolerance_mm)
+
+    one, two = (
+        rest(strip, side, -LEAST_SEGMENT_MM) for strip, side in ((first, LEFT), (second, RIGHT))
+    )
+    if one is None or one.zone == RIGHT:
+        two = rest(second, RIGHT, LEAST_SEGMENT_MM)
+    if two is None or two.zone == LEFT:
+        one = rest(first, LEFT, LEAST_SEGMENT_MM)
+    return one, two
+
+
+def _shown_mm(one: Contact, two: Contact) -> float:
+    """Return how much of the core shows between two contacts, negative if they are crossed."""
+    return two.position_mm - one.position_mm
+
+
+def _past_core(
+    strips: tuple[Strip, Strip], contacts: tuple[Contact | None, Contact | None], given: _Given
+) -> Gap:
+    """Return the walk along one side, along the core and along the other side."""
+    one, two = contacts
+    core = _along_core(one, two, given.core)
+    start, pieces = core.start_mm, list(core.pieces)
+    if one is not None:
+        start = one.side_mm
+        pieces = [*_fillet(one, one.core_mm, strips[0].owner), *pieces]
+    if two is not None:
+        pieces += _fillet(two, two.side_mm, strips[1].owner)
+    ends = [end for end in contacts if end is not None]
+    return Gap(
+        first=strips[0],
+        second=strips[1],
+        run=StrokeRun(start, tuple(pieces)),
+        first_used_mm=_used_mm(one, two),
+        second_used_mm=_used_mm(two, one),
+        radius_mm=min(end.radius_mm for end in ends),
+        reach_mm=_reach_mm(one, two, given.core.radius_mm),
+        error_mm=max(_lost_mm(given.fillet_mm - end.radius_mm, end.turn_rad) for end in ends),
+    )
+
+
+def _fillet(end: Contact, to: Point, owner: int) -> list[StrokeSegment]:
+    if end.radius_mm * end.turn_rad == 0.0:
+        return []
+    return [StrokeSegment(to, end.bulge, Part.FILLET, owner)]
+
+
+def _along_core(one: Contact | None, two: Contact | None, core: Core) -> StrokeRun:
+    """Return the walk along the core between two contacts, or from or to the parent's sides."""
+    begins = RIGHT if one is None else one.zone
+    ends = LEFT if two is None else two.zone
+    if begins == RIGHT and ends == RIGHT and two is not None:
+        start = two.core_mm if one is None else one.core_mm
+        return StrokeRun(start, (StrokeSegment(two.core_mm, 0.0, Part.SIDE, PARENT),))
+    if begins == LEFT and one is not None:
+        to = one.core_mm if two is None else two.core_mm
+        return StrokeRun(one.core_mm, (StrokeSegment(to, 0.0, Part.SIDE, PARENT),))
+    corner = core.corner_mm(RIGHT)
+    start = corner if one is None else one.core_mm
+    on_disc = one.core_mm if one is not None and begins == DISC else corner
+    from_rad = one.normal_rad if one is not None and begins == DISC else -core.side_rad
+    to_rad = two.normal_rad if two is not None and ends == DISC else core.side_rad
+    pieces = [StrokeSegment(corner, 0.0, Part.SIDE, PARENT)] if begins == RIGHT else []
+    pieces += arc((0.0, 0.0), on_disc, to_rad - from_rad, Part.JOINT, PARENT)
+    if two is not None and ends == LEFT:
+        pieces += [StrokeSegment(two.core_mm, 0.0, Part.SIDE, PARENT)]
+    return StrokeRun(start, tuple(pieces))
+
+
+def _used_mm(own: Contact | None, other: Contact | None) -> float:
+    """Return how much of one neighbour's straight side the gap takes; None is the parent."""
+    if own is not None:
+        return own.used_mm
+    if other is None or other.zone == DISC:
+        return 0.0
+    return max(0.0, -other.along_mm)
+
+
+def _reach_mm(one: Contact | None, two: Contact | None, core_mm: float) -> float:
+    """Return how near to the joint the outline comes in a gap that shows the core."""
+    begins = RIGHT if one is None else one.zone
+    ends = LEFT if two is None else two.zone
+    if begins != ends or begins == DISC:
+        return core_mm
+    # Only one of the parent's sides shows: its nearest point is an end of the way, or, beside the
+    # parent, the crotch's own nearest point.
+    nearest = two if begins == RIGHT else one
+    if nearest is None:
+        return core_mm
+    if one is not None and two is not None:
+        return math.hypot(*nearest.core_mm)
+    center = math.hypot(nearest.along_mm, core_mm + nearest.radius_mm)
+    return max(core_mm, center - nearest.radius_mm)
+
+
+def _lost_mm(radius_mm: float, turn_rad: float) -> float:
+    """Return how deep a corner is that stands for a fillet of some radius and turn."""
+    return radius_mm * (1.0 / max(math.cos(turn_rad / 2), 1e-3) - 1.0)
+
+
+def _between_children(first: Strip, second: Strip, given: _Given) -> Gap:
+    """Return the walk from one side straight to the other, around a ball that rests on both."""
+    gap = second.angle_rad - first.angle_rad
+    turn = math.pi - gap
+    radius = given.fillet_mm if given.fillet_mm * turn >= LEAST_SEGMENT_MM else 0.0
+    one, two = _rests_mm(first, second, radius)
+    start = turned((one, first.half_mm), first.angle_rad)
+    end = turned((two, -second.half_mm), second.angle_rad)
+    pieces: tuple[StrokeSegment, ...] = ()
+    if radius > 0.0:
+        pieces = (StrokeSegment(end, -math.tan(turn / 4), Part.FILLET, first.owner),)
+    center = turned((one, first.half_mm + radius), first.angle_rad)
+    away = math.hypot(*center)
+    near = 1.0 - radius / away
+    depth = given.core.depth_mm((center[0] * near, center[1] * near))
+    return Gap(
+        first=first,
+        second=second,
+        run=StrokeRun(start, pieces),
+        first_used_mm=one,
+        second_used_mm=two,
+        radius_mm=radius,
+        reach_mm=away - radius,
+        error_mm=max(depth, _lost_mm(given.fillet_mm - radius, turn), 0.0),
+    )
+
+
+def _rests_mm(first: Strip, second: Strip, radius_mm: float) -> Point:
+    """Return how far along each side a ball between them rests; never far beyond their ends."""
+    gap = second.angle_rad - first.angle_rad
+    sin, cos = math.sin(gap), math.cos(gap)
+    one, two = first.half_mm + radius_mm, second.half_mm + radius_mm
+    # Neighbours that (almost) coincide never part: a named problem, drawn where they end.
+    longest = 2.0 * max(first.length_mm, second.length_mm)
+    if sin < 1e-9:
+        return longest, longest
+    return min((two + one * cos) / sin, longest), min((one + two * cos) / sin, longest)

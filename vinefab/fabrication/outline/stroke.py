@@ -1,0 +1,166 @@
+"""Runs of lines and arcs in their own frame, and the pen that places them on the sheet."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vinefab.model.outline import Contour, Part
+
+LEAST_SEGMENT_MM = 0.05
+"""No segment of an outline is shorter."""
+
+MOST_TURN_RAD = math.radians(174.9)
+"""Arcs are split so that none turns further: readers go wrong near half a circle."""
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class StrokeSegment:
+    """One line or arc that begins where the piece before ended.
+
+    Parameters
+    ----------
+    end_mm
+        Where it ends, in the frame of its run.
+    bulge
+        Tangent of a quarter of its turn, as in `Segment`.
+    part
+        What it belongs to.
+    owner
+        Which of the run's branches it belongs to.
+    """
+
+    end_mm: Point
+    bulge: float
+    part: Part
+    owner: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class StrokeRun:
+    """Pieces one after the other, in a frame of their own.
+
+    Parameters
+    ----------
+    start_mm
+        Where the first piece begins.
+    pieces
+        The lines and arcs; none for a bare corner.
+    """
+
+    start_mm: Point
+    pieces: tuple[StrokeSegment, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class LocalFrame:
+    """Where a run's own x axis lies on the sheet.
+
+    Parameters
+    ----------
+    origin_mm
+        Place of the frame's origin.
+    heading_rad
+        Direction of its x axis.
+    """
+
+    origin_mm: Point
+    heading_rad: float
+
+
+def polar(radius_mm: float, angle_rad: float) -> Point:
+    """Return the point at a distance and direction from the origin."""
+    return radius_mm * math.cos(angle_rad), radius_mm * math.sin(angle_rad)
+
+
+def turned(point: Point, angle_rad: float) -> Point:
+    """Return a point turned counter-clockwise about the origin."""
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return cos * point[0] - sin * point[1], sin * point[0] + cos * point[1]
+
+
+def arc(
+    center_mm: Point, start_mm: Point, turn_rad: float, part: Part, owner: int = 0
+) -> list[StrokeSegment]:
+    """Return an arc from its start, split into equal pieces below 175 degrees.
+
+    Parameters
+    ----------
+    center_mm, start_mm
+        Centre and first point.
+    turn_rad
+        Angle of the arc, positive counter-clockwise.
+    part, owner
+        What the pieces belong to.
+    """
+    count = max(1, math.ceil(abs(turn_rad) / MOST_TURN_RAD))
+    bulge = math.tan(turn_rad / count / 4.0)
+    spoke = start_mm[0] - center_mm[0], start_mm[1] - center_mm[1]
+    pieces = []
+    for step in range(1, count + 1):
+        x, y = turned(spoke, turn_rad * step / count)
+        pieces.append(StrokeSegment((center_mm[0] + x, center_mm[1] + y), bulge, part, owner))
+    return pieces
+
+
+@dataclass(slots=True)
+class Pen:
+    """Collects the vertices of one contour while it walks.
+
+    Parameters
+    ----------
+    points, bulges, parts, branches
+        What has been drawn so far, as in `Contour`.
+    """
+
+    points: list[Point]
+    bulges: list[float] = field(default_factory=list)
+    parts: list[Part] = field(default_factory=list)
+    branches: list[str] = field(default_factory=list)
+
+    def go_to(self, point: Point, part: Part, branch: str, bulge: float = 0.0) -> None:
+        """Draw to a point, unless the pen is there already; an arc that turns too far in two."""
+        if math.dist(self.points[-1], point) < 1e-9:
+            return
+        if abs(bulge) > math.tan(MOST_TURN_RAD / 4.0):
+            (x0, y0), (x1, y1) = self.points[-1], point
+            middle = (x0 + x1 + bulge * (y1 - y0)) / 2.0, (y0 + y1 - bulge * (x1 - x0)) / 2.0
+            bulge = math.tan(math.atan(bulge) / 2.0)
+            self.go_to(middle, part, branch, bulge)
+        self.points.append(point)
+        self.bulges.append(bulge)
+        self.parts.append(part)
+        self.branches.append(branch)
+
+    def pieces(self, run: StrokeRun, frame: LocalFrame, owners: Sequence[str]) -> None:
+        """Draw a run's pieces; the pen stands at the run's start.
+
+        Parameters
+        ----------
+        run, frame
+            What to draw and where.
+        owners
+            Branch id for each owner number of the run.
+        """
+        for piece in run.pieces:
+            point = placed(piece.end_mm, frame)
+            self.go_to(point, piece.part, owners[piece.owner], piece.bulge)
+
+    def contour(self) -> Contour:
+        """Return the open contour drawn so far."""
+        return Contour(
+            points_mm=np.array(self.points),
+            bulges=np.array(self.bulges),
+            parts=tuple(self.parts),
+            branches=tuple(self.branches),
+            closed=False,
+        )
+
+
+def placed(point: Point, frame: LocalFrame) -> Point:
+    """Return where a frame's point lies on the sheet."""
+    x, y = turned(point, frame.heading_rad)
+    return frame.origin_mm[0] + x, frame.origin_mm[1] + y

@@ -1,0 +1,1 @@
+"""The folder that a technician gets: instructions, bill of materials, pictures, manifest."""

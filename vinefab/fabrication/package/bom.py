@@ -1,0 +1,212 @@
+"""What a job takes: film, seam and cut lengths, time on the machine, mass of the robot."""
+
+import csv
+import io
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from vinefab.core.jsontext import GENERATOR
+from vinefab.fabrication.package.machine_time import machine_time
+from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
+
+COLUMNS = ("item", "value", "unit", "standing", "basis")
+_G_PER_KG = 1000.0
+_MM3_PER_M3 = 1e9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BomLine:
+    """One number of the bill of materials.
+
+    Parameters
+    ----------
+    item
+        What it counts.
+    value, unit
+        How much.
+    standing
+        How far it may be trusted: assumed as soon as one number that it rests on is.
+    basis
+        How it came about.
+    """
+
+    item: str
+    value: float
+    unit: str
+    standing: Standing
+    basis: str
+
+
+def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
+    """Return what a job takes.
+
+    Parameters
+    ----------
+    job
+        The paths.
+    profile
+        Film, speeds and limits.
+
+    Raises
+    ------
+    BadInputError
+        If the recipe lacks an operation of the job.
+    """
+    return (
+        *_film_lines(job, profile),
+        *_tile_lines(job),
+        *_length_lines(job),
+        *_time_lines(job, profile),
+    )
+
+
+def bom_text(job: Job, profile: LaserProfile) -> str:
+    """Return the bill of materials as CSV; its last row says who wrote it."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for line in bill_of_materials(job, profile):
+        writer.writerow([line.item, f"{line.value:.6g}", line.unit, line.standing, line.basis])
+    writer.writerow(["bill of materials", "", "", "", f"{job.name}, {GENERATOR}"])
+    return stream.getvalue()
+
+
+def robot_count(job: Job) -> int:
+    """Return how many robots a job makes: it has one path that forms the body of each."""
+    return len(_outlines(job))
+
+
+def body_area_mm2(job: Job) -> float:
+    """Return the flat area of the robots of a job, one ply, within the path that forms them.
+
+    That is the weld-cut outline or, where sealing and cutting are separate, the weld line; an
+    outline that is open at the mouth is closed with a straight line.
+    """
+    return math.fsum(abs(path.contour.signed_area_mm2) for path in _outlines(job))
+
+
+def _outlines(job: Job) -> tuple[LaserPath, ...]:
+    return job.along(Operation.WELDCUT) or job.along(Operation.WELD)
+
+
+def film_piece_mm(job: Job, profile: LaserProfile) -> tuple[float, float]:
+    """Return width and height of the least piece of film: what is machined and a rim around it.
+
+    The rim is the machine's margin, so that a piece laid into the bed's lower left corner fits.
+    The film of a robot in tiles also holds the targets by which they are aligned.
+    """
+    if job.tiles:
+        return job.sheet_width_mm, job.sheet_height_mm
+    boxes = [path.contour.box_mm for path in job.paths if path.operation.is_machined]
+    low_x, low_y, high_x, high_y = zip(*boxes, strict=True)
+    rim = 2.0 * profile.machine.margin_mm.value
+    return max(high_x) - min(low_x) + rim, max(high_y) - min(low_y) + rim
+
+
+def weakest(quantities: Iterable[Quantity]) -> Standing:
+    """Return the standing of a number worked out from others."""
+    assumed = any(quantity.standing is Standing.ASSUMED for quantity in quantities)
+    return Standing.ASSUMED if assumed else Standing.COMPUTED
+
+
+def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
+    film, area = profile.material, body_area_mm2(job)
+    width, height = film_piece_mm(job, profile)
+    mass_g = area * film.plies * film.ply_mm.value * film.density_kg_m3.value
+    mass_g *= _G_PER_KG / _MM3_PER_M3
+    mass_basis = (
+        f"area x {film.plies} plies x {film.ply_mm.value:g} mm ({film.ply_mm.standing})"
+        f" x {film.density_kg_m3.value:g} kg/m3 ({film.density_kg_m3.standing})"
+    )
+    margin = profile.machine.margin_mm
+    rim = f"paths and a rim of {margin.value:g} mm ({margin.standing})"
+    sizes = [("film width", width, "mm"), ("film height", height, "mm")]
+    sizes.append(("film area, all plies", film.plies * width * height / 100.0, "cm2"))
+    return [
+        *(
+            BomLine(item=item, value=value, unit=unit, standing=weakest((margin,)), basis=rim)
+            for item, value, unit in sizes
+        ),
+        _roll_line(film, (width, height), weakest((margin, film.roll_width_mm))),
+        _computed("plies", film.plies, "1", f"of {film.title}, one on the other"),
+        _computed("robot area", area / 100.0, "cm2", "one ply, within the beam's path"),
+        BomLine(
+            item="robot film mass",
+            value=mass_g,
+            unit="g",
+            standing=weakest((film.ply_mm, film.density_kg_m3)),
+            basis=mass_basis,
+        ),
+    ]
+
+
+def _roll_line(film: Material, piece_mm: tuple[float, float], standing: Standing) -> BomLine:
+    """Return how much of a roll all plies take, pieces side by side where the roll is wide enough.
+
+    A piece that is wider than the roll both ways takes as much as it measures; rule VF-S02 says so.
+    """
+    roll = film.roll_width_mm
+    lengths = []
+    for across, along in (piece_mm, piece_mm[::-1]):
+        beside = int(roll.value // across)
+        if beside:
+            lengths.append(math.ceil(film.plies / beside) * along)
+    basis = f"{film.plies} pieces, roll {roll.value:g} mm wide ({roll.standing})"
+    if not lengths:
+        basis += "; wider than the roll"
+    return BomLine(
+        item="film off the roll",
+        value=min(lengths, default=film.plies * max(piece_mm)),
+        unit="mm",
+        standing=standing,
+        basis=basis,
+    )
+
+
+def _tile_lines(job: Job) -> list[BomLine]:
+    if not job.tiles:
+        return []
+    basis = "on the same film, one after the other, aligned by targets"
+    return [_computed("tiles", len(job.tiles), "1", basis)]
+
+
+def _length_lines(job: Job) -> list[BomLine]:
+    sealed, cut = (Operation.WELD, Operation.WELDCUT), (Operation.WELDCUT, Operation.CUT)
+    kinds = [
+        ("weld length", sealed, "paths that seal, one pass"),
+        ("cut length", cut, "paths that cut through, one pass"),
+        ("mark length", (Operation.MARK,), "marks, one pass"),
+    ]
+    twice = "; where tiles meet, both count" if job.tiles else ""
+    return [
+        _computed(
+            item,
+            math.fsum(run.length_mm(op) for run in job.runs for op in operations),
+            "mm",
+            f"{basis}{twice}",
+        )
+        for item, operations, basis in kinds
+    ]
+
+
+def _time_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
+    time = machine_time(job, profile)
+    standing = weakest(time.inputs)
+    shares = [(f"machine time, {op}", seconds) for op, seconds in time.work_s.items()]
+    basis = "speed up, along, slow down; full stop at corners, slower in tight arcs; passes"
+    if job.tiles:
+        basis += "; all tiles, without the time to move and align the film"
+    return [
+        BomLine(item=item, value=seconds, unit="s", standing=standing, basis=basis)
+        for item, seconds in [
+            *shares,
+            ("machine time, travel", time.travel_s),
+            ("machine time, total", time.total_s),
+        ]
+    ]
+
+
+def _computed(item: str, value: float, unit: str, basis: str) -> BomLine:
+    return BomLine(item=item, value=value, unit=unit, standing=Standing.COMPUTED, basis=basis)

@@ -1,0 +1,191 @@
+"""Every setting of a job as JSON: ``vinefab/job-1``."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+
+from vinefab.core.jsontext import json_text
+from vinefab.core.units import deg
+from vinefab.fabrication.formats.laser_drawing import Colours, styled_paths
+from vinefab.fabrication.formats.laser_files import DXF_NAME, SVG_NAME, tile_name
+from vinefab.fabrication.package.bom import weakest
+from vinefab.model.design import Build, Design
+from vinefab.model.job import Job, Operation
+from vinefab.model.laser import LaserProfile, Machine, Material, OperationSettings, Quantity
+
+SCHEMA = "vinefab/job-1"
+
+
+def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) -> str:
+    """Return what is to be made, with which settings, in which order.
+
+    Every number of the profile keeps its standing and source; line energy and fluence are worked
+    out here and say so.
+
+    Parameters
+    ----------
+    design
+        What the job makes.
+    job
+        The paths.
+    profile
+        Machine, material and recipe.
+    colours
+        The preset that the files are written with.
+    """
+    recipe = profile.recipe
+    return json_text(
+        SCHEMA,
+        {
+            "design": _design(design),
+            "units": "mm",
+            "sheet_mm": [job.sheet_width_mm, job.sheet_height_mm],
+            "offsets": "applied to the paths; the machine's own kerf stays at 0",
+            "facts": dict(job.facts),
+            "colours": colours.name,
+            "machine": _record(profile.machine),
+            "material": _record(profile.material),
+            "recipe": {
+                "name": recipe.name,
+                "title": recipe.title,
+                "status": str(recipe.status),
+                "source": recipe.source,
+                "coupons": {key: plain_quantity(q) for key, q in recipe.coupons.items()},
+                "windows": [window.words() for window in recipe.windows],
+            },
+            "operations": [
+                _operation(operation, job, profile, colours)
+                for operation in Operation
+                if job.along(operation)
+            ],
+            "paths": _paths(job, colours),
+            "tiles": [
+                {
+                    "files": [tile_name(number, name) for name in (DXF_NAME, SVG_NAME)],
+                    "facts": dict(tile.facts),
+                    "paths": _paths(tile, colours),
+                }
+                for number, tile in enumerate(job.tiles, start=1)
+            ],
+        },
+    )
+
+
+def operation_energy_mj_mm(machine: Machine, settings: OperationSettings) -> Quantity:
+    """Return the energy per length of path, all passes: power over speed."""
+    used = machine.power_w, settings.power_percent, settings.speed_mm_s
+    return Quantity(
+        value=settings.line_energy_mj_mm(machine),
+        standing=weakest(used),
+        source="power / speed x passes",
+    )
+
+
+def fluence_mj_mm2(machine: Machine, settings: OperationSettings) -> Quantity:
+    """Return the energy per area under the beam: line energy over spot diameter."""
+    line = operation_energy_mj_mm(machine, settings)
+    return Quantity(
+        value=line.value / settings.spot_mm.value,
+        standing=weakest((line, settings.spot_mm)),
+        source="line energy / spot",
+    )
+
+
+def _design(design: Design) -> dict[str, object]:
+    levels = [
+        {
+            "branches": level.branches,
+            "length_mm": level.length_mm,
+            "angle_deg": deg(level.fan_rad),
+            "growth_percent": round(100.0 * level.growth, 9),
+        }
+        for level in design.levels
+    ]
+    return {
+        "name": design.name,
+        "trunk_length_mm": design.trunk_length_mm,
+        "levels": levels,
+        "build": _build(design.build),
+    }
+
+
+def _build(build: Build) -> dict[str, object]:
+    pouch, collar = build.pouch, build.collar
+    return {
+        "widths_mm": list(build.widths_mm),
+        "end_widths_mm": list(build.end_widths_mm),
+        "fillet_mm": list(build.fillet_mm),
+        "tail_mm": build.tail_mm,
+        "pressure_kpa": build.pressure_kpa,
+        "pouch": None if pouch is None else {f.name: getattr(pouch, f.name) for f in fields(pouch)},
+        "collar": None
+        if collar is None
+        else {
+            **{f.name: getattr(collar, f.name) for f in fields(collar)},
+            "flat_width_mm": collar.flat_width_mm,
+        },
+    }
+
+
+def _operation(
+    operation: Operation, job: Job, profile: LaserProfile, colours: Colours
+) -> dict[str, object]:
+    style = colours.styles.get(operation)
+    content: dict[str, object] = {
+        "operation": str(operation),
+        "layer": style.layer if style else None,
+        "colour": style.rgb if style else None,
+        "colour_index": style.aci if style else None,
+        "written": style is not None,
+        "paths": len(job.along(operation)),
+        "length_mm": job.length_mm(operation),
+    }
+    if operation.is_machined:
+        settings = profile.settings(operation)
+        content["settings"] = {**_record(settings), **_energy(profile.machine, settings)}
+    return content
+
+
+def _energy(machine: Machine, settings: OperationSettings) -> dict[str, object]:
+    if not settings.by_laser:
+        return {}
+    return {
+        "line_energy_mj_mm": plain_quantity(operation_energy_mj_mm(machine, settings)),
+        "fluence_mj_mm2": plain_quantity(fluence_mj_mm2(machine, settings)),
+    }
+
+
+def _paths(job: Job, colours: Colours) -> list[dict[str, object]]:
+    return [
+        {
+            "order": order,
+            "operation": str(styled.path.operation),
+            "layer": styled.style.layer,
+            "label": styled.path.label,
+            "closed": styled.path.contour.closed,
+            "segments": len(styled.path.contour),
+            "arcs": styled.path.contour.arc_count,
+            "length_mm": styled.path.contour.length_mm,
+            "box_mm": list(styled.path.contour.box_mm),
+        }
+        for order, styled in enumerate(styled_paths(job, colours), start=1)
+    ]
+
+
+def _record(noun: Machine | Material | OperationSettings) -> Mapping[str, object]:
+    return {field.name: _plain(getattr(noun, field.name)) for field in fields(noun)}
+
+
+def _plain(value: object) -> object:
+    return plain_quantity(value) if isinstance(value, Quantity) else value
+
+
+def plain_quantity(quantity: Quantity) -> dict[str, object]:
+    """Return a number with its standing as plain values."""
+    content: dict[str, object] = {
+        "value": quantity.value,
+        "standing": str(quantity.standing),
+        "source": quantity.source,
+    }
+    if quantity.uncertainty is not None:
+        content["uncertainty"] = quantity.uncertainty
+    return content

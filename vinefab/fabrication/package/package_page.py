@@ -1,0 +1,211 @@
+"""Sections on how a design is made: sheet, rules, pressure, bill of materials, assumptions."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
+
+from vinefab.core.validation import Floats
+from vinefab.fabrication.package.bom import BomLine
+from vinefab.fabrication.package.sheet_pictures import findings_plan, job_plan
+from vinefab.model.design import Design
+from vinefab.model.finding import CheckReport, Finding
+from vinefab.model.job import Job
+from vinefab.model.laser import (
+    LaserProfile,
+    Machine,
+    Material,
+    OperationSettings,
+    Quantity,
+    Standing,
+)
+from vinefab.pages.figure import svg_bytes
+from vinefab.pages.html import Picture, Section, Table
+from vinefab.physics.seam import allowed_line_load_n_mm, burst_pressure_kpa, hoop_strain
+from vinefab.physics.tube import inflated_diameter_mm
+
+
+def sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
+    """Return the sheet for the laser: picture and what was done to the paths."""
+    rows = tuple((name.replace("_", " "), _value(value)) for name, value in job.facts.items())
+    picture = Picture(
+        image=svg_bytes(job_plan(job, tuple(findings))),
+        caption="The sheet: seam and kerf offsets are in the paths; leave the machine's kerf at 0.",
+        wide=True,
+    )
+    return Section(
+        title="The sheet for the laser",
+        pictures=(picture,),
+        tables=(Table(caption="What the paths hold (computed)", headings=("", ""), rows=rows),),
+    )
+
+
+def check_section(
+    report: CheckReport, outline_mm: Floats | None = None, *, title: str = "Design rules"
+) -> Section:
+    """Return every finding, at its place in the outline, and every rule that was run or skipped.
+
+    Parameters
+    ----------
+    report
+        The check.
+    outline_mm
+        The body's outline in the flat layout, to mark findings in.
+    title
+        Of the section.
+    """
+    found = tuple(
+        (str(number), *_finding_row(finding))
+        for number, finding in enumerate(report.findings, start=1)
+    )
+    ran = ", ".join(f"{run.rule} ({run.checked})" for run in report.run)
+    skipped = tuple((rule.rule, rule.reason) for rule in report.skipped)
+    stale = tuple(
+        f"Stale waiver {name}: nothing was found for it." for name in report.stale_waivers
+    )
+    findings = Table(
+        caption="Findings",
+        headings=("no.", "rule", "weight", "branches", "what", "measured", "limit", "for a waiver"),
+        rows=found,
+    )
+    tables = (
+        *((findings,) if found else ()),
+        *(
+            (Table(caption="Rules skipped", headings=("rule", "why"), rows=skipped),)
+            if skipped
+            else ()
+        ),
+    )
+    nothing = () if found else ("No rule found anything.",)
+    return Section(
+        title=title,
+        paragraphs=(*nothing, *stale, f"Rules run, with how many things each looked at: {ran}."),
+        pictures=_marked(report, outline_mm),
+        tables=tables,
+    )
+
+
+def _marked(report: CheckReport, outline_mm: Floats | None) -> tuple[Picture, ...]:
+    """Return the picture of findings in the outline, if any finding has a place."""
+    if outline_mm is None or not any(finding.marker_wkt for finding in report.findings):
+        return ()
+    return (
+        Picture(
+            image=svg_bytes(findings_plan(outline_mm, report.findings)),
+            caption="Findings at their places in the flat outline; numbers as in the table. "
+            "Findings about the whole robot have no place.",
+            wide=True,
+        ),
+    )
+
+
+def pressure_section(design: Design, profile: LaserProfile) -> Section:
+    """Return how much pressure each level stands, with the standing of what that rests on."""
+    film, build = profile.material, design.build
+    allowed = allowed_line_load_n_mm(film.burst_kpa.value, film.burst_width_mm.value)
+    rows = []
+    for level, width_mm in enumerate(build.widths_mm, start=1):
+        strain = hoop_strain(
+            build.pressure_kpa, width_mm, film.ply_mm.value, film.modulus_mpa.value
+        )
+        cells = (
+            f"{width_mm:.2f}",
+            f"{inflated_diameter_mm(width_mm):.2f}",
+            f"{burst_pressure_kpa(width_mm, allowed):.1f}",
+            f"{100 * strain:.0f} %",
+        )
+        rows.append((str(level), *cells))
+    table = Table(
+        caption=f"At the working pressure of {build.pressure_kpa:g} kPa; burst pressure rests on a "
+        f"burst test of {film.burst_kpa.value:g} kPa ({film.burst_kpa.standing}) at a width of "
+        f"{film.burst_width_mm.value:g} mm ({film.burst_width_mm.standing}), strain on a modulus "
+        f"of {film.modulus_mpa.value:g} MPa ({film.modulus_mpa.standing})",
+        headings=("level", "lay-flat mm", "inflated mm", "bursts at kPa", "hoop strain"),
+        rows=tuple(rows),
+    )
+    return Section(title="Pressure", tables=(table,))
+
+
+def bom_section(lines: Sequence[BomLine], robots: int = 1) -> Section:
+    """Return the bill of materials of a sheet with so many robots."""
+    rows = tuple(
+        (line.item, f"{line.value:.4g}", line.unit, line.standing.value, line.basis)
+        for line in lines
+    )
+    headings = ("item", "amount", "unit", "standing", "basis")
+    caption = "One robot" if robots == 1 else f"The whole sheet: {robots} robots"
+    table = Table(caption=caption, headings=headings, rows=rows)
+    return Section(title="Bill of materials", tables=(table,))
+
+
+def assumption_section(
+    profile: LaserProfile, models: Sequence[tuple[str, Quantity]] = ()
+) -> Section:
+    """Return every number behind the report with its standing, the least trusted first.
+
+    Parameters
+    ----------
+    profile
+        Machine, material and recipe.
+    models
+        Numbers of the models behind predictions, by name.
+    """
+    order = [Standing.ASSUMED, Standing.PUBLISHED, Standing.PAPER, Standing.COMPUTED]
+    rank = {standing: place for place, standing in enumerate(order)}
+    numbers = sorted(
+        [*models, *_numbers(profile)], key=lambda row: rank.get(row[1].standing, len(order))
+    )
+    rows = tuple(
+        (name, number.words(), number.standing.value, number.source) for name, number in numbers
+    )
+    table = Table(
+        caption=f"Recipe {profile.recipe.name}, status {profile.recipe.status.value}",
+        headings=("number", "value", "standing", "source"),
+        rows=rows,
+    )
+    return Section(
+        title="What this rests on",
+        paragraphs=(
+            "Assumed numbers are placeholders: measure them with the coupons on your own machine "
+            "and film before you trust anything that rests on them. Standings: measured, by you; "
+            "paper, in the paper that the robots come from; published, elsewhere; computed, from "
+            "such numbers; assumed, by vinefab. Predictions are simulated.",
+        ),
+        tables=(table,),
+    )
+
+
+def _numbers(profile: LaserProfile) -> Iterator[tuple[str, Quantity]]:
+    owned: list[tuple[str, Machine | Material | OperationSettings]] = [
+        ("machine", profile.machine),
+        ("material", profile.material),
+        *profile.recipe.operations.items(),
+    ]
+    for owner, noun in owned:
+        for field in fields(noun):
+            value = getattr(noun, field.name)
+            if isinstance(value, Quantity):
+                yield f"{owner}.{field.name}", value
+
+
+def _finding_row(finding: Finding) -> tuple[str, ...]:
+    weight = f"waived: {finding.reason}" if finding.waived else finding.severity.value
+    return (
+        finding.rule,
+        weight,
+        ", ".join(finding.branches),
+        finding.message,
+        _number(finding.measured, finding.unit),
+        _number(finding.limit, finding.unit),
+        finding.fingerprint,
+    )
+
+
+def _number(value: float | None, unit: str) -> str:
+    return "" if value is None else f"{value:.4g} {unit}".strip()
+
+
+def _value(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.3f}"
+    if isinstance(value, list | tuple):
+        return ", ".join(_value(part) for part in value)
+    return str(value)

@@ -1,0 +1,246 @@
+"""The fabrication package of a design; no simulator is loaded for it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from vinefab.fabrication.checking import verdict
+from vinefab.fabrication.formats.laser_drawing import PRESETS
+from vinefab.fabrication.formats.laser_files import (
+    LIBRARY_NAME,
+    laser_file_problems,
+    laser_files,
+    tile_name,
+)
+from vinefab.fabrication.job.laser_job import laser_job
+from vinefab.fabrication.job.placement import ONE, SheetOptions
+from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.fabrication.package.bom import bill_of_materials, robot_count
+from vinefab.fabrication.package.package_files import PackageContent, ensure_right, package_files
+from vinefab.fabrication.package.package_page import (
+    assumption_section,
+    bom_section,
+    check_section,
+    pressure_section,
+    sheet_section,
+)
+from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
+from vinefab.fabrication.rules.as_built import READBACK
+from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES
+from vinefab.fabrication.rules.run_rules import checks_text, merged_reports, run_checks
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design
+from vinefab.model.finding import CheckReport, RuleSkipped
+from vinefab.model.job import Job
+from vinefab.model.laser import LaserProfile, RecipeStatus
+from vinefab.model.tree import branch_tree
+from vinefab.pages.figure import png_bytes
+from vinefab.pages.html import Report, Section, page_html
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prepared:
+    """A design with its job and a full check, laser files read back included.
+
+    Parameters
+    ----------
+    design, profile
+        What is made, and with what.
+    job
+        The paths for the laser.
+    report
+        Every rule's outcome.
+    laser
+        The laser files by name, empty when a rule forbids the design.
+    readback
+        What was wrong with each of them when it was read again.
+    others
+        The other designs on the sheet.
+    beside
+        Every rule's outcome for each of them.
+    """
+
+    design: Design
+    profile: LaserProfile
+    job: Job
+    report: CheckReport
+    laser: Mapping[str, bytes] = field(default_factory=dict)
+    readback: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    others: tuple[Design, ...] = ()
+    beside: tuple[CheckReport, ...] = ()
+
+    def refusal(self, *, allow_uncalibrated: bool) -> str:
+        """Return why no files may be written, or an empty string.
+
+        Parameters
+        ----------
+        allow_uncalibrated
+            Whether a recipe that no coupon has confirmed will do.
+        """
+        blocking = [f for report in (self.report, *self.beside) for f in report.blocking]
+        if blocking:
+            broken = ", ".join(sorted({finding.rule for finding in blocking}))
+            return f"{broken} forbid it: mend the design, or waive them in it with a reason"
+        recipe = self.profile.recipe
+        if recipe.status is RecipeStatus.UNVERIFIED and not allow_uncalibrated:
+            return (
+                f"no coupon has confirmed recipe {recipe.name}; --allow-uncalibrated writes "
+                "files all the same, for coupons and first trials"
+            )
+        return ""
+
+
+def prepare(
+    design: Design,
+    profile: LaserProfile,
+    deployments: Sequence[Deployment] = (),
+    *,
+    sheet: SheetOptions = ONE,
+    r12: bool = False,
+) -> Prepared:
+    """Return a design's job and what every rule says.
+
+    When no rule forbids the design, the laser files are written in memory and read back, and the
+    rule about that is applied too.
+
+    Parameters
+    ----------
+    design, profile
+        What is made, and with what.
+    deployments
+        Simulated deployments, for the rules that look at paths.
+    sheet
+        How many robots, and which others beside them.
+    r12
+        Write a DXF of release 12 too.
+    """
+    job = laser_job(design, profile, sheet)
+    subject = replace(Subject.on_sheet(design, profile, job), deployments=tuple(deployments))
+    report = run_checks(subject)
+    others = _others(design, sheet)
+    beside = tuple(_beside(other, profile, job) for other in others)
+    files: dict[str, bytes] = {}
+    problems: dict[str, tuple[str, ...]] = {}
+    if not any(one.blocking for one in (report, *beside)):
+        colours = PRESETS[profile.machine.colours]
+        hairline_mm = profile.machine.hairline_mm
+        files = laser_files(job, colours, hairline_mm=hairline_mm, profile=profile, r12=r12)
+        problems = laser_file_problems(files, job, colours, profile)
+        for number, tile in enumerate(job.tiles, start=1):
+            own = laser_files(tile, colours, hairline_mm=hairline_mm, profile=profile, r12=r12)
+            said = laser_file_problems(own, tile, colours, profile)
+            names = {name: tile_name(number, name) for name in own if name != LIBRARY_NAME}
+            files |= {new: own[name] for name, new in names.items()}
+            problems |= {new: said[name] for name, new in names.items()}
+        reread = run_checks(replace(subject, readback=problems), only=(READBACK.id,))
+        report = merged_reports(report, reread)
+    return Prepared(
+        design=design,
+        profile=profile,
+        job=job,
+        report=report,
+        laser=files,
+        readback=problems,
+        others=others,
+        beside=beside,
+    )
+
+
+def _others(design: Design, sheet: SheetOptions) -> tuple[Design, ...]:
+    """Return the designs of a sheet that differ from the first, each once."""
+    named = {other.name: other for other in sheet.beside}
+    return tuple(other for name, other in named.items() if name != design.name)
+
+
+def _beside(design: Design, profile: LaserProfile, job: Job) -> CheckReport:
+    """Return what the rules say of another robot of a sheet, measured in the sheet's own paths.
+
+    Rules about the sheet as a whole are applied with the first robot only.
+    """
+    report = run_checks(Subject.on_sheet(design, profile, job), only=RULES.keys() - SHEET_RULES)
+    reason = f"looked at once for the whole sheet, with {job.name}"
+    skipped = tuple(RuleSkipped(rule=rule, reason=reason) for rule in sorted(SHEET_RULES))
+    once = replace(report, run=(), skipped=skipped, findings=())
+    return replace(merged_reports(report, once), stale_waivers=())
+
+
+def package(prepared: Prepared) -> dict[str, bytes]:
+    """Return every file of the fabrication package, by name.
+
+    Raises
+    ------
+    ReadBackError
+        If a laser file, read again, is not what the job says, even where that is waived.
+    """
+    ensure_right(prepared.readback)
+    content = PackageContent(
+        design=prepared.design,
+        profile=prepared.profile,
+        job=prepared.job,
+        checks=checks_text(prepared.report, prepared.beside),
+        preview=png_bytes(job_plan(prepared.job, prepared.report.findings)),
+        report=page_html(page_content(prepared)).encode(),
+        animation=job_animation(prepared.job, prepared.profile),
+        colours=PRESETS[prepared.profile.machine.colours],
+        laser=prepared.laser or None,
+    )
+    return package_files(content)
+
+
+def page_content(prepared: Prepared) -> Report:
+    """Return the report of a design that nothing is predicted of."""
+    design, profile = prepared.design, prepared.profile
+    return Report(
+        title=f"{design.name}: fabrication",
+        verdict=verdict(prepared.report),
+        tone="bad" if prepared.report.blocking else "good",
+        facts=design_facts(prepared),
+        sections=(
+            *making_sections(prepared),
+            pressure_section(design, profile),
+            assumption_section(profile),
+            _no_predictions(),
+        ),
+    )
+
+
+def making_sections(prepared: Prepared) -> tuple[Section, ...]:
+    """Return what a report says of making: rules, sheet, materials."""
+    job = prepared.job
+    designs = (prepared.design, *prepared.others)
+    reports = (prepared.report, *prepared.beside)
+    return (
+        *(
+            check_section(
+                report,
+                body_outline(design).contour.flattened_mm(),
+                title=f"Design rules: {design.name}" if prepared.others else "Design rules",
+            )
+            for design, report in zip(designs, reports, strict=True)
+        ),
+        sheet_section(job, [finding for report in reports for finding in report.findings]),
+        bom_section(bill_of_materials(job, prepared.profile), robot_count(job)),
+    )
+
+
+def _no_predictions() -> Section:
+    words = (
+        "No maps were given, so this page says nothing about where the robot will go: "
+        "vinefab report predicts that."
+    )
+    return Section(title="Predictions", paragraphs=(words,))
+
+
+def design_facts(prepared: Prepared) -> tuple[tuple[str, str], ...]:
+    """Return name and value of what a reader wants to know of a design first."""
+    design, profile = prepared.design, prepared.profile
+    tree = branch_tree(design)
+    return (
+        ("branches", f"{len(tree)} on {design.depth} levels"),
+        ("film in branches", f"{tree.total_length_mm / 1000:.3f} m (planned)"),
+        ("widths, lay-flat", ", ".join(f"{width:.1f}" for width in design.build.widths_mm) + " mm"),
+        ("working pressure", f"{design.build.pressure_kpa:g} kPa (design)"),
+        ("film", profile.material.title),
+        ("machine", profile.machine.title),
+        ("recipe", f"{profile.recipe.name}: {profile.recipe.status.value}"),
+    )

@@ -1,0 +1,306 @@
+"""README.txt of a fabrication package: the steps of the person at the laser."""
+
+import math
+from textwrap import fill
+
+from vinefab.core.jsontext import GENERATOR
+from vinefab.fabrication.formats.laser_drawing import (
+    Colours,
+    left_out,
+    metadata,
+    styled_paths,
+    told_apart,
+)
+from vinefab.fabrication.formats.laser_files import (
+    DXF_NAME,
+    LIBRARY_NAME,
+    POLYLINE_NAME,
+    PROJECT_NAME,
+    SVG_NAME,
+)
+from vinefab.fabrication.job.tile_jobs import TARGET
+from vinefab.fabrication.package.bom import film_piece_mm
+from vinefab.model.design import Design
+from vinefab.model.job import Job, Operation
+from vinefab.model.laser import LaserProfile, OperationSettings, Quantity, RecipeStatus
+
+_WIDTH = 96
+
+_MEANING = {
+    Operation.MARK: "labels and arrows outside the body; must not cut through",
+    Operation.WELD: "seam only: fuses the plies, must not cut through; open at the mouth",
+    Operation.WELDCUT: "outline of the robot: one pass fuses the plies and cuts; open at the mouth",
+    Operation.CUT: "mouth and sheet: cuts through; at the mouth the plies must stay apart",
+    Operation.REG: "registration and scale: never cut, switch the layer off",
+    Operation.DOC: "dimensions and notes: never cut, switch the layer off",
+}
+
+_STATUS = {
+    RecipeStatus.UNVERIFIED: (
+        "UNVERIFIED RECIPE. Nobody has reported a good seam with these settings. They are a place"
+        " to start a coupon from, not settings to cut a robot with."
+    ),
+    RecipeStatus.COUPON_OK: (
+        "Recipe tried on coupons, not burst-tested. Do not rely on the pressure rating."
+    ),
+    RecipeStatus.BURST_TESTED: "Recipe burst-tested. Cut one coupon anyway: films and lenses age.",
+}
+
+
+def readme_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) -> str:
+    """Return the operator's steps for one job, plain text, every number with its standing.
+
+    Parameters
+    ----------
+    design
+        What the job makes.
+    job
+        The paths.
+    profile
+        Machine, material and recipe.
+    colours
+        The preset that the files are written with.
+    """
+    title = f"Fabrication package: {design.name}"
+    parts = [
+        f"{title}\n{'=' * len(title)}",
+        _paragraph("!! ", _STATUS[profile.recipe.status]),
+        _section("1. Film", _film(job, profile)),
+        _section("2. Coupon first", _coupon(profile)),
+        _section("3. The file", _file(job, colours)),
+        *([_section("3a. In tiles", _tiles(job))] if job.tiles else []),
+        _section("4. Layers, in the order in which they must run", _layers(job, profile, colours)),
+        _section("5. At the machine", _machine(job, profile, colours)),
+        _section("6. After cutting: measure", _measure(design, job, profile)),
+        _section("7. Mounting", _mounting(design)),
+        _section("8. What the files say about themselves", _facts(job, colours)),
+        f"Numbers marked (assumed) were not measured by anyone; see job.json for sources.\n"
+        f"{GENERATOR}",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _film(job: Job, profile: LaserProfile) -> list[str]:
+    film = profile.material
+    width, height = film_piece_mm(job, profile)
+    return [
+        f"Use {film.title}: {film.plies} plies of {_said(film.ply_mm, 'mm')}, each at least"
+        f" {math.ceil(width - 1e-6)} x {math.ceil(height - 1e-6)} mm.",
+        "Clean the plies and lay them on each other without folds.",
+        "Heat-press them flat before welding, to drive out bubbles and wrinkles. The plies must"
+        " still come apart by hand afterwards; lower the temperature if they do not.",
+        "Lay the sheet flat into the lower left corner of the bed and hold its rim down."
+        if not job.tiles
+        else "Roll up what hangs over the bed; hold the sheet down where the laser runs.",
+    ]
+
+
+def _coupon(profile: LaserProfile) -> list[str]:
+    steps = [
+        "Cut a small closed test piece in the same film with the settings of section 4, at least a"
+        " straight seam and one round end.",
+        "Right: the rim is fused all around, the piece comes free, the seam holds when pulled."
+        " Seam peels: more energy (slower) or more defocus. Rim burns or gapes: less energy.",
+        "Measure the kerf (width of the gap) and the width of the fused rim.",
+    ]
+    named = (Operation.WELD, Operation.WELDCUT)
+    for name in (op for op in named if op in profile.recipe.operations):
+        settings = profile.settings(name)
+        steps.append(
+            f"The {name} paths are offset for a kerf of {_said(settings.kerf_mm, 'mm')} and a seam"
+            f" of {_said(settings.seam_width_mm, 'mm')}. If yours differ by more than 0.1 mm, put"
+            " them in the recipe and export again; do not correct it at the machine."
+        )
+    return steps
+
+
+def _file(job: Job, colours: Colours) -> list[str]:
+    size = f"{job.sheet_width_mm:g} x {job.sheet_height_mm:g} mm"
+    x0, y0, x1, y1 = _box(job, colours)
+    steps = [
+        f"Open {DXF_NAME} (true arcs) or {SVG_NAME}. Use {POLYLINE_NAME} only where arcs are"
+        " missing after import: some programs ignore them without a word.",
+        f"LightBurn: {PROJECT_NAME} has the layers of section 4 with their settings, {LIBRARY_NAME}"
+        " the settings alone. LightBurn's formats are not published: compare power, speed and size"
+        f" with section 4 before you run it, and use {SVG_NAME} if anything differs.",
+        "If the program asks for a unit, it is millimetres; scale 100 %.",
+        f"Check after import: the {'film' if job.tiles else 'bed'} is {size}; all paths together"
+        f" measure {x1 - x0:.2f} x {y1 - y0:.2f} mm and begin {x0:.2f} mm from its left and"
+        f" {y0:.2f} mm from its lower edge.",
+        "Do not join, close, simplify or convert paths: the outline is open at the mouth.",
+        "preview.png shows how it should look, animation.svg (open it in a browser) how the beam"
+        " runs; report.html and checks.json tell which design rules"
+        " were run and what they found; bom.csv counts film and time; job.json holds every"
+        " setting. sha256sum -c MANIFEST.sha256 tells whether a file was changed.",
+    ]
+    if min(x0, y0) < 0.0 or x1 > job.sheet_width_mm or y1 > job.sheet_height_mm:
+        steps.append("WARNING: the paths reach beyond the bed. Do not scale them to make them fit.")
+    return steps
+
+
+def _tiles(job: Job) -> list[str]:
+    by_laser = any(path.label == TARGET for path in job.along(Operation.MARK))
+    makes = "Each tile marks crosses on the film for later tiles."
+    if not by_laser:
+        makes = (
+            "Each tile shows crosses for later tiles on its REG layer: mark them on the film by"
+            " hand, by the pointer, before the film moves."
+        )
+    steps = [
+        f"The robot is larger than the bed: run the files tile_1_... to tile_{len(job.tiles)}_..."
+        f" in this order, not {DXF_NAME}, which shows the whole.",
+        f"For tile 1 the film's lower left corner lies {_corner(job.tiles[0])}.",
+        f"{makes} Move the film on without letting the plies slide, then align: the two crosses"
+        " drawn on the REG layer of a tile (never cut) must lie on the two marked on the film"
+        " (print-and-cut alignment, or by the pointer).",
+        "Paths run twice over 12 mm where tiles meet: that is meant.",
+    ]
+    for tile in job.tiles[1:]:
+        facts = tile.facts
+        steps.append(
+            f"Tile {facts['tile']} is aligned to crosses made with tile {facts['aligned_to_tile']};"
+            f" the film's lower left corner is then {_corner(tile)}."
+        )
+    return steps
+
+
+def _corner(tile: Job) -> str:
+    """Return where the film's lower left corner lies while a tile is cut, in words."""
+    x, y = (-float(str(tile.facts[f"window_{axis}_mm"])) for axis in "xy")
+    return (
+        f"{abs(x):.0f} mm {'left' if x < 0 else 'right'} of the bed's lower left corner and"
+        f" {abs(y):.0f} mm {'below' if y < 0 else 'above'} it"
+    )
+
+
+def _layers(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
+    lines = []
+    for operation in Operation:
+        style = colours.styles.get(operation)
+        if style is None or not job.along(operation):
+            continue
+        count, length = len(job.along(operation)), job.length_mm(operation)
+        text = f"{style.layer}, colour {style.rgb} (DXF {style.aci}): {_MEANING[operation]}."
+        text += f" {count} path{'s' if count > 1 else ''}, {length:.0f} mm."
+        if operation.is_machined:
+            text += f" {_settings(profile, operation)}"
+        lines.append(text)
+    return lines
+
+
+def _settings(profile: LaserProfile, operation: Operation) -> str:
+    settings = profile.settings(operation)
+    if not settings.by_laser:
+        return _sealer(settings)
+    return (
+        f"Power {_said(settings.power_percent, '%')}, in corners"
+        f" {_said(settings.min_power_percent, '%')}, speed {_said(settings.speed_mm_s, 'mm/s')},"
+        f" {settings.passes} pass{'es' if settings.passes > 1 else ''}, focus offset"
+        f" {_said(settings.focus_offset_mm, 'mm')}, {_said(settings.frequency_hz, 'Hz')},"
+        f" air assist {'on' if settings.air_assist else 'off'}."
+    )
+
+
+def _sealer(settings: OperationSettings) -> str:
+    numbers = [f"seam {_said(settings.seam_width_mm, 'mm')} wide"]
+    if settings.temperature_c is not None and settings.dwell_s is not None:
+        numbers += [_said(settings.temperature_c, "degrees C"), _said(settings.dwell_s, "s")]
+    return (
+        f"NOT FOR THE LASER: switch this layer off and seal along these lines with an impulse"
+        f" sealer: {', '.join(numbers)}."
+    )
+
+
+def _machine(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
+    machine = profile.machine
+    steps = [
+        f"The settings are for: {machine.title}, {_said(machine.power_w, 'W')}. Another machine"
+        " needs its own recipe.",
+        "Leave kerf, offset and beam compensation at 0: seam and kerf are in the paths already.",
+        "Keep the order of section 4 and switch off any sorting of paths: once the sheet is cut"
+        " free, the film moves.",
+        *_repeats(job, profile),
+    ]
+    steps.extend(
+        f"WARNING: {' and '.join(group)} have the same layer and colour here and run with one"
+        " setting. The mouth may be welded shut: trim it open by hand."
+        for group in told_apart(job, colours)
+        if len(group) > 1
+    )
+    missing = left_out(job, colours)
+    if missing:
+        steps.append(
+            f"The colour preset {colours.name} does not write: {', '.join(missing)}. The lengths"
+            " and settings of these are in job.json."
+        )
+    steps.append("TPU fumes are harmful: run the extraction, and never leave the laser alone.")
+    return steps
+
+
+def _repeats(job: Job, profile: LaserProfile) -> list[str]:
+    """Return how often operations are run that take several passes."""
+    several = [
+        f"{operation} {settings.passes} times"
+        for operation in Operation
+        if operation.is_machined and job.along(operation)
+        if (settings := profile.settings(operation)).by_laser and settings.passes > 1
+    ]
+    if not several:
+        return []
+    return [
+        "Every path is in the DXF and SVG files once; let the program run"
+        f" {' and '.join(several)} ({PROJECT_NAME} says so already)."
+    ]
+
+
+def _measure(design: Design, job: Job, profile: LaserProfile) -> list[str]:
+    widths = ", ".join(f"level {i} {w:g}" for i, w in enumerate(design.build.widths_mm, start=1))
+    return [
+        f"Inner lay-flat width between the seams, in mm: {widths}.",
+        "Open the mouth with a blunt tool; if it is fused, trim it back by a few millimetres.",
+        "Look along the seam at crotches and tips first: that is where it fails.",
+        f"Inflate slowly behind a shield, first to a quarter of {design.build.pressure_kpa:g} kPa"
+        f" (working pressure of the design). Rated seam: {_said(profile.material.burst_kpa, 'kPa')}"
+        f" at {_said(profile.material.burst_width_mm, 'mm')} lay-flat width; a wider tube holds"
+        " less.",
+        f"Write down: kerf, seam width, widths, burst pressure; recipe {profile.recipe.name}, job"
+        f" {job.name}.",
+    ]
+
+
+def _mounting(design: Design) -> list[str]:
+    return [
+        "The mouth is the open end of the tail, the straight part before the first joint.",
+        f"Invert the tail ({design.build.tail_mm:g} mm) over the base and clamp it airtight.",
+        "Push the branches in, tips last, without twisting; crumple the body into the base.",
+    ]
+
+
+def _facts(job: Job, colours: Colours) -> list[str]:
+    told = ("generator", "name", "units", "sheet_mm", "kerf")
+    return [f"{key}: {value}" for key, value in metadata(job, colours).items() if key not in told]
+
+
+def _box(job: Job, colours: Colours) -> tuple[float, float, float, float]:
+    boxes = [styled.path.contour.box_mm for styled in styled_paths(job, colours)]
+    low_x, low_y, high_x, high_y = zip(*boxes, strict=True)
+    return min(low_x), min(low_y), max(high_x), max(high_y)
+
+
+def _section(title: str, items: list[str]) -> str:
+    return "\n".join([title, "-" * len(title), *(_paragraph("- ", item) for item in items)])
+
+
+def _paragraph(lead: str, text: str) -> str:
+    return fill(
+        text,
+        width=_WIDTH,
+        initial_indent=lead,
+        subsequent_indent=" " * len(lead),
+        break_on_hyphens=False,
+        break_long_words=False,
+    )
+
+
+def _said(quantity: Quantity, unit: str) -> str:
+    return f"{quantity.words()} {unit} ({quantity.standing})"

@@ -1,0 +1,334 @@
+"""Pictures of a laser job: the sheet, findings at their places, the way of the laser."""
+
+from collections.abc import Sequence
+from xml.sax.saxutils import escape
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patheffects import Normal, Stroke
+
+from vinefab.core.jsontext import GENERATOR
+from vinefab.core.validation import Floats
+from vinefab.fabrication.package.machine_time import PathPass, schedule
+from vinefab.model.finding import Finding, Severity
+from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.laser import LaserProfile
+from vinefab.pages.drawing import Box, fill_geometry
+from vinefab.pages.figure import ALERT, INK, ROCK_EDGE, SOFT, house_style, plan_axes
+
+OPERATION_COLOURS = {
+    Operation.MARK: "#000000",
+    Operation.WELD: "#0000FF",
+    Operation.WELDCUT: "#FF00FF",
+    Operation.CUT: "#FF0000",
+    Operation.REG: "#F36926",
+    Operation.DOC: "#0C96D9",
+}
+
+MOST_NUMBERS = 60
+"""Where more paths than this would be numbered, none is."""
+
+_CROPPED = 0.6
+_RIM_MM = 15.0
+
+
+def job_plan(job: Job, findings: tuple[Finding, ...] = ()) -> Figure:
+    """Return a plan of the sheet: every path in its operation's colour, with arrows and order.
+
+    Where the paths take a small part of the bed, that part is shown and the title says so. Marks
+    have neither arrows nor numbers: they come first, and how they are drawn matters to nobody.
+
+    Parameters
+    ----------
+    job
+        The sheet.
+    findings
+        Not used for placing anything; listed in the title when some block the export.
+    """
+    with house_style():
+        box, cropped = _view(job)
+        figure, axes = plan_axes(box, 9.0)
+        bed = shapely.box(0.0, 0.0, job.sheet_width_mm, job.sheet_height_mm)
+        fill_geometry(axes, [bed.intersection(shapely.box(*box))], face="#fbfcfd", edge=SOFT)
+        for operation in Operation:
+            _draw_operation(axes, job.along(operation), _length_mm(box) / 16.0)
+        _draw_order(axes, job)
+        axes.set_title(_title(job, findings, cropped=cropped), fontsize=9)
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
+    return figure
+
+
+def run_paths(job: Job) -> tuple[LaserPath, ...]:
+    """Return the paths that a machine runs and that are not marks, in process order."""
+    return tuple(
+        path
+        for operation in Operation
+        if operation.is_machined and operation is not Operation.MARK
+        for path in job.along(operation)
+    )
+
+
+def path_points_mm(path: LaserPath, tolerance_mm: float = 0.05) -> Floats:
+    """Return a path as a polyline that ends where it ends, shape (n, 2)."""
+    points = path.contour.flattened_mm(tolerance_mm)
+    return np.vstack([points, points[:1]]) if path.contour.closed else points
+
+
+def _view(job: Job) -> tuple[Box, bool]:
+    """Return the part of the bed to show, and whether it is only a part."""
+    bed = (0.0, 0.0, job.sheet_width_mm, job.sheet_height_mm)
+    if not job.paths:
+        return bed, False
+    boxes = np.array([path.contour.box_mm for path in job.paths])
+    low, high = boxes[:, :2].min(axis=0) - _RIM_MM, boxes[:, 2:].max(axis=0) + _RIM_MM
+    used = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    if (used[2] - used[0]) * (used[3] - used[1]) > _CROPPED * bed[2] * bed[3]:
+        return (min(used[0], 0.0), min(used[1], 0.0), max(used[2], bed[2]), max(used[3], bed[3])), (
+            False
+        )
+    return used, True
+
+
+def _length_mm(box: Box) -> float:
+    return max(box[2] - box[0], box[3] - box[1])
+
+
+def _draw_operation(axes: Axes, paths: Sequence[LaserPath], spacing_mm: float) -> None:
+    if not paths:
+        return
+    operation, lines = paths[0].operation, [path_points_mm(path) for path in paths]
+    colour, thin = OPERATION_COLOURS[operation], operation is Operation.MARK
+    label = f"{operation.layer} ({len(paths)})"
+    width = 0.6 if thin else 1.0
+    axes.add_collection(LineCollection(lines, colors=colour, linewidths=width, label=label))
+    if thin or not operation.is_machined:
+        return
+    starts = np.array([line[0] for line in lines])
+    axes.plot(starts[:, 0], starts[:, 1], "o", color=colour, markersize=3.5)
+    at, along = _arrows(lines, spacing_mm)
+    axes.quiver(
+        *(*at.T, *along.T),
+        color=colour,
+        pivot="mid",
+        angles="xy",
+        scale=60.0,
+        width=0.0018,
+        headwidth=6.0,
+        headlength=7.0,
+        headaxislength=6.0,
+        minlength=0.0,
+    )
+
+
+def _arrows(lines: Sequence[Floats], spacing_mm: float) -> tuple[Floats, Floats]:
+    """Return places along polylines and the directions of travel there, each shape (k, 2)."""
+    places, directions = [], []
+    for line in lines:
+        string = shapely.LineString(line)
+        count = max(1, int(string.length / spacing_mm))
+        for k in range(count):
+            middle = string.length * (k + 0.5) / count
+            ends = shapely.line_interpolate_point(string, [middle - 0.05, middle + 0.05])
+            before, after = shapely.get_coordinates(ends)
+            length = max(float(np.hypot(*(after - before))), 1e-12)
+            places.append((before + after) / 2)
+            directions.append((after - before) / length)
+    return np.array(places), np.array(directions)
+
+
+def _draw_order(axes: Axes, job: Job) -> None:
+    paths = run_paths(job)
+    if len(paths) > MOST_NUMBERS:
+        return
+    for number, path in enumerate(paths, start=1):
+        axes.annotate(
+            str(number),
+            path.contour.points_mm[0].tolist(),
+            fontsize=7.5,
+            color=OPERATION_COLOURS[path.operation],
+            xytext=(4, 3),
+            textcoords="offset points",
+        )
+
+
+def _title(job: Job, findings: tuple[Finding, ...], *, cropped: bool) -> str:
+    order = "numbers give the order, dots the start, arrows the direction"
+    if len(run_paths(job)) > MOST_NUMBERS:
+        order = "dots give the start of each path, arrows its direction"
+    sheet = "film, in tiles," if job.tiles else "bed"
+    bed = f"{sheet} {job.sheet_width_mm:g} x {job.sheet_height_mm:g} mm"
+    parts = [job.name, order, f"lower left of the {bed}" if cropped else bed]
+    blocking = sum(finding.blocks for finding in findings)
+    return "; ".join([*parts, f"{blocking} blocking findings"] if blocking else parts)
+
+
+WEIGHT_COLOURS = {Severity.ERROR: ALERT, Severity.WARNING: "#c46a00", Severity.INFO: "#0b6e8a"}
+
+MOST_NUMBERED = 60
+
+
+def findings_plan(outline_mm: Floats, findings: Sequence[Finding]) -> Figure:
+    """Return the outline with markers, numbered as the findings are.
+
+    Parameters
+    ----------
+    outline_mm
+        Points of the body's outline in the flat layout, shape (n, 2).
+    findings
+        In the order of their numbers, the first is 1; those without a place are left out.
+    """
+    marks = [(f, shapely.from_wkt(f.marker_wkt)) for f in findings if f.marker_wkt]
+    everything = np.concatenate([outline_mm, *(shapely.get_coordinates(m) for _, m in marks)])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    with house_style():
+        figure, axes = plan_axes((low[0], low[1], high[0], high[1]), 7.0)
+        axes.fill(*outline_mm.T, facecolor="#eef2f4", edgecolor=ROCK_EDGE, linewidth=0.8)
+        for finding, mark in marks:
+            _draw_mark(axes, mark, WEIGHT_COLOURS[finding.severity])
+        _write_numbers(axes, findings)
+        for severity, colour in WEIGHT_COLOURS.items():
+            if any(finding.severity is severity for finding, _ in marks):
+                axes.plot([], [], "o", color=colour, label=severity.value)
+        if marks:
+            axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
+    return figure
+
+
+def _draw_mark(axes: Axes, mark: shapely.Geometry, colour: str) -> None:
+    for part in shapely.get_parts(mark).tolist():
+        points = shapely.get_coordinates(part)
+        style = "o" if len(points) == 1 else "-"
+        axes.plot(*points.T, style, color=colour, lw=2.2, ms=6, alpha=0.6, zorder=4)
+
+
+def _write_numbers(axes: Axes, findings: Sequence[Finding]) -> None:
+    """Write every number beside its place; those at one place stand together."""
+    together: dict[tuple[float, float], list[int]] = {}
+    for number, finding in enumerate(findings[:MOST_NUMBERED], start=1):
+        if finding.x_mm is not None and finding.y_mm is not None:
+            place = (round(finding.x_mm, 0), round(finding.y_mm, 0))
+            together.setdefault(place, []).append(number)
+    for place, numbers in together.items():
+        axes.plot(*place, "o", ms=4, color=INK, zorder=5)
+        axes.annotate(
+            ", ".join(map(str, numbers)),
+            place,
+            xytext=(5, 5),
+            textcoords="offset points",
+            fontsize=9,
+            fontweight="bold",
+            color=INK,
+            path_effects=[Stroke(linewidth=2.5, foreground="white"), Normal()],
+            zorder=6,
+        )
+    if len(findings) > MOST_NUMBERED:
+        axes.set_title(f"the first {MOST_NUMBERED} are numbered", fontsize=8, color=SOFT)
+
+
+LONGEST_S = 20.0
+"""A job that takes longer is shown faster, so that the film is no longer than this."""
+
+_FLATTEN_MM = 0.1
+_PAUSE = 0.06
+
+
+def job_animation(job: Job, profile: LaserProfile) -> bytes:
+    """Return a film of a job: every path is drawn as the beam runs along it, in real proportion.
+
+    Where SVG does not move, the finished sheet is seen.
+
+    Parameters
+    ----------
+    job
+        The paths.
+    profile
+        Whose speeds and acceleration give the times (`vinefab.fabrication.package.machine_time`).
+
+    Raises
+    ------
+    BadInputError
+        If the recipe lacks an operation of the job.
+    """
+    runs = schedule(job, profile)
+    total_s = runs[-1].ends_s if runs else 1.0
+    film_s = min(LONGEST_S, max(total_s, 1.0))
+    scale = (1.0 - _PAUSE) / total_s
+    width, height = job.sheet_width_mm, job.sheet_height_mm
+    size = max(width, height)
+    words = (
+        f"{job.name}: {total_s:.0f} s on the machine, shown {total_s / film_s:.1f} times as fast"
+        f"{', as if all tiles lay on one bed' if job.tiles else ''}; {GENERATOR}"
+    )
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}"'
+        f' width="{1000 * width / size:.0f}" height="{1000 * height / size:.0f}">',
+        f"<title>{escape(words)}</title>",
+        f'<rect width="{width:g}" height="{height:g}" fill="#fbfcfd" stroke="#5c6b73"'
+        f' stroke-width="{size / 800:.3g}"/>',
+        *(_path(run, height, film_s, scale) for run in runs),
+        _head(runs, height, film_s, scale),
+        "</svg>",
+    ]
+    return "\n".join(lines).encode() + b"\n"
+
+
+def _path(run: PathPass, height_mm: float, film_s: float, scale: float) -> str:
+    points, seconds = _samples(run)
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    length = float(steps.sum())
+    left = length - np.concatenate([[0.0], np.cumsum(steps)])
+    # Hidden until its time, then drawn as fast as the head goes, then there until the end.
+    times = np.concatenate([[0.0], scale * (run.begins_s + seconds), [1.0]])
+    values = np.concatenate([[length], left, [0.0]])
+    corners = " ".join(f"{x:.2f},{height_mm - y:.2f}" for x, y in points.tolist())
+    colour = OPERATION_COLOURS[run.path.operation]
+    return (
+        f'<polyline points="{corners}" fill="none" stroke="{colour}" stroke-width="1.2"'
+        f' stroke-dasharray="{length:.2f} {length + 1:.2f}">'
+        f'<animate attributeName="stroke-dashoffset" dur="{film_s:.2f}s" repeatCount="indefinite"'
+        f' keyTimes="{_times(times)}" values="{_listed(values)}"/></polyline>'
+    )
+
+
+def _head(runs: Sequence[PathPass], height_mm: float, film_s: float, scale: float) -> str:
+    if not runs:
+        return ""
+    sampled = [
+        (points, run.begins_s + seconds) for run in runs for points, seconds in [_samples(run)]
+    ]
+    points = np.concatenate([[[0.0, 0.0]], *(points for points, _ in sampled)])
+    times = scale * np.concatenate([[0.0], *(seconds for _, seconds in sampled)])
+    points, times = np.vstack([points, points[-1]]), np.append(times, 1.0)
+    moves = "".join(
+        f'<animate attributeName="{name}" dur="{film_s:.2f}s" repeatCount="indefinite"'
+        f' keyTimes="{_times(times)}" values="{_listed(values)}"/>'
+        for name, values in (("cx", points[:, 0]), ("cy", height_mm - points[:, 1]))
+    )
+    x, y = points[-1]
+    return f'<circle cx="{x:.2f}" cy="{height_mm - y:.2f}" r="4" fill="#1d2a30">{moves}</circle>'
+
+
+def _samples(run: PathPass) -> tuple[Floats, Floats]:
+    """Return points along a path and when the head is there, from the path's start."""
+    places, seconds, now = [], [], 0.0
+    for segment, time_s in zip(run.path.contour.segments, run.times_s, strict=True):
+        points = segment.flattened_mm(_FLATTEN_MM)[:-1]
+        places.append(points)
+        seconds.append(now + time_s * np.arange(len(points)) / len(points))
+        now += time_s
+    places.append(np.array([segment.end_mm]))
+    seconds.append(np.array([now]))
+    return np.concatenate(places), np.concatenate(seconds)
+
+
+def _times(values: Floats) -> str:
+    """Return key times: rising from 0 to 1, none lower than the one before after rounding."""
+    return ";".join(f"{value:.5f}" for value in np.maximum.accumulate(values).tolist())
+
+
+def _listed(values: Floats) -> str:
+    return ";".join(f"{value:.2f}" for value in values.tolist())

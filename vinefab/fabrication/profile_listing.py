@@ -1,0 +1,139 @@
+"""The machines, materials and recipes that there are, and what each of them says."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+
+from vinefab.core.errors import UnknownNameError
+from vinefab.core.jsontext import json_text
+from vinefab.fabrication.package.job_json import (
+    fluence_mj_mm2,
+    operation_energy_mj_mm,
+    plain_quantity,
+)
+from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
+from vinefab.model.files.shipped import locate, names, user_names, user_root
+from vinefab.model.laser import LaserProfile, Machine, Material, OperationSettings, Quantity
+
+SCHEMA = "vinefab/profiles-1"
+KINDS = ("machine", "material", "recipe")
+
+
+def profile_list() -> list[str]:
+    """Return one line for every machine, material and recipe, the user's own marked."""
+    lines = []
+    for kind in KINDS:
+        own = user_names(kind)
+        lines.append(f"{kind}s")
+        for name in sorted({*names(kind), *own}):
+            mark = " (yours)" if name in own else ""
+            lines.append(f"  {name}{mark}: {_summary(kind, name)}")
+    lines.append(f"your own files belong into {user_root()} (variable VINEFAB_PROFILES)")
+    return lines
+
+
+def kind_of(name: str) -> str:
+    """Return what a name or path is: machine, material or recipe.
+
+    Raises
+    ------
+    UnknownNameError
+        If nothing is called that; the nearest names are offered.
+    """
+    path = Path(name)
+    if path.suffix or path.parent != Path():
+        parent = path.resolve().parent.name.removesuffix("s")
+        return parent if parent in KINDS else "recipe"
+    known = {kind: {*names(kind), *user_names(kind)} for kind in KINDS}
+    found = [kind for kind, there in known.items() if name in there]
+    if not found:
+        raise UnknownNameError("profile", name, set().union(*known.values()))
+    return found[0]
+
+
+def profile_numbers(name: str) -> dict[str, Quantity]:
+    """Return every number of a machine, material or recipe, by its key.
+
+    A recipe's come with what they do to the film: line energy and fluence, computed.
+
+    Parameters
+    ----------
+    name
+        A name as `profile_list` gives it, or a path.
+    """
+    kind = kind_of(name)
+    if kind == "machine":
+        return quantities(read_machine(name))
+    if kind == "material":
+        return quantities(read_material(name))
+    return _recipe_numbers(read_profile(name))
+
+
+def explain(name: str) -> list[str]:
+    """Return a profile as lines for the user: title, then each number with standing and source."""
+    kind = kind_of(name)
+    lines = [f"{kind} {_summary(kind, name)}", f"file {locate(kind, name)}"]
+    numbers = profile_numbers(name)
+    width = max(len(key) for key in numbers)
+    for key, number in numbers.items():
+        lines.append(f"  {key:<{width}}  {number.words()}  {number.standing}: {number.source}")
+    return lines
+
+
+def profile_json(name: str | None) -> str:
+    """Return one profile, or the names of all, as JSON."""
+    if name is None:
+        known = {kind: sorted({*names(kind), *user_names(kind)}) for kind in KINDS}
+        return json_text(SCHEMA, {**known, "user_folder": str(user_root())})
+    kind = kind_of(name)
+    return json_text(
+        SCHEMA,
+        {
+            "kind": kind,
+            "name": name,
+            "file": str(locate(kind, name)),
+            "numbers": {key: plain_quantity(q) for key, q in profile_numbers(name).items()},
+        },
+    )
+
+
+def quantities(noun: Machine | Material | OperationSettings) -> dict[str, Quantity]:
+    """Return the numbers of a noun by field name."""
+    found = ((field.name, getattr(noun, field.name)) for field in fields(noun))
+    return {name: value for name, value in found if isinstance(value, Quantity)}
+
+
+def _recipe_numbers(profile: LaserProfile) -> dict[str, Quantity]:
+    numbers: dict[str, Quantity] = {}
+    for operation, settings in profile.recipe.operations.items():
+        shown = quantities(settings)
+        if not settings.by_laser:
+            shown = {key: shown[key] for key in ("temperature_c", "dwell_s", "seam_width_mm")}
+        numbers |= _prefixed(operation, shown)
+        if settings.by_laser:
+            numbers[f"{operation}.line_energy_mj_mm"] = operation_energy_mj_mm(
+                profile.machine, settings
+            )
+            numbers[f"{operation}.fluence_mj_mm2"] = fluence_mj_mm2(profile.machine, settings)
+    recipe = profile.recipe
+    numbers |= _prefixed("growth", recipe.growth) | _prefixed("coupons", recipe.coupons)
+    for window in recipe.windows:
+        place = f"{window.operation}.focus_{window.focus_mm:g}_mm"
+        for name in ("least_mj_mm", "most_mj_mm"):
+            energy: Quantity | None = getattr(window, name)
+            if energy is not None:
+                numbers[f"{place}.{name}"] = energy
+    return numbers
+
+
+def _prefixed(prefix: str, numbers: Mapping[str, Quantity]) -> dict[str, Quantity]:
+    return {f"{prefix}.{key}": number for key, number in numbers.items()}
+
+
+def _summary(kind: str, name: str) -> str:
+    if kind == "machine":
+        return read_machine(name).title
+    if kind == "material":
+        return read_material(name).title
+    recipe = read_profile(name).recipe
+    return f"{recipe.title} [{recipe.status}]"

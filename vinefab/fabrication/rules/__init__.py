@@ -1,0 +1,1 @@
+"""Design rules: design, outline and profile in, findings out; the penalty and the fix."""

@@ -1,0 +1,190 @@
+"""Where the findings are: the outline on the sheet with a marker and a label for each of them.
+
+Everything lies on layers that are never cut: the outline among the registration marks, markers and
+words among the documentation. A design that breaks a rule must not leave as a file to be run.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+
+from vinefab.core.validation import Floats
+from vinefab.fabrication.job.font import lettered, text_width_mm
+from vinefab.model.finding import Finding, Severity
+from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.outline import Contour, Part
+
+MOST_MARKED = 60
+"""So many findings are drawn, errors first; the legend counts the rest."""
+
+_TEXT_MM = 5.0
+_SIGN_MM = 4.0
+_LINE_MM = 9.0
+_LEADER_MM = (12.0, 20.0, 30.0, 42.0, 56.0, 72.0, 90.0, 110.0)
+_CORNERS = {Severity.ERROR: 0, Severity.WARNING: 3, Severity.INFO: 4}
+"""An error's marker is a circle, a warning's a triangle, a note's a square."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayoutPlacement:
+    """Where the flat layout lies on the sheet.
+
+    Parameters
+    ----------
+    angle_rad, dx_mm, dy_mm
+        Turn about the origin, then shift.
+    """
+
+    angle_rad: float
+    dx_mm: float
+    dy_mm: float
+
+    @classmethod
+    def of(cls, job: Job) -> "LayoutPlacement":
+        """Return the placement that a job's facts tell."""
+        turn_deg, dx, dy = (
+            float(str(job.facts[name])) for name in ("rotation_deg", "shift_x_mm", "shift_y_mm")
+        )
+        return cls(angle_rad=math.radians(turn_deg), dx_mm=dx, dy_mm=dy)
+
+    def on_sheet(self, points_mm: Floats) -> Floats:
+        """Return points of the flat layout where they lie on the sheet, shape (k, 2)."""
+        cos, sin = math.cos(self.angle_rad), math.sin(self.angle_rad)
+        turned = points_mm @ np.array([[cos, sin], [-sin, cos]])
+        return np.asarray(turned + np.array([self.dx_mm, self.dy_mm]))
+
+
+def annotated_job(job: Job, findings: Sequence[Finding]) -> Job:
+    """Return a drawing of a job with its findings: numbered markers, and a legend above the bed.
+
+    Parameters
+    ----------
+    job
+        The paths of the design.
+    findings
+        What was found; waived findings are left out, of the rest the `MOST_MARKED` gravest count.
+    """
+    ranks = list(Severity)
+    open_ = [finding for finding in findings if not finding.waived]
+    chosen = sorted(open_, key=lambda finding: ranks.index(finding.severity))[:MOST_MARKED]
+    outline = [replace(path, operation=Operation.REG) for path in job.paths]
+    legend = _legend(chosen, len(open_))
+    height_mm = job.sheet_height_mm + _LINE_MM * (len(legend) + 1)
+    doc = [*_markers(job, chosen), *_written(legend, job, height_mm)]
+    paths = [LaserPath(operation=Operation.DOC, contour=one, label=label) for label, one in doc]
+    widest_mm = max((text_width_mm(line, _TEXT_MM) for line in legend), default=0.0)
+    return replace(
+        job,
+        sheet_width_mm=max(job.sheet_width_mm, widest_mm + 2.0 * _LINE_MM),
+        sheet_height_mm=height_mm,
+        paths=(*outline, *paths),
+    )
+
+
+def numbered(findings: Sequence[Finding]) -> list[str]:
+    """Return the legend's lines: number, gravity, rule, branches and values of each finding."""
+    return [
+        f"{number} {finding.severity} {finding.rule} {' '.join(finding.branches[:4])}"
+        f"{_values(finding)}"
+        for number, finding in enumerate(findings, start=1)
+    ]
+
+
+def _legend(chosen: Sequence[Finding], total: int) -> list[str]:
+    lines = numbered(chosen) or ["no findings"]
+    if total > len(chosen):
+        lines.append(f"and {total - len(chosen)} more that are not drawn")
+    return lines
+
+
+def _values(finding: Finding) -> str:
+    if finding.measured is None or finding.limit is None:
+        return ""
+    return f": is {finding.measured:.4g} limit {finding.limit:.4g} {finding.unit}"
+
+
+def _written(legend: Sequence[str], job: Job, height_mm: float) -> Iterator[tuple[str, Contour]]:
+    """Yield the legend's strokes, line by line from the top, above the bed's frame."""
+    frame = np.array([[0.0, 0.0], [job.sheet_width_mm, 0.0]])
+    top = np.array([0.0, job.sheet_height_mm])
+    corners = np.concatenate([frame, frame[::-1] + top])
+    yield "bed", Contour.polyline(corners, closed=True)
+    for number, line in enumerate(legend, start=1):
+        for stroke in lettered(line, (_LINE_MM, height_mm - number * _LINE_MM), _TEXT_MM):
+            yield f"legend: {line}", stroke
+
+
+def _markers(job: Job, chosen: Sequence[Finding]) -> Iterator[tuple[str, Contour]]:
+    """Yield every finding's marker geometry, sign, leader and number."""
+    placed, taken = LayoutPlacement.of(job), [*_bodies(job)]
+    for number, finding in enumerate(chosen, start=1):
+        if finding.x_mm is None or finding.y_mm is None:
+            continue
+        label = f"{number} {finding.rule.removeprefix('VF-')}"
+        for points in _lines(finding.marker_wkt):
+            yield label, Contour.polyline(placed.on_sheet(points), closed=False)
+        at = placed.on_sheet(np.array([[finding.x_mm, finding.y_mm]]))[0]
+        yield label, _sign(at, finding.severity)
+        corner, leader, box = _free_place(at, label, taken)
+        taken.append(box)
+        yield label, Contour.polyline(leader, closed=False)
+        for stroke in lettered(label, corner, _TEXT_MM):
+            yield label, stroke
+
+
+def _bodies(job: Job) -> Iterator[shapely.Geometry]:
+    for path in job.paths:
+        if path.operation in (Operation.WELD, Operation.WELDCUT):
+            points = path.contour.flattened_mm(0.5)
+            yield shapely.LineString(points)
+
+
+def _lines(marker_wkt: str) -> list[Floats]:
+    """Return the lines of a marker's geometry, shape (k, 2) each; a point has none."""
+    if not marker_wkt:
+        return []
+    parts = shapely.get_parts(shapely.from_wkt(marker_wkt))
+    return [shapely.get_coordinates(part) for part in parts if part.length > 0.0]
+
+
+def _sign(at: Floats, severity: Severity) -> Contour:
+    corners = _CORNERS[severity]
+    if not corners:
+        ends = at + np.array([[_SIGN_MM, 0.0], [-_SIGN_MM, 0.0]])
+        parts, branches = (Part.OTHER,) * 2, ("",) * 2
+        return Contour(
+            points_mm=ends, bulges=np.ones(2), parts=parts, branches=branches, closed=True
+        )
+    angles = np.pi / 2 + np.arange(corners) * 2.0 * np.pi / corners
+    around = np.column_stack([np.cos(angles), np.sin(angles)])
+    return Contour.polyline(at + _SIGN_MM * around, closed=True)
+
+
+def _free_place(
+    at: Floats, label: str, taken: Sequence[shapely.Geometry]
+) -> tuple[tuple[float, float], Floats, shapely.Geometry]:
+    """Return a label's corner, its leader and its box: of the places around, the one freest."""
+
+    def hidden(place: tuple[tuple[float, float], Floats, shapely.Geometry]) -> int:
+        # Words on a line can still be read, words on words cannot.
+        met = [one for one in taken if shapely.intersects(place[2], one)]
+        return sum(1 if shapely.get_dimensions(one) == 1 else 10 for one in met)
+
+    return min(_places(at, text_width_mm(label, _TEXT_MM)), key=hidden)
+
+
+def _places(
+    at: Floats, wide_mm: float
+) -> Iterator[tuple[tuple[float, float], Floats, shapely.Geometry]]:
+    """Yield places for a label around a point, the nearest ones first."""
+    for far_mm in _LEADER_MM:
+        for turn in range(12):
+            angle = math.pi / 6 * (turn + 0.5)
+            along = np.array([math.cos(angle), math.sin(angle)])
+            x, y = (at + far_mm * along).tolist()
+            left = x if along[0] > 0.0 else x - wide_mm
+            box = shapely.box(left - 1.0, y - 1.0, left + wide_mm, y + _TEXT_MM + 1.0)
+            yield (left, y), np.array([at + _SIGN_MM * along, (x, y)]), box

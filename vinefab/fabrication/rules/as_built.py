@@ -1,0 +1,358 @@
+"""Rules about what came out: widths, seams and overcut in the paths, and the files read again."""
+
+import math
+from collections.abc import Iterator
+from itertools import groupby
+
+import numpy as np
+import shapely
+
+from vinefab.core.validation import Floats
+from vinefab.fabrication.job.passes import closes
+from vinefab.fabrication.outline.crotch import taper_rad
+from vinefab.fabrication.rules.rule import (
+    Limits,
+    Rule,
+    RuleApplied,
+    RuleNotApplicable,
+    Violation,
+    mark_branches,
+    middle_mm,
+)
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.finding import Severity
+from vinefab.model.job import LaserPath, Operation
+from vinefab.model.laser import LaserProfile, OperationSettings
+from vinefab.model.outline import Contour, Part, Segment
+
+_NEAR_MM = 1e-3
+
+
+def excesses_mm(subject: Subject, contour: Contour, offset_mm: float) -> dict[int, float]:
+    """Return by how much branches come out wider than designed, as far as both sides are straight.
+
+    A branch of whose sides one is gone is left out: its neighbour's crotch took it, and VF-C03
+    says so.
+
+    Parameters
+    ----------
+    subject
+        The design.
+    contour
+        An outline as it lies on the sheet, open at the mouth.
+    offset_mm
+        How far outside the lumen it is meant to run.
+    """
+    flat = _flat(subject, contour)
+    rows = {name: row for row, name in enumerate(subject.names)}
+    sides: dict[tuple[int, bool], tuple[float, float]] = {}
+    for segment in flat.segments:
+        if not _is_side(subject, segment):
+            continue
+        row = rows[segment.branch]
+        left, beyond = _beyond_mm(subject, row, segment, offset_mm)
+        length = segment.length_mm
+        if length > sides.get((row, left), (0.0, 0.0))[0]:
+            sides[row, left] = length, beyond
+    both = sorted(row for row, left in sides if left and (row, False) in sides)
+    return {row: sides[row, True][1] + sides[row, False][1] for row in both}
+
+
+def _is_side(subject: Subject, segment: Segment) -> bool:
+    """Whether a segment is a straight side of a branch; a collar's are as wide as its clamp."""
+    if segment.part not in (Part.SIDE, Part.TAIL) or segment.bulge or not segment.branch:
+        return False
+    collar = subject.design.build.collar
+    if segment.part is Part.SIDE or collar is None:
+        return True
+    return min(segment.start_mm[0], segment.end_mm[0]) > collar.reach_mm - _NEAR_MM - (
+        subject.layout.tail_mm
+    )
+
+
+def _flat(subject: Subject, contour: Contour) -> Contour:
+    """Return an outline in the coordinates of the flat layout: its two ends are the mouth."""
+    first, last = contour.points_mm[0], contour.points_mm[-1]
+    angle = math.atan2(*(last - first)[::-1]) - math.pi / 2
+    turned = contour.moved(-angle, 0.0, 0.0)
+    x, y = (turned.points_mm[0] + turned.points_mm[-1]) / 2.0
+    return turned.moved(0.0, -float(x) - subject.layout.tail_mm, -float(y))
+
+
+def _beyond_mm(
+    subject: Subject, row: int, segment: Segment, offset_mm: float
+) -> tuple[bool, float]:
+    """Return whether a segment lies left of its branch, and how far outside the design at most."""
+    layout = subject.layout
+    heading, base = layout.heading_rad[row], layout.start_mm[row]
+    along = np.array([math.cos(heading), math.sin(heading)])
+    ends = np.array([segment.start_mm, segment.end_mm]) - base
+    across = ends @ np.array([-along[1], along[0]])
+    half, end_half = layout.width_mm[row] / 2.0, layout.end_width_mm[row] / 2.0
+    lean_rad = taper_rad(half, end_half, float(layout.tree.length_mm[row]))
+    meant = half + offset_mm - np.maximum(ends @ along, 0.0) * math.sin(lean_rad)
+    meant /= math.cos(lean_rad)
+    if segment.part is Part.TAIL:
+        meant = np.full(2, half + offset_mm)
+    beyond = np.abs(across) - meant
+    return bool(across.mean() > 0.0), float(beyond[np.abs(beyond).argmax()])
+
+
+def webs_mm(subject: Subject, profile: LaserProfile) -> Iterator[tuple[float, str]]:
+    """Yield the film between each seam of a design and the nearest kerf, and whose it is.
+
+    It is negative where the kerf reaches into the seam. At the mouth the cut is meant to cross it.
+    """
+    welds = subject.own(Operation.WELD)
+    if not welds:
+        return
+    seam_mm = profile.settings(Operation.WELD).seam_width_mm.value
+    kerf_mm = profile.settings(Operation.CUT).kerf_mm.value
+    runs = (run for path in subject.own(Operation.CUT) for run in _beside_mouth(path.contour))
+    cuts = shapely.union_all([_line(run) for run in runs])
+    for path in welds:
+        apart_mm = shapely.distance(_line(path.contour), cuts)
+        yield apart_mm - (seam_mm + kerf_mm) / 2.0, whose(path, welds)
+
+
+def overlaps_mm(subject: Subject) -> Iterator[tuple[float, str]]:
+    """Yield by how much each cut that goes all around runs past its start, and whose it is."""
+    cuts = subject.own(Operation.CUT)
+    for path in cuts:
+        contour = path.contour
+        if closes(contour) and not contour.closed:
+            yield math.dist(contour.points_mm[0], contour.points_mm[-1]), whose(path, cuts)
+
+
+def whose(path: LaserPath, paths: tuple[LaserPath, ...]) -> str:
+    """Return words for whose a path is, where that is a question."""
+    return f" of {path.label!r}" if len(paths) > 1 else ""
+
+
+def _beside_mouth(contour: Contour) -> Iterator[Contour]:
+    """Yield the runs of a cut that lie before, between and after its mouths."""
+    for at_mouth, run in groupby(contour.segments, key=lambda part: part.part is Part.MOUTH):
+        if not at_mouth:
+            yield Contour.from_segments(list(run), closed=False)
+
+
+def _line(contour: Contour) -> shapely.LineString:
+    return shapely.LineString(contour.flattened_mm())
+
+
+def check_built_width(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-W04: both sides of a branch, less seam and kerf, leave the designed lumen between them."""
+    if subject.job is None or subject.profile is None:
+        return RuleNotApplicable(reason="needs a recipe, for seam and kerf")
+    operation = Operation.WELDCUT if subject.job.along(Operation.WELDCUT) else Operation.WELD
+    settings = subject.profile.settings(operation)
+    offset_mm = beam_offset_mm(settings) if operation is Operation.WELDCUT else weld_mm(settings)
+    paths = subject.own(operation)
+    checked, worst = 0, dict[int, tuple[float, str]]()
+    for path in paths:
+        for row, excess_mm in excesses_mm(subject, path.contour, offset_mm).items():
+            checked += 1
+            if abs(excess_mm) > abs(worst.get(row, (0.0, ""))[0]):
+                worst[row] = excess_mm, whose(path, paths)
+    hits = []
+    for row, (excess_mm, of) in sorted(worst.items()):
+        breach = limits.most(abs(excess_mm))
+        if breach:
+            hits.append(_too_wide(subject, row, excess_mm, of, breach.limit))
+    return RuleApplied(checked=checked, hits=tuple(hits))
+
+
+def _too_wide(subject: Subject, row: int, excess_mm: float, of: str, limit: float) -> Violation:
+    layout = subject.layout
+    built_mm = float(layout.width_mm[row] + layout.end_width_mm[row]) / 2.0 + excess_mm
+    return Violation(
+        message=f"the branch{of} comes out {built_mm:.2f} mm wide in the paths: its joint took "
+        "its sides, or their seam and kerf are not the recipe's",
+        measured=abs(excess_mm),
+        limit=limit,
+        branches=subject.ids(row),
+        at_mm=middle_mm(layout, row),
+        marker=mark_branches(layout, [row]),
+    )
+
+
+def beam_offset_mm(settings: OperationSettings) -> float:
+    """Return how far outside the lumen the beam runs to cut and seal in one pass: s + k/2."""
+    return settings.seam_width_mm.value + settings.kerf_mm.value / 2.0
+
+
+def weld_mm(settings: OperationSettings) -> float:
+    """Return how far outside the lumen the middle of a seam runs that is welded alone: s/2."""
+    return settings.seam_width_mm.value / 2.0
+
+
+def check_readback(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-X01: every file that was written says, read again, what it was meant to say."""
+    if subject.readback is None:
+        return RuleNotApplicable(reason="no file was written and read back")
+    hits = [
+        Violation(message=f"{name}: {problem}", aspect=name)
+        for name, problems in subject.readback.items()
+        for problem in problems
+    ]
+    return RuleApplied(checked=len(subject.readback), hits=tuple(hits))
+
+
+BUILT_WIDTH = Rule(
+    id="VF-W04",
+    title="width as built, against the design",
+    unit="mm",
+    limits={"error": 0.1},
+    reason="a forgotten seam and kerf offset narrows an 8 mm branch by 6 to 12 % (computed)",
+    look=check_built_width,
+)
+READBACK = Rule(
+    id="VF-X01",
+    title="exported files, read again, equal the model",
+    reason="programs read files, not intentions",
+    look=check_readback,
+)
+
+
+_ON_LINE_MM = 0.05
+"""An end of the outline that is so near to the mouth's cut lies on it."""
+
+
+def check_seams(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-P05: the paths leave the recipe's seam, and cuts cross or overlap by its overcut."""
+    if subject.job is None or subject.profile is None:
+        return RuleNotApplicable(reason="needs a recipe, for seam and overcut")
+    profile, slack_mm = subject.profile, limits["slack"]
+    seams_mm, webs = _seams_mm(subject, profile), list(webs_mm(subject, profile))
+    overcuts_mm, laps_mm = list(_overcuts_mm(subject)), list(overlaps_mm(subject))
+    hits = [*_seam_hits(subject, profile, seams_mm, slack_mm)]
+    hits += _web_hits(profile, webs, slack_mm)
+    least_mm = profile.settings(Operation.CUT).overcut_mm.value
+    ways = (
+        (
+            overcuts_mm,
+            "at the mouth",
+            "cross the outline",
+            "the part stays attached at its corners",
+        ),
+        (laps_mm, "around the robot", "pass its start", "a bridge may be left there"),
+    )
+    for found, where, fails, so in ways:
+        overcut_mm, of = min(found, default=(math.inf, ""))
+        if overcut_mm < least_mm - slack_mm:
+            hits.append(
+                Violation(
+                    message=f"the cut {where}{of} does not {fails} by the recipe's overcut: {so}",
+                    severity=Severity.WARNING,
+                    measured=overcut_mm,
+                    limit=least_mm,
+                    branches=subject.ids(0),
+                    at_mm=(-subject.design.build.tail_mm, 0.0),
+                    aspect="overcut",
+                )
+            )
+    checked = len(seams_mm) + len(webs) + len(overcuts_mm) + len(laps_mm)
+    return RuleApplied(checked=checked, hits=tuple(hits))
+
+
+def _web_hits(
+    profile: LaserProfile, webs: list[tuple[float, str]], slack_mm: float
+) -> Iterator[Violation]:
+    """Yield a hit about the seam that a cut of its own takes most of."""
+    web_mm, of = min(webs, default=(math.inf, ""))
+    if web_mm < -slack_mm:
+        seam_mm = profile.settings(Operation.WELD).seam_width_mm.value
+        yield Violation(
+            message=f"the cut takes off the seam{of}: no burst test covers what is left",
+            severity=Severity.WARNING,
+            measured=max(0.0, seam_mm + web_mm),
+            limit=seam_mm,
+            aspect="web",
+        )
+
+
+def _seam_hits(
+    subject: Subject,
+    profile: LaserProfile,
+    seams_mm: dict[str, tuple[float, str]],
+    slack_mm: float,
+) -> Iterator[Violation]:
+    """Yield one hit about the branches whose seam is too narrow, at the narrowest."""
+    if not seams_mm:
+        return
+    least_mm = profile.settings(Operation.WELDCUT).seam_width_mm.value
+    low = {name: seam for name, seam in seams_mm.items() if seam[0] < least_mm - slack_mm}
+    if low:
+        worst = min(low, key=lambda name: round(low[name][0], 6))  # the first of those alike
+        row = subject.names.index(worst)
+        yield Violation(
+            message=f"the paths of {len(low)} branches leave less seam than the recipe makes"
+            f"{_worst_of(low[worst][1])}: no burst test covers that seam",
+            severity=Severity.WARNING,
+            measured=low[worst][0],
+            limit=least_mm,
+            branches=(worst,),
+            at_mm=middle_mm(subject.layout, row),
+            marker=mark_branches(subject.layout, [subject.names.index(name) for name in low]),
+            aspect="seam",
+        )
+
+
+def _worst_of(of: str) -> str:
+    return f", least on the sides{of}" if of else ""
+
+
+def _seams_mm(subject: Subject, profile: LaserProfile) -> dict[str, tuple[float, str]]:
+    """Return the seam between lumen and kerf on the sides of each branch that has two, and whose.
+
+    Of several robots alike, the narrowest counts.
+    """
+    found: dict[str, tuple[float, str]] = {}
+    paths = subject.own(Operation.WELDCUT)
+    for path in paths:
+        half_kerf_mm = profile.settings(Operation.WELDCUT).kerf_mm.value / 2.0
+        for row, wider_mm in excesses_mm(subject, path.contour, 0.0).items():
+            seam_mm = wider_mm / 2.0 - half_kerf_mm
+            name = subject.names[row]
+            if seam_mm < found.get(name, (math.inf, ""))[0]:
+                found[name] = seam_mm, whose(path, paths)
+    return found
+
+
+def _overcuts_mm(subject: Subject) -> Iterator[tuple[float, str]]:
+    """Yield by how much a cut at a mouth runs past each end of an outline on it, and whose."""
+    ends = [
+        path.contour.points_mm[row]
+        for path in subject.own(Operation.WELDCUT)
+        if not path.contour.closed
+        for row in (0, -1)
+    ]
+    cuts = subject.own(Operation.CUT)
+    for path in cuts:
+        for segment in path.contour.segments:
+            if segment.part is Part.MOUTH and not segment.bulge:
+                for past_mm in _past_mm(segment, ends):
+                    yield past_mm, whose(path, cuts)
+
+
+def _past_mm(cut: Segment, ends: list[Floats]) -> Iterator[float]:
+    start = np.array(cut.start_mm)
+    along = (np.array(cut.end_mm) - start) / cut.length_mm
+    for end in ends:
+        x, y = end - start
+        across_mm = abs(along[0] * y - along[1] * x)
+        at_mm = float(along[0] * x + along[1] * y)
+        near_mm = min(at_mm, cut.length_mm - at_mm)
+        if across_mm < _ON_LINE_MM and near_mm > -_ON_LINE_MM:
+            yield near_mm
+
+
+SEAM_WIDTH = Rule(
+    id="VF-P05",
+    title="seam width and overcut at least the recipe's",
+    unit="mm",
+    limits={"slack": 0.005},
+    reason="a narrower seam was never tested, and a mouth that is not cut through tears it open; "
+    "the slack is what a laser's steps round away (assumed)",
+    look=check_seams,
+)

@@ -1,0 +1,132 @@
+"""All design rules by id, and whose limits count: rule, recipe, design or user."""
+
+from collections.abc import Iterable, Mapping
+
+from vinefab.core.errors import BadInputError, located
+from vinefab.core.registry import Registry
+from vinefab.fabrication.rules.as_built import BUILT_WIDTH, READBACK, SEAM_WIDTH
+from vinefab.fabrication.rules.clearance import CLEARANCE, FOREIGN_FILLET, OVERLAP
+from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, TURN
+from vinefab.fabrication.rules.laser_paths import MARKS, ORDER, PATHS
+from vinefab.fabrication.rules.materials import BED, FILM, MACHINE, PLY, STATUS
+from vinefab.fabrication.rules.pouches import POUCH
+from vinefab.fabrication.rules.pressure_limits import BURST, RATING, STRAIN, WINDOW
+from vinefab.fabrication.rules.rule import LimitChanges, Rule
+from vinefab.fabrication.rules.test_rig import CORRIDORS, OBSTACLE_HEIGHT, RIG_SIZE, RIG_SOLIDS
+from vinefab.fabrication.rules.whole import CLAMP, MOUTH, POLYGON, REACH, TAIL, TREE
+from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
+from vinefab.model.design import Design
+from vinefab.model.finding import ChangedLimit
+from vinefab.model.laser import LaserProfile
+
+_BUILTIN = (
+    *(TREE, POLYGON, OVERLAP, MOUTH),
+    *(LEAST_WIDTH, WIDTH_RATIO, PACKING, BUILT_WIDTH),
+    *(CLEARANCE, ANGLE, CROTCH, FILLET, FOREIGN_FILLET, TURN, POUCH),
+    *(BURST, RATING, WINDOW, STRAIN, SEAM_WIDTH),
+    *(TAIL, CLAMP, REACH),
+    *(BED, FILM),
+    *(MARKS, PATHS, ORDER, PLY, MACHINE, STATUS),
+    READBACK,
+    *(RIG_SOLIDS, RIG_SIZE, CORRIDORS, OBSTACLE_HEIGHT),
+)
+
+
+def _problem(name: str, part: object) -> str:
+    """Return why a rule of another package cannot be used; empty if it can."""
+    if not isinstance(part, Rule):
+        return "is no vinefab.fabrication.rules.rule.Rule"
+    return "" if part.id == name else f"its id is {part.id}, not the name of its entry point"
+
+
+RULES: Registry[Rule] = Registry(
+    "rule", {rule.id: rule for rule in _BUILTIN}, group="vinefab.rules", problem=_problem
+)
+
+SHEET_RULES = frozenset(
+    rule.id for rule in (BED, MARKS, PATHS, ORDER, PLY, MACHINE, STATUS, READBACK)
+)
+"""Rules about a sheet, its recipe and its files; on a sheet of several robots they look once."""
+
+
+COMMAND_LINE = "--limit"
+
+
+def changed_limits(
+    design: Design, profile: LaserProfile | None = None, given: LimitChanges | None = None
+) -> tuple[ChangedLimit, ...]:
+    """Return every limit that is not the rule's default, with who changed it last.
+
+    Parameters
+    ----------
+    design, profile
+        What may carry limits of its own.
+    given
+        Limits of this one check; they go before all others.
+
+    Raises
+    ------
+    UnknownNameError, BadInputError
+        If any of them names a rule or a limit that does not exist; the source is named.
+    """
+    sources: list[tuple[str, LimitChanges]] = [
+        (f"design {design.name}", design.limits),
+        (COMMAND_LINE, given or {}),
+    ]
+    if profile is not None:
+        sources.insert(0, (f"recipe {profile.recipe.name}", profile.recipe.limits))
+    found: dict[tuple[str, str], ChangedLimit] = {}
+    for source, changes in sources:
+        with located(source):
+            for limit in _checked(source, changes):
+                found[limit.rule, limit.name] = limit
+    return tuple(limit for limit in found.values() if limit.value != limit.default)
+
+
+def by_rule(changed: Iterable[ChangedLimit]) -> dict[str, dict[str, float]]:
+    """Return the values of changed limits, by rule and name."""
+    values: dict[str, dict[str, float]] = {}
+    for limit in changed:
+        values.setdefault(limit.rule, {})[limit.name] = limit.value
+    return values
+
+
+def parsed_limits(texts: Iterable[str]) -> dict[str, dict[str, float]]:
+    """Return limits from texts like ``VF-C01.warning=6``.
+
+    Raises
+    ------
+    BadInputError
+        If a text is not of this form.
+
+    Examples
+    --------
+    >>> parsed_limits(["VF-C01.warning=6", "VF-C01.error=4"])
+    {'VF-C01': {'warning': 6.0, 'error': 4.0}}
+    """
+    values: dict[str, dict[str, float]] = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        rule, dot, name = key.strip().partition(".")
+        try:
+            number = float(value)
+        except ValueError:
+            equals = ""
+        if not (rule and dot and name and equals):
+            raise BadInputError(COMMAND_LINE, text, "RULE.NAME=NUMBER, as VF-C01.warning=6")
+        values.setdefault(rule, {})[name] = number
+    return values
+
+
+def _checked(source: str, changes: Mapping[str, Mapping[str, float]]) -> Iterable[ChangedLimit]:
+    for rule_id, named in changes.items():
+        rule = RULES[rule_id]
+        limits = rule.limits_with(named)
+        for name in named:
+            yield ChangedLimit(
+                rule=rule.id,
+                name=name,
+                value=limits[name],
+                default=rule.limits[name],
+                source=source,
+            )

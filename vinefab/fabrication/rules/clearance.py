@@ -1,0 +1,330 @@
+"""Rules about branches and fillets that come too near each other on the flat sheet."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from vinefab.fabrication.rules.rule import (
+    BrokenLimit,
+    Limits,
+    Point,
+    Rule,
+    RuleApplied,
+    Violation,
+    mark_line,
+)
+from vinefab.fabrication.rules.shapes import Shapes
+from vinefab.fabrication.rules.spacing import Hulls, Spacing, point_gap_mm, spacing
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.finding import Severity
+from vinefab.model.outline import Part, Segment
+
+MOST_FINDINGS = 100
+"""A rule names so many pairs, the tightest ones; the rest are counted in one more finding."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Near:
+    """Two branches and where they are nearest.
+
+    Parameters
+    ----------
+    branches
+        Ids of both.
+    gap_mm
+        Free distance, negative where they overlap.
+    at_mm
+        Middle of the gap.
+    marker
+        Line across the gap, from centre line to centre line.
+    """
+
+    branches: tuple[str, ...]
+    gap_mm: float
+    at_mm: Point
+    marker: str
+
+
+def near_branches(
+    subject: Subject, found: Spacing, chosen: NDArray[np.bool_]
+) -> tuple[list[Near], int]:
+    """Return pairs of branches by their smallest gap, tightest first, and how many there are.
+
+    Parameters
+    ----------
+    subject
+        Gives the names.
+    found
+        Pairs of capsules.
+    chosen
+        Which of them count, shape (k,).
+
+    Returns
+    -------
+    list of Near, int
+        At most `MOST_FINDINGS` pairs, and the number of all.
+    """
+    rows = _tightest_of_each(subject.shapes, found, np.flatnonzero(chosen))
+    return [_near(subject, found, row) for row in rows[:MOST_FINDINGS].tolist()], len(rows)
+
+
+def remaining_violations(pairs: int, words: str) -> tuple[Violation, ...]:
+    """Return one more hit for the pairs beyond `MOST_FINDINGS`, if there are any.
+
+    Parameters
+    ----------
+    pairs
+        How many pairs break the rule.
+    words
+        What they do (``overlap``).
+    """
+    if pairs <= MOST_FINDINGS:
+        return ()
+    rest = f"{pairs - MOST_FINDINGS} more pairs of branches {words}"
+    return (Violation(message=rest, severity=Severity.INFO, aspect="rest"),)
+
+
+def _tightest_of_each(shapes: Shapes, found: Spacing, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+    rows = rows[np.argsort(found.gap_mm[rows] - found.crossing_mm[rows], kind="stable")]
+    pair = np.sort(
+        np.column_stack([shapes.branch[found.first[rows]], shapes.branch[found.second[rows]]])
+    )
+    _, first = np.unique(pair, axis=0, return_index=True)
+    return np.asarray(rows[np.sort(first)])
+
+
+def _near(subject: Subject, found: Spacing, row: int) -> Near:
+    capsules = (int(found.first[row]), int(found.second[row]))
+    branches = sorted(int(subject.shapes.branch[capsule]) for capsule in capsules)
+    (x0, y0), (x1, y1) = found.first_mm[row].tolist(), found.second_mm[row].tolist()
+    return Near(
+        branches=subject.ids(*branches),
+        gap_mm=float(found.gap_mm[row]),
+        at_mm=((x0 + x1) / 2.0, (y0 + y1) / 2.0),
+        marker=mark_line((x0, y0), (x1, y1)),
+    )
+
+
+def check_overlap(subject: Subject, _: Limits) -> RuleApplied:
+    """VF-T03: branches that share no joint do not overlap."""
+    found = spacing(subject.shapes, 0.0)
+    nears, pairs = near_branches(subject, found, ~found.joined & (found.gap_mm < 0.0))
+    hits = [
+        Violation(
+            message="the branches overlap when flat: widen the fan, or shorten one of them",
+            measured=near.gap_mm,
+            limit=0.0,
+            branches=near.branches,
+            at_mm=near.at_mm,
+            marker=near.marker,
+        )
+        for near in nears
+    ]
+    return RuleApplied(
+        checked=len(subject.layout.tree),
+        hits=(*hits, *remaining_violations(pairs, "overlap when flat")),
+    )
+
+
+def check_clearance(subject: Subject, limits: Limits) -> RuleApplied:
+    """VF-C01: film is left between branches that share no joint.
+
+    Branches that share one converge there by design. Their notch ends in a fillet (VF-C04) within
+    half of the shorter one (VF-C03), and from there on two straight sides only part: at the end of
+    the shorter one they are a branch's width apart. Pouches can close a notch again: VF-C07.
+    """
+    found = spacing(subject.shapes, max(limits["error"], limits["warning"]))
+    apart = ~found.joined & (found.gap_mm >= 0.0)
+    return RuleApplied(
+        checked=len(subject.layout.tree), hits=gap_violations(subject, limits, found, apart)
+    )
+
+
+def gap_violations(
+    subject: Subject, limits: Limits, found: Spacing, chosen: NDArray[np.bool_]
+) -> tuple[Violation, ...]:
+    """Return a hit for each pair of branches whose gap is below the limits.
+
+    Parameters
+    ----------
+    subject, limits
+        As for a rule; ``error`` and ``warning`` are the least gaps.
+    found
+        Pairs of capsules.
+    chosen
+        Which of them count, shape (k,).
+    """
+    low = chosen & (found.gap_mm < max(limits["error"], limits["warning"]))
+    nears, pairs = near_branches(subject, found, low)
+    hits = []
+    for near in nears:
+        breach = limits.least(near.gap_mm)
+        if breach:
+            hits.append(
+                Violation(
+                    message="too little film is left between the branches: move them apart",
+                    severity=breach.severity,
+                    measured=near.gap_mm,
+                    limit=breach.limit,
+                    branches=near.branches,
+                    at_mm=near.at_mm,
+                    marker=near.marker,
+                )
+            )
+    return (*hits, *remaining_violations(pairs, "come too near each other"))
+
+
+OVERLAP = Rule(
+    id="VF-T03",
+    title="branches that are not joined do not overlap when flat",
+    unit="mm",
+    reason="a flat sheet has no room for two branches at one place",
+    look=check_overlap,
+)
+CLEARANCE = Rule(
+    id="VF-C01",
+    title="clearance between branches",
+    unit="mm",
+    limits={"error": 3.0, "warning": 5.0},
+    reason="seam, kerf and heat of two outlines need room between them, or they melt into one",
+    look=check_clearance,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Web:
+    """The film that a fillet adds, between its arc and the sides that it joins.
+
+    Parameters
+    ----------
+    area
+        That film.
+    branch
+        Index of a branch that the fillet belongs to.
+    """
+
+    area: shapely.Polygon
+    branch: int
+
+
+def check_foreign(subject: Subject, limits: Limits) -> RuleApplied:
+    """VF-C05: the film of a fillet keeps clear of all branches but those of its joint.
+
+    The capsules of VF-C01 leave fillets out; a large fillet can close the gap to a branch that is
+    clear of both its sides. A fillet at a pouch's neck belongs to the joint of its branch.
+    """
+    webs = list(_webs(subject))
+    reach_mm = max(limits["error"], limits["warning"])
+    shapes = subject.shapes
+    hulls = _hulls(subject)
+    tree = shapely.STRtree(hulls)
+    nearest: dict[tuple[int, int], tuple[float, _Web, int]] = {}
+    for web in webs:
+        for row in tree.query(web.area, predicate="dwithin", distance=reach_mm).tolist():
+            other = int(shapes.branch[row])
+            if _related(subject, web.branch, other):
+                continue
+            gap_mm = _gap_mm(subject, web.area, hulls[row], row)
+            pair = min(web.branch, other), max(web.branch, other)
+            if pair not in nearest or gap_mm < nearest[pair][0]:
+                nearest[pair] = gap_mm, web, row
+    order = sorted(nearest.items(), key=lambda item: item[1][0])
+    hits = []
+    for (one, two), (gap_mm, web, row) in order[:MOST_FINDINGS]:
+        breach = limits.least(gap_mm)
+        if breach:
+            hits.append(_hit(subject, (one, two), (web, hulls[row]), (gap_mm, breach)))
+    rest = remaining_violations(len(order), "are reached by a fillet of another joint")
+    return RuleApplied(checked=len(webs), hits=(*hits, *rest))
+
+
+def _hit(
+    subject: Subject,
+    branches: tuple[int, int],
+    shapes: tuple[_Web, shapely.Geometry],
+    found: tuple[float, BrokenLimit],
+) -> Violation:
+    gap_mm, breach = found
+    web, hull = shapes
+    points = shapely.get_coordinates(shapely.shortest_line(web.area, hull)).tolist()
+    start, end = (points[0][0], points[0][1]), (points[-1][0], points[-1][1])
+    return Violation(
+        message="a fillet reaches a branch of another joint: make it smaller, or part the branches",
+        severity=breach.severity,
+        measured=gap_mm,
+        limit=breach.limit,
+        branches=subject.ids(*branches),
+        at_mm=start,
+        marker=mark_line(start, end),
+    )
+
+
+def _webs(subject: Subject) -> Iterator[_Web]:
+    rows = {name: row for row, name in enumerate(subject.names)}
+    for segment in subject.outline.contour.segments:
+        if segment.part is Part.FILLET and segment.bulge:
+            yield _Web(area=_web(segment), branch=rows[segment.branch])
+
+
+def _web(segment: Segment) -> shapely.Polygon:
+    """Return what lies between a fillet and the tangents at its ends, up to where they cross.
+
+    Tangents that hardly part cross far away: then up to three radii.
+    """
+    reach = segment.radius_mm * min(math.tan(min(abs(segment.turn_rad) / 2.0, 1.5)), 3.0)
+    corners = []
+    for at_end in (True, False):
+        angle, point = segment.direction_rad(at_end=at_end), segment.start_mm
+        if at_end:
+            angle, point = angle + math.pi, segment.end_mm
+        corners.append((point[0] + reach * math.cos(angle), point[1] + reach * math.sin(angle)))
+    return shapely.Polygon([*segment.flattened_mm().tolist(), *corners])
+
+
+def _hulls(subject: Subject) -> np.ndarray:
+    """Return the capsules as shapes."""
+    shapes = subject.shapes
+    ends = (shapes.start_mm, shapes.half_mm), (shapes.end_mm, shapes.end_half_mm)
+    discs = [
+        shapely.buffer(shapely.points(centre), np.maximum(half, 1e-6), quad_segs=64)
+        for centre, half in ends
+    ]
+    return np.asarray(shapely.convex_hull(shapely.union_all(np.stack(discs, axis=1), axis=1)))
+
+
+def _gap_mm(subject: Subject, area: shapely.Polygon, hull: shapely.Geometry, row: int) -> float:
+    """Return the distance of a web from a capsule; below 0 how deep its corners lie inside."""
+    gap_mm = float(shapely.distance(area, hull))
+    if gap_mm > 0.0:
+        return gap_mm
+    points, shapes = shapely.get_coordinates(area), subject.shapes
+    rows = np.full(len(points), row)
+    capsules = Hulls(
+        start_mm=shapes.start_mm[rows],
+        run_mm=shapes.end_mm[rows] - shapes.start_mm[rows],
+        half_mm=shapes.half_mm[rows],
+        growth_mm=shapes.end_half_mm[rows] - shapes.half_mm[rows],
+    )
+    return min(-1e-6, float(point_gap_mm(points, capsules).min()))
+
+
+def _related(subject: Subject, one: int, two: int) -> bool:
+    """Whether two branches share a joint, or are the same."""
+    parent = subject.layout.tree.parent
+    return bool(
+        one == two or parent[one] == parent[two] or parent[one] == two or parent[two] == one
+    )
+
+
+FOREIGN_FILLET = Rule(
+    id="VF-C05",
+    title="a fillet joins nothing but its own joint",
+    unit="mm",
+    limits={"error": 0.0, "warning": 3.0},
+    reason="a fillet that swallows another branch's side changes the robot",
+    look=check_foreign,
+)

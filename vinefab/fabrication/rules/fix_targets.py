@@ -1,0 +1,387 @@
+"""What a changed design has to keep, and how much it differs from the one that it was made of."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from vinefab.core.units import deg
+from vinefab.fabrication.job.passes import weldcut_offset_mm
+from vinefab.fabrication.outline.crotch import largest_fillet_mm
+from vinefab.fabrication.outline.joint import level_tapers_rad
+from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
+from vinefab.fabrication.rules.clearance import CLEARANCE
+from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET
+from vinefab.fabrication.rules.laser_paths import PATHS
+from vinefab.fabrication.rules.penalty import fabrication_penalty
+from vinefab.fabrication.rules.pouches import POUCH
+from vinefab.fabrication.rules.pressure_limits import (
+    BURST,
+    WINDOW,
+    GrowthConstantsRange,
+    allowed_n_mm,
+)
+from vinefab.fabrication.rules.rule import LimitChanges, Limits, Rule
+from vinefab.fabrication.rules.whole import CLAMP, MOUTH, TAIL
+from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
+from vinefab.model.design import Build, Design, Level
+from vinefab.model.job import Operation
+from vinefab.model.laser import LaserProfile
+from vinefab.physics.growth_path import GrowthPath
+from vinefab.physics.seam import burst_pressure_kpa
+from vinefab.physics.tube import inflated_diameter_mm
+
+WEIGHTS = {
+    "branches": 2.0,
+    "length": 1.0,
+    "angle": 1.0,
+    "growth": 0.5,
+    "width": 0.5,
+    "pouch": 0.5,
+    "fillet": 0.1,
+    "tail": 0.1,
+    "pressure": 0.1,
+}
+"""What a change of each kind costs: a length or width by its relative change (absolute logarithm),
+an angle by its change in radians, pruned branches by the logarithm of the planned length left.
+Where the robot goes counts most, how it is made least; the numbers are vinefab's own."""
+
+_UNCHANGED = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignChange:
+    """One value of a design that was changed.
+
+    Parameters
+    ----------
+    what
+        Which value (``level 2 length``).
+    before, after
+        Its values, in ``unit``.
+    unit
+        Their unit, empty for numbers of things.
+    cost
+        Its share of the whole change.
+    """
+
+    what: str
+    before: float
+    after: float
+    unit: str
+    cost: float
+
+    @property
+    def text(self) -> str:
+        """Return the change in words."""
+        unit = f" {self.unit}" if self.unit else ""
+        percent = 100.0 * (self.after / self.before - 1.0) if self.before else 0.0
+        relative = f" ({percent:+.1f} %)" if self.unit not in ("", "deg") and percent else ""
+        return f"{self.what}: {self.before:.4g} -> {self.after:.4g}{unit}{relative}"
+
+
+def design_changes(before: Design, after: Design) -> tuple[DesignChange, ...]:
+    """Return every value that differs between two designs, the later one pruned or not.
+
+    Parameters
+    ----------
+    before
+        The design as it was.
+    after
+        The same design changed; it may have fewer branches and fewer levels.
+    """
+    found = [*_pruned(before, after), *_sizes(before, after), *_built(before.build, after.build)]
+    return tuple(change for change in found if change.cost > _UNCHANGED)
+
+
+def change_cost(before: Design, after: Design) -> float:
+    """Return the weighted sum of all changes, 0 for the same design."""
+    return math.fsum(change.cost for change in design_changes(before, after))
+
+
+def planned_length_mm(trunk_mm: float, levels: tuple[Level, ...]) -> float:
+    """Return the planned length of all branches together."""
+    total, count = trunk_mm, 1
+    for level in levels:
+        count *= level.branches
+        mean = (1.0 + level.growth) / 2.0 if level.branches > 1 else 1.0
+        total += count * level.length_mm * mean
+    return total
+
+
+def pruning_cost(before: Design, branches: tuple[int, ...]) -> float:
+    """Return what it costs to keep only some branches, by the planned length that is left.
+
+    Parameters
+    ----------
+    before
+        The design.
+    branches
+        Children per parent on each level after the trunk that is kept.
+    """
+    kept = tuple(
+        Level(
+            branches=count,
+            length_mm=level.length_mm * (1.0 if count > 1 else _mean_share(level)),
+            growth=level.growth,
+            fan_rad=level.fan_rad,
+        )
+        for level, count in zip(before.levels, branches, strict=False)
+    )
+    whole = planned_length_mm(before.trunk_length_mm, before.levels)
+    left = planned_length_mm(before.trunk_length_mm, kept)
+    return WEIGHTS["branches"] * max(0.0, math.log(whole / left))
+
+
+def _mean_share(level: Level) -> float:
+    """Return the mean length of a level's branches over that of the first."""
+    return (1.0 + level.growth) / 2.0 if level.branches > 1 else 1.0
+
+
+def _pruned(before: Design, after: Design) -> Iterator[DesignChange]:
+    counts = tuple(level.branches for level in after.levels)
+    if counts != tuple(level.branches for level in before.levels):
+        yield DesignChange(
+            what="branches",
+            before=float(before.branch_count),
+            after=float(after.branch_count),
+            unit="",
+            cost=max(1e-6, pruning_cost(before, counts)),
+        )
+
+
+def _sizes(before: Design, after: Design) -> Iterator[DesignChange]:
+    yield _relative("length", "trunk", before.trunk_length_mm, after.trunk_length_mm)
+    for number, (old, new) in enumerate(zip(before.levels, after.levels, strict=False), start=2):
+        yield _relative("length", f"level {number}", old.length_mm, new.length_mm)
+        if new.branches == 1:
+            continue
+        yield DesignChange(
+            what=f"level {number} fan",
+            before=deg(old.fan_rad),
+            after=deg(new.fan_rad),
+            unit="deg",
+            cost=WEIGHTS["angle"] * abs(new.fan_rad - old.fan_rad),
+        )
+        grown = _relative("growth", f"level {number}", old.growth, new.growth, "%", 100.0)
+        yield grown
+
+
+def _built(before: Build, after: Build) -> Iterator[DesignChange]:
+    for number, pair in enumerate(zip(before.widths_mm, after.widths_mm, strict=False), start=1):
+        yield _relative("width", f"level {number}", *pair)
+    for number, pair in enumerate(zip(before.fillet_mm, after.fillet_mm, strict=False), start=2):
+        yield _relative("fillet", f"level {number}", *pair)
+    yield _relative("tail", "the", before.tail_mm, after.tail_mm)
+    yield _relative("pressure", "the", before.pressure_kpa, after.pressure_kpa, "kPa")
+    for name in ("radius_mm", "length_mm", "width_mm"):
+        old, new = getattr(before.pouch, name, None), getattr(after.pouch, name, None)
+        if old is not None and new is not None:
+            yield _relative("pouch", name.removesuffix("_mm").join(("", " of the")), old, new)
+
+
+def _relative(
+    kind: str, where: str, before: float, after: float, unit: str = "mm", scale: float = 1.0
+) -> DesignChange:
+    """Return a change that counts by its logarithm; from or to nothing it counts as doubled."""
+    same = before == after
+    size = 0.0 if same else math.log(2.0)
+    if not same and before > 0.0 and after > 0.0:
+        size = abs(math.log(after / before))
+    return DesignChange(
+        what=f"{where} {kind}",
+        before=before * scale,
+        after=after * scale,
+        unit=unit,
+        cost=WEIGHTS[kind] * size,
+    )
+
+
+_LEAST = (LEAST_WIDTH, WIDTH_RATIO, CLEARANCE, ANGLE, FILLET, MOUTH, POUCH)
+_MOST = (PACKING, CROTCH, CLAMP)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FixTargets:
+    """What a design is held against while it is mended.
+
+    Parameters
+    ----------
+    profile
+        Machine, material and recipe.
+    limits
+        Limits that differ from the defaults, a little stricter than those of the check.
+    window_share
+        How much of the allowed pressure growth in free space may take: less than 1 where
+        contacts on a map add to it.
+    """
+
+    profile: LaserProfile
+    limits: LimitChanges
+    window_share: float = 1.0
+
+    @classmethod
+    def of(
+        cls,
+        design: Design,
+        profile: LaserProfile,
+        given: LimitChanges | None = None,
+        *,
+        margin: float = 0.0,
+        window_share: float = 1.0,
+    ) -> "FixTargets":
+        """Return the bench for a design.
+
+        Parameters
+        ----------
+        design, profile, given
+            As for a check.
+        margin
+            How much stricter than the check, as a share of each limit.
+        window_share
+            As in the class.
+        """
+        limits = {
+            rule: dict(v) for rule, v in by_rule(changed_limits(design, profile, given)).items()
+        }
+        for rules, factor in ((_LEAST, 1.0 + margin), (_MOST, 1.0 - margin)):
+            for rule in rules:
+                named = limits.setdefault(rule.id, {})
+                named["error"] = factor * named.get("error", rule.limits["error"])
+        return cls(profile=profile, limits=limits, window_share=window_share)
+
+    def of_rule(self, rule: Rule) -> Limits:
+        """Return a rule's limits."""
+        return RULES[rule.id].limits_with(self.limits.get(rule.id, {}))
+
+    def trouble(self, design: Design) -> float:
+        """Return how far a design is from keeping the error limits; 0 where it does.
+
+        Not looked at are rules that only the laser's paths can answer.
+        """
+        material = self.profile.material
+        found = fabrication_penalty(
+            design,
+            self.limits,
+            film_mm=material.ply_mm.value * material.plies,
+            sheet_mm=self._sheet_mm(),
+        )
+        build = design.build
+        return found + math.log1p(
+            self._clamp(build)
+            + _over(self.of_rule(MOUTH)["error"], build.mouth_width_mm)
+            + _over(self.least_pouch_mm(build), build.pouch.flat_width_mm if build.pouch else 0.0)
+            + self._window(design)
+            + self._fillets(design)
+        )
+
+    def _clamp(self, build: Build) -> float:
+        """Return by how much the tail is too wide for a clamp; a collar fits it to its own."""
+        most_mm = self.of_rule(CLAMP)["error"]
+        return 0.0 if build.collar else _over(build.mouth_width_mm, most_mm)
+
+    def least_pouch_mm(self, build: Build) -> float:
+        """Return the least flat width of a design's pouches, 0 where it has none."""
+        return 1.01 * build.widths_mm[-1] if build.pouch else 0.0
+
+    def settled(self, build: Build) -> Build:
+        """Return a build with what follows from its widths alone: fillets, tail and pressure."""
+        fillet, widths = self.of_rule(FILLET), build.widths_mm
+        fillets_mm = tuple(
+            max(self.least_fillet_mm(), min(radius, fillet["most_error_share"] * width))
+            for radius, width in zip(build.fillet_mm, widths[1:], strict=True)
+        )
+        return replace(
+            build,
+            fillet_mm=fillets_mm,
+            tail_mm=max(build.tail_mm, self.of_rule(TAIL)["error"]),
+            pressure_kpa=min(build.pressure_kpa, self.most_kpa(build)),
+        )
+
+    def most_kpa(self, build: Build) -> float:
+        """Return the largest working pressure that seams may be given at a build's widths."""
+        factor = self.of_rule(BURST)["safety_factor"]
+        most = min(self._burst_kpa(build) / factor, self.profile.material.burst_kpa.value)
+        return math.floor(1000.0 * most) / 1000.0
+
+    def _burst_kpa(self, build: Build) -> float:
+        return burst_pressure_kpa(build.widest_mm, allowed_n_mm(self.profile.material))
+
+    def _sheet_mm(self) -> tuple[float, float]:
+        """Return the room for the bare body: the bed less seam, kerf and the mouth's overcut."""
+        overcut_mm = self.profile.settings(Operation.CUT).overcut_mm.value
+        rim_mm = 2.0 * (weldcut_offset_mm(self.profile) + overcut_mm)
+        wide, high = self.profile.machine.usable_mm
+        return wide - rim_mm, high - rim_mm
+
+    def least_fillet_mm(self) -> float:
+        """Return the least fillet radius that is allowed and that the laser can still run."""
+        least_run_mm = self.of_rule(PATHS)["radius_error"] + weldcut_offset_mm(self.profile)
+        return max(self.of_rule(FILLET)["error"], 1.001 * least_run_mm)
+
+    def _fillets(self, design: Design) -> float:
+        """Return by how much fillets are drawn too small, where an angle has no room for more."""
+        least_mm = self.least_fillet_mm()
+        return math.fsum(_over(least_mm, drawn_mm) for drawn_mm in _drawn_fillets_mm(design))
+
+    def _window(self, design: Design) -> float:
+        """Return by how much growth in free space takes too much, relative to what is allowed."""
+        limits = self.of_rule(WINDOW)
+        allowed = self._burst_kpa(design.build) / limits["safety_factor"]
+        allowed /= 1.0 + limits["margin_percent"] / 100.0
+        fit = GrowthConstantsRange.of(self.profile, limits)
+        worst = 0.0
+        for depth, end_mm in enumerate(design.build.end_widths_mm):
+            constants = fit.loose.at_diameter(inflated_diameter_mm(end_mm), fit.diameter_mm)
+            path = _worst_path(design, depth)
+            worst = max(worst, path.pressure_kpa(constants, _riding_mm(design, depth)))
+        return _over(worst, self.window_share * allowed)
+
+
+def _drawn_fillets_mm(design: Design) -> list[float]:
+    """Return the radii that angles leave of the fillets: beside the parent, between the shortest.
+
+    Of all gaps of a level these two have the least room.
+    """
+    found: list[float] = []
+    build, above_mm = design.build, design.trunk_length_mm
+    for number, level in enumerate(design.levels, start=1):
+        wide, narrow = build.end_widths_mm[number - 1] / 2.0, build.widths_mm[number] / 2.0
+        disc, designed = max(wide, narrow), build.fillet_mm[number - 1]
+        several = level.branches > 1
+        child_mm = level.length_mm * (min(1.0, level.growth) if several else 1.0)
+        lean_rad = max(level_tapers_rad(design, number))
+        gaps = [(math.pi - lean_rad - (level.fan_rad / 2.0 if several else 0.0), wide, above_mm)]
+        if several:
+            gaps.append((level.fan_rad / (level.branches - 1), narrow, child_mm))
+        for angle_rad, half, length_mm in gaps:
+            reach_mm = max(0.5 * min(child_mm, length_mm), disc)
+            most = largest_fillet_mm(angle_rad, (half, narrow), reach_mm)
+            found.append(max(0.0, min(designed, most)))
+        above_mm = child_mm
+    return found
+
+
+def _over(value: float, most: float) -> float:
+    """Return by how much a value is above another one, relative to it, at most 10."""
+    return 0.0 if value <= most else min(10.0, (value - most) / max(most, 1e-9))
+
+
+def _worst_path(design: Design, depth: int) -> GrowthPath:
+    """Return a path to a level that is no shorter and no straighter than any of its own."""
+    lengths, turns = [design.trunk_length_mm], []
+    for level in design.levels[:depth]:
+        lengths.append(level.length_mm * (max(1.0, level.growth) if level.branches > 1 else 1.0))
+        turns.append(level.fan_rad / 2.0 if level.branches > 1 else 0.0)
+    return GrowthPath(lengths_mm=tuple(lengths), turns_rad=tuple(turns))
+
+
+def _riding_mm(design: Design, depth: int) -> float:
+    """Return the film that rides behind each branch of a level, as a length of its own width."""
+    widths_mm = design.build.widths_mm
+    film_mm2 = 0.0
+    for below in range(depth, len(design.levels)):
+        above = planned_length_mm(0.0, design.levels[depth:below])
+        film_mm2 += widths_mm[below + 1] * (
+            planned_length_mm(0.0, design.levels[depth : below + 1]) - above
+        )
+    return film_mm2 / widths_mm[depth]

@@ -1,0 +1,350 @@
+"""Rules about joints: angles, crotches, fillets and turns."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vinefab.core.validation import Floats
+from vinefab.fabrication.outline.crotch import Gap, crotch_reach_mm
+from vinefab.fabrication.outline.exactness import ProblemKind
+from vinefab.fabrication.outline.joint import joint_of, level_tapers_rad
+from vinefab.fabrication.rules.rule import (
+    BrokenLimit,
+    Limits,
+    Rule,
+    RuleApplied,
+    Violation,
+    mark_branches,
+    outline_violations,
+    place_mm,
+)
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.design import Design
+from vinefab.model.finding import Severity
+from vinefab.model.tree import BranchTree
+from vinefab.physics.growth_pressure import FITTED, capstan_factor
+
+PARALLEL_RAD = 1e-6
+"""Neighbours at a smaller angle never part."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelJoint:
+    """The joint where one level's children sprout from their parent's tip.
+
+    Parameters
+    ----------
+    level
+        Level of the children, 2 or more.
+    joints
+        How many such joints the design has.
+    parent, first_child
+        Indices in the tree of the first of these joints' parent and clockwise-most child.
+    gaps
+        The gaps around the joint on the lumen's edge, counter-clockwise, the parent's body first
+        and last. An owner of 0 in a gap is the parent, 1 the first child, and so on.
+    fillet_mm
+        Smallest fillet radius that is drawn: the designed one, or less where the angle allows
+        no more. Infinite if no gap has room for any fillet.
+    """
+
+    level: int
+    joints: int
+    parent: int
+    first_child: int
+    gaps: tuple[Gap, ...]
+    fillet_mm: float
+
+    def branch(self, owner: int) -> int:
+        """Return the tree's index of a gap's owner."""
+        return self.parent if owner == 0 else self.first_child + owner - 1
+
+
+def level_joints(design: Design) -> tuple[LevelJoint, ...]:
+    """Return the joint of every level after the trunk."""
+    found = []
+    parent, count = 0, 1
+    for number, level in enumerate(design.levels, start=2):
+        drawn = joint_of(design, number - 1, 0.0)
+        radii_mm = (min(drawn.fillet_mm, most) for most in drawn.allowed_mm if most >= 0.0)
+        found.append(
+            LevelJoint(
+                level=number,
+                joints=count,
+                parent=parent,
+                first_child=parent + count,
+                gaps=drawn.gaps,
+                fillet_mm=min(radii_mm, default=math.inf),
+            )
+        )
+        parent, count = parent + count, count * level.branches
+    return tuple(found)
+
+
+def shorter_mm(gap: Gap) -> float:
+    """Return the length of the shorter neighbour that a gap's crotch webs.
+
+    Where the outline passes the joint's disc the parent is as it should be, and only the
+    children count.
+    """
+    lengths = [strip.length_mm for strip in (gap.first, gap.second) if strip.owner]
+    disc_mm = max(gap.first.half_mm, gap.second.half_mm)
+    if gap.reach_mm > disc_mm * (1.0 + 1e-9):
+        lengths = [gap.first.length_mm, gap.second.length_mm]
+    return min(lengths)
+
+
+def share_in_crotch(gap: Gap) -> float:
+    """Return the reach of a gap's crotch over the length of its shorter neighbour.
+
+    Neighbours that never part give infinity.
+    """
+    return gap.reach_mm / shorter_mm(gap) if gap.angle_rad > PARALLEL_RAD else math.inf
+
+
+def bare_gaps(design: Design) -> list[tuple[float, float]]:
+    """Return angle and share in the crotch of every kind of gap, without working out fillets.
+
+    Parents that taper count with the side that leans most, children that do as if they were even.
+
+    For each level the gap beside the parent and, between children, the one between the two
+    shortest neighbours, in closed form. Fillets are drawn no larger than the crotch allows, so
+    these shares are above one half exactly when those of `share_in_crotch` are.
+
+    Returns
+    -------
+    list of (float, float)
+        Angle in radians; share as in `share_in_crotch`, for crotches without fillets.
+    """
+    found = []
+    widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
+    above_mm = design.trunk_length_mm
+    for number, level in enumerate(design.levels, start=1):
+        wide, narrow = ends_mm[number - 1] / 2.0, widths_mm[number] / 2.0
+        shortest_mm = level.length_mm * min(1.0, level.growth)
+        fan = level.fan_rad if level.branches > 1 else 0.0
+        disc = max(wide, narrow)
+        beside = math.pi - fan / 2.0 - max(level_tapers_rad(design, number))
+        reach = _bare_reach_mm(beside, (wide, narrow), disc)
+        length_mm = shortest_mm if reach <= disc else min(shortest_mm, above_mm)
+        found.append((beside, reach / length_mm))
+        if level.branches > 1:
+            between = fan / (level.branches - 1)
+            found.append((between, _bare_reach_mm(between, (narrow, narrow), disc) / shortest_mm))
+        above_mm = shortest_mm
+    return found
+
+
+def _bare_reach_mm(angle_rad: float, halves_mm: tuple[float, float], disc_mm: float) -> float:
+    """Return how far from the joint two sides part: where they cross, or at the joint's disc."""
+    hidden = sum(math.asin(half / disc_mm) for half in halves_mm)
+    return disc_mm if hidden <= angle_rad else crotch_reach_mm(angle_rad, *halves_mm)
+
+
+def check_angle(subject: Subject, limits: Limits) -> RuleApplied:
+    """VF-C02: neighbours round a joint, the parent's body among them, part at an angle."""
+    joints = level_joints(subject.design)
+    hits = []
+    for joint in joints:
+        # Between children all angles are alike, and the last one beside the parent mirrors the
+        # first: two gaps stand for all.
+        for gap in joint.gaps[:2][: len(joint.gaps) - 1]:
+            angle_deg = math.degrees(gap.angle_rad)
+            breach = limits.least(angle_deg)
+            if breach:
+                words = "almost parallel: widen the fan or have fewer children"
+                if 0 in (gap.first.owner, gap.second.owner):
+                    words = "almost folded onto its parent: narrow the fan"
+                hits.append(_hit(subject, (joint, gap), words, (angle_deg, breach)))
+    return RuleApplied(checked=sum(len(joint.gaps) for joint in joints), hits=tuple(hits))
+
+
+def check_crotch(subject: Subject, limits: Limits) -> RuleApplied:
+    """VF-C03: the filleted crotch ends within a share of the shorter neighbour."""
+    joints = level_joints(subject.design)
+    hits = []
+    for joint in joints:
+        gap = max(joint.gaps, key=share_in_crotch)
+        share = share_in_crotch(gap)
+        breach = limits.most(share)
+        if breach:
+            words = (
+                f"webbed together for {gap.reach_mm:.1f} mm from the joint: lengthen the child, "
+                "widen the angle or narrow the branches"
+            )
+            in_mm = BrokenLimit(severity=breach.severity, limit=breach.limit * shorter_mm(gap))
+            hits.append(_hit(subject, (joint, gap), words, (gap.reach_mm, in_mm)))
+    # The worst gap stands for its joint: the outline's word about its other gaps adds nothing.
+    told = {hit.at_mm for hit in hits}
+    crotches = outline_violations(subject, frozenset({ProblemKind.NARROW_CROTCH}))
+    hits += [hit for hit in crotches if hit.at_mm not in told]
+    hits += outline_violations(subject, frozenset({ProblemKind.NO_ROOM}))
+    return RuleApplied(checked=sum(len(joint.gaps) for joint in joints), hits=tuple(hits))
+
+
+def check_fillet(subject: Subject, limits: Limits) -> RuleApplied:
+    """VF-C04: fillets are large enough, for the laser and for their child."""
+    joints = level_joints(subject.design)
+    hits = []
+    for joint in joints:
+        radius_mm = joint.fillet_mm
+        width_mm = subject.design.build.widths_mm[joint.level - 1]
+        least_mm = max(limits["warning"], limits["share_of_width"] * width_mm)
+        breach = Limits({"error": limits["error"], "warning": least_mm}).least(radius_mm)
+        if breach:
+            words = (
+                f"joined with too small a fillet: design {least_mm:.1f} mm or more, and widen the "
+                "angle if it is drawn smaller than designed"
+            )
+            hits.append(_hit(subject, (joint, joint.gaps[0]), words, (radius_mm, breach)))
+        hits += _large_fillet(subject, joint, limits)
+    return RuleApplied(checked=len(joints), hits=tuple(hits))
+
+
+def _large_fillet(subject: Subject, joint: LevelJoint, limits: Limits) -> list[Violation]:
+    """Return hits about a fillet that swells its child, or that is drawn smaller than designed."""
+    width_mm = subject.design.build.widths_mm[joint.level - 1]
+    designed_mm = subject.design.build.fillet_mm[joint.level - 2]
+    shares = {name: limits[f"most_{name}_share"] * width_mm for name in ("error", "warning")}
+    breach = Limits(shares).most(designed_mm)
+    where = joint, joint.gaps[0]
+    if breach:
+        words = (
+            f"joined with so large a fillet that the child is wider than designed far from the "
+            f"joint: design {breach.limit:.1f} mm or less"
+        )
+        return [_hit(subject, where, words, (designed_mm, breach))]
+    if joint.fillet_mm < designed_mm * (1.0 - 1e-9):
+        less = BrokenLimit(severity=Severity.INFO, limit=designed_mm)
+        words = f"joined with a fillet of {joint.fillet_mm:.2f} mm: the angle has no room for more"
+        return [_hit(subject, where, words, (joint.fillet_mm, less))]
+    return []
+
+
+def _hit(
+    subject: Subject, where: tuple[LevelJoint, Gap], words: str, found: tuple[float, BrokenLimit]
+) -> Violation:
+    """Return a hit about all joints of a level, at the first of them."""
+    joint, gap = where
+    measured, breach = found
+    rows = sorted(joint.branch(strip.owner) for strip in (gap.first, gap.second))
+    all_joints = f" (and at {joint.joints - 1} more joints)" if joint.joints > 1 else ""
+    names = " and ".join(subject.ids(*rows))
+    return Violation(
+        message=f"branches {names}{all_joints} are {words}",
+        severity=breach.severity,
+        measured=measured,
+        limit=breach.limit,
+        branches=subject.ids(*rows),
+        at_mm=place_mm(subject.layout, joint.first_child),
+        marker=mark_branches(subject.layout, rows),
+    )
+
+
+ANGLE = Rule(
+    id="VF-C02",
+    title="angle between neighbours round a joint, the parent's body included",
+    unit="deg",
+    limits={"error": 15.0, "warning": 20.0},
+    reason="narrower crotches leave a sliver of film that the laser melts shut",
+    look=check_angle,
+)
+CROTCH = Rule(
+    id="VF-C03",
+    title="the filleted crotch ends within half of the shorter neighbour",
+    unit="mm",
+    limits={"error": 0.5},
+    reason="a longer web ties branches together that should bend apart",
+    look=check_crotch,
+)
+FILLET = Rule(
+    id="VF-C04",
+    title="fillet radius",
+    unit="mm",
+    limits={
+        "error": 1.0,
+        "warning": 2.0,
+        "share_of_width": 0.25,
+        "most_warning_share": 1.0,
+        "most_error_share": 2.0,
+    },
+    reason="a sharp crotch is where seams begin to peel; the radius should grow with the child, "
+    "but a fillet much larger than the child makes it wide where it should be narrow",
+    look=check_fillet,
+)
+
+
+def check_turn(subject: Subject, limits: Limits) -> RuleApplied:
+    """VF-C06: joints turn little, and so does the whole path to every tip.
+
+    Without deployments a path's turn is that of its joints; with them, the largest turn at
+    contacts and base hinges on the way is added.
+    """
+    tree = subject.layout.tree
+    turns_rad = np.abs(tree.offset_rad)
+    hits = []
+    for level in range(2, subject.design.depth + 1):
+        rows = np.flatnonzero(tree.level == level)
+        worst = int(rows[np.argmax(turns_rad[rows])])
+        turn_deg = math.degrees(turns_rad[worst])
+        breach = limits.most(turn_deg, "joint")
+        if breach:
+            words = "the branch turns back at its joint: narrow the fan"
+            hits.append(_turn_violation(subject, worst, words, (turn_deg, breach)))
+    gathered_rad = gathered_turn_rad(tree, subject)
+    worst = int(np.argmax(gathered_rad))
+    friction = FITTED.friction.value
+    factor = capstan_factor(friction, float(gathered_rad[worst]))
+    breach = limits.most(factor, "capstan")
+    if breach:
+        words = f"turns on the way to this tip multiply the film's tension by {factor:.1f}"
+        at_limit = math.degrees(math.log(breach.limit) / friction)
+        as_turn = BrokenLimit(severity=breach.severity, limit=at_limit)
+        found = (math.degrees(gathered_rad[worst]), as_turn)
+        hits.append(
+            _turn_violation(subject, worst, f"{words}: straighten the path", found, "capstan")
+        )
+    return RuleApplied(checked=len(tree), hits=tuple(hits))
+
+
+def gathered_turn_rad(tree: BranchTree, subject: Subject) -> Floats:
+    """Return the sum of absolute turns from the base to each branch's tip, shape (n,)."""
+    contacts = [_summed_along(tree, d.contact_turn_rad) for d in subject.deployments]
+    worst = np.max(contacts, axis=0) if contacts else np.zeros(len(tree))
+    return np.asarray(_summed_along(tree, np.abs(tree.offset_rad)) + worst)
+
+
+def _summed_along(tree: BranchTree, values: Floats) -> Floats:
+    """Return the sum of a value over each branch and all its ancestors, shape (n,)."""
+    total = np.array(values, dtype=np.float64)
+    for level in range(2, int(tree.level[-1]) + 1):
+        rows = np.flatnonzero(tree.level == level)
+        total[rows] += total[tree.parent[rows]]
+    return total
+
+
+def _turn_violation(
+    subject: Subject, branch: int, message: str, found: tuple[float, BrokenLimit], aspect: str = ""
+) -> Violation:
+    measured_deg, breach = found
+    return Violation(
+        message=message,
+        severity=breach.severity,
+        measured=measured_deg,
+        limit=breach.limit,
+        branches=subject.ids(branch),
+        at_mm=place_mm(subject.layout, branch),
+        marker=mark_branches(subject.layout, [branch]),
+        aspect=aspect,
+    )
+
+
+TURN = Rule(
+    id="VF-C06",
+    title="turn at a joint, and capstan factor e^(mu gamma) along a path",
+    unit="deg",
+    limits={"joint_warning": 90.0, "capstan_warning": 10.0},
+    reason="friction at turns multiplies the pressure that growth takes (mu 0.234, published)",
+    look=check_turn,
+)

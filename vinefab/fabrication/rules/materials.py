@@ -1,0 +1,207 @@
+"""Rules about the recipe, the film and the bed."""
+
+import math
+from collections.abc import Iterator
+
+import shapely
+
+from vinefab.fabrication.rules.rule import Limits, Rule, RuleApplied, RuleNotApplicable, Violation
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.finding import Severity
+from vinefab.model.job import Job, Operation
+from vinefab.model.laser import LaserProfile, Machine, RecipeStatus
+
+_NO_RECIPE = RuleNotApplicable(reason="needs a recipe")
+
+
+def check_ply(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-L04: the film is one that the recipe's laser can weld."""
+    if subject.profile is None:
+        return _NO_RECIPE
+    if not all(settings.by_laser for settings in subject.profile.recipe.operations.values()):
+        return RuleNotApplicable(
+            reason="an impulse sealer makes the seams of this recipe, not the laser"
+        )
+    material = subject.profile.material
+    breach = limits.most(material.ply_mm.value)
+    if material.weldable and not breach:
+        return RuleApplied(checked=1)
+    hit = Violation(
+        message=f"{material.title} does not weld with a laser: use a thinner film or a heat sealer",
+        measured=material.ply_mm.value,
+        limit=limits["error"],
+    )
+    return RuleApplied(checked=1, hits=(hit,))
+
+
+def check_machine(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-L05: the recipe asks the machine for no more speed and acceleration than it has."""
+    if subject.profile is None or subject.job is None:
+        return _NO_RECIPE
+    machine = subject.profile.machine
+    hits = []
+    for operation, settings in subject.profile.recipe.operations.items():
+        speed = settings.speed_mm_s.value
+        top = machine.speed_max_mm_s.value
+        if speed > top:
+            words = f"{operation} is faster than the machine: slow it to {top:g} mm/s"
+            hits.append(_warning(words, f"speed {operation}"))
+        radius_mm = _sharpest_mm(subject, operation)
+        if speed**2 / radius_mm > machine.acceleration_mm_s2.value:
+            fit = math.sqrt(machine.acceleration_mm_s2.value * radius_mm)
+            words = f"{operation} takes arcs of {radius_mm:.2f} mm too fast: the machine slows"
+            words += f" there and burns; run it at {fit:.0f} mm/s or less"
+            hits.append(_warning(words, f"arcs {operation}"))
+    return RuleApplied(checked=len(subject.profile.recipe.operations), hits=tuple(hits))
+
+
+def check_status(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-L06: the recipe was tried on the user's machine, and runs what came out right there."""
+    if subject.profile is None:
+        return _NO_RECIPE
+    recipe = subject.profile.recipe
+    hits = [*_energy_hits(subject.profile)]
+    if recipe.status is RecipeStatus.UNVERIFIED:
+        words = f"recipe {recipe.name} is unverified: cut the coupons and calibrate it first"
+        hits.insert(0, _warning(words, ""))
+    return RuleApplied(checked=1 + len(recipe.windows), hits=tuple(hits))
+
+
+def _energy_hits(profile: LaserProfile) -> Iterator[Violation]:
+    """Yield a hit for each operation that runs an energy that failed on the coupons."""
+    for window in profile.recipe.windows:
+        settings = profile.recipe.operations.get(window.operation)
+        if settings is None or settings.focus_offset_mm.value != window.focus_mm:
+            continue
+        energy = settings.line_energy_mj_mm(profile.machine)
+        if not window.holds(energy):
+            words = f"{window.operation} runs {energy:.1f} mJ/mm, but the coupons say: "
+            yield _warning(f"{words}{window.words()}", f"energy {window.operation}")
+
+
+def _warning(words: str, aspect: str) -> Violation:
+    return Violation(message=words, severity=Severity.WARNING, aspect=aspect)
+
+
+def _sharpest_mm(subject: Subject, operation: str) -> float:
+    """Return the smallest arc radius along an operation's paths; infinite without arcs."""
+    paths = [] if subject.job is None else subject.job.along(Operation(operation))
+    return min((s.radius_mm for path in paths for s in path.contour.segments), default=math.inf)
+
+
+PLY = Rule(
+    id="VF-L04",
+    title="the film can be welded by laser",
+    unit="mm",
+    limits={"error": 0.0475},
+    reason="0.0375 mm film welded and 0.05 mm film did not (paper); the limit between is assumed",
+    look=check_ply,
+)
+MACHINE = Rule(
+    id="VF-L05",
+    title="speeds and accelerations within the machine",
+    reason="a head that must slow down in an arc puts more energy there than the recipe says",
+    look=check_machine,
+)
+STATUS = Rule(
+    id="VF-L06",
+    title="the recipe is calibrated",
+    reason="no laser settings for this film were found in any source; only coupons tell",
+    look=check_status,
+)
+
+
+_NO_WELD_LAYER = RuleNotApplicable(reason="needs a recipe, for the machine's bed and the film")
+_SLACK_MM = 1e-6
+
+
+def check_bed(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-S01: every machined path lies on the bed, inside its margins."""
+    if subject.profile is None or subject.job is None:
+        return _NO_WELD_LAYER
+    machine, facts = subject.profile.machine, subject.job.facts
+    wanted, placed = facts.get("robots_wanted", 1), facts.get("robots_placed", 1)
+    if wanted != placed:
+        words = f"only {placed} of {wanted} robots find room on the bed: make fewer at once"
+        return RuleApplied(checked=1, hits=(Violation(message=words, aspect="copies"),))
+    if subject.job.tiles:
+        return RuleApplied(
+            checked=len(subject.job.tiles), hits=tuple(_tile_hits(subject.job, machine))
+        )
+    over_mm, checked = _over_mm(subject.job, machine)
+    if over_mm <= _SLACK_MM:
+        return RuleApplied(checked=checked)
+    wide_mm, high_mm = machine.usable_mm
+    why = facts.get("tiling")
+    hit = Violation(
+        message=f"the robot does not fit the {wide_mm:g} x {high_mm:g} mm of the bed in any "
+        f"rotation tried{f' and cannot be cut in tiles: {why}' if why else ''}: shorten it, scale "
+        "it down or use a larger machine",
+        measured=over_mm,
+        limit=0.0,
+    )
+    return RuleApplied(checked=checked, hits=(hit,))
+
+
+def _over_mm(job: Job, machine: Machine) -> tuple[float, int]:
+    """Return how far a job's paths reach beyond the usable bed, and how many there are."""
+    paths = [path for path in job.paths if path.operation.is_machined]
+    margin_mm = machine.margin_mm.value
+    right_mm = machine.bed_width_mm.value - margin_mm
+    top_mm = machine.bed_height_mm.value - margin_mm
+    boxes = [path.contour.box_mm for path in paths]
+    over_mm = max(
+        max(margin_mm - x0, margin_mm - y0, x1 - right_mm, y1 - top_mm) for x0, y0, x1, y1 in boxes
+    )
+    return over_mm, len(paths)
+
+
+def _tile_hits(job: Job, machine: Machine) -> Iterator[Violation]:
+    """Yield a hit for each tile that hangs over the bed or that cannot be aligned."""
+    for number, tile in enumerate(job.tiles, start=1):
+        over_mm, _ = _over_mm(tile, machine)
+        if over_mm > _SLACK_MM:
+            words = f"tile {number} hangs over the bed"
+            yield Violation(message=words, measured=over_mm, limit=0.0, aspect=f"tile {number}")
+        found = tile.facts["targets_found_mm"]
+        if number > 1 and not (isinstance(found, list) and len(found) >= 2):
+            words = f"tile {number} has no two targets to align it by"
+            yield Violation(message=words, aspect=f"targets {number}")
+
+
+def check_film(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-S02: the robot, turned as it may be, is no wider than the roll of film."""
+    if subject.profile is None:
+        return _NO_WELD_LAYER
+    roll_mm = subject.profile.material.roll_width_mm.value
+    box = shapely.minimum_rotated_rectangle(
+        shapely.MultiPoint(subject.outline.contour.flattened_mm().tolist())
+    )
+    x, y = shapely.get_coordinates(box)[:3].T
+    sides = ((x[1:] - x[:-1]) ** 2 + (y[1:] - y[:-1]) ** 2) ** 0.5
+    width_mm = float(sides.min())
+    if width_mm <= roll_mm:
+        return RuleApplied(checked=1)
+    hit = Violation(
+        message="the robot is wider than the roll of film: shorten branches or narrow fans",
+        severity=Severity.WARNING,
+        measured=width_mm,
+        limit=roll_mm,
+    )
+    return RuleApplied(checked=1, hits=(hit,))
+
+
+BED = Rule(
+    id="VF-S01",
+    title="fits the bed after rotation, or in tiles",
+    unit="mm",
+    reason="what hangs over the bed is not cut; tiles need targets to be aligned by",
+    look=check_bed,
+)
+FILM = Rule(
+    id="VF-S02",
+    title="fits the roll of film",
+    unit="mm",
+    reason="a robot wider than the roll needs a seam across the film",
+    look=check_film,
+)

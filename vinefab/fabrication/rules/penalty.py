@@ -1,0 +1,253 @@
+"""How far a design is from being manufacturable, as one number for an optimizer."""
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from vinefab.fabrication.outline.joint import level_lengths_mm, level_tapers_rad
+from vinefab.fabrication.outline.layout import flat_layout, level_fillets_mm
+from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
+from vinefab.fabrication.rules.clearance import CLEARANCE
+from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps
+from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, allowed_n_mm
+from vinefab.fabrication.rules.rule import LimitChanges, Rule
+from vinefab.fabrication.rules.shapes import Shapes, excess_mm, shapes_of
+from vinefab.fabrication.rules.spacing import spacing
+from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
+from vinefab.model.design import Design
+from vinefab.model.laser import LaserProfile
+from vinefab.model.tree import branch_tree
+from vinefab.physics.growth_path import planned_growth_kpa
+from vinefab.physics.seam import burst_pressure_kpa
+
+Pair = tuple[float, float]
+
+
+def rooms_mm(design: Design) -> list[Pair]:
+    """Return, for each level, the straight side left of its shortest branch, and its length.
+
+    Fillets count with their designed radius. The outline draws them smaller where an angle allows
+    no more, so that what it leaves is never less than this.
+
+    Returns
+    -------
+    list of (float, float)
+        Room, negative where the two ends of a branch overlap, and length; trunk first.
+    """
+    ends = [*(_joint(design, level) for level in range(1, design.depth))]
+    bases_mm = [0.0, *(child_mm for _, child_mm in ends)]
+    tips_mm = [*(parent_mm for parent_mm, _ in ends), _tip_mm(design)]
+    lengths_mm = [_trunk_mm(design)]
+    for number in range(2, design.depth + 1):
+        leans, all_mm = level_tapers_rad(design, number), level_lengths_mm(design, number)
+        shortest = min(range(len(all_mm)), key=all_mm.__getitem__)
+        lengths_mm.append(all_mm[shortest] * math.cos(leans[shortest]))
+    return [
+        (length - base - tip, length)
+        for length, base, tip in zip(lengths_mm, bases_mm, tips_mm, strict=True)
+    ]
+
+
+def _trunk_mm(design: Design) -> float:
+    """Return the length of the trunk's side; that of an even one goes on along the tail."""
+    lean = level_tapers_rad(design, 1)[0]
+    if lean:
+        return design.trunk_length_mm * math.cos(lean)
+    collar = design.build.collar
+    even_mm = design.build.tail_mm - (collar.reach_mm if collar else 0.0)
+    return design.trunk_length_mm + even_mm
+
+
+def _joint(design: Design, number: int) -> Pair:
+    """Return how much of parent and child the joint below level ``number`` takes."""
+    level = design.levels[number - 1]
+    wide = design.build.end_widths_mm[number - 1] / 2.0
+    narrow = design.build.widths_mm[number] / 2.0
+    radius = design.build.fillet_mm[number - 1]
+    fan = level.fan_rad if level.branches > 1 else 0.0
+    parent, child = _gap(
+        math.pi - fan / 2.0 - max(level_tapers_rad(design, number)), (wide, narrow), radius
+    )
+    if level.branches > 1:
+        child = max(child, _gap(fan / (level.branches - 1), (narrow, narrow), radius, wide)[0])
+    return parent, child
+
+
+def _gap(angle_rad: float, halves_mm: Pair, radius_mm: float, disc_mm: float = 0.0) -> Pair:
+    """Return how far from the joint the straight sides of two neighbours begin."""
+    disc = max(disc_mm, *halves_mm)
+    one, two = (half + radius_mm for half in halves_mm)
+    hidden = sum(math.asin(reach / (disc + radius_mm)) for reach in (one, two))
+    if hidden <= angle_rad:
+        first, second = (_neck_mm(half, disc, radius_mm) for half in halves_mm)
+        return first, second
+    sin, cos = math.sin(angle_rad), math.cos(angle_rad)
+    if sin < 1e-9:
+        return math.inf, math.inf
+    return max(0.0, (two + one * cos) / sin), max(0.0, (one + two * cos) / sin)
+
+
+def _neck_mm(half_mm: float, disc_mm: float, radius_mm: float) -> float:
+    """Return how far from a disc's centre a side at ``half_mm`` meets its fillet."""
+    return math.sqrt(max(0.0, (disc_mm - half_mm) * (disc_mm + half_mm + 2.0 * radius_mm)))
+
+
+def _tip_mm(design: Design) -> float:
+    """Return how much of a leaf its pouch takes, before the end of its planned length."""
+    pouch, half_mm = design.build.pouch, design.build.end_widths_mm[-1] / 2.0
+    radius_mm = level_fillets_mm(design)[-1]
+    if pouch is None or pouch.flat_width_mm <= 2.0 * half_mm:
+        return 0.0
+    if pouch.shape == "round":
+        return _neck_mm(half_mm, pouch.radius_mm or 0.0, radius_mm)
+    return (pouch.length_mm or 0.0) / 2.0 + radius_mm
+
+
+_MOST = 10.0
+
+
+def window_penalty(
+    design: Design, profile: LaserProfile, limits: LimitChanges | None = None
+) -> float:
+    """Return how far a design is from an open pressure window; 0 where VF-P03 finds no error.
+
+    Parameters
+    ----------
+    design
+        The design. Its paths are taken as planned, as the rule does without maps.
+    profile
+        The recipe, for seam and growth.
+    limits
+        Limits that replace the rule's defaults.
+
+    Returns
+    -------
+    float
+        ``log(1 + excess)``, the excess of what growth to the worst tip takes over what the widest
+        tube stands with safety and margin, relative to that and at most 10.
+    """
+    values = WINDOW.limits_with((limits or {}).get(WINDOW.id, {}))
+    fit = GrowthConstantsRange.of(profile, values)
+    build = design.build
+    takes_kpa = planned_growth_kpa(
+        branch_tree(design), build.widths_mm, fit.loose, fit.diameter_mm
+    ).max()
+    burst_kpa = burst_pressure_kpa(build.widest_mm, allowed_n_mm(profile.material))
+    most_kpa = burst_kpa / values["safety_factor"] / (1.0 + values["margin_percent"] / 100.0)
+    return math.log1p(min(_MOST, max(0.0, takes_kpa / most_kpa - 1.0)))
+
+
+DEFAULT_FILM_MM = 0.075
+"""Two plies of 0.0375 mm."""
+
+MOST_BRANCHES = 2000
+"""Larger trees are not looked at branch by branch: they are penalized for their size instead."""
+
+
+def fabrication_penalty(
+    design: Design,
+    limits: LimitChanges | None = None,
+    *,
+    film_mm: float = DEFAULT_FILM_MM,
+    sheet_mm: tuple[float, float] | None = None,
+) -> float:
+    """Return how far a design is from passing the cheap geometric rules; 0 when it does.
+
+    Looked at are the error limits of VF-W01, VF-W02, VF-W03, VF-C01, VF-C02, VF-C03 and, as
+    negative clearance, VF-T03; with pouches also their clearance (VF-C07), and VF-S01 where a
+    sheet is given. A design without penalty has no error from these rules; fillets count with
+    their designed radius, so that a few designs whose fillets the outline would cut down are
+    penalized without need.
+
+    Parameters
+    ----------
+    design
+        The design.
+    limits
+        Limits that replace the defaults, as for `run_rules.run_checks`. Raise the error
+        limits to keep a margin.
+    film_mm
+        Thickness of all plies together, for the packing.
+    sheet_mm
+        Width and height that the flat robot must fit into after a turn, or None if any size
+        will do. Take off a few millimetres for seam, kerf and the overcut at the mouth.
+
+    Returns
+    -------
+    float
+        Sum over the kinds of rules of ``log(1 + sum of violation depths)``, each depth relative
+        to its limit. It falls steadily as branches part, also while they still cross, so that a
+        search can follow it; the logarithm keeps a hopeless tree below about 100.
+    """
+    changed = limits or {}
+    kinds = (
+        _widths(design, changed),
+        _joints(design, changed),
+        _packing(design, changed, film_mm),
+        _on_sheet(design, changed, sheet_mm),
+    )
+    return math.fsum(math.log1p(depth) for depth in kinds)
+
+
+def _limit(rule: Rule, changed: LimitChanges, name: str = "error") -> float:
+    return rule.limits_with(changed.get(rule.id, {}))[name]
+
+
+def _short_of(values: Iterable[float], limit: float) -> float:
+    """Return the summed depths of values, none negative, that should be at least a limit."""
+    return math.fsum((limit - value) / limit for value in values if value < limit)
+
+
+def _over(values: Iterable[float], limit: float) -> float:
+    """Return the summed depths of values that should be at most a limit; each at most 10."""
+    scale = max(abs(limit), 1e-9)
+    return math.fsum(min(10.0, (value - limit) / scale) for value in values if value > limit)
+
+
+def _widths(design: Design, changed: LimitChanges) -> float:
+    widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
+    ratios = (wide / narrow for wide, narrow in zip(ends_mm, widths_mm[1:], strict=False))
+    narrow = _short_of(ends_mm, _limit(LEAST_WIDTH, changed))
+    return narrow + _short_of(ratios, _limit(WIDTH_RATIO, changed))
+
+
+def _joints(design: Design, changed: LimitChanges) -> float:
+    gaps = bare_gaps(design)
+    angles_deg = (math.degrees(angle_rad) for angle_rad, _ in gaps)
+    narrow = _short_of(angles_deg, _limit(ANGLE, changed))
+    webbed = _over((share for _, share in gaps), _limit(CROTCH, changed))
+    return narrow + webbed + sum(_crowded(*room) for room in rooms_mm(design))
+
+
+def _crowded(room_mm: float, length_mm: float) -> float:
+    """Return how much of a branch is missing for its two ends to fit on it, at most 10."""
+    return min(10.0, max(0.0, (LEAST_SEGMENT_MM - room_mm) / length_mm))
+
+
+def _packing(design: Design, changed: LimitChanges, film_mm: float) -> float:
+    shares = occupancies(design, film_mm, _limit(PACKING, changed, "packing"))
+    return _over((100.0 * share for share in shares), _limit(PACKING, changed))
+
+
+def _on_sheet(design: Design, changed: LimitChanges, sheet_mm: tuple[float, float] | None) -> float:
+    if design.branch_count > MOST_BRANCHES:
+        return float(design.branch_count) ** 2
+    shapes = shapes_of(flat_layout(design), design.build)
+    near = _too_near(shapes, _limit(CLEARANCE, changed))
+    if sheet_mm is None:
+        return near
+    return near + max(0.0, excess_mm(shapes, sheet_mm) / min(sheet_mm))
+
+
+def _too_near(shapes: Shapes, clearance_mm: float) -> float:
+    """Return the summed depths of all pairs that are nearer than a clearance.
+
+    A pair counts from 0 (just clear) to 1 (centre lines touch), and where centre lines cross from
+    1 to 2, by how far the nearer end would have to be drawn back.
+    """
+    found = spacing(shapes, clearance_mm)
+    room_mm = clearance_mm + shapes.most_half_mm[found.first] + shapes.most_half_mm[found.second]
+    near = np.maximum(0.0, (clearance_mm - found.gap_mm) / room_mm)
+    crossing = found.crossing_mm / (found.crossing_mm + room_mm)
+    return float(near.sum() + crossing.sum())

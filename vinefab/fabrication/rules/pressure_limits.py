@@ -1,0 +1,331 @@
+"""Rules about pressure: what seams and film stand, and what growth takes.
+
+Narrow leaves at the end of long, winding paths need much pressure to grow; the widest tube bursts
+at the least. Whether anything is left between the two decides whether a robot can be deployed.
+"""
+
+from dataclasses import dataclass
+
+from vinefab.fabrication.rules.rule import (
+    BrokenLimit,
+    Limits,
+    Rule,
+    RuleApplied,
+    RuleNotApplicable,
+    Violation,
+    mark_branches,
+    middle_mm,
+    place_mm,
+)
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.finding import Severity
+from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
+from vinefab.physics.growth_path import GrowthPath, grown_paths, planned_paths, riding_mm
+from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, GrowthConstants
+from vinefab.physics.seam import allowed_line_load_n_mm, burst_pressure_kpa, hoop_strain
+from vinefab.physics.tube import inflated_diameter_mm
+
+_NO_RECIPE = RuleNotApplicable(reason="needs a recipe, for the film and its seam")
+
+
+def check_burst(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-P01: the working pressure keeps a safety factor below the burst pressure of each width."""
+    if subject.profile is None:
+        return _NO_RECIPE
+    material = subject.profile.material
+    allowed = allowed_n_mm(material)
+    width_mm, branch = widest(subject)
+    limit_kpa = burst_pressure_kpa(width_mm, allowed) / limits["safety_factor"]
+    breach = Limits({"error": limit_kpa}).most(subject.design.build.pressure_kpa)
+    basis = _basis(material.burst_kpa, material.burst_width_mm)
+    words = (
+        f"{width_mm:.1f} mm of lay-flat width may be inflated to {limit_kpa:.1f} kPa{basis}: "
+        "lower the pressure or narrow the widest part"
+    )
+    return _looked(subject, branch, words, (subject.design.build.pressure_kpa, breach))
+
+
+def check_rating(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-P02: the working pressure is not above what the seam was rated for, at any width."""
+    if subject.profile is None:
+        return _NO_RECIPE
+    rated = subject.profile.material.burst_kpa
+    breach = Limits({"error": rated.value}).most(subject.design.build.pressure_kpa)
+    words = f"the seam is rated for {rated.value:g} kPa{_basis(rated)}: lower the pressure"
+    return _looked(subject, 0, words, (subject.design.build.pressure_kpa, breach))
+
+
+def check_strain(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-P04: the film does not balloon at the working pressure."""
+    if subject.profile is None:
+        return _NO_RECIPE
+    width_mm, branch = widest(subject)
+    strain_percent = 100.0 * _strain(subject.profile, subject.design.build.pressure_kpa, width_mm)
+    breach = limits.most(strain_percent)
+    words = (
+        f"the film stretches a lot around {width_mm:.1f} mm of lay-flat width"
+        f"{_basis(subject.profile.material.modulus_mpa)}: lower the pressure"
+    )
+    return _looked(subject, branch, words, (strain_percent, breach))
+
+
+def allowed_n_mm(material: Material) -> float:
+    """Return the line load that a material's seam stood in its burst test."""
+    return allowed_line_load_n_mm(material.burst_kpa.value, material.burst_width_mm.value)
+
+
+def _strain(profile: LaserProfile, pressure_kpa: float, width_mm: float) -> float:
+    material = profile.material
+    return hoop_strain(pressure_kpa, width_mm, material.ply_mm.value, material.modulus_mpa.value)
+
+
+def widest(subject: Subject) -> tuple[float, int]:
+    """Return the largest lay-flat width, pouches included, and a branch that has it."""
+    layout, pouch = subject.layout, subject.design.build.pouch
+    branch = int(layout.width_mm.argmax())
+    width_mm = float(layout.width_mm[branch])
+    if pouch is not None and pouch.flat_width_mm > width_mm:
+        return pouch.flat_width_mm, int(layout.is_leaf.argmax())
+    return width_mm, branch
+
+
+def _basis(*numbers: Quantity) -> str:
+    """Return in words how far the numbers behind a limit may be trusted."""
+    standings = sorted({number.standing.value for number in numbers})
+    return f" (from {' and '.join(standings)} numbers)"
+
+
+def _looked(
+    subject: Subject, branch: int, words: str, found: tuple[float, BrokenLimit | None]
+) -> RuleApplied:
+    measured, breach = found
+    if breach is None:
+        return RuleApplied(checked=1)
+    hit = Violation(
+        message=words,
+        severity=breach.severity,
+        measured=measured,
+        limit=breach.limit,
+        branches=subject.ids(branch),
+        at_mm=middle_mm(subject.layout, branch),
+        marker=mark_branches(subject.layout, [branch]),
+    )
+    return RuleApplied(checked=1, hits=(hit,))
+
+
+BURST = Rule(
+    id="VF-P01",
+    title="working pressure below the burst pressure of every width",
+    unit="kPa",
+    limits={"safety_factor": 1.5},
+    reason="the load on a seam is pressure times width, so the widest tube bursts first",
+    look=check_burst,
+)
+RATING = Rule(
+    id="VF-P02",
+    title="working pressure within the seam's rating",
+    unit="kPa",
+    reason="no seam was ever seen to hold more than its burst test, whatever its width",
+    look=check_rating,
+)
+STRAIN = Rule(
+    id="VF-P04",
+    title="hoop strain at the working pressure",
+    unit="%",
+    limits={"warning": 50.0},
+    reason="thin TPU balloons long before it bursts, and a ballooned robot is another robot",
+    look=check_strain,
+)
+
+
+_FREE = "no map given: joints only, in free space; contacts on the way add to it"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorstBranch:
+    """The branch whose growth takes the most pressure.
+
+    Parameters
+    ----------
+    pressure_kpa
+        What it takes.
+    branch
+        Its index.
+    place
+        Where it grows, in words.
+    """
+
+    pressure_kpa: float
+    branch: int
+    place: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GrowthConstantsRange:
+    """Growth constants for film that is stored loosely and tightly.
+
+    Parameters
+    ----------
+    loose, tight
+        The two; the same where the tension of stored film was measured.
+    diameter_mm
+        Inflated diameter of the tube that they were fitted to.
+    words
+        Where they come from.
+    """
+
+    loose: GrowthConstants
+    tight: GrowthConstants
+    diameter_mm: float
+    words: str
+
+    @classmethod
+    def of(cls, profile: LaserProfile, limits: Limits) -> "GrowthConstantsRange":
+        """Return the recipe's own fit, or the published one with the rule's range of tension."""
+        own = dict(profile.recipe.growth)
+        if own:
+            diameter_mm = inflated_diameter_mm(own.pop("width_mm").value)
+            fit = GrowthConstants(**own)
+            words = "fit of the recipe, scaled by 1/D (assumed)"
+            return cls(loose=fit, tight=fit, diameter_mm=diameter_mm, words=words)
+        loose, tight = (
+            FITTED.with_storage(Quantity(value=limits[name], standing=Standing.ASSUMED))
+            for name in ("loose_kpa", "tight_kpa")
+        )
+        return cls(
+            loose=loose,
+            tight=tight,
+            diameter_mm=FITTED_DIAMETER_MM.value,
+            words="published fit, its tube's diameter and scaling by 1/D assumed; from loosely to "
+            "tightly stored film, assumed",
+        )
+
+
+def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-P03: growth to the worst tip takes less than the widest tube stands, with a margin.
+
+    Looked at are the paths in free space and, where there are deployments, those on the maps.
+
+    Film that leaves its store without tension gives the least pressure that growth can take (an
+    error where even that is too much), a tight spool the most (a warning).
+    """
+    if subject.profile is None:
+        return RuleNotApplicable(reason="needs a recipe, for the seam")
+    fit = GrowthConstantsRange.of(subject.profile, limits)
+    loose, tight = (worst_growth(subject, c, fit.diameter_mm) for c in (fit.loose, fit.tight))
+    takes = f"{loose.pressure_kpa:.1f} to {tight.pressure_kpa:.1f} kPa ({fit.words})"
+    width_mm, _ = widest(subject)
+    burst_kpa = burst_pressure_kpa(width_mm, allowed_n_mm(subject.profile.material))
+    top_kpa = burst_kpa / limits["safety_factor"]
+    most_kpa = top_kpa / (1.0 + limits["margin_percent"] / 100.0)
+    hits = []
+    if too_much := _too_much((loose, tight), most_kpa):
+        worst, breach = too_much
+        words = (
+            f"growth to this tip {worst.place} takes {takes}, and {width_mm:.1f} mm of lay-flat "
+            f"width stands {top_kpa:.1f} kPa with safety: narrow the widest part, widen the narrow "
+            "branches, or shorten and straighten the way"
+        )
+        hits.append(_hit(subject, worst, words, breach))
+    elif subject.design.build.pressure_kpa < loose.pressure_kpa:
+        working_kpa = subject.design.build.pressure_kpa
+        words = (
+            f"at its working pressure it does not grow to this tip {loose.place}: that takes "
+            f"{takes}; set build.pressure_kpa, to at most {top_kpa:.1f}"
+        )
+        breach = BrokenLimit(severity=Severity.WARNING, limit=working_kpa)
+        hits.append(_hit(subject, loose, words, breach, "working"))
+    note = "" if subject.deployments else _FREE
+    return RuleApplied(checked=max(1, len(subject.deployments)), hits=tuple(hits), note=note)
+
+
+def _too_much(
+    worst: tuple[WorstBranch, WorstBranch], most_kpa: float
+) -> tuple[WorstBranch, BrokenLimit] | None:
+    """Return which of loosely and tightly stored film takes too much, and how bad that is."""
+    for one, severity in zip(worst, (Severity.ERROR, Severity.WARNING), strict=True):
+        if Limits({"error": most_kpa}).most(one.pressure_kpa):
+            return one, BrokenLimit(severity=severity, limit=most_kpa)
+    return None
+
+
+def worst_growth(subject: Subject, constants: GrowthConstants, fitted_mm: float) -> WorstBranch:
+    """Return which branch takes the most pressure to grow, over all deployments.
+
+    Parameters
+    ----------
+    subject
+        With deployments, or without: then growth in free space alone is looked at.
+    constants
+        The fit.
+    fitted_mm
+        Inflated diameter of the tube that it belongs to.
+    """
+    build, tree = subject.design.build, subject.layout.tree
+    riding = riding_mm(tree, build.widths_mm).tolist()
+    # A tapered branch is narrowest, and needs most, at its tip.
+    diameters_mm = [inflated_diameter_mm(end_mm) for end_mm in build.end_widths_mm]
+    by_level = [constants.at_diameter(diameter_mm, fitted_mm) for diameter_mm in diameters_mm]
+    level = tree.level.tolist()
+    found = [
+        WorstBranch(
+            pressure_kpa=path.pressure_kpa(by_level[level[branch] - 1], riding[branch]),
+            branch=branch,
+            place=place,
+        )
+        for place, paths in _paths(subject)
+        for branch, path in paths.items()
+    ]
+    # Equal tips differ in the last digits only: the first of them stands for all.
+    return max(found, key=lambda worst: round(worst.pressure_kpa, 9))
+
+
+def _paths(subject: Subject) -> list[tuple[str, dict[int, GrowthPath]]]:
+    tree = subject.layout.tree
+    free = ("in free space", dict(enumerate(planned_paths(tree))))
+    grown = [
+        (f"on {name}", grown_paths(deployment))
+        for name, deployment in zip(subject.place_names, subject.deployments, strict=True)
+    ]
+    # What got stuck on a map grows in free space all the same: that is always looked at.
+    return [free, *grown]
+
+
+def _hit(
+    subject: Subject, worst: WorstBranch, words: str, breach: BrokenLimit, aspect: str = ""
+) -> Violation:
+    return Violation(
+        message=words,
+        severity=breach.severity,
+        measured=worst.pressure_kpa,
+        limit=breach.limit,
+        branches=subject.ids(worst.branch),
+        at_mm=place_mm(subject.layout, worst.branch, at_tip=True),
+        marker=mark_branches(subject.layout, _way(subject, worst.branch)),
+        aspect=aspect,
+    )
+
+
+def _way(subject: Subject, branch: int) -> list[int]:
+    """Return a branch and all its ancestors."""
+    rows = []
+    while branch >= 0:
+        rows.append(branch)
+        branch = int(subject.layout.tree.parent[branch])
+    return rows
+
+
+WINDOW = Rule(
+    id="VF-P03",
+    title="pressure window not empty: growth takes less than the widest tube stands",
+    unit="kPa",
+    limits={
+        "safety_factor": 1.5,
+        "margin_percent": 20.0,
+        "loose_kpa": 0.0,
+        "tight_kpa": FITTED.storage_kpa.value,
+    },
+    reason="growth through narrow leaves must take less than the wide trunk stands; crumpled film "
+    "may leave its store without any tension, a spool held back 8.32 kPa (published)",
+    look=check_window,
+)

@@ -1,0 +1,253 @@
+"""Apply every rule to a subject, and record what was checked, skipped and found."""
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import Protocol, TypeVar
+
+from vinefab.core.hashing import fingerprint
+from vinefab.core.jsontext import json_text
+from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
+from vinefab.fabrication.rules.rule import (
+    LimitChanges,
+    Rule,
+    RuleApplied,
+    RuleNotApplicable,
+    Violation,
+)
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.test_rig import RIG_CHECKS, RigSubject
+from vinefab.model.design import Waiver
+from vinefab.model.finding import CheckReport, Finding, RuleRun, RuleSkipped
+
+
+class _OfRule(Protocol):
+    """What a check says of one rule."""
+
+    @property
+    def rule(self) -> str:
+        """The rule's id."""
+        ...
+
+
+_Entry = TypeVar("_Entry", bound=_OfRule)
+
+
+def run_checks(
+    subject: Subject,
+    limits: LimitChanges | None = None,
+    *,
+    only: Collection[str] | None = None,
+) -> CheckReport:
+    """Return what every registered rule found, and why any of them could not look.
+
+    Parameters
+    ----------
+    subject
+        The design with all that was derived from it.
+    limits
+        Limits that replace those of the design, which replace those of the recipe, which replace
+        the defaults.
+    only
+        Ids of the rules to apply; None for all.
+
+    Raises
+    ------
+    UnknownNameError, BadInputError
+        If ``limits``, the design or the recipe name a rule or a limit that does not exist.
+    """
+    RULES.load_plugins()
+    changed = changed_limits(subject.design, subject.profile, limits)
+    values = by_rule(changed)
+    outcomes = [
+        (rule, rule.look(subject, rule.limits_with(values.get(rule.id, {}))))
+        for rule in RULES.values()
+        if only is None or rule.id in only
+    ]
+    recipe = subject.profile.recipe.name if subject.profile else ""
+    report = _report(subject.design.name, outcomes, subject.design.waivers)
+    stale = _stale(report.findings, subject.design.waivers)
+    broken = tuple(
+        RuleSkipped(rule=name, reason=f"does not load ({why})")
+        for name, why in RULES.broken.items()
+        if only is None or name in only
+    )
+    skipped = (*report.skipped, *broken)
+    return replace(report, recipe=recipe, limits=changed, stale_waivers=stale, skipped=skipped)
+
+
+def merged_reports(report: CheckReport, more: CheckReport) -> CheckReport:
+    """Return a check in which some rules were applied later, once they could look.
+
+    Parameters
+    ----------
+    report
+        Every rule's outcome so far.
+    more
+        Outcomes of some of the rules for the same design, which take the place of those.
+    """
+    later = {run.rule for run in more.run} | {skipped.rule for skipped in more.skipped}
+    return replace(
+        report,
+        run=_instead(report.run, more.run, later),
+        skipped=_instead(report.skipped, more.skipped, later),
+        findings=_instead(report.findings, more.findings, later),
+        stale_waivers=tuple(name for name in report.stale_waivers if name in more.stale_waivers),
+    )
+
+
+def _instead(old: Sequence[_Entry], new: Sequence[_Entry], rules: set[str]) -> tuple[_Entry, ...]:
+    """Return new entries in the place of the old ones about some rules, in the rules' order."""
+    place = {rule: number for number, rule in enumerate(RULES)}
+    entries = [*(entry for entry in old if entry.rule not in rules), *new]
+    # A rule of another package that does not load has no place.
+    return tuple(sorted(entries, key=lambda entry: place.get(entry.rule, len(place))))
+
+
+def run_rig_checks(stand: RigSubject) -> CheckReport:
+    """Return what the rules about test rigs found; the only ones that can do without a design.
+
+    Parameters
+    ----------
+    stand
+        The rig, its corridors, and the robot if there is one, whose limits count then.
+    """
+    changed = changed_limits(stand.design, None, None) if stand.design else ()
+    own = tuple(limit for limit in changed if limit.rule in RIG_CHECKS)
+    values = by_rule(own)
+    outcomes = [
+        (rule, look(stand, rule.limits_with(values.get(rule.id, {}))))
+        for rule, look in RIG_CHECKS.values()
+    ]
+    name, waivers = (stand.design.name, stand.design.waivers) if stand.design else ("", ())
+    return replace(_report(name, outcomes, waivers), limits=own)
+
+
+def _report(
+    name: str,
+    outcomes: list[tuple[Rule, RuleApplied | RuleNotApplicable]],
+    waivers: tuple[Waiver, ...],
+) -> CheckReport:
+    run: list[RuleRun] = []
+    skipped: list[RuleSkipped] = []
+    findings: list[Finding] = []
+    for rule, outcome in outcomes:
+        if isinstance(outcome, RuleApplied):
+            run.append(_run(rule, outcome))
+            findings.extend(_finding(rule, hit) for hit in outcome.hits)
+        else:
+            skipped.append(RuleSkipped(rule=rule.id, reason=outcome.reason))
+    return CheckReport(
+        design=name,
+        recipe="",
+        run=tuple(run),
+        skipped=tuple(skipped),
+        findings=_waived(findings, waivers),
+    )
+
+
+def _run(rule: Rule, outcome: RuleApplied) -> RuleRun:
+    return RuleRun(
+        rule=rule.id,
+        checked=outcome.checked,
+        findings=len(outcome.hits),
+        note=outcome.note,
+    )
+
+
+def _finding(rule: Rule, hit: Violation) -> Finding:
+    x_mm, y_mm = hit.at_mm if hit.at_mm else (None, None)
+    return Finding(
+        rule=rule.id,
+        severity=hit.severity,
+        message=hit.message,
+        measured=hit.measured,
+        limit=hit.limit,
+        unit=rule.unit,
+        branches=hit.branches,
+        x_mm=x_mm,
+        y_mm=y_mm,
+        marker_wkt=hit.marker,
+        # Without the measured value: a waiver must survive a change that is not about the place.
+        fingerprint=fingerprint(rule.id, hit.aspect, *hit.branches),
+    )
+
+
+def _waived(findings: list[Finding], waivers: tuple[Waiver, ...]) -> tuple[Finding, ...]:
+    reasons = {waiver.fingerprint: waiver.reason for waiver in waivers}
+    return tuple(
+        replace(finding, waived=True, reason=reasons[finding.fingerprint])
+        if finding.fingerprint in reasons
+        else finding
+        for finding in findings
+    )
+
+
+def _stale(findings: Sequence[Finding], waivers: tuple[Waiver, ...]) -> tuple[str, ...]:
+    found = {finding.fingerprint for finding in findings}
+    return tuple(w.fingerprint for w in waivers if w.fingerprint not in found)
+
+
+CHECKS_SCHEMA = "vinefab/checks-1"
+
+
+def checks_text(report: CheckReport, beside: Sequence[CheckReport] = ()) -> str:
+    """Return every rule that was run or skipped, and all findings, waived ones included.
+
+    Parameters
+    ----------
+    report
+        The check of the design that the document is about.
+    beside
+        Those of other designs on its sheet, which follow under ``beside``.
+    """
+    names = {"design": report.design, "recipe": report.recipe, "units": "mm"}
+    others = [{"design": other.design, **checks_content(other)} for other in beside]
+    more = {"beside": others} if others else {}
+    return json_text(CHECKS_SCHEMA, {**names, **checks_content(report), **more})
+
+
+def checks_content(report: CheckReport) -> dict[str, object]:
+    """Return the same without the names, to be part of another document."""
+    return {
+        "rules_run": [
+            {"id": run.rule, "checked": run.checked, "findings": run.findings} for run in report.run
+        ],
+        "notes": [{"id": run.rule, "note": run.note} for run in report.run if run.note],
+        "rules_skipped": [{"id": skip.rule, "reason": skip.reason} for skip in report.skipped],
+        "findings": [_finding_content(finding) for finding in report.findings],
+        "stale_waivers": list(report.stale_waivers),
+        "limits_changed": [
+            {
+                "id": limit.rule,
+                "name": limit.name,
+                "value": limit.value,
+                "default": limit.default,
+                "source": limit.source,
+            }
+            for limit in report.limits
+        ],
+    }
+
+
+def _finding_content(finding: Finding) -> dict[str, object]:
+    return {
+        "id": finding.rule,
+        "severity": str(finding.severity),
+        "message": finding.message,
+        "measured": _number(finding.measured),
+        "limit": _number(finding.limit),
+        "unit": finding.unit,
+        "branches": list(finding.branches),
+        "x_mm": _number(finding.x_mm),
+        "y_mm": _number(finding.y_mm),
+        "marker_wkt": finding.marker_wkt,
+        "fingerprint": finding.fingerprint,
+        "waived": finding.waived,
+        "reason": finding.reason,
+    }
+
+
+def _number(value: float | None) -> float | None:
+    """Return a number, or None where JSON has none: a rule may measure something infinite."""
+    return None if value is None or not math.isfinite(value) else float(value)

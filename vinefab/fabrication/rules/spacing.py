@@ -1,0 +1,277 @@
+"""Which parts of a flat robot come near each other, and how near."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from vinefab.core.validation import Floats, Ints
+from vinefab.fabrication.rules.shapes import Shapes
+
+_TINY = 1e-12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Closest:
+    """Where k pairs of segments are closest.
+
+    Parameters
+    ----------
+    distance_mm
+        Between the closest points, shape (k,); 0 where the segments cross.
+    along_a, along_b
+        Place of the closest points on each segment, 0 at its start and 1 at its end, shape (k,).
+    """
+
+    distance_mm: Floats
+    along_a: Floats
+    along_b: Floats
+
+
+def closest(start_a_mm: Floats, end_a_mm: Floats, start_b_mm: Floats, end_b_mm: Floats) -> Closest:
+    """Return the closest points of pairs of segments.
+
+    Parameters
+    ----------
+    start_a_mm, end_a_mm, start_b_mm, end_b_mm
+        Ends of the segments, shape (k, 2) each; a segment may be a single point.
+
+    Notes
+    -----
+    The closest points of two segments by clamping first one and then the other parameter
+    (Ericson, Real-Time Collision Detection, section 5.1.9).
+
+    Examples
+    --------
+    >>> square = np.array([[0.0, 0.0]]), np.array([[10.0, 0.0]])
+    >>> closest(*square, np.array([[4.0, 3.0]]), np.array([[4.0, 9.0]])).distance_mm.tolist()
+    [3.0]
+    """
+    ax, ay = (end_a_mm - start_a_mm).T
+    bx, by = (end_b_mm - start_b_mm).T
+    rx, ry = (start_a_mm - start_b_mm).T
+    aa = np.maximum(ax * ax + ay * ay, _TINY)
+    bb = np.maximum(bx * bx + by * by, _TINY)
+    ab, ar, br = ax * bx + ay * by, ax * rx + ay * ry, bx * rx + by * ry
+    cross = aa * bb - ab * ab
+    flat = cross <= _TINY * aa * bb  # parallel, or a point: any place on a will do at first
+    along_a = np.where(flat, 0.0, (ab * br - ar * bb) / np.where(flat, 1.0, cross)).clip(0.0, 1.0)
+    along_b = ((ab * along_a + br) / bb).clip(0.0, 1.0)
+    along_a = ((ab * along_b - ar) / aa).clip(0.0, 1.0)
+    gap_x = rx + along_a * ax - along_b * bx
+    gap_y = ry + along_a * ay - along_b * by
+    return Closest(
+        distance_mm=np.sqrt(gap_x * gap_x + gap_y * gap_y), along_a=along_a, along_b=along_b
+    )
+
+
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+_STEPS = 48
+"""Each makes the search interval shorter by the golden ratio: 1e-10 of a branch is left."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hulls:
+    """Hulls of two discs, k of them.
+
+    Parameters
+    ----------
+    start_mm
+        Centre of the first disc, shape (k, 2).
+    run_mm
+        From there to the centre of the second, shape (k, 2).
+    half_mm
+        Radius of the first, shape (k,).
+    growth_mm
+        Radius of the second less that of the first, shape (k,).
+    """
+
+    start_mm: Floats
+    run_mm: Floats
+    half_mm: Floats
+    growth_mm: Floats
+
+    def place_mm(self, along: Floats) -> Floats:
+        """Return places on the axes, 0 at the first disc and 1 at the second, shape (k, 2)."""
+        return self.start_mm + along[:, None] * self.run_mm
+
+
+def hull_gap_mm(one: Hulls, two: Hulls) -> Floats:
+    """Return the free distance between pairs of hulls, shape (k,); negative where they overlap.
+
+    Parameters
+    ----------
+    one, two
+        As many of each.
+    """
+    low, high = np.zeros(len(one.half_mm)), np.ones(len(one.half_mm))
+    for _ in range(_STEPS):
+        left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+        lower = _at_mm(one, two, left) <= _at_mm(one, two, right)
+        low, high = np.where(lower, low, left), np.where(lower, right, high)
+    ends = _at_mm(one, two, np.zeros(len(low))), _at_mm(one, two, np.ones(len(low)))
+    return np.minimum(_at_mm(one, two, (low + high) / 2.0), np.minimum(*ends))
+
+
+def _at_mm(one: Hulls, two: Hulls, along: Floats) -> Floats:
+    """Return the least distance from one disc of the first hull to the second hull."""
+    radius = one.half_mm + along * one.growth_mm
+    return point_gap_mm(one.place_mm(along), two) - radius
+
+
+def point_gap_mm(points_mm: Floats, hulls: Hulls) -> Floats:
+    """Return the distance of points from hulls, one each, negative inside; shape (k,).
+
+    The distance to the disc at place t of the axis, |p - c(t)| - r(t), is least where the line to
+    the point stands on the hull's side: the foot of the perpendicular, moved towards the larger
+    disc by the lean of the side.
+    """
+    length = np.maximum(np.hypot(*hulls.run_mm.T), 1e-12)
+    unit = hulls.run_mm / length[:, None]
+    away = points_mm - hulls.start_mm
+    foot = (away * unit).sum(axis=1)
+    across = np.abs(away[:, 0] * unit[:, 1] - away[:, 1] * unit[:, 0])
+    lean = np.clip(hulls.growth_mm / length, -0.99, 0.99)
+    place = foot + across * lean / np.sqrt(1.0 - lean**2)
+    along = np.clip(place / length, 0.0, 1.0)
+    centre = hulls.place_mm(along)
+    gap: Floats = np.hypot(*(points_mm - centre).T) - hulls.half_mm - along * hulls.growth_mm
+    return gap
+
+
+MOST_PAIRS = 2_000_000
+"""So many near pairs are worked out; a tree with more lies on itself everywhere anyway."""
+
+_CHUNK = 512
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Spacing:
+    """Pairs of capsules of different branches that are nearer than a reach, k of them.
+
+    Parameters
+    ----------
+    first, second
+        Indices of the capsules, shape (k,).
+    gap_mm
+        Free distance between them, negative where they overlap, shape (k,).
+    crossing_mm
+        Where the segments themselves cross: by how much the nearest end runs past the crossing;
+        0 elsewhere, shape (k,).
+    first_mm, second_mm
+        Closest points of the segments, shape (k, 2).
+    joined
+        Whether the two branches share a joint, shape (k,).
+    pouch
+        Whether one of the two belongs to a pouch, shape (k,).
+    complete
+        Whether all near pairs are here; False past `MOST_PAIRS`.
+    """
+
+    first: Ints
+    second: Ints
+    gap_mm: Floats
+    crossing_mm: Floats
+    first_mm: Floats
+    second_mm: Floats
+    joined: NDArray[np.bool_]
+    pouch: NDArray[np.bool_]
+    complete: bool
+
+
+def spacing(shapes: Shapes, reach_mm: float) -> Spacing:
+    """Return all pairs of capsules that are nearer to each other than ``reach_mm``.
+
+    Capsules of one branch are left out, and so are pairs of branches that share a joint unless a
+    pouch is involved: such branches meet by design.
+
+    Parameters
+    ----------
+    shapes
+        The flat robot.
+    reach_mm
+        Pairs with a gap of this much or more may be left out, or not.
+    """
+    first, second, complete = _near(shapes, reach_mm)
+    first, second = _of_different_branches(shapes, first, second)
+    near = closest(
+        shapes.start_mm[first], shapes.end_mm[first], shapes.start_mm[second], shapes.end_mm[second]
+    )
+    run_a = shapes.end_mm[first] - shapes.start_mm[first]
+    run_b = shapes.end_mm[second] - shapes.start_mm[second]
+    short_a = np.minimum(near.along_a, 1.0 - near.along_a) * np.hypot(*run_a.T)
+    short_b = np.minimum(near.along_b, 1.0 - near.along_b) * np.hypot(*run_b.T)
+    crossing = np.where(near.distance_mm < 1e-9, np.minimum(short_a, short_b), 0.0)
+    return Spacing(
+        first=first,
+        second=second,
+        gap_mm=_gap_mm(shapes, first, second, near.distance_mm),
+        crossing_mm=crossing,
+        first_mm=shapes.start_mm[first] + near.along_a[:, None] * run_a,
+        second_mm=shapes.start_mm[second] + near.along_b[:, None] * run_b,
+        joined=_joined(shapes, first, second),
+        pouch=shapes.pouch[first] | shapes.pouch[second],
+        complete=complete,
+    )
+
+
+def _gap_mm(shapes: Shapes, first: Ints, second: Ints, distance_mm: Floats) -> Floats:
+    """Return the free distance between pairs of capsules, shape (k,).
+
+    Between even capsules that is the distance of their segments less both half widths. Where one
+    is tapered, it is the least distance of two places on the segments less the half widths there:
+    a convex function of the two places, so that a search along one segment finds it when the other
+    place is the best for it.
+    """
+    gap = distance_mm - shapes.half_mm[first] - shapes.half_mm[second]
+    even = shapes.half_mm == shapes.end_half_mm
+    rows = np.flatnonzero(~(even[first] & even[second]))
+    if len(rows):
+        gap[rows] = hull_gap_mm(_hulls(shapes, first[rows]), _hulls(shapes, second[rows]))
+    return gap
+
+
+def _hulls(shapes: Shapes, rows: Ints) -> Hulls:
+    return Hulls(
+        start_mm=shapes.start_mm[rows],
+        run_mm=shapes.end_mm[rows] - shapes.start_mm[rows],
+        half_mm=shapes.half_mm[rows],
+        growth_mm=shapes.end_half_mm[rows] - shapes.half_mm[rows],
+    )
+
+
+def _near(shapes: Shapes, reach_mm: float) -> tuple[Ints, Ints, bool]:
+    """Return pairs (first < second) whose boxes come within the reach, and whether all are."""
+    grown = shapes.most_half_mm[:, None] + reach_mm / 2
+    low = np.minimum(shapes.start_mm, shapes.end_mm) - grown
+    high = np.maximum(shapes.start_mm, shapes.end_mm) + grown
+    boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
+    tree = shapely.STRtree(boxes)
+    firsts, seconds, count = [], [], 0
+    for begin in range(0, len(shapes), _CHUNK):
+        first, second = tree.query(boxes[begin : begin + _CHUNK])
+        first = first + begin
+        keep = first < second
+        firsts.append(first[keep])
+        seconds.append(second[keep])
+        count += len(firsts[-1])
+        if count > MOST_PAIRS:
+            break
+    complete = count <= MOST_PAIRS
+    return np.concatenate(firsts), np.concatenate(seconds), complete
+
+
+def _of_different_branches(shapes: Shapes, first: Ints, second: Ints) -> tuple[Ints, Ints]:
+    different = shapes.branch[first] != shapes.branch[second]
+    meant = _joined(shapes, first, second) & ~(shapes.pouch[first] | shapes.pouch[second])
+    keep = different & ~meant
+    return first[keep], second[keep]
+
+
+def _joined(shapes: Shapes, first: Ints, second: Ints) -> NDArray[np.bool_]:
+    """Return whether pairs of capsules belong to siblings or to parent and child, shape (k,)."""
+    a, b = shapes.branch[first], shapes.branch[second]
+    parent_a, parent_b = shapes.parent[a], shapes.parent[b]
+    return np.asarray((parent_a == parent_b) | (parent_a == b) | (parent_b == a))

@@ -1,0 +1,133 @@
+"""What the rules look at: a design, its profile, and all that was derived from them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import shapely
+
+from vinefab.fabrication.job.laser_job import check_size, laser_job
+from vinefab.fabrication.job.placement import ONE, SheetOptions
+from vinefab.fabrication.outline.body_outline import BodyOutline, body_outline
+from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
+from vinefab.fabrication.rules.rig_facts import MapCorridors, RigFacts
+from vinefab.fabrication.rules.shapes import Shapes, shapes_of
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design
+from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.laser import LaserProfile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Subject:
+    """A design with everything that rules need.
+
+    Parameters
+    ----------
+    design
+        The design.
+    profile
+        Machine, material and recipe, or None: rules that need them are skipped then.
+    layout
+        Straight branches on the sheet.
+    names
+        Ids of the branches, in the tree's order.
+    shapes
+        The branches and pouches as capsules.
+    outline
+        The outline of the body (lumen), and why it may not be exact.
+    job
+        The paths for the laser, or None without a profile.
+    readback
+        For each file that was written, what was wrong with it when it was read again; None when
+        no file was written.
+    deployments
+        Simulated deployments, for rules about paths.
+    places
+        What each deployment's map is called; empty if nobody said.
+    rig
+        A test rig, for the rules about its parts.
+    courses
+        Maps or rigs with their narrow corridors, for the rule about them.
+    """
+
+    design: Design
+    profile: LaserProfile | None
+    layout: FlatLayout
+    names: tuple[str, ...]
+    shapes: Shapes
+    outline: BodyOutline
+    job: Job | None
+    readback: Mapping[str, tuple[str, ...]] | None = None
+    deployments: tuple[Deployment, ...] = ()
+    places: tuple[str, ...] = ()
+    rig: RigFacts | None = None
+    courses: tuple[MapCorridors, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        design: Design,
+        profile: LaserProfile | None = None,
+        *,
+        readback: Mapping[str, tuple[str, ...]] | None = None,
+        deployments: tuple[Deployment, ...] = (),
+        places: tuple[str, ...] = (),
+        sheet: SheetOptions = ONE,
+    ) -> "Subject":
+        """Return the subject of a design, with all that follows from it worked out.
+
+        Parameters
+        ----------
+        design, profile, readback, deployments, places
+            As in the class.
+        sheet
+            What the sheet is to hold beside the design.
+
+        Raises
+        ------
+        BadInputError
+            If the design has more branches than a flat robot could ever hold.
+        """
+        check_size(design)
+        layout = flat_layout(design)
+        return cls(
+            design=design,
+            profile=profile,
+            layout=layout,
+            names=layout.tree.ids,
+            shapes=shapes_of(layout, design.build),
+            outline=body_outline(design),
+            job=laser_job(design, profile, sheet) if profile else None,
+            readback=readback,
+            deployments=deployments,
+            places=places,
+        )
+
+    @classmethod
+    def on_sheet(cls, design: Design, profile: LaserProfile, job: Job) -> "Subject":
+        """Return the subject of a design that lies on a sheet, alone or beside others."""
+        return replace(cls.of(design), profile=profile, job=job)
+
+    @property
+    def body(self) -> shapely.Polygon:
+        """The body as a polygon, arcs as chords within 0.01 mm; not always a valid one."""
+        return shapely.Polygon(self.outline.contour.flattened_mm())
+
+    @property
+    def place_names(self) -> tuple[str, ...]:
+        """What to call the map of each deployment."""
+        numbered = (f"deployment {number}" for number in range(1, 1 + len(self.deployments)))
+        return self.places or tuple(numbered)
+
+    def own(self, operation: Operation) -> tuple[LaserPath, ...]:
+        """Return the paths of one operation that belong to this design."""
+        paths = self.job.along(operation) if self.job else ()
+        return tuple(path for path in paths if path.of in ("", self.design.name))
+
+    def ids(self, *branches: int) -> tuple[str, ...]:
+        """Return the names of branches, by index."""
+        return tuple(self.names[branch] for branch in branches)
+
+    def level_rows(self, level: int) -> list[int]:
+        """Return the indices of one level's branches, the first one first."""
+        return [row for row, found in enumerate(self.layout.tree.level.tolist()) if found == level]

@@ -1,0 +1,248 @@
+"""Rules about the whole: one tree, one valid sheet, one mouth, its base and its reach."""
+
+import math
+import re
+
+import numpy as np
+import shapely
+
+from vinefab.fabrication.outline.exactness import ProblemKind
+from vinefab.fabrication.rules.rule import (
+    Limits,
+    Rule,
+    RuleApplied,
+    Violation,
+    mark_branches,
+    mark_line,
+    mark_point,
+    middle_mm,
+    outline_violations,
+    place_mm,
+)
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.outline import Part
+
+_AT = re.compile(r"\[(\S+) (\S+)\]")
+"""Where Shapely says that a polygon is not valid."""
+
+
+def check_tree(subject: Subject, limits: Limits) -> RuleApplied:
+    """VF-T01: every branch hangs on the tip of its parent and has a length."""
+    layout, tree = subject.layout, subject.layout.tree
+    hits = []
+    for row, length_mm in enumerate(tree.length_mm.tolist()):
+        breach = limits.least(length_mm)
+        if breach:
+            hits.append(
+                Violation(
+                    message="the branch has next to no length: lengthen it or leave it out",
+                    measured=length_mm,
+                    limit=breach.limit,
+                    branches=subject.ids(row),
+                    at_mm=middle_mm(layout, row),
+                    marker=mark_branches(layout, [row]),
+                )
+            )
+    away = np.abs(layout.start_mm[1:] - layout.end_mm[tree.parent[1:]]).max(axis=1, initial=0.0)
+    for row in (1 + np.flatnonzero(~(away < 1e-6))).tolist():
+        hits.append(  # noqa: PERF401  one shape of loop for both halves of the rule
+            Violation(
+                message="the branch does not begin at the tip of its parent",
+                measured=float(away[row - 1]),
+                branches=subject.ids(row),
+                aspect="joined",
+            )
+        )
+    return RuleApplied(checked=len(tree), hits=tuple(hits))
+
+
+def check_polygon(subject: Subject, _: Limits) -> RuleApplied:
+    """VF-T02: the outline encloses one valid polygon without holes."""
+    body = subject.body
+    if body.is_valid:
+        return RuleApplied(checked=1)
+    why = shapely.is_valid_reason(body)
+    found = _AT.search(why)
+    if not found:
+        return RuleApplied(
+            checked=1, hits=(Violation(message=f"the outline is no polygon: {why}"),)
+        )
+    at = float(found[1]), float(found[2])
+    hit = Violation(
+        message="the outline crosses itself here: a flat sheet cannot lie on itself",
+        branches=_nearest(subject, at),
+        at_mm=at,
+        marker=mark_point(at),
+    )
+    return RuleApplied(checked=1, hits=(hit,))
+
+
+def check_mouth(subject: Subject, limits: Limits) -> RuleApplied:
+    """VF-T04: the outline is open at one place, the mouth, and wide enough there."""
+    contour = subject.outline.contour
+    if contour.closed:
+        return RuleApplied(
+            checked=1, hits=(Violation(message="the outline has no mouth to inflate it by"),)
+        )
+    first, last = contour.points_mm[0].tolist(), contour.points_mm[-1].tolist()
+    gap_mm = float(np.hypot(last[0] - first[0], last[1] - first[1]))
+    breach = limits.least(gap_mm)
+    if not breach:
+        return RuleApplied(checked=1)
+    hit = Violation(
+        message="the mouth is too narrow to be opened over the base: widen the trunk",
+        measured=gap_mm,
+        limit=breach.limit,
+        branches=subject.ids(0),
+        at_mm=((first[0] + last[0]) / 2.0, (first[1] + last[1]) / 2.0),
+        marker=mark_line(tuple(first), tuple(last)),
+    )
+    return RuleApplied(checked=1, hits=(hit,))
+
+
+def _nearest(subject: Subject, at_mm: tuple[float, float]) -> tuple[str, ...]:
+    """Return the ids of the two branches nearest to a place, as far as there are two."""
+    shapes = subject.shapes
+    lines = shapely.linestrings(np.stack([shapes.start_mm, shapes.end_mm], axis=1))
+    far = shapely.distance(lines, shapely.Point(at_mm)) - shapes.most_half_mm
+    _, first = np.unique(shapes.branch[np.argsort(far, kind="stable")], return_index=True)
+    order = shapes.branch[np.argsort(far, kind="stable")][np.sort(first)]
+    return subject.ids(*sorted(order[:2].tolist()))
+
+
+TREE = Rule(
+    id="VF-T01",
+    title="one connected tree, finite coordinates, no branch without length",
+    unit="mm",
+    limits={"error": 0.1},
+    reason="a branch shorter than a laser spot cannot be drawn",
+    look=check_tree,
+)
+POLYGON = Rule(
+    id="VF-T02",
+    title="the body is one valid polygon without holes",
+    reason="two flat plies cannot lie on themselves; a crossing outline cuts the body open",
+    look=check_polygon,
+)
+MOUTH = Rule(
+    id="VF-T04",
+    title="exactly one open mouth, wide enough",
+    unit="mm",
+    limits={"error": 5.0},
+    reason="the robot is inflated and clamped through its mouth; everything else is sealed",
+    look=check_mouth,
+)
+
+
+_STRAIGHT_MM = 1e-6
+
+
+def check_tail(subject: Subject, limits: Limits) -> RuleApplied:
+    """VF-B01: the tail is long enough to be inverted over the base and clamped."""
+    tail_mm = subject.design.build.tail_mm
+    breach = limits.least(tail_mm)
+    if not breach:
+        return RuleApplied(checked=1)
+    hit = Violation(
+        message="the tail is too short to be inverted over the base: set build.tail_mm",
+        severity=breach.severity,
+        measured=tail_mm,
+        limit=breach.limit,
+        branches=subject.ids(0),
+        at_mm=(-tail_mm, 0.0),
+        marker=mark_line((-tail_mm, 0.0), (0.0, 0.0)),
+    )
+    return RuleApplied(checked=1, hits=(hit,))
+
+
+def check_clamp(subject: Subject, limits: Limits) -> RuleApplied:
+    """VF-B02: the tail is straight all along and its mouth fits the clamp of the base.
+
+    With a collar the outline's mouth must be as wide as a tube that fits the clamp; without one it
+    must be no wider than a common clamp. The collar's transition is the only bend allowed.
+    """
+    contour = subject.outline.contour
+    mouth_mm = math.dist(contour.points_mm[0], contour.points_mm[-1])
+    hits = list(
+        outline_violations(subject, frozenset({ProblemKind.COLLAR, ProblemKind.COLLAR_FLARE}))
+    )
+    collar = subject.design.build.collar
+    breach = limits.most(mouth_mm)
+    off_mm = 0.0 if collar is None else abs(mouth_mm - collar.flat_width_mm)
+    if collar is not None:
+        breach = limits.most(off_mm, "fit")
+    if breach:
+        words = "wider than the clamp of the base: narrow the trunk or give it a collar"
+        hits.append(
+            Violation(
+                message=f"the tail is {words}" if collar is None else "the collar misses the clamp",
+                severity=breach.severity,
+                measured=mouth_mm if collar is None else off_mm,
+                limit=breach.limit,
+                branches=subject.ids(0),
+                at_mm=place_mm(subject.layout, 0),
+                aspect="clamp",
+            )
+        )
+    tail = [s for s in contour.segments if s.part is Part.TAIL]
+    bent = [s for s in tail if s.bulge or abs(s.start_mm[1] - s.end_mm[1]) > _STRAIGHT_MM]
+    if bent:
+        hits.append(
+            Violation(
+                message="the tail's side is not straight",
+                branches=subject.ids(0),
+                at_mm=bent[0].start_mm,
+                marker=mark_line(bent[0].start_mm, bent[0].end_mm),
+                aspect="straight",
+            )
+        )
+    return RuleApplied(checked=1, hits=tuple(hits))
+
+
+def check_reach(subject: Subject, limits: Limits) -> RuleApplied:
+    """VF-B03: the longest path from base to tip is of a length that was tried."""
+    tree = subject.layout.tree
+    path_mm = np.array(tree.length_mm)
+    for row in range(1, len(tree)):
+        path_mm[row] += path_mm[tree.parent[row]]
+    far = int(path_mm.argmax())
+    longest_mm = float(path_mm[far])
+    breach = limits.least(longest_mm, "short") or limits.most(longest_mm, "long")
+    if not breach:
+        return RuleApplied(checked=1)
+    hit = Violation(
+        message="robots of this deployed length are untested: change the lengths or the scale",
+        severity=breach.severity,
+        measured=longest_mm,
+        limit=breach.limit,
+        branches=subject.ids(far),
+        at_mm=place_mm(subject.layout, far, at_tip=True),
+        marker=mark_branches(subject.layout, [far]),
+    )
+    return RuleApplied(checked=1, hits=(hit,))
+
+
+TAIL = Rule(
+    id="VF-B01",
+    title="tail length",
+    unit="mm",
+    limits={"error": 150.0, "warning": 200.0},
+    reason="the last 200 mm are inverted over the base and clamped (paper)",
+    look=check_tail,
+)
+CLAMP = Rule(
+    id="VF-B02",
+    title="tail straight, its mouth fits the clamp",
+    unit="mm",
+    limits={"error": 100.0, "fit_error": 0.1},
+    reason="a clamp seals a straight tube only; without a collar 100 mm is assumed",
+    look=check_clamp,
+)
+REACH = Rule(
+    id="VF-B03",
+    title="deployed length of the longest path",
+    unit="mm",
+    limits={"short_warning": 250.0, "long_warning": 2000.0},
+    reason="untested above 2 m and below 0.25 m (paper)",
+    look=check_reach,
+)

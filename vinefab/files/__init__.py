@@ -1,1 +1,0 @@
-"""The only room that reads files; designs, maps, profiles and runs also leave through it."""

@@ -1,1 +1,0 @@
-"""From a design to exact outlines, offsets and placement on the bed."""

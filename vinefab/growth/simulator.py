@@ -1,0 +1,172 @@
+"""The front door of the simulator: one design, one map, one pose."""
+
+import math
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+
+from vinefab.core.errors import UnknownNameError
+from vinefab.core.validation import Floats
+from vinefab.growth.arrays import (
+    Growth,
+    JobArrays,
+    Launch,
+    Rules,
+    TerrainSetArrays,
+    TreeArrays,
+    TreesArrays,
+    WallArrays,
+)
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plan
+from vinefab.growth.terrain import Terrain
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design
+from vinefab.model.map import Pose
+from vinefab.model.tree import BranchTree
+
+Engine = Literal["kernel", "reference"]
+GrowBranches = Callable[[WallArrays, TreeArrays, Rules, Launch, Growth, int, int], int]
+
+TOLERANCE_RAD = 2.0**-42
+"""Directions that differ by less are parallel: far below the bend of any corner of a terrain."""
+
+MOST_EVENTS = 100_000
+"""Guard against a branch that never ends; the most seen in trials is below a hundred."""
+
+POINTS_PER_BRANCH = 6
+SPARE_POINTS = 16
+"""Room for chain points to begin with, and some more; it is doubled when a tree needs it."""
+
+
+def grow(
+    design: Design,
+    terrain: Terrain,
+    pose: Pose,
+    options: GrowthOptions | None = None,
+    engine: Engine = "kernel",
+    tree: BranchTree | None = None,
+) -> Deployment:
+    """Return how a design deploys from a pose.
+
+    Parameters
+    ----------
+    design
+        The robot.
+    terrain
+        The map, made ready with `Terrain.of`.
+    pose
+        Where the trunk is launched. A start on a wall is allowed.
+    options
+        Choices of the growth model; the defaults if None.
+    engine
+        ``kernel``: compiled. ``reference``: the readable twin, a thousand times slower.
+    tree
+        What to grow in place of all the design's branches, such as some of them, cut shorter; the
+        design then gives the widths of the levels.
+
+    Returns
+    -------
+    Deployment
+        Chains, stop reasons, lengths and turns. A branch that stopped at once has a chain of two
+        equal points; one that never emerged has none. With inflated bodies, a branch without room
+        for its base has not deployed.
+
+    Raises
+    ------
+    BadInputError
+        If the pose is inside an obstacle or outside the bounds.
+    """
+    options = options or GrowthOptions()
+    start = Launch(*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
+    plan = Plan.of(design, options, tree)
+    rules = rules_of(options, terrain.tolerance_mm)
+    growth = _grown(plan, terrain, start, rules, grow_branches_of(engine))
+    used = growth.first_point[-1]
+    return Deployment(
+        tree=plan.tree,
+        pose=pose,
+        points_mm=growth.points[:used].copy(),
+        first_point=growth.first_point,
+        stop=growth.stop,
+        grown_mm=growth.grown,
+        contact_turn_rad=growth.turn,
+        tight_exit=growth.steep > plan.long_mm,
+    )
+
+
+def grow_branches_of(engine: Engine) -> GrowBranches:
+    """Return an engine by its name; it is imported only when asked for.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such engine.
+    """
+    if engine == "kernel":
+        return _grow_alone
+    if engine == "reference":
+        from vinefab.growth import reference  # noqa: PLC0415  as above: one engine at a time
+
+        return reference.grow_branches
+    raise UnknownNameError("growth engine", engine, ("kernel", "reference"))
+
+
+def _grow_alone(  # noqa: PLR0913, PLR0917  as both engines are called
+    walls: WallArrays,
+    tree: TreeArrays,
+    rules: Rules,
+    start: Launch,
+    growth: Growth,
+    first: int,
+    last: int,
+) -> int:
+    """Grow some branches of a tree as a batch of one; return the first that is not done.
+
+    The same code as for many at once: compiling another one would take ten seconds more.
+    """
+    from vinefab.growth import kernel  # noqa: PLC0415  numba takes a second to import
+
+    jobs = JobArrays.alone(start, tree.fits, len(growth.points), first, last)
+    atlas = TerrainSetArrays.of([walls], [rules.tolerance_mm])
+    kernel.grow_jobs(atlas, TreesArrays.of([tree]), rules, jobs, growth, 0, 1)
+    return int(jobs.done[0])
+
+
+def rules_of(options: GrowthOptions, tolerance_mm: float) -> Rules:
+    """Return what decides the growth beside the geometry, for a map's tolerance."""
+    return Rules(
+        head_on_half_angle_rad=options.head_on_half_angle_rad,
+        deploys_stuck=options.deploys_stuck,
+        tolerance_mm=tolerance_mm,
+        tolerance_rad=TOLERANCE_RAD,
+        most_events=MOST_EVENTS,
+    )
+
+
+def _grown(
+    plan: Plan, terrain: Terrain, start: Launch, rules: Rules, grow_branches: GrowBranches
+) -> Growth:
+    """Return the growth of a tree, span by span, with as much room as it takes."""
+    arrays = plan.arrays()
+    growth = Growth.empty(len(plan), POINTS_PER_BRANCH * len(plan) + SPARE_POINTS)
+    reached_mm = 0.0
+    for first, last, radius_mm in zip(plan.edges, plan.edges[1:], plan.radii_mm, strict=False):
+        # Only a body wider than what reached the place can lack room there.
+        if radius_mm > reached_mm:
+            bases_mm = _bases_mm(arrays, growth, start, first, last)
+            arrays.fits[first:last] = terrain.have_room(bases_mm, radius_mm)
+        reached_mm = radius_mm
+        walls, done = terrain.walls(radius_mm), first
+        while (done := grow_branches(walls, arrays, rules, start, growth, done, last)) < last:
+            growth = growth.with_room(2 * len(growth.points))
+    return growth
+
+
+def _bases_mm(arrays: TreeArrays, growth: Growth, start: Launch, first: int, last: int) -> Floats:
+    """Return where some branches of one level start, shape (last - first, 2)."""
+    parent = arrays.parent[first:last]
+    if first == 0:
+        return np.array([[start.x, start.y]])
+    return growth.points[growth.first_point[parent + 1] - 1]

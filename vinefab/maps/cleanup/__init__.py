@@ -1,0 +1,1 @@
+"""The geometry that turns drawings and cells into valid maps: join, nest, straighten, repair."""

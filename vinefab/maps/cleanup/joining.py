@@ -1,0 +1,357 @@
+"""Loose lines joined into rings: at shared ends, over gaps, and where they cross or overshoot."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+from shapely import LineString, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats, Ints
+from vinefab.maps.cleanup.rings import polygons_of
+from vinefab.maps.cleanup.shapes import SAME_MM, Changes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """A piece of drawing.
+
+    Parameters
+    ----------
+    points_mm
+        Shape (n, 2), n at least 2.
+    where
+        What messages call it.
+    """
+
+    points_mm: Floats
+    where: str
+
+    @property
+    def closed(self) -> bool:
+        """Whether it is a ring."""
+        return len(self.points_mm) >= 4 and bool((self.points_mm[0] == self.points_mm[-1]).all())
+
+    @property
+    def length_mm(self) -> float:
+        """Length along it."""
+        return float(np.hypot(*np.diff(self.points_mm, axis=0).T).sum())
+
+
+def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
+    """Return lines joined end to end where exactly two ends meet.
+
+    Ends within `SAME_MM` meet. Of the ends that meet nothing, the nearest two are joined, if
+    they are within ``join_mm``, then the next ones: where their lines meet if that is as near, else
+    in the middle.
+
+    Parameters
+    ----------
+    lines
+        Open or closed, in any order and direction.
+    join_mm
+        The widest gap that is closed.
+    changes
+        Where gaps and repeated lines are counted.
+    """
+    exact = _run(_without_repeated(lines, changes), SAME_MM)
+    return _run(_bridged(exact, join_mm, changes), SAME_MM)
+
+
+def end_nodes(lines: list[Line], same_mm: float) -> Ints:
+    """Return which node each line begins and ends at, shape (n, 2); near ends share a node."""
+    ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
+    pairs = cKDTree(ends).query_pairs(same_mm, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(ends), len(ends)))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64).reshape(-1, 2)
+
+
+def _without_repeated(lines: list[Line], changes: Changes) -> list[Line]:
+    found: dict[bytes, Line] = {}
+    for line in lines:
+        cells = np.round(line.points_mm / (2.0 * SAME_MM)) + 0.0
+        found.setdefault(min(cells.tobytes(), cells[::-1].tobytes()), line)
+    changes.add("repeated_lines_removed", len(lines) - len(found))
+    return list(found.values())
+
+
+def _run(lines: list[Line], same_mm: float) -> list[Line]:
+    """Return maximal chains through nodes at which two ends meet."""
+    if not lines:
+        return []
+    nodes = end_nodes(lines, same_mm)
+    at: dict[int, list[int]] = {}
+    for index, node in enumerate(nodes.ravel().tolist()):
+        at.setdefault(node, []).append(index)
+    used = np.zeros(len(lines), dtype=np.bool_)
+    # Chains that have ends first; what is left over are rings, which may begin anywhere.
+    starts = [end for ends in at.values() if len(ends) != 2 for end in ends]
+    return [
+        _follow(lines, (nodes.ravel(), at), end, used)
+        for end in [*starts, *range(0, 2 * len(lines), 2)]
+        if not used[end // 2]
+    ]
+
+
+def _follow(
+    lines: list[Line],
+    graph: tuple[Ints, dict[int, list[int]]],
+    end: int,
+    used: NDArray[np.bool_],
+) -> Line:
+    """Return the chain that begins at an end; ends are numbered 2 x line, + 1 at its last point."""
+    node_of, at = graph
+    where = lines[end // 2].where
+    parts: list[Floats] = []
+    first_node = int(node_of[end])
+    while not used[end // 2]:
+        used[end // 2] = True
+        points = lines[end // 2].points_mm
+        parts.append((points if end % 2 == 0 else points[::-1])[1 if parts else 0 :])
+        far = end ^ 1
+        meeting = at[int(node_of[far])]
+        if len(meeting) != 2:
+            break
+        end = meeting[0] if meeting[1] == far else meeting[1]
+    points = np.concatenate(parts)
+    if len(points) >= 4 and int(node_of[far]) == first_node:
+        points[-1] = points[0]
+    return Line(points_mm=points, where=where)
+
+
+def _bridged(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
+    """Return lines whose loose ends were moved together in pairs, nearest first."""
+    loose = loose_ends(lines)
+    spots = np.array([_end(lines, end) for end in loose]).reshape(-1, 2)
+    if len(spots) < 2:
+        return lines
+    pairs = cKDTree(spots).query_pairs(join_mm, output_type="ndarray")
+    gaps = np.hypot(*(spots[pairs[:, 0]] - spots[pairs[:, 1]]).T)
+    points = [line.points_mm.copy() for line in lines]
+    taken: set[int] = set()
+    for order in np.argsort(gaps, kind="stable").tolist():
+        one, other = (int(index) for index in pairs[order])
+        if taken & {one, other} or _too_short(lines, loose[one], loose[other], gaps[order]):
+            continue
+        taken |= {one, other}
+        corner = _corner(_leg(lines, loose[one]), _leg(lines, loose[other]), join_mm)
+        for end in (loose[one], loose[other]):
+            points[end // 2][-1 if end % 2 else 0] = corner
+        changes.add("gaps_joined")
+        changes.most("largest_gap_joined_mm", float(gaps[order]))
+    return [Line(points_mm=new, where=line.where) for new, line in zip(points, lines, strict=True)]
+
+
+def _leg(lines: list[Line], end: int) -> Floats:
+    """Return an end and the point before it, shape (2, 2)."""
+    points = lines[end // 2].points_mm
+    return points[[-1, -2]] if end % 2 else points[:2]
+
+
+def _corner(one: Floats, other: Floats, join_mm: float) -> Floats:
+    """Return where two ends are joined: where their lines meet, or in the middle between them."""
+    middle = 0.5 * (one[0] + other[0])
+    along, across = one[0] - one[1], other[0] - other[1]
+    turn = float(along[0] * across[1] - along[1] * across[0])
+    if turn == 0.0:
+        return np.asarray(middle)
+    away = other[0] - one[0]
+    share = float(away[0] * across[1] - away[1] * across[0]) / turn
+    meeting = one[0] + share * along
+    far = max(float(np.hypot(*(meeting - leg[0]))) for leg in (one, other))
+    return np.asarray(meeting if far <= join_mm else middle)
+
+
+def _too_short(lines: list[Line], one: int, other: int, gap_mm: float) -> bool:
+    """Tell whether joining two ends would only fold one short line upon itself."""
+    line = lines[one // 2]
+    return one // 2 == other // 2 and (len(line.points_mm) < 4 or line.length_mm < 3.0 * gap_mm)
+
+
+def loose_ends(lines: list[Line]) -> list[int]:
+    """Return the ends that meet no other end; ends are numbered 2 x line, + 1 at its last point."""
+    if not lines:
+        return []
+    nodes = end_nodes(lines, SAME_MM).ravel()
+    alone = np.bincount(nodes)[nodes] == 1
+    return [int(end) for end in np.flatnonzero(alone)]
+
+
+def _end(lines: list[Line], end: int) -> Floats:
+    return np.asarray(lines[end // 2].points_mm[-1 if end % 2 else 0])
+
+
+_BEYOND = 1e-3
+_MOST_NAMED = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Joined:
+    """What became of loose lines.
+
+    Parameters
+    ----------
+    rings
+        Closed lines.
+    open
+        Lines that enclose nothing.
+    """
+
+    rings: list[Line]
+    open: list[Line]
+
+
+def join(lines: list[Line], join_mm: float, changes: Changes) -> Joined:
+    """Join loose lines into rings.
+
+    Lines are chained end to end (see `chained`). What is still open then is cut at its crossings:
+    ends that stop just short of a line are led onto it, pieces that reach beyond a crossing are
+    trimmed, and what is enclosed gives the rings.
+
+    Parameters
+    ----------
+    lines
+        In any order and direction.
+    join_mm
+        The widest gap that is closed and the longest overshoot that is trimmed.
+    changes
+        Where they are counted.
+    """
+    chains = chained(lines, join_mm, changes)
+    rings = [line for line in chains if line.closed]
+    rest = [line for line in chains if not line.closed]
+    if len(rest) == 0:
+        return Joined(rings=rings, open=[])
+    more, left = _cut_at_crossings(rest, join_mm, changes)
+    return Joined(rings=rings + more, open=left)
+
+
+def _cut_at_crossings(
+    lines: list[Line], join_mm: float, changes: Changes
+) -> tuple[list[Line], list[Line]]:
+    reached = _led_onto_lines(lines, join_mm, changes)
+    noded = shapely.union_all([LineString(line.points_mm) for line in reached])
+    faces, cuts, dangles, _ = shapely.polygonize_full(shapely.get_parts(noded))
+    parts = shapely.get_parts(shapely.line_merge(shapely.union_all(np.array([cuts, dangles]))))
+    long = shapely.length(parts) > join_mm * (1.0 + 2.0 * _BEYOND)
+    trimmed = [part for part in parts[~long] if part.length > 2.0 * _BEYOND * join_mm]
+    changes.add("overshoots_trimmed", len(trimmed))
+    tree = shapely.STRtree([LineString(line.points_mm) for line in lines])
+
+    def named(points: Floats) -> Line:
+        nearest = tree.nearest(shapely.points(points[:2].mean(axis=0)))
+        return Line(points_mm=points, where=lines[int(nearest)].where)
+
+    rings = [
+        named(shapely.get_coordinates(ring))
+        for face in shapely.get_parts(faces)
+        for ring in shapely.get_rings(face)
+    ]
+    return rings, [named(shapely.get_coordinates(part)) for part in parts[long]]
+
+
+def _led_onto_lines(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
+    """Return lines whose loose ends were led onto the nearest line, and a hair beyond it."""
+    strings = np.array([LineString(line.points_mm) for line in lines])
+    tree = shapely.STRtree(strings)
+    points = [line.points_mm for line in lines]
+    for end in loose_ends(lines):
+        own, last = end // 2, end % 2 == 1
+        spot = lines[own].points_mm[-1 if last else 0]
+        near = tree.query(shapely.points(spot), predicate="dwithin", distance=join_mm)
+        near = near[near != own]
+        if len(near) == 0:
+            continue
+        target = strings[near[np.argmin(shapely.distance(strings[near], shapely.points(spot)))]]
+        onto = shapely.get_coordinates(shapely.shortest_line(shapely.points(spot), target))[1]
+        gap_mm = float(np.hypot(*(onto - spot)))
+        # A point computed on a line is beside it in the last bit; going on crosses it for sure.
+        ahead = (onto - spot) / gap_mm if gap_mm else _direction(lines[own].points_mm, last=last)
+        beyond = onto + _BEYOND * join_mm * ahead
+        points[own] = np.insert(points[own], len(points[own]) if last else 0, beyond, axis=0)
+        changes.add("ends_led_onto_lines")
+        changes.most("largest_gap_joined_mm", gap_mm)
+    return [Line(points_mm=new, where=line.where) for new, line in zip(points, lines, strict=True)]
+
+
+def _direction(points: Floats, *, last: bool) -> Floats:
+    along = points[-1] - points[-2] if last else points[0] - points[1]
+    return np.asarray(along / max(float(np.hypot(*along)), 1e-300))
+
+
+def refuse_open(lines: list[Line], join_mm: float, changes: Changes) -> BadInputError:
+    """Return the error that says which lines are open, where, and what can be done."""
+    count = len(lines)
+    named = "; ".join(open_places(lines[:_MOST_NAMED], changes))
+    more = f"; and {count - _MOST_NAMED} more" if count > _MOST_NAMED else ""
+    gap_mm = widest_gap(lines)
+    return BadInputError(
+        f"{'an open line' if count == 1 else f'{count} open lines'}: {named}{more}",
+        "not closed",
+        f"outlines whose ends meet within --join-mm ({join_mm:.4g}; here {gap_mm:.4g} would do); "
+        "or --wall-mm W to make lines walls, or --open drop to leave them out",
+    )
+
+
+def widest_gap(lines: list[Line]) -> float:
+    """Return the largest distance from an end to the nearest other one, mm."""
+    ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
+    return float(np.max(cKDTree(ends).query(ends, k=[2])[0]))
+
+
+def open_places(lines: list[Line], changes: Changes) -> list[str]:
+    """Return for each line what it is and where its ends are."""
+    return [
+        f"{line.where} from {changes.frame.place(line.points_mm[0])} "
+        f"to {changes.frame.place(line.points_mm[-1])}"
+        for line in lines
+    ]
+
+
+def walls_along(
+    lines: list[Line], wall_mm: float, join_mm: float, changes: Changes
+) -> list[Polygon]:
+    """Return lines as walls of some thickness; walls that meet are one polygon.
+
+    Walls end flat where a line ends; where three or more meet they fill the corner.
+
+    Parameters
+    ----------
+    lines
+        The middle lines of the walls.
+    wall_mm
+        Thickness.
+    join_mm
+        The widest gap between ends that is closed.
+    changes
+        Where it is counted.
+    """
+    chains = chained(lines, join_mm, changes)
+    meeting = _ends_at_corners(chains)
+    walls: list[BaseGeometry] = []
+    for index, line in enumerate(chains):
+        points = _lengthened(line.points_mm, 0.5 * wall_mm, meeting[2 * index : 2 * index + 2])
+        middle = shapely.LinearRing(points) if line.closed else LineString(points)
+        wall = shapely.buffer(middle, 0.5 * wall_mm, cap_style="flat", join_style="mitre")
+        walls.append(wall)
+    changes.add("lines_made_walls", len(chains))
+    return polygons_of(shapely.union_all(walls))
+
+
+def _ends_at_corners(chains: list[Line]) -> list[bool]:
+    loose = set(loose_ends(chains))
+    return [end not in loose and not chains[end // 2].closed for end in range(2 * len(chains))]
+
+
+def _lengthened(points: Floats, by_mm: float, ends: list[bool]) -> Floats:
+    points = points.copy()
+    if ends[0]:
+        points[0] = points[0] + by_mm * _direction(points, last=False)
+    if ends[1]:
+        points[-1] = points[-1] + by_mm * _direction(points, last=True)
+    return points

@@ -1,0 +1,419 @@
+"""Which outlines enclose solid matter, which are holes, and which one is the bounds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Ints
+from vinefab.maps.cleanup.rings import polygons_of
+from vinefab.maps.cleanup.shapes import Changes, Role
+
+Geometries = NDArray[np.object_]
+
+_OVERLAP = "T********"
+_SHARED_EDGE = "F***1****"
+
+
+def repeats(outlines: list[Polygon], near_mm: float) -> NDArray[np.bool_]:
+    """Tell of every outline whether it repeats an earlier one.
+
+    Parameters
+    ----------
+    outlines
+        Polygons; only their outer rings count.
+    near_mm
+        An outline that is nowhere farther than this from another one repeats it.
+    """
+    rings = shapely.get_exterior_ring(np.array(outlines, dtype=np.object_))
+    boxes = shapely.bounds(rings).reshape(-1, 4)
+    low = np.asarray(shapely.points(boxes[:, :2]), dtype=np.object_)
+    later, earlier = shapely.STRtree(low).query(low, predicate="dwithin", distance=2 * near_mm)
+    alike = (earlier < later) & (np.abs(boxes[later] - boxes[earlier]) <= near_mm).all(axis=1)
+    later, earlier = later[alike], earlier[alike]
+    alike = shapely.hausdorff_distance(rings[later], rings[earlier]) <= near_mm
+    repeated = np.zeros(len(rings), dtype=np.bool_)
+    repeated[later[alike]] = True
+    return repeated
+
+
+def solids(outlines: list[Polygon], changes: Changes) -> list[Polygon]:
+    """Return the solid polygons that nested outlines mean by the even-odd rule.
+
+    An outline in none or two or four others encloses solid matter. One in an odd number of others
+    is a hole, but only if it touches none and those around it lie in one another; any other one
+    says nothing and counts as solid.
+
+    Parameters
+    ----------
+    outlines
+        Polygons without holes, none repeated.
+    changes
+        Where holes are counted, and what was left solid.
+    """
+    nest = _Nest.of(np.array(outlines, dtype=np.object_))
+    holes = np.flatnonzero(nest.is_hole)
+    changes.add("nested_outlines_made_holes", len(holes))
+    changes.add("nested_outlines_left_solid", int(nest.unclear.sum()))
+    inner: dict[int, list[Polygon]] = {}
+    for hole in holes:
+        inner.setdefault(int(nest.parent[hole]), []).append(outlines[hole])
+    return [
+        Polygon(outlines[index].exterior, [hole.exterior for hole in inner.get(index, [])])
+        for index in np.flatnonzero(~nest.is_hole & ~nest.unclear).tolist()
+    ]
+
+
+def painted(rings: list[Polygon]) -> BaseGeometry:
+    """Return the area that the rings of one fill mean: solid, hole, island, from the outside in.
+
+    Unlike the outlines of `solids`, rings of one fill were drawn to be holes and islands, so those
+    that touch or overlap on the same level count together.
+
+    Parameters
+    ----------
+    rings
+        Polygons without holes.
+    """
+    if len(rings) == 1:
+        return rings[0]
+    rings = [ring for ring, again in zip(rings, repeats(rings, 0.0), strict=True) if not again]
+    items = np.array(rings, dtype=np.object_)
+    around, inside = shapely.STRtree(items).query(items, predicate="covers")
+    depth = np.bincount(inside[around != inside], minlength=len(items))
+    area = shapely.union_all(items[depth == 0])
+    for level in range(1, int(depth.max(initial=0)) + 1):
+        layer = shapely.union_all(items[depth == level])
+        area = area.difference(layer) if level % 2 else area.union(layer)
+    return area
+
+
+@dataclass(frozen=True, slots=True)
+class _Nest:
+    """Which outline lies in which.
+
+    Parameters
+    ----------
+    parent
+        Shape (n,), the smallest outline around each, -1 for none.
+    depth
+        Shape (n,), number of outlines around each.
+    unclear
+        Shape (n,), whether it may as well be a hole as not.
+    """
+
+    parent: Ints
+    depth: Ints
+    unclear: NDArray[np.bool_]
+
+    @property
+    def is_hole(self) -> NDArray[np.bool_]:
+        return np.asarray((self.depth % 2 == 1) & ~self.unclear)
+
+    @classmethod
+    def of(cls, outlines: Geometries) -> "_Nest":
+        count = len(outlines)
+        around, inside = shapely.STRtree(outlines).query(outlines, predicate="intersects")
+        around, inside = around[around != inside], inside[around != inside]
+        shapely.prepare(outlines)
+        proper = shapely.contains_properly(outlines[around], outlines[inside])
+        depth = np.bincount(inside[proper], minlength=count)
+        areas = shapely.area(outlines)
+        parent = np.full(count, -1, dtype=np.int64)
+        order = np.argsort(-areas[around[proper]], kind="stable")
+        # Of several assignments the last one stays: that of the smallest outline around.
+        parent[inside[proper][order]] = around[proper][order]
+        nested = set(zip(around[proper].tolist(), inside[proper].tolist(), strict=True))
+        rest = [
+            (i, j)
+            for i, j in zip(around.tolist(), inside.tolist(), strict=True)
+            if i < j and (i, j) not in nested and (j, i) not in nested
+        ]
+        first, second = np.array(rest, dtype=np.int64).reshape(-1, 2).T
+        mixed = np.zeros(count, dtype=np.bool_)
+        # Also a shared corner: whether the inner outline is a hole or a notch cannot be told.
+        mixed[first] = mixed[second] = True
+        return cls(parent, depth, _unclear(parent, depth, mixed))
+
+
+def _unclear(parent: Ints, depth: Ints, mixed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    unclear = np.zeros(len(parent), dtype=np.bool_)
+    for index in np.argsort(depth, kind="stable").tolist():
+        if depth[index] == 0:
+            continue
+        outer = int(parent[index])
+        broken = depth[outer] != depth[index] - 1
+        unclear[index] = broken or unclear[outer] or (depth[index] % 2 == 1 and mixed[index])
+    return unclear
+
+
+def merged(polygons: list[Polygon], gap_mm: float, changes: Changes) -> list[Polygon]:
+    """Return polygons of which no two overlap, share an edge, or leave a narrower gap.
+
+    Those that no other one is near to come back as they were.
+
+    Parameters
+    ----------
+    polygons
+        Valid polygons, holes allowed.
+    gap_mm
+        Gaps up to this width are closed, at least 0.
+    changes
+        Where it is counted.
+    """
+    if not polygons:
+        return []
+    items = np.array(polygons, dtype=np.object_)
+    one, other = shapely.STRtree(items).query(items, predicate="dwithin", distance=gap_mm)
+    one, other = one[one < other], other[one < other]
+    apart = shapely.distance(items[one], items[other]) > 0.0
+    joined = apart | _meet(items[one], items[other])
+    one, other, apart = one[joined], other[joined], apart[joined]
+    graph = coo_array((np.ones(len(one)), (one, other)), shape=(len(items), len(items)))
+    count, group = connected_components(graph, directed=False)
+    result: list[Polygon] = []
+    gaps = np.bincount(group[one[apart]], minlength=count)
+    order = np.argsort(group, kind="stable")
+    for number, members in enumerate(np.split(order, np.cumsum(np.bincount(group))[:-1])):
+        if len(members) == 1:
+            result.append(items[members[0]])
+            continue
+        result += _together(items[members], gap_mm if gaps[number] else 0.0)
+        changes.add("overlapping_obstacles_merged", len(members))
+    changes.add("gaps_between_obstacles_closed", int(gaps.sum()))
+    return result
+
+
+def _meet(one: Geometries, other: Geometries) -> NDArray[np.bool_]:
+    """Tell which pairs overlap or share a piece of an edge."""
+    overlap = shapely.relate_pattern(one, other, _OVERLAP)
+    return np.asarray(overlap | shapely.relate_pattern(one, other, _SHARED_EDGE))
+
+
+def _together(items: Geometries, gap_mm: float) -> list[Polygon]:
+    whole = shapely.union_all(items)
+    if gap_mm > 0.0:
+        # Grown and shrunk again by the same amount: gaps fill, everything else stays.
+        grown = shapely.buffer(whole, 0.55 * gap_mm, join_style="mitre")
+        closed = shapely.buffer(grown, -0.55 * gap_mm, join_style="mitre")
+        filling = polygons_of(shapely.difference(closed, whole), (0.01 * gap_mm) ** 2)
+        whole = shapely.union_all([whole, *filling])
+    return polygons_of(whole)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolidRegion:
+    """A closed part of a drawing.
+
+    Parameters
+    ----------
+    polygon
+        Without holes unless filled.
+    where
+        What messages call it.
+    role
+        What the source says that it is.
+    filled
+        Whether its inside is solid, whatever it lies in.
+    wall
+        Whether it was made of a line.
+    """
+
+    polygon: Polygon
+    where: str
+    role: Role | None = None
+    filled: bool = False
+    wall: bool = False
+
+    @property
+    def shell(self) -> Polygon:
+        """What its outer ring encloses."""
+        return Polygon(self.polygon.exterior)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Enclosed:
+    """The geometry of a map.
+
+    Parameters
+    ----------
+    bounds
+        Without holes.
+    obstacles
+        None overlaps another.
+    how
+        In words, which bounds were chosen.
+    """
+
+    bounds: Polygon
+    obstacles: list[Polygon]
+    how: str
+
+
+def enclose(
+    parts: list[SolidRegion], mode: str, margin_mm: float, join_mm: float, changes: Changes
+) -> Enclosed:
+    """Choose the bounds of a drawing and make the rest obstacles.
+
+    Parameters
+    ----------
+    parts
+        Everything closed.
+    mode
+        ``outline``, ``largest``, ``wall`` or ``box``: see `AssembleOptions`. Bounds that have
+        their role from the source, and walls made of lines, go their own way.
+    margin_mm
+        Around the drawing when ``box``.
+    join_mm
+        Outlines so near to each other all along repeat each other; gaps up to this are closed.
+    changes
+        Where everything is counted.
+
+    Raises
+    ------
+    BadInputError
+        If parts lie outside of the bounds, or the source names several bounds.
+    """
+    parts = _without_repeats(parts, join_mm, changes)
+    named = [part for part in parts if part.role == "bounds"]
+    if len(named) > 1:
+        raise BadInputError("bounds", f"{len(named)} outlines", "exactly one")
+    if mode == "box" and not named:
+        return _in_box(parts, margin_mm, join_mm, changes)
+    outer = named[0] if named else max(parts, key=lambda part: float(part.shell.area))
+    wall = not named and (mode == "wall" or outer.wall)
+    rest = [part for part in parts if part is not outer]
+    if named or mode == "largest":
+        rest = _cut_off(outer.shell, rest, changes)
+    else:
+        rest = _inside(outer.shell, rest, join_mm, changes)
+    rest += [outer] if wall else _holes_of(outer)
+    obstacles = merged(_solid_polygons(rest, changes), join_mm, changes)
+    return Enclosed(
+        bounds=outer.shell,
+        obstacles=_cut(obstacles, outer.shell, changes),
+        how=_how(outer, wall=wall),
+    )
+
+
+def _how(outer: SolidRegion, *, wall: bool) -> str:
+    if outer.role == "bounds":
+        return f"{outer.where}, which the source calls bounds"
+    return f"{'the outer face of a wall' if wall else 'the largest outline'}, {outer.where}"
+
+
+def _in_box(
+    parts: list[SolidRegion], margin_mm: float, join_mm: float, changes: Changes
+) -> Enclosed:
+    x_min, y_min, x_max, y_max = shapely.total_bounds([part.polygon for part in parts])
+    box = shapely.box(x_min - margin_mm, y_min - margin_mm, x_max + margin_mm, y_max + margin_mm)
+    return Enclosed(
+        bounds=box,
+        obstacles=merged(_solid_polygons(parts, changes), join_mm, changes),
+        how=f"a rectangle around everything, {margin_mm:.6g} mm beyond it",
+    )
+
+
+def _without_repeats(
+    parts: list[SolidRegion], join_mm: float, changes: Changes
+) -> list[SolidRegion]:
+    """Return parts without repeated ones; of an outline and a fill the fill stays."""
+    filled = _different_fills([part for part in parts if part.filled], join_mm, changes)
+    rings = [Polygon(ring) for part in filled for ring in shapely.get_rings(part.polygon)]
+    outlines = [part for part in parts if not part.filled]
+    all_rings = [*rings, *(part.polygon for part in outlines)]
+    kept = repeats(all_rings, join_mm)[len(rings) :]
+    changes.add("repeated_outlines_removed", int(kept.sum()))
+    return filled + [part for part, again in zip(outlines, kept, strict=True) if not again]
+
+
+def _different_fills(
+    filled: list[SolidRegion], join_mm: float, changes: Changes
+) -> list[SolidRegion]:
+    """Return fills without those that repeat another one, holes included."""
+    again = repeats([part.shell for part in filled], join_mm)
+    found: list[SolidRegion] = []
+    for part, alike in zip(filled, again, strict=True):
+        if alike and any(_same(part.polygon, other.polygon, join_mm) for other in found):
+            changes.add("repeated_outlines_removed")
+        else:
+            found.append(part)
+    return found
+
+
+def _same(one: Polygon, other: Polygon, join_mm: float) -> bool:
+    return len(one.interiors) == len(other.interiors) and bool(
+        shapely.hausdorff_distance(one.boundary, other.boundary) <= join_mm
+    )
+
+
+def _inside(
+    shell: Polygon, rest: list[SolidRegion], join_mm: float, changes: Changes
+) -> list[SolidRegion]:
+    """Return the parts that lie in the bounds.
+
+    Raises
+    ------
+    BadInputError
+        If one lies outside or reaches out by more than ``join_mm``.
+    """
+    shapely.prepare(shell)
+    for part in rest:
+        if shell.covers(part.polygon):
+            continue
+        beyond = shapely.difference(part.polygon, shell)
+        corners = shapely.points(shapely.get_coordinates(beyond))
+        if float(np.max(shapely.distance(corners, shell), initial=0.0)) <= join_mm:
+            continue
+        spot = shapely.get_coordinates(shapely.point_on_surface(beyond))[0]
+        raise BadInputError(
+            f"{part.where} at {changes.frame.place(spot)}",
+            f"outside of the largest outline ({_box_text(shell, changes)})",
+            "drawings whose largest outline contains all others; --layer to choose, "
+            "--bounds largest to cut off what is outside, --bounds box to put a rectangle around",
+        )
+    return rest
+
+
+def _cut_off(shell: Polygon, rest: list[SolidRegion], changes: Changes) -> list[SolidRegion]:
+    """Return the parts that lie in the bounds or reach into them."""
+    shapely.prepare(shell)
+    inside = [part for part in rest if shapely.relate_pattern(shell, part.polygon, "T********")]
+    changes.add("outlines_outside_left_out", len(rest) - len(inside))
+    return inside
+
+
+def _box_text(polygon: Polygon, changes: Changes) -> str:
+    x_min, y_min, x_max, y_max = polygon.bounds
+    return f"{changes.frame.place((x_min, y_min))} to {changes.frame.place((x_max, y_max))}"
+
+
+def _holes_of(outer: SolidRegion) -> list[SolidRegion]:
+    rings = outer.polygon.interiors
+    return [SolidRegion(polygon=Polygon(ring), where=outer.where) for ring in rings]
+
+
+def _solid_polygons(parts: list[SolidRegion], changes: Changes) -> list[Polygon]:
+    """Return the solid matter of parts; it may still overlap."""
+    given = [part.polygon for part in parts if part.filled or part.role == "obstacle"]
+    nested = solids([part.polygon for part in parts if not (part.filled or part.role)], changes)
+    return [*given, *nested]
+
+
+def _cut(obstacles: list[Polygon], bounds: Polygon, changes: Changes) -> list[Polygon]:
+    """Return obstacles without what reaches over the bounds."""
+    if not obstacles:
+        return []
+    shapely.prepare(bounds)
+    over = ~shapely.covers(bounds, obstacles)
+    changes.add("obstacles_cut_at_bounds", int(over.sum()))
+    result = [item for item, cut in zip(obstacles, over, strict=True) if not cut]
+    for index in np.flatnonzero(over).tolist():
+        result += polygons_of(shapely.intersection(obstacles[index], bounds))
+    return result

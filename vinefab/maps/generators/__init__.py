@@ -1,0 +1,1 @@
+"""One file per environment: a seed and options in, a map out."""

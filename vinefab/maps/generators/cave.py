@@ -1,0 +1,397 @@
+"""The Cave environment: a series of interconnected closed passages in solid rock.
+
+The paper (section 2.2.1) describes the environment but does not publish its generator; this one
+is vinefab's own.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.rng import child
+from vinefab.core.validation import Floats, number, positive, whole
+from vinefab.maps.generators.starts import (
+    DECIMALS,
+    box,
+    canonical,
+    check_starts,
+    lower_starts,
+    start_zone,
+)
+from vinefab.model.map import Map, Start
+
+_CANDIDATES = 12
+
+
+def spread_points(
+    rng: np.random.Generator, count: int, limits: tuple[float, float], first: Floats
+) -> Floats:
+    """Return points in a square, each the candidate farthest from those before it.
+
+    Mitchell's best-candidate sampling: random, but neither crowded nor regular.
+
+    Parameters
+    ----------
+    rng
+        Draws the candidates.
+    count
+        How many points besides the first.
+    limits
+        Smallest and largest x and y.
+    first
+        The point to begin with.
+
+    Returns
+    -------
+    array
+        Shape (count + 1, 2).
+    """
+    points = [first]
+    for _ in range(count):
+        candidates = rng.uniform(*limits, (_CANDIDATES, 2))
+        off = np.linalg.norm(candidates[:, None] - np.array(points), axis=2).min(axis=1)
+        points.append(candidates[int(np.argmax(off))])
+    return np.array(points)
+
+
+def links(rng: np.random.Generator, points: Floats, extra: float) -> list[tuple[int, int]]:
+    """Return pairs of points to connect: a shortest tree over all, and some short cuts.
+
+    Short cuts come from the Gabriel graph: pairs with no other point in the circle between them.
+
+    Parameters
+    ----------
+    rng
+        Chooses the short cuts.
+    points
+        Shape (n, 2).
+    extra
+        Share of the possible short cuts to take, 0 to 1.
+    """
+    distance = np.linalg.norm(points[:, None] - points, axis=2)
+    tree = _shortest_tree(distance)
+    possible = [pair for pair in _gabriel(distance) if pair not in tree]
+    chosen = rng.random(len(possible)) < extra
+    return sorted(tree) + [pair for pair, take in zip(possible, chosen, strict=True) if take]
+
+
+def _shortest_tree(distance: Floats) -> set[tuple[int, int]]:
+    """Return the minimum spanning tree (Prim): pairs (smaller, larger)."""
+    nearest, gap = np.zeros(len(distance), dtype=np.int64), distance[0].copy()
+    gap[0] = np.inf
+    tree = set()
+    for _ in range(len(distance) - 1):
+        new = int(np.argmin(gap))
+        tree.add((min(new, int(nearest[new])), max(new, int(nearest[new]))))
+        closer = (distance[new] < gap) & np.isfinite(gap)
+        nearest[closer], gap[closer] = new, distance[new][closer]
+        gap[new] = np.inf
+    return tree
+
+
+def _gabriel(distance: Floats) -> list[tuple[int, int]]:
+    square = distance**2
+    one, other = np.triu_indices(len(distance), 1)
+    detour = square[one] + square[other]
+    detour[np.arange(len(one)), one] = detour[np.arange(len(one)), other] = np.inf
+    clear = detour.min(axis=1) >= square[one, other]
+    return list(zip(one[clear].tolist(), other[clear].tolist(), strict=True))
+
+
+_DISC_POINTS = 20
+
+
+def chamber(middle_mm: Floats, radii_mm: Floats) -> Polygon:
+    """Return a closed outline with a radius for each of evenly spaced directions."""
+    angles = np.arange(len(radii_mm)) * 2.0 * math.pi / len(radii_mm)
+    round_mm = radii_mm[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    return Polygon(middle_mm + round_mm)
+
+
+def passage(path_mm: Floats, widths_mm: Floats) -> BaseGeometry:
+    """Return a tube along a path: discs as wide as asked at its points, joined by their hulls.
+
+    Parameters
+    ----------
+    path_mm
+        Shape (n, 2), n at least 2.
+    widths_mm
+        Shape (n,).
+    """
+    angles = np.arange(_DISC_POINTS) * 2.0 * math.pi / _DISC_POINTS
+    disc = np.column_stack([np.cos(angles), np.sin(angles)])
+    # A polygon around the disc, not in it: the passage is nowhere narrower than asked.
+    radii_mm = 0.5 * widths_mm / math.cos(math.pi / _DISC_POINTS)
+    discs = path_mm[:, None] + radii_mm[:, None, None] * disc
+    pairs = np.concatenate([discs[:-1], discs[1:]], axis=1)
+    return shapely.union_all(shapely.convex_hull(shapely.multipoints(pairs)))
+
+
+def carved(
+    parts: Sequence[BaseGeometry], room: Polygon, detail_mm: float, least_rock_mm2: float
+) -> Polygon:
+    """Return the cave that overlapping parts make together.
+
+    Parameters
+    ----------
+    parts
+        Each overlaps the rest within the room, so that all are connected.
+    room
+        Convex; what reaches out of it is not carved.
+    detail_mm
+        Corners of the walls are left out as far as the walls move by at most this.
+    least_rock_mm2
+        Smaller islands of rock are carved away too.
+    """
+    grid_mm = 10.0**-DECIMALS
+    solid = shapely.union_all(np.array(parts), grid_size=grid_mm)
+    pieces = canonical(shapely.intersection(solid, room, grid_size=grid_mm))
+    outer, *holes = shapely.get_rings(max(pieces, key=lambda piece: piece.area))
+    rings = [shapely.get_coordinates(ring)[:-1] for ring in (outer, *holes)]
+    while True:
+        walls, *rocks = [_plainer(ring, detail_mm) for ring in rings]
+        cave = Polygon(walls, [rock for rock in rocks if _area(rock) >= least_rock_mm2])
+        if cave.is_valid:
+            return canonical(cave)[0]
+        # Walls that nearly touch may cross when both move; with less detail lost they do not.
+        detail_mm *= 0.5
+
+
+def _area(ring_mm: Floats) -> float:
+    x, y = ring_mm.T
+    return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
+
+
+def _plainer(ring_mm: Floats, detail_mm: float) -> Floats:
+    """Return a ring with fewer corners, none of those left out farther than this from it.
+
+    Douglas and Peucker's method on the two halves between the first corner and the one farthest
+    from it. Libraries begin elsewhere from one version to the next.
+    """
+    closed = np.concatenate([ring_mm, ring_mm[:1]])
+    middle = int(np.argmax(np.hypot(*(ring_mm - ring_mm[0]).T)))
+    keep = np.zeros(len(closed), dtype=np.bool_)
+    keep[[0, middle]] = True
+    todo = [(0, middle), (middle, len(ring_mm))]
+    while todo:
+        first, last = todo.pop()
+        off = _off_line(closed[first : last + 1])
+        worst = int(np.argmax(off))
+        if off[worst] > detail_mm:
+            keep[first + worst] = True
+            todo += [(first, first + worst), (first + worst, last)]
+    return np.asarray(closed[keep])
+
+
+def _off_line(points_mm: Floats) -> Floats:
+    """Return how far points are from the straight piece between the first and the last."""
+    along = points_mm[-1] - points_mm[0]
+    away = points_mm - points_mm[0]
+    share = np.clip(away @ along / (along @ along), 0.0, 1.0)
+    return np.asarray(np.hypot(*(away - share[:, None] * along).T))
+
+
+_STREAM = 1301
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CaveOptions:
+    """What instances of one Cave environment have in common.
+
+    Parameters
+    ----------
+    size_mm
+        Width and height of the bounds.
+    chambers
+        Number of wider places that the passages connect.
+    chamber_radius_min_mm, chamber_radius_max_mm
+        Range of a chamber's mean radius.
+    passage_width_min_mm, passage_width_max_mm
+        Range of a passage's width; no passage is narrower than the first, to 1 mm in 500.
+    loops
+        Share, 0 to 1, of the possible short cuts that are open besides the passages that connect
+        everything: 0 gives a cave without islands of rock, unless passages happen to meet.
+    wander
+        0: passages are straight; 1: they swing to the side by a quarter of their length.
+    roughness
+        0: smooth walls; 1: radius and width vary by half.
+    margin_mm
+        Rock left between cave and bounds, above 0.
+    start_clearance_mm
+        Least distance from every possible starting position to the rock.
+    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
+        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
+
+    Raises
+    ------
+    BadInputError
+        If a value is out of range or the cave does not fit.
+    """
+
+    size_mm: float = 500.0
+    chambers: int = 12
+    chamber_radius_min_mm: float = 22.0
+    chamber_radius_max_mm: float = 42.0
+    passage_width_min_mm: float = 22.0
+    passage_width_max_mm: float = 38.0
+    loops: float = 0.4
+    wander: float = 0.5
+    roughness: float = 0.5
+    margin_mm: float = 10.0
+    start_clearance_mm: float = 15.0
+    start_spread_x_mm: float = 5.0
+    start_spread_y_mm: float = 0.0
+    start_spread_heading_deg: float = 30.0
+
+    def __post_init__(self) -> None:
+        positive("size_mm", self.size_mm, 1e6)
+        whole("chambers", self.chambers, 1, 200)
+        self._check_range("chamber_radius", self.chamber_radius_min_mm, self.chamber_radius_max_mm)
+        self._check_range("passage_width", self.passage_width_min_mm, self.passage_width_max_mm)
+        for name in ("loops", "wander", "roughness"):
+            number(name, getattr(self, name), 0.0, 1.0)
+        positive("margin_mm", self.margin_mm, self.size_mm)
+        if self.reach_mm >= 0.25 * self.size_mm:
+            raise BadInputError(
+                "size_mm",
+                self.size_mm,
+                f"above {4 * self.reach_mm:g}, for such chambers and margin",
+            )
+        number("passage_width_min_mm", self.passage_width_min_mm, 0.005 * self.size_mm, 1e6, "mm")
+        room_mm = self.size_mm - 2.0 * self.floor_mm
+        check_starts(self, (room_mm, room_mm), 1, 0.5 * self.passage_width_min_mm)
+
+    @property
+    def reach_mm(self) -> float:
+        """How far from the bounds the middle of a chamber stays."""
+        widest_mm = max(self.chamber_radius_max_mm, 0.5 * self.passage_width_max_mm)
+        return self.margin_mm + widest_mm
+
+    @property
+    def passage_mm(self) -> float:
+        """Width of a round body that gets from the start into every chamber."""
+        return self.passage_width_min_mm - 2.0 * self.detail_mm
+
+    @property
+    def floor_mm(self) -> float:
+        """Distance from the bounds within which all is rock, and what the walls may move."""
+        return self.margin_mm + 2.0 * self.detail_mm
+
+    @property
+    def detail_mm(self) -> float:
+        """Size below which walls are not detailed."""
+        return 0.001 * self.size_mm
+
+    def _check_range(self, name: str, low_mm: float, high_mm: float) -> None:
+        positive(f"{name}_min_mm", low_mm, self.size_mm)
+        number(f"{name}_max_mm", high_mm, low_mm, self.size_mm, "mm")
+
+
+def cave_map(seed: int, options: CaveOptions | None = None) -> Map:
+    """Make one instance of a Cave environment.
+
+    Chambers are spread over the bounds and connected by winding passages; everything else is
+    rock: one obstacle with the cave as its hole, and an obstacle for every island of rock that
+    passages run around, unless it is smaller than half a passage's width squared. All of the cave
+    is connected, and every possible starting position has ``start_clearance_mm``, and at least
+    half the least width of a passage, to the rock.
+
+    Parameters
+    ----------
+    seed
+        At least 0; the same seed and options give the same map on any machine, as far as GEOS
+        finds the same crossings of lines to 1e-4 mm.
+    options
+        What to make; the defaults when None.
+
+    Returns
+    -------
+    Map
+        ``environment`` is ``cave``; ``facts`` hold the options.
+
+    Examples
+    --------
+    >>> cave_map(3).free_space.geom_type
+    'Polygon'
+    """
+    options = options or CaveOptions()
+    whole("seed", seed, 0, 2**63 - 1)
+    start = _start(options)
+    cave = _cave(child(seed, _STREAM), options, start)
+    bounds = box(options.size_mm, options.size_mm)
+    rocks = [Polygon(bounds.exterior, [cave.exterior])]
+    rocks += [Polygon(ring) for ring in cave.interiors]
+    return Map(
+        name=f"cave_{seed}",
+        bounds=bounds,
+        obstacles=tuple(canonical(rock)[0] for rock in rocks),
+        starts=(start,),
+        environment="cave",
+        seed=seed,
+        facts=asdict(options),
+    )
+
+
+def _start(options: CaveOptions) -> Start:
+    (start,) = lower_starts(options, options.size_mm, 1, 0.5 * options.passage_width_min_mm)
+    raised = replace(start.pose, y_mm=start.pose.y_mm + options.floor_mm)
+    return replace(start, pose=raised)
+
+
+def _cave(rng: np.random.Generator, options: CaveOptions, start: Start) -> Polygon:
+    low, high = options.reach_mm, options.size_mm - options.reach_mm
+    entry = np.array([start.pose.x_mm, start.pose.y_mm])
+    mouth = np.array([entry[0], np.clip(entry[1] + options.passage_width_max_mm, low, high)])
+    middles = spread_points(rng, options.chambers, (low, high), mouth)
+    entrance = start_zone(start).buffer(options.start_clearance_mm + 2.0 * options.detail_mm)
+    parts = [entrance, passage(_evenly(entry, mouth), _widths(rng, options, 8))]
+    parts += [_chamber(rng, options, middle) for middle in middles]
+    for one, other in links(rng, middles, options.loops):
+        path = _winding(rng, options, middles[one], middles[other])
+        parts.append(passage(path, _widths(rng, options, len(path))))
+    near, far = options.margin_mm, options.size_mm - options.margin_mm
+    room = shapely.box(near, near, far, far)
+    return carved(parts, room, options.detail_mm, (0.5 * options.passage_width_min_mm) ** 2)
+
+
+def _chamber(rng: np.random.Generator, options: CaveOptions, middle_mm: Floats) -> Polygon:
+    radius_mm = rng.uniform(options.chamber_radius_min_mm, options.chamber_radius_max_mm)
+    return chamber(middle_mm, radius_mm * (1.0 + 0.5 * options.roughness * _waves(rng, 48, 1.0)))
+
+
+def _widths(rng: np.random.Generator, options: CaveOptions, count: int) -> Floats:
+    width_mm = rng.uniform(options.passage_width_min_mm, options.passage_width_max_mm)
+    uneven = width_mm * (1.0 + 0.5 * options.roughness * _waves(rng, count, 0.5))
+    return np.asarray(np.maximum(uneven, options.passage_width_min_mm))
+
+
+def _winding(
+    rng: np.random.Generator, options: CaveOptions, first_mm: Floats, last_mm: Floats
+) -> Floats:
+    """Return a path between two places that swings from side to side, shape (n, 2)."""
+    along = last_mm - first_mm
+    count = 4 + int(math.hypot(*along) / (0.5 * options.passage_width_min_mm))
+    share = np.linspace(0.0, 1.0, count)
+    swing = 0.25 * options.wander * np.sin(math.pi * share) * _waves(rng, count, 0.5)
+    side = np.array([-along[1], along[0]])
+    path = first_mm + share[:, None] * along + swing[:, None] * side
+    near, far = options.reach_mm, options.size_mm - options.reach_mm
+    return np.asarray(np.clip(path, near, far))
+
+
+def _evenly(first_mm: Floats, last_mm: Floats) -> Floats:
+    return np.asarray(first_mm + np.linspace(0.0, 1.0, 8)[:, None] * (last_mm - first_mm))
+
+
+def _waves(rng: np.random.Generator, count: int, turns: float) -> Floats:
+    """Return smooth noise within -1 .. 1, periodic when ``turns`` is a whole number."""
+    phase, strength = rng.uniform(0.0, 2.0 * math.pi, 4), rng.uniform(0.2, 1.0, 4)
+    place = np.linspace(0.0, 2.0 * math.pi * turns, count, endpoint=turns % 1.0 != 0.0)
+    waves = strength * np.sin(place[:, None] * np.arange(2, 6) + phase)
+    return np.asarray(waves.sum(axis=1) / strength.sum())

@@ -1,0 +1,489 @@
+"""The Corridors environment: a floor plan of halls, rooms and doors."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.rng import child
+from vinefab.core.validation import number, positive, whole
+from vinefab.maps.generators.starts import DECIMALS, box, canonical, check_starts, lower_starts
+from vinefab.model.map import Map, Start
+
+_PLANS = 50
+"""How often a plan is begun anew when the halls did not fit."""
+
+
+class Region(NamedTuple):
+    """An axis-parallel rectangle of the floor, without the walls around it.
+
+    ``hall`` says that it is one; ``way`` is the axis (0: x, 1: y) along which a hall through it
+    would run, so that halls end on the one before and do not run beside it.
+    """
+
+    x_min_mm: float
+    y_min_mm: float
+    x_max_mm: float
+    y_max_mm: float
+    hall: bool = False
+    way: int = 0
+
+    def span(self, axis: int) -> tuple[float, float]:
+        """Return the smallest and the largest coordinate along an axis."""
+        return self[axis], self[axis + 2]
+
+    def length(self, axis: int) -> float:
+        """Return the size along an axis, in mm."""
+        low, high = self.span(axis)
+        return high - low
+
+    @property
+    def area_mm2(self) -> float:
+        """Width times height."""
+        return self.length(0) * self.length(1)
+
+    def part(self, axis: int, low: float, high: float) -> "Region":
+        """Return the part between two coordinates along an axis."""
+        if axis == 0:
+            return self._replace(x_min_mm=low, x_max_mm=high)
+        return self._replace(y_min_mm=low, y_max_mm=high)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FloorLimits:
+    """What walls have to respect.
+
+    Parameters
+    ----------
+    hall_mm
+        Width of halls.
+    room_min_mm
+        Least width and depth of rooms.
+    room_max_mm
+        Longer rooms are divided where that is possible; at least twice ``room_min_mm`` and a wall.
+    wall_mm
+        Thickness of walls.
+    keep_out
+        No wall may stand in it, if there is one.
+    """
+
+    hall_mm: float
+    room_min_mm: float
+    room_max_mm: float
+    wall_mm: float
+    keep_out: Region | None = None
+
+
+def floor_plan(
+    rng: np.random.Generator, floor: Region, halls: int, limits: FloorLimits
+) -> list[Region]:
+    """Return the halls and rooms of a floor.
+
+    Neighbours are exactly a wall apart; no two overlap. The first hall runs along y from side to
+    side, every other one ends on an earlier one or at a side.
+
+    Raises
+    ------
+    BadInputError
+        If the halls do not fit.
+    """
+    for _ in range(_PLANS):
+        parts = _with_halls(rng, floor._replace(way=1), halls, limits)
+        if parts is not None:
+            return [room for part in parts for room in _rooms(rng, part, limits)]
+    raise BadInputError("halls", halls, "so few that rooms fit beside them")
+
+
+def _with_halls(
+    rng: np.random.Generator, floor: Region, halls: int, limits: FloorLimits
+) -> list[Region] | None:
+    parts = [floor]
+    for _ in range(halls):
+        parts.sort(key=lambda part: (part.hall, -part.area_mm2))
+        for index, part in enumerate(parts):
+            pieces = None if part.hall else _crossed(rng, part, limits)
+            if pieces is not None:
+                parts[index : index + 1] = pieces
+                break
+        else:
+            return None
+    return parts
+
+
+def _crossed(rng: np.random.Generator, part: Region, limits: FloorLimits) -> list[Region] | None:
+    """Return a part divided by a hall into two, and the hall; None where there is no room."""
+    axis, wall_mm = 1 - part.way, limits.wall_mm
+    inner_mm = wall_mm + limits.hall_mm
+    # Two walls may stand where there is no keep-out for either.
+    at = _wall_place(rng, part, axis, (0.0, inner_mm), limits)
+    if at is None:
+        return None
+    low, high = part.span(axis)
+    turned = part._replace(way=axis)
+    second = round(at + inner_mm, DECIMALS)
+    return [
+        turned.part(axis, low, at),
+        part.part(axis, round(at + wall_mm, DECIMALS), second)._replace(hall=True),
+        turned.part(axis, round(second + wall_mm, DECIMALS), high),
+    ]
+
+
+def _rooms(rng: np.random.Generator, part: Region, limits: FloorLimits) -> list[Region]:
+    if part.hall:
+        return [part]
+    for axis in sorted((0, 1), key=part.length, reverse=True):
+        if part.length(axis) <= limits.room_max_mm:
+            continue
+        at = _wall_place(rng, part, axis, (0.0,), limits)
+        if at is not None:
+            low, high = part.span(axis)
+            after = round(at + limits.wall_mm, DECIMALS)
+            halves = (part.part(axis, low, at), part.part(axis, after, high))
+            return [room for half in halves for room in _rooms(rng, half, limits)]
+    return [part]
+
+
+def _wall_place(
+    rng: np.random.Generator,
+    part: Region,
+    axis: int,
+    walls_at_mm: tuple[float, ...],
+    limits: FloorLimits,
+) -> float | None:
+    """Draw where the first of some walls across a part begins; None if nowhere is room.
+
+    Parameters
+    ----------
+    rng
+        Draws the place, evenly over all that are possible.
+    part
+        What the walls divide.
+    axis
+        The axis that they cross.
+    walls_at_mm
+        Where each wall begins, from the first.
+    limits
+        Thickness, keep-out and the least room at both ends.
+    """
+    low, high = part.span(axis)
+    first = low + limits.room_min_mm
+    last = high - limits.room_min_mm - limits.wall_mm - walls_at_mm[-1]
+    pieces = [(first, last)]
+    across = 1 - axis
+    area = limits.keep_out
+    if area is not None and _overlap(part.span(across), area.span(across)) > 0.0:
+        near, far = area.span(axis)
+        for begin in walls_at_mm:
+            pieces = _without(pieces, near - begin - limits.wall_mm, far - begin)
+    pieces = [(start, end) for start, end in pieces if end >= start]
+    lengths = np.array([end - start for start, end in pieces])
+    if not pieces:
+        return None
+    place = rng.random() * lengths.sum()
+    index = min(int(np.searchsorted(np.cumsum(lengths), place)), len(pieces) - 1)
+    return round(pieces[index][0] + float(place - lengths[:index].sum()), DECIMALS)
+
+
+def _without(
+    pieces: list[tuple[float, float]], low: float, high: float
+) -> list[tuple[float, float]]:
+    """Return pieces of a line without what lies strictly between two places."""
+    before = [(start, min(end, low)) for start, end in pieces]
+    after = [(max(start, high), end) for start, end in pieces]
+    return [piece for piece in (*before, *after) if piece[1] >= piece[0]]
+
+
+def _overlap(one: tuple[float, float], other: tuple[float, float]) -> float:
+    return min(one[1], other[1]) - max(one[0], other[0])
+
+
+_SLACK_MM = 1e-3
+"""Coordinates are rounded; a wall that is meant to be long enough is."""
+
+
+@dataclass(frozen=True, slots=True)
+class DoorRules:
+    """How doors are made.
+
+    Parameters
+    ----------
+    wall_mm
+        Thickness of walls, and what a door keeps to the corners of a room.
+    door_mm
+        Width.
+    loops
+        Share, 0 to 1, of the doors that are not needed but open.
+    """
+
+    wall_mm: float
+    door_mm: float
+    loops: float
+
+
+class _Border(NamedTuple):
+    """The wall between two regions: ``axis`` leads through it, ``low .. high`` along it."""
+
+    one: int
+    other: int
+    axis: int
+    low: float
+    high: float
+    halls: int
+
+
+def doorways(rng: np.random.Generator, regions: Sequence[Region], rules: DoorRules) -> list[Region]:
+    """Return the openings in the walls: where halls meet, and doors.
+
+    Halls that meet are open to each other. Doors connect all the rest, to halls where there is
+    one and to other rooms where there is none, and then a share of the other neighbours. Between
+    the two sides of any wall of a floor plan there is room for a door: a room's side is at least
+    twice the length that a door needs, plus a wall, and at most one wall ends in its middle, or
+    a whole hall or room lies against it.
+    """
+    borders = _borders(regions, rules.wall_mm)
+    open_wide = [border for border in borders if border.halls == 2]
+    least_mm = rules.door_mm + 2.0 * rules.wall_mm - _SLACK_MM
+    possible = [b for b in borders if b.halls < 2 and b.high - b.low >= least_mm]
+    possible = [possible[index] for index in rng.permutation(len(possible))]
+    possible.sort(key=lambda border: -border.halls)
+    needed = _spanning(len(regions), open_wide, possible)
+    taken = needed | (rng.random(len(possible)) < rules.loops)
+    doors = [border for border, take in zip(possible, taken, strict=True) if take]
+    return [_opening(regions, border, border.low, border.high) for border in open_wide] + [
+        _door(rng, regions, border, rules) for border in doors
+    ]
+
+
+def _borders(regions: Sequence[Region], wall_mm: float) -> list[_Border]:
+    """Return the borders of all neighbours: regions that face each other a wall apart."""
+    sides = np.array([region[:4] for region in regions])
+    halls = [region.hall for region in regions]
+    borders = []
+    for axis in (0, 1):
+        low, high = sides[:, axis], sides[:, axis + 2]
+        along_low = np.maximum(sides[:, None, 1 - axis], sides[None, :, 1 - axis])
+        along_high = np.minimum(sides[:, None, 3 - axis], sides[None, :, 3 - axis])
+        facing = (np.abs(low[None, :] - high[:, None] - wall_mm) < _SLACK_MM) & (
+            along_high > along_low
+        )
+        for one, other in np.argwhere(facing).tolist():
+            between = float(along_low[one, other]), float(along_high[one, other])
+            borders.append(_Border(one, other, axis, *between, halls[one] + halls[other]))
+    return borders
+
+
+def _spanning(
+    count: int, joined: Sequence[_Border], borders: Sequence[_Border]
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return which borders to open, the earliest that will do, so that all are connected."""
+    group = list(range(count))
+
+    def root(index: int) -> int:
+        while group[index] != index:
+            group[index] = group[group[index]]
+            index = group[index]
+        return index
+
+    for border in joined:
+        group[root(border.one)] = root(border.other)
+    needed = np.zeros(len(borders), dtype=np.bool_)
+    for index, border in enumerate(borders):
+        one, other = root(border.one), root(border.other)
+        needed[index] = one != other
+        group[one] = other
+    return needed
+
+
+def _door(
+    rng: np.random.Generator, regions: Sequence[Region], border: _Border, rules: DoorRules
+) -> Region:
+    low, high = border.low + rules.wall_mm, border.high - rules.wall_mm - rules.door_mm
+    begin = round(low + rng.random() * max(0.0, high - low), DECIMALS)
+    return _opening(regions, border, begin, round(begin + rules.door_mm, DECIMALS))
+
+
+def _opening(regions: Sequence[Region], border: _Border, low: float, high: float) -> Region:
+    through = regions[border.one].span(border.axis)[1], regions[border.other].span(border.axis)[0]
+    if border.axis == 0:
+        return Region(through[0], low, through[1], high)
+    return Region(low, through[0], high, through[1])
+
+
+def walls_between(bounds: Polygon, free: Sequence[Region]) -> tuple[Polygon, ...]:
+    """Return what is left of the bounds without some free regions.
+
+    All coordinates are on the grid of `DECIMALS`, where the result is exact.
+    """
+    boxes = shapely.box(*np.array([region[:4] for region in free]).T)
+    grid_mm = 10.0**-DECIMALS
+    open_floor = shapely.union_all(boxes, grid_size=grid_mm)
+    return canonical(shapely.difference(bounds, open_floor, grid_size=grid_mm))
+
+
+_STREAM = 1601
+_MOST_ROOMS = 2000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CorridorsOptions:
+    """What instances of one Corridors environment have in common.
+
+    Parameters
+    ----------
+    width_mm, height_mm
+        Size of the floor.
+    halls
+        Corridors. The first runs up from the lower side and begins at the start; each further one
+        divides the largest part of the floor that is left. Halls that meet are open to each other.
+    hall_width_mm
+        Width of the halls.
+    room_min_mm
+        Least width and depth of a room.
+    room_max_mm
+        Wider or deeper rooms are divided, unless the start stands where the wall would be.
+    wall_mm
+        Thickness of the walls.
+    door_mm
+        Width of the doors. A door keeps ``wall_mm`` to the corners of the room.
+    loops
+        Share, 0 to 1, of the possible further doors that are open. Without any, every room has
+        just the doors that make all reachable: one to a hall where there is one beside it.
+    start_clearance_mm
+        Least distance from every possible starting position to walls. The start is at the lower
+        end of the first hall; without halls, in the middle of the lower side.
+    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
+        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
+
+    Raises
+    ------
+    BadInputError
+        If a value is out of range, or doors do not fit in the rooms' walls.
+    """
+
+    width_mm: float = 500.0
+    height_mm: float = 500.0
+    halls: int = 3
+    hall_width_mm: float = 44.0
+    room_min_mm: float = 84.0
+    room_max_mm: float = 180.0
+    wall_mm: float = 6.0
+    door_mm: float = 26.0
+    loops: float = 0.15
+    start_clearance_mm: float = 15.0
+    start_spread_x_mm: float = 5.0
+    start_spread_y_mm: float = 0.0
+    start_spread_heading_deg: float = 30.0
+
+    def __post_init__(self) -> None:
+        positive("width_mm", self.width_mm, 1e6)
+        positive("height_mm", self.height_mm, 1e6)
+        whole("halls", self.halls, 0, 100)
+        positive("wall_mm", self.wall_mm, self.width_mm)
+        positive("door_mm", self.door_mm, self.width_mm)
+        number("loops", self.loops, 0.0, 1.0)
+        number("hall_width_mm", self.hall_width_mm, self.door_wall_mm, self.width_mm, "mm")
+        # So that half of any room's wall has room for a door: see `doorways`.
+        least_mm = 2.0 * self.door_wall_mm + self.wall_mm
+        shorter_mm = min(self.width_mm, self.height_mm)
+        number("room_min_mm", self.room_min_mm, least_mm, shorter_mm, "mm")
+        least_mm = 2.0 * self.room_min_mm + self.wall_mm
+        number("room_max_mm", self.room_max_mm, least_mm, 2e6, "mm")
+        if self.width_mm * self.height_mm > _MOST_ROOMS * self.room_min_mm**2:
+            least_mm = (self.width_mm * self.height_mm / _MOST_ROOMS) ** 0.5
+            raise BadInputError("room_min_mm", self.room_min_mm, f"at least {least_mm:.4g} mm")
+        # Walls may go where the start is not, but a hall has to be wide enough for it.
+        wide_mm = self.hall_width_mm if self.halls > 0 else self.width_mm
+        check_starts(self, (wide_mm, self.height_mm), 1, 0.5 * self.door_mm)
+
+    @property
+    def passage_mm(self) -> float:
+        """Width of a round body that gets into every room: that of the doors, to 1e-4 mm."""
+        return self.door_mm
+
+    @property
+    def door_wall_mm(self) -> float:
+        """Length of wall that a door needs, with what it keeps to the corners."""
+        return self.door_mm + 2.0 * self.wall_mm
+
+
+def corridors_map(seed: int, options: CorridorsOptions | None = None) -> Map:
+    """Make one instance of a Corridors environment.
+
+    The floor is divided into halls and rooms by straight walls; doors make all of them
+    reachable. No way between two rooms is narrower than a door. Every possible starting position
+    has ``start_clearance_mm``, and at least half a door's width, to all walls.
+
+    Parameters
+    ----------
+    seed
+        At least 0; the same seed and options give the same map on any machine.
+    options
+        What to make; the defaults when None.
+
+    Returns
+    -------
+    Map
+        ``environment`` is ``corridors``; ``facts`` hold the options and the number of rooms.
+
+    Raises
+    ------
+    BadInputError
+        If the halls do not fit.
+
+    Examples
+    --------
+    >>> corridors_map(1).free_space.geom_type
+    'Polygon'
+    """
+    options = options or CorridorsOptions()
+    whole("seed", seed, 0, 2**63 - 1)
+    rng = child(seed, _STREAM)
+    regions = _regions(rng, options)
+    doors = doorways(rng, regions, DoorRules(options.wall_mm, options.door_mm, options.loops))
+    bounds = box(options.width_mm, options.height_mm)
+    return Map(
+        name=f"corridors_{seed}",
+        bounds=bounds,
+        obstacles=walls_between(bounds, [*regions, *doors]),
+        starts=(_start(_entrance(regions, options), options),),
+        environment="corridors",
+        seed=seed,
+        facts={**asdict(options), "rooms": sum(not region.hall for region in regions)},
+    )
+
+
+def _regions(rng: np.random.Generator, options: CorridorsOptions) -> list[Region]:
+    floor = Region(0.0, 0.0, options.width_mm, options.height_mm)
+    limits = FloorLimits(
+        hall_mm=options.hall_width_mm,
+        room_min_mm=options.room_min_mm,
+        room_max_mm=options.room_max_mm,
+        wall_mm=options.wall_mm,
+        keep_out=None if options.halls > 0 else _around(_start(floor, options), options),
+    )
+    return floor_plan(rng, floor, options.halls, limits)
+
+
+def _entrance(regions: Sequence[Region], options: CorridorsOptions) -> Region:
+    """Return the region at whose lower end robots start: the first hall, or the whole floor."""
+    if options.halls == 0:
+        return Region(0.0, 0.0, options.width_mm, options.height_mm)
+    # No other hall reaches from side to side along y; a room may.
+    return next(r for r in regions if r.hall and r.length(1) == options.height_mm)
+
+
+def _start(region: Region, options: CorridorsOptions) -> Start:
+    (start,) = lower_starts(options, region.length(0), 1, 0.5 * options.door_mm)
+    x_mm = round(start.pose.x_mm + region.x_min_mm, DECIMALS)
+    return replace(start, pose=replace(start.pose, x_mm=x_mm))
+
+
+def _around(start: Start, options: CorridorsOptions) -> Region:
+    clear_mm = max(options.start_clearance_mm, 0.5 * options.door_mm)
+    half_x_mm, half_y_mm = start.spread_x_mm + clear_mm, start.spread_y_mm + clear_mm
+    x_mm, y_mm = start.pose.x_mm, start.pose.y_mm
+    return Region(x_mm - half_x_mm, y_mm - half_y_mm, x_mm + half_x_mm, y_mm + half_y_mm)

@@ -1,0 +1,68 @@
+"""The environments that maps can be generated from.
+
+To add one: a file with a frozen options class and ``make(seed, options)``, a line here, a test.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from vinefab.core.registry import Registry
+from vinefab.maps.generators.cave import CaveOptions, cave_map
+from vinefab.maps.generators.corridors import CorridorsOptions, corridors_map
+from vinefab.maps.generators.grid import GridOptions, grid_map
+from vinefab.maps.generators.pegs import PegsOptions, pegs_map
+from vinefab.maps.generators.rubble import RubbleOptions, rubble_map
+from vinefab.model.map import Map
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Environment:
+    """A generator of maps that look related.
+
+    Parameters
+    ----------
+    description
+        One line for lists and help texts.
+    options
+        The options class: callable without arguments, every field documented.
+    make
+        ``make(seed, options)`` returns a Map; the same arguments give the same map.
+    """
+
+    description: str
+    options: type[Any]
+    make: Callable[[int, Any], Map]
+
+
+ENVIRONMENTS: Registry[Environment] = Registry(
+    "environment",
+    {
+        "grid": Environment(
+            description="many convex polygons, one per cell of a grid",
+            options=GridOptions,
+            make=grid_map,
+        ),
+        "cave": Environment(
+            description="interconnected closed passages and chambers in solid rock",
+            options=CaveOptions,
+            make=cave_map,
+        ),
+        "corridors": Environment(
+            description="a floor plan of halls, rooms and doors",
+            options=CorridorsOptions,
+            make=corridors_map,
+        ),
+        "pegs": Environment(
+            description="a peg board: round pegs in some holes of a lattice",
+            options=PegsOptions,
+            make=pegs_map,
+        ),
+        "rubble": Environment(
+            description="a collapsed building: broken slabs of many sizes that lie one way",
+            options=RubbleOptions,
+            make=rubble_map,
+        ),
+    },
+    group="vinefab.environments",
+)

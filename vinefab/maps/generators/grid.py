@@ -1,0 +1,257 @@
+"""The Grid environment: a high number of convex polygons, one per cell of a regular grid.
+
+The paper (section 2.2.1) describes the environment but does not publish its generator; this one
+is vinefab's own.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from itertools import islice
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.rng import child
+from vinefab.core.validation import Floats, Ints, number, positive, whole
+from vinefab.maps.generators.starts import all_zones, box, check_starts, lower_starts, rounded
+from vinefab.model.map import Map
+
+_STREAM = 1101
+_DRAWS_PER_CELL = 60
+_LEAST_RADIUS_MM = 0.01
+"""Per corner: below, decimals would merge corners."""
+_DEEPEST = 0.8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GridOptions:
+    """What instances of one Grid environment have in common.
+
+    Parameters
+    ----------
+    size_mm
+        Width of the bounds. Cells are square, so the height is ``size_mm * rows / columns``.
+    columns, rows
+        Cells; each holds one obstacle.
+    filled
+        Share, 0 to 1, of the cells that hold an obstacle; each cell is drawn by itself.
+    corners_min, corners_max
+        Range of an obstacle's number of corners, both ends possible.
+    radius_min, radius_max
+        Range of an obstacle's circumscribed radius, as a share of the cell's width.
+    irregularity
+        0: corners evenly spaced around the circle; 1: any two may nearly meet.
+    concavity
+        0: obstacles are convex; above, up to 1: corners of those with four or more are drawn
+        towards the middle, each by a random share up to 0.8 of this.
+    jitter
+        Share, 0 to 1, of the room left in its cell that an obstacle may be off the middle.
+    gap_mm
+        Least distance between two obstacles; half of it is kept to the bounds.
+    starts
+        Starting places, evenly spread along the lower side; one stands in its middle.
+    start_clearance_mm
+        Least distance from every possible starting position to obstacles and bounds.
+    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
+        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
+
+    Raises
+    ------
+    BadInputError
+        If a value is out of range, the obstacles do not fit in their cells with the gap, or the
+        starting places do not fit between the sides.
+    """
+
+    size_mm: float = 500.0
+    columns: int = 6
+    rows: int = 6
+    filled: float = 1.0
+    corners_min: int = 4
+    corners_max: int = 7
+    radius_min: float = 0.28
+    radius_max: float = 0.38
+    irregularity: float = 0.5
+    concavity: float = 0.0
+    jitter: float = 0.8
+    gap_mm: float = 8.0
+    starts: int = 1
+    start_clearance_mm: float = 15.0
+    start_spread_x_mm: float = 10.0
+    start_spread_y_mm: float = 0.0
+    start_spread_heading_deg: float = 30.0
+
+    def __post_init__(self) -> None:
+        self._check_obstacles()
+        whole("starts", self.starts, 1, 1000)
+        check_starts(self, (self.size_mm, self.height_mm), self.starts)
+
+    @property
+    def cell_mm(self) -> float:
+        """Width and height of one cell."""
+        return self.size_mm / self.columns
+
+    @property
+    def height_mm(self) -> float:
+        """Height of the bounds."""
+        return self.cell_mm * self.rows
+
+    @property
+    def passage_mm(self) -> float:
+        """Width of a round body that gets everywhere it fits: half the gap, for the sides' sake."""
+        return 0.5 * self.gap_mm
+
+    def _check_obstacles(self) -> None:
+        positive("size_mm", self.size_mm, 1e6)
+        whole("columns", self.columns, 1, 1000)
+        whole("rows", self.rows, 1, 1000)
+        whole("corners_min", self.corners_min, 3, 100)
+        whole("corners_max", self.corners_max, self.corners_min, 100)
+        number("radius_min", self.radius_min, 0.01, 0.5)
+        number("radius_max", self.radius_max, self.radius_min, 0.5)
+        number("filled", self.filled, 0.0, 1.0)
+        number("concavity", self.concavity, 0.0, 1.0)
+        number("irregularity", self.irregularity, 0.0, 1.0)
+        number("jitter", self.jitter, 0.0, 1.0)
+        if self.cell_mm * self.radius_min < _LEAST_RADIUS_MM * self.corners_max:
+            least_mm = _LEAST_RADIUS_MM * self.corners_max * self.columns / self.radius_min
+            raise BadInputError(
+                "size_mm", self.size_mm, f"at least {least_mm:.4g} for such corners"
+            )
+        most_mm = self.cell_mm * (1.0 - 2.0 * self.radius_max)
+        number("gap_mm", self.gap_mm, 0.0, most_mm, f"mm (radius_max leaves {most_mm:.4g})")
+
+
+def grid_map(seed: int, options: GridOptions | None = None) -> Map:
+    """Make one instance of a Grid environment.
+
+    Obstacles are valid polygons, convex unless ``concavity`` is set, at least ``gap_mm`` apart, so
+    the free space is connected; every possible starting position has ``start_clearance_mm`` to
+    all walls. An obstacle that would stand too close to a start is drawn again, and left out if
+    that does not help (``facts["left_out"]`` counts these).
+
+    Parameters
+    ----------
+    seed
+        At least 0; the same seed and options give the same map on any machine.
+    options
+        What to make; the defaults when None.
+
+    Returns
+    -------
+    Map
+        ``environment`` is ``grid``; ``facts`` hold the options.
+
+    Examples
+    --------
+    >>> world = grid_map(7)
+    >>> len(world.obstacles), world.size_mm
+    (36, (500.0, 500.0))
+    """
+    options = options or GridOptions()
+    whole("seed", seed, 0, 2**63 - 1)
+    starts = lower_starts(options, options.size_mm, options.starts)
+    cells = _filled_cells(seed, options)
+    obstacles = _obstacles(seed, cells, options, all_zones(starts))
+    return Map(
+        name=f"grid_{seed}",
+        bounds=box(options.size_mm, options.height_mm),
+        obstacles=obstacles,
+        starts=starts,
+        environment="grid",
+        seed=seed,
+        facts={**asdict(options), "left_out": len(cells) - len(obstacles)},
+    )
+
+
+Cell = tuple[int, int]
+"""Column and row."""
+
+
+def _filled_cells(seed: int, options: GridOptions) -> list[Cell]:
+    cells = [(column, row) for row in range(options.rows) for column in range(options.columns)]
+    if options.filled == 1.0:
+        return cells
+    draws = (child(seed, _STREAM, row, column, 2).random() for column, row in cells)
+    return [cell for cell, draw in zip(cells, draws, strict=True) if draw < options.filled]
+
+
+def _obstacles(
+    seed: int, cells: Sequence[Cell], options: GridOptions, keep_out: BaseGeometry
+) -> tuple[Polygon, ...]:
+    """Return an obstacle per cell, but for those that the starts leave no room for."""
+    drawn = _polygons([next(_draws(seed, cell, options)) for cell in cells], cells, options)
+    too_near = shapely.distance(drawn, keep_out) < options.start_clearance_mm
+    for index in np.flatnonzero(too_near).tolist():
+        drawn[index] = _redrawn(seed, cells[index], options, keep_out)
+    return tuple(polygon for polygon in drawn.tolist() if polygon is not None)
+
+
+def _redrawn(seed: int, cell: Cell, options: GridOptions, keep_out: BaseGeometry) -> Polygon | None:
+    for numbers in islice(_draws(seed, cell, options), 1, _DRAWS_PER_CELL):
+        polygon: Polygon = _polygons([numbers], [cell], options)[0]
+        if shapely.distance(polygon, keep_out) >= options.start_clearance_mm:
+            return polygon
+    return None
+
+
+def _draws(seed: int, cell: Cell, options: GridOptions) -> Iterator[Floats]:
+    """Yield the random numbers, 0 to 1, of one obstacle after another for the same cell.
+
+    They are a radius, a wander for each corner, a turn, the two ways off the middle, and for
+    concave obstacles a pull for each corner.
+    """
+    rng = child(seed, _STREAM, cell[1], cell[0])
+    pulls = child(seed, _STREAM, cell[1], cell[0], 1) if options.concavity > 0.0 else None
+    while True:
+        count = int(rng.integers(options.corners_min, options.corners_max + 1))
+        numbers = rng.random(count + 4)
+        yield numbers if pulls is None else np.concatenate([numbers, pulls.random(count)])
+
+
+def _polygons(
+    draws: Sequence[Floats], cells: Sequence[Cell], options: GridOptions
+) -> NDArray[np.object_]:
+    """Return a polygon for each cell, made from its random numbers."""
+    polygons = np.empty(len(draws), dtype=object)
+    lengths, places = np.array([len(numbers) for numbers in draws], dtype=int), np.array(cells)
+    for length in np.unique(lengths):
+        same = np.flatnonzero(lengths == length)
+        numbers = np.array([draws[index] for index in same.tolist()])
+        polygons[same] = shapely.polygons(_corners(numbers, places[same], options))
+    return polygons
+
+
+def _corners(numbers: Floats, cells: Ints, options: GridOptions) -> Floats:
+    """Return corners on a circle, shape (n, corners, 2): strictly convex for any angles.
+
+    Parameters
+    ----------
+    numbers
+        What `_draws` yields, for n cells.
+    cells
+        Shape (n, 2).
+    options
+        What the numbers are scaled with.
+    """
+    rows, length = numbers.shape
+    count = (length - 4) // (1 if options.concavity == 0.0 else 2)
+    span = options.radius_max - options.radius_min
+    radius_mm = options.cell_mm * (options.radius_min + span * numbers[:, 0])
+    # 0.9: below 1, so that neighbouring corners never meet.
+    wander = 0.9 * options.irregularity * (numbers[:, 1 : count + 1] - 0.5)
+    turn = numbers[:, count + 1, None]
+    angles_rad = 2.0 * math.pi * (turn + (np.arange(count) + wander) / count)
+    room_mm = np.maximum(0.0, 0.5 * (options.cell_mm - options.gap_mm) - radius_mm)
+    way = 2.0 * numbers[:, count + 2 : count + 4] - 1.0
+    middle_mm = (cells + 0.5) * options.cell_mm + options.jitter * room_mm[:, None] * way
+    far_mm = np.repeat(radius_mm[:, None], count, axis=1)
+    # With four corners none is more than half a turn from the next, so any pull is possible.
+    if count > 3 and length > count + 4:
+        far_mm *= 1.0 - _DEEPEST * options.concavity * numbers[:, count + 4 :]
+    round_mm = far_mm[:, :, None] * np.stack([np.cos(angles_rad), np.sin(angles_rad)], axis=2)
+    return rounded(middle_mm[:, None] + round_mm).reshape(rows, count, 2)

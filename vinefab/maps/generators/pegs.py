@@ -1,0 +1,186 @@
+"""The Pegs environment: a peg board for the bench, round pegs in some holes of a lattice."""
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.rng import child
+from vinefab.core.validation import Floats, number, positive, whole
+from vinefab.maps.generators.starts import all_zones, box, check_starts, lower_starts, rounded
+from vinefab.model.map import Map, Start
+
+_STREAM = 1501
+_LATTICES = ("square", "hexagonal")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PegsOptions:
+    """What instances of one Pegs environment have in common: the board and how it is filled.
+
+    Parameters
+    ----------
+    lattice
+        ``square``, or ``hexagonal``: every second row has one hole less and stands half a pitch
+        to the side.
+    columns, rows
+        Holes in the lowest row, and rows.
+    pitch_mm
+        Distance between neighbouring holes.
+    edge_mm
+        Distance from the outer holes to the sides of the board.
+    diameter_mm
+        A peg's diameter; a peg is a regular polygon with its corners on this circle.
+    sides
+        A peg's number of sides.
+    filled
+        Share, 0 to 1, of the holes that hold a peg, of those that the starts leave free.
+    jitter_mm
+        Pegs stand off their holes by at most this, in any direction.
+    starts
+        Starting places, evenly spread along the lower side; one stands in its middle.
+    start_clearance_mm
+        Least distance from every possible starting position to pegs and sides; holes where a peg
+        would stand nearer stay empty.
+    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
+        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
+
+    Raises
+    ------
+    BadInputError
+        If a value is out of range, pegs would touch each other or the sides, or the starting
+        places do not fit.
+    """
+
+    lattice: str = "square"
+    columns: int = 12
+    rows: int = 12
+    pitch_mm: float = 40.0
+    edge_mm: float = 30.0
+    diameter_mm: float = 14.0
+    sides: int = 16
+    filled: float = 0.45
+    jitter_mm: float = 0.0
+    starts: int = 1
+    start_clearance_mm: float = 15.0
+    start_spread_x_mm: float = 10.0
+    start_spread_y_mm: float = 0.0
+    start_spread_heading_deg: float = 30.0
+
+    def __post_init__(self) -> None:
+        if self.lattice not in _LATTICES:
+            raise BadInputError("lattice", self.lattice, " or ".join(_LATTICES))
+        whole("columns", self.columns, 1, 1000)
+        whole("rows", self.rows, 1, 1000)
+        positive("pitch_mm", self.pitch_mm, 1e4)
+        positive("diameter_mm", self.diameter_mm, self.pitch_mm)
+        whole("sides", self.sides, 3, 100)
+        if self.diameter_mm < 0.02 * self.sides:
+            raise BadInputError("diameter_mm", self.diameter_mm, f"at least {0.02 * self.sides:g}")
+        number("filled", self.filled, 0.0, 1.0)
+        self._check_room()
+        whole("starts", self.starts, 1, 1000)
+        check_starts(self, self.size_mm, self.starts)
+
+    @property
+    def size_mm(self) -> tuple[float, float]:
+        """Width and height of the board."""
+        width_mm = (self.columns - 1) * self.pitch_mm + 2.0 * self.edge_mm
+        return width_mm, (self.rows - 1) * self.row_pitch_mm + 2.0 * self.edge_mm
+
+    @property
+    def row_pitch_mm(self) -> float:
+        """Distance between rows."""
+        return self.pitch_mm * (1.0 if self.lattice == "square" else math.sqrt(0.75))
+
+    @property
+    def passage_mm(self) -> float:
+        """Least distance between two pegs, and between a peg and a side, to 1e-4 mm."""
+        reach_mm = 0.5 * self.diameter_mm + self.jitter_mm
+        return min(self.pitch_mm - 2.0 * reach_mm, self.edge_mm - reach_mm)
+
+    def _check_room(self) -> None:
+        most_mm = 0.5 * (self.pitch_mm - self.diameter_mm)
+        number("jitter_mm", self.jitter_mm, 0.0, most_mm, f"mm (the pitch leaves {most_mm:.4g})")
+        least_mm = 0.5 * self.diameter_mm + self.jitter_mm
+        number("edge_mm", self.edge_mm, least_mm, 1e4, "mm")
+        if self.passage_mm <= 0.01:
+            raise BadInputError(
+                "diameter_mm", self.diameter_mm, "so little that pegs touch neither pegs nor sides"
+            )
+
+
+def pegs_map(seed: int, options: PegsOptions | None = None) -> Map:
+    """Make one instance of a Pegs environment.
+
+    Pegs keep `PegsOptions.passage_mm` to each other and to the sides, so the free space is
+    connected; every possible starting position has ``start_clearance_mm`` to all walls.
+
+    Parameters
+    ----------
+    seed
+        At least 0; the same seed and options give the same map on any machine.
+    options
+        What to make; the defaults when None.
+
+    Returns
+    -------
+    Map
+        ``environment`` is ``pegs``; ``facts`` hold the options.
+
+    Examples
+    --------
+    >>> pegs_map(0).size_mm
+    (500.0, 500.0)
+    """
+    options = options or PegsOptions()
+    whole("seed", seed, 0, 2**63 - 1)
+    starts = lower_starts(options, options.size_mm[0], options.starts)
+    return Map(
+        name=f"pegs_{seed}",
+        bounds=box(*options.size_mm),
+        obstacles=_pegs(child(seed, _STREAM), options, starts),
+        starts=starts,
+        environment="pegs",
+        seed=seed,
+        facts=asdict(options),
+    )
+
+
+def _pegs(
+    rng: np.random.Generator, options: PegsOptions, starts: tuple[Start, ...]
+) -> tuple[Polygon, ...]:
+    holes_mm = _holes(options)
+    # Drawn for every hole, used or not: a peg does not move when another is added.
+    order, far, way = rng.random((3, len(holes_mm)))
+    angle_rad = 2.0 * math.pi * way
+    off_mm = (options.jitter_mm * np.sqrt(far))[:, None] * _directions(angle_rad)
+    middles_mm = holes_mm + off_mm
+    near_mm = options.start_clearance_mm + 0.5 * options.diameter_mm
+    away_mm = shapely.distance(shapely.points(middles_mm), all_zones(starts))
+    possible = np.flatnonzero(away_mm >= near_mm)
+    count = round(options.filled * len(possible))
+    chosen = np.sort(possible[np.argsort(order[possible], kind="stable")[:count]])
+    # Half a step on, so that flat sides face along the axes.
+    angles_rad = 2.0 * math.pi * (np.arange(options.sides) + 0.5) / options.sides
+    peg_mm = 0.5 * options.diameter_mm * _directions(angles_rad)
+    corners_mm = rounded(middles_mm[chosen, None] + peg_mm)
+    return tuple(Polygon(corners) for corners in corners_mm)
+
+
+def _directions(angles_rad: Floats) -> Floats:
+    return np.column_stack([np.cos(angles_rad), np.sin(angles_rad)])
+
+
+def _holes(options: PegsOptions) -> Floats:
+    """Return the middles of all holes, shape (n, 2), row by row from below."""
+    shifted = options.lattice == "hexagonal"
+    rows = []
+    for row in range(options.rows):
+        odd = shifted and row % 2 == 1
+        x_mm = (np.arange(options.columns - odd) + 0.5 * odd) * options.pitch_mm
+        rows.append(np.column_stack([x_mm, np.full(len(x_mm), row * options.row_pitch_mm)]))
+    return options.edge_mm + np.concatenate(rows)

@@ -1,0 +1,484 @@
+"""The Rubble environment: a collapsed building, broken slabs of many sizes that lie one way."""
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.rng import child
+from vinefab.core.validation import Floats, number, positive, whole
+from vinefab.maps.generators.starts import (
+    DECIMALS,
+    all_zones,
+    box,
+    canonical,
+    check_starts,
+    lower_starts,
+)
+from vinefab.model.map import Map, Start
+
+_TAPER = 0.2
+_DEEPEST = 0.35
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlabKind:
+    """How slabs look.
+
+    Parameters
+    ----------
+    thickness
+        Smallest and largest thickness, as a share of the length; at most 0.8.
+    direction_rad, direction_spread_rad
+        Slabs lie along the first, counter-clockwise from +x, give or take up to the second.
+    raggedness
+        0: straight ends; 1: ends broken off at a slant, by a third of the thickness.
+    """
+
+    thickness: tuple[float, float]
+    direction_rad: float
+    direction_spread_rad: float
+    raggedness: float
+
+
+def power_law(rng: np.random.Generator, limits: tuple[float, float], exponent: float) -> float:
+    """Draw a length whose density falls with a power of it, between limits.
+
+    Parameters
+    ----------
+    rng
+        Draws one number.
+    limits
+        Smallest and largest, above 0.
+    exponent
+        The density is proportional to ``length ** -exponent``.
+    """
+    low, high = limits
+    share = rng.random()
+    power = 1.0 - exponent
+    if abs(power) < 1e-9:
+        return float(low * (high / low) ** share)
+    return float((low**power + share * (high**power - low**power)) ** (1.0 / power))
+
+
+def slab(rng: np.random.Generator, length_mm: float, kind: SlabKind) -> Floats:
+    """Return the corners of a slab around the origin: strictly convex, counter-clockwise.
+
+    It is a tapered bar with a broken end at both sides: six corners, four if not ragged.
+    """
+    low, high = kind.thickness
+    thick_mm = length_mm * (low + (high - low) * rng.random())
+    ends = [_end(rng, thick_mm, kind.raggedness) for _ in range(2)]
+    right = np.array([0.5 * length_mm, 0.0]) + ends[0]
+    left = -(np.array([0.5 * length_mm, 0.0]) + ends[1])
+    turn = kind.direction_rad + kind.direction_spread_rad * (2.0 * rng.random() - 1.0)
+    cosine, sine = math.cos(turn), math.sin(turn)
+    turned = np.array([[cosine, sine], [-sine, cosine]])
+    return np.asarray(np.concatenate([right, left]) @ turned)
+
+
+def _end(rng: np.random.Generator, thick_mm: float, raggedness: float) -> Floats:
+    """Return the corners of a right end, from below, relative to the middle of a straight one."""
+    half_mm = 0.5 * thick_mm * (1.0 - _TAPER * rng.random())
+    back_low, back_high, tip = rng.random(3)
+    if raggedness == 0.0:
+        return np.array([(0.0, -half_mm), (0.0, half_mm)])
+    # At least a little, so that the tip stands out and the corner there is one.
+    deep_mm = _DEEPEST * raggedness * thick_mm * (0.1 + 0.9 * np.array([back_low, back_high]))
+    return np.array([(-deep_mm[0], -half_mm), (0.0, half_mm * (tip - 0.5)), (-deep_mm[1], half_mm)])
+
+
+def way_to_contact(mover: Floats, host: Floats, way: Floats) -> float:
+    """Return how far a convex polygon can move until it touches another; infinity if it misses.
+
+    Parameters
+    ----------
+    mover, host
+        Corners, shape (n, 2); apart from each other.
+    way
+        Unit vector of the motion.
+    """
+    ahead = _first_hit(mover, host, way)
+    return min(ahead, _first_hit(host, mover, -way))
+
+
+def _first_hit(points: Floats, corners: Floats, way: Floats) -> float:
+    """Return the shortest way from any of the points to any of the edges."""
+    edges = np.roll(corners, -1, axis=0) - corners
+    from_points = corners - points[:, None]
+    slope = way[0] * edges[:, 1] - way[1] * edges[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        far = (from_points[..., 0] * edges[:, 1] - from_points[..., 1] * edges[:, 0]) / slope
+        place = (from_points[..., 0] * way[1] - from_points[..., 1] * way[0]) / slope
+    hit = (slope != 0.0) & (far >= 0.0) & (place >= 0.0) & (place <= 1.0)
+    return float(np.where(hit, far, np.inf).min())
+
+
+_TRIES = 150
+_SIDES = 4
+_DEEPEST_IN_SIDE = 0.4
+_BITE = 0.15
+"""How far a leaning slab goes into its host, as a share of the root of its area."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PileRules:
+    """Where slabs may lie.
+
+    Parameters
+    ----------
+    size_mm
+        Width and height of the bounds, from the origin.
+    passage_mm
+        Least distance between slabs that do not lean on each other, and to the sides.
+    keep_out
+        What slabs keep ``keep_out_mm`` from.
+    keep_out_mm
+        That distance.
+    """
+
+    size_mm: float
+    passage_mm: float
+    keep_out: BaseGeometry
+    keep_out_mm: float
+
+
+class Pile:
+    """Slabs that lie already, and room for more.
+
+    Parameters
+    ----------
+    rules
+        Where slabs may lie.
+    """
+
+    def __init__(self, rules: PileRules) -> None:
+        self.rules = rules
+        self._count = 0
+        self._corners_mm: list[Floats] = []
+        self._polygons: NDArray[np.object_] = np.empty(64, dtype=object)
+        self._middles_mm = np.zeros((64, 2))
+        self._radii_mm = np.zeros(64)
+
+    @property
+    def polygons(self) -> NDArray[np.object_]:
+        """The slabs, in the order they were put down; some overlap, some reach over the bounds."""
+        return self._polygons[: self._count]
+
+    def add(self, rng: np.random.Generator, slab_mm: Floats, *, leaning: bool) -> bool:
+        """Put down a slab where there is room, and return whether a place was found.
+
+        Parameters
+        ----------
+        rng
+            Draws the places to try.
+        slab_mm
+            Corners around the origin.
+        leaning
+            Whether it leans on a slab or a side, where such a place is found.
+        """
+        for lean in (True, False) if leaning else (False,):
+            for _ in range(_TRIES):
+                host, off_mm = self._place(rng, slab_mm, lean=lean)
+                if off_mm is not None and self._put(slab_mm + off_mm, host):
+                    return True
+        return False
+
+    def _place(
+        self, rng: np.random.Generator, slab_mm: Floats, *, lean: bool
+    ) -> tuple[int, Floats | None]:
+        """Draw a host and an offset; hosts -4 .. -1 are the sides, -5 is none."""
+        if not lean:
+            return -_SIDES - 1, self._amid(rng, slab_mm)
+        host = int(rng.integers(-_SIDES, self._count))
+        if host < 0:
+            return host, self._at_side(rng, slab_mm, host + _SIDES)
+        return host, self._on_slab(rng, slab_mm, host)
+
+    def _amid(self, rng: np.random.Generator, slab_mm: Floats) -> Floats:
+        low = self.rules.passage_mm - slab_mm.min(axis=0)
+        high = self.rules.size_mm - self.rules.passage_mm - slab_mm.max(axis=0)
+        return np.asarray(low + rng.random(2) * (high - low))
+
+    def _at_side(self, rng: np.random.Generator, slab_mm: Floats, side: int) -> Floats:
+        """Return an offset that pushes a slab through a side: 0 and 2 left and right."""
+        off_mm = self._amid(rng, slab_mm)
+        axis = side % 2
+        low, high = float(slab_mm[:, axis].min()), float(slab_mm[:, axis].max())
+        deep_mm = (high - low) * (0.05 + (_DEEPEST_IN_SIDE - 0.05) * rng.random())
+        off_mm[axis] = -low - deep_mm if side < 2 else self.rules.size_mm - high + deep_mm
+        return off_mm
+
+    def _on_slab(self, rng: np.random.Generator, slab_mm: Floats, host: int) -> Floats | None:
+        """Return an offset that slides a slab against another until it just bites into it."""
+        turn = 2.0 * math.pi * rng.random()
+        way = np.array([math.cos(turn), math.sin(turn)])
+        aside = self._radii_mm[host] * (2.0 * rng.random() - 1.0) * np.array([-way[1], way[0]])
+        far_mm = self._radii_mm[host] + _radius(slab_mm) + 1.0
+        begin_mm = self._middles_mm[host] + aside - far_mm * way
+        contact_mm = way_to_contact(slab_mm + begin_mm, self._corners_mm[host], way)
+        if not math.isfinite(contact_mm):
+            return None
+        bite_mm = _BITE * math.sqrt(Polygon(slab_mm).area)
+        return np.asarray(begin_mm + (contact_mm + bite_mm) * way)
+
+    def _put(self, slab_mm: Floats, host: int) -> bool:
+        """Put a slab down if it touches nothing but its host; return whether it did."""
+        polygon = Polygon(slab_mm)
+        if not (self._clear_of_sides(slab_mm, host) and self._clear_of_slabs(polygon, host)):
+            return False
+        if shapely.distance(polygon, self.rules.keep_out) < self.rules.keep_out_mm:
+            return False
+        if host >= 0 and not self._bites(polygon, host):
+            return False
+        if self._count == len(self._polygons):
+            self._grow()
+        self._polygons[self._count] = polygon
+        self._middles_mm[self._count] = slab_mm.mean(axis=0)
+        self._radii_mm[self._count] = _radius(slab_mm - slab_mm.mean(axis=0))
+        self._corners_mm.append(slab_mm)
+        self._count += 1
+        return True
+
+    def _grow(self) -> None:
+        self._polygons = np.concatenate([self._polygons, np.empty(self._count, dtype=object)])
+        self._middles_mm = np.concatenate([self._middles_mm, np.zeros((self._count, 2))])
+        self._radii_mm = np.concatenate([self._radii_mm, np.zeros(self._count)])
+
+    def _clear_of_sides(self, slab_mm: Floats, host: int) -> bool:
+        gaps_mm = np.concatenate([slab_mm.min(axis=0), self.rules.size_mm - slab_mm.max(axis=0)])
+        if -_SIDES <= host < 0:
+            gaps_mm[host + _SIDES] = np.inf
+        return bool((gaps_mm >= self.rules.passage_mm - 1e-9).all())
+
+    def _clear_of_slabs(self, polygon: Polygon, host: int) -> bool:
+        corners = shapely.get_coordinates(polygon)[:-1]
+        middle_mm = corners.mean(axis=0)
+        reach_mm = _radius(corners - middle_mm) + self.rules.passage_mm
+        away_mm = np.hypot(*(self._middles_mm[: self._count] - middle_mm).T)
+        near = away_mm < self._radii_mm[: self._count] + reach_mm
+        if host >= 0:
+            near[host] = False
+        distances_mm = shapely.distance(self.polygons[near], polygon)
+        return bool((distances_mm >= self.rules.passage_mm).all())
+
+    def _bites(self, polygon: Polygon, host: int) -> bool:
+        """Return whether the overlap is broad enough to hold, and is no overlap of the whole."""
+        shared_mm2 = shapely.intersection(polygon, self._polygons[host]).area
+        least_mm2, most_mm2 = 0.1 * _BITE**2 * polygon.area, 0.5 * polygon.area
+        return bool(least_mm2 < shared_mm2 < most_mm2)
+
+
+def _radius(slab_mm: Floats) -> float:
+    return float(np.hypot(*slab_mm.T).max())
+
+
+_STREAM = 1401
+_MOST_SLABS = 4000
+_HOPELESS = 12
+"""So many slabs in a row without a place are proof enough that it is full."""
+_SHORTFALL = 0.1
+_NEAR = 0.03
+_ROUNDS = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RubbleOptions:
+    """What instances of one Rubble environment have in common.
+
+    Parameters
+    ----------
+    size_mm
+        Width and height of the bounds.
+    cover
+        Share of the bounds that slabs cover: at least nine tenths of this; the last slab put down
+        may go beyond.
+    slab_min_mm, slab_max_mm
+        Range of a slab's length.
+    exponent
+        Lengths follow a power law: slabs twice as long are ``2 ** exponent`` times as rare.
+    thickness_min, thickness_max
+        Range of a slab's thickness, as a share of its length.
+    raggedness
+        0: slabs end straight; 1: ends are broken off at a slant.
+    direction_deg
+        Direction in which slabs lie, counter-clockwise from +x.
+    direction_spread_deg
+        Most that a slab lies off that; 90 is no preference.
+    leaning
+        Share, 0 to 1, of the slabs that lean on another or stick out of a side, where a place
+        for that is found.
+    passage_mm
+        Width that stays passable: slabs that do not lean on each other are at least this apart.
+        Only the corner between a slab and the one it leans on is narrower.
+    starts
+        Starting places, evenly spread along the lower side; one stands in its middle.
+    start_clearance_mm
+        Least distance from every possible starting position to walls.
+    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
+        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
+
+    Raises
+    ------
+    BadInputError
+        If a value is out of range.
+    """
+
+    size_mm: float = 500.0
+    cover: float = 0.28
+    slab_min_mm: float = 14.0
+    slab_max_mm: float = 170.0
+    exponent: float = 1.5
+    thickness_min: float = 0.18
+    thickness_max: float = 0.6
+    raggedness: float = 0.7
+    direction_deg: float = 25.0
+    direction_spread_deg: float = 30.0
+    leaning: float = 0.35
+    passage_mm: float = 18.0
+    starts: int = 1
+    start_clearance_mm: float = 15.0
+    start_spread_x_mm: float = 10.0
+    start_spread_y_mm: float = 0.0
+    start_spread_heading_deg: float = 30.0
+
+    def __post_init__(self) -> None:
+        positive("size_mm", self.size_mm, 1e6)
+        number("cover", self.cover, 0.0, 0.8)
+        number("slab_min_mm", self.slab_min_mm, max(0.5, 2e-3 * self.size_mm), self.size_mm, "mm")
+        number("slab_max_mm", self.slab_max_mm, self.slab_min_mm, 0.5 * self.size_mm, "mm")
+        number("exponent", self.exponent, 0.0, 5.0)
+        number("thickness_min", self.thickness_min, 0.05, 0.8)
+        number("thickness_max", self.thickness_max, self.thickness_min, 0.8)
+        for name in ("raggedness", "leaning"):
+            number(name, getattr(self, name), 0.0, 1.0)
+        number("direction_deg", self.direction_deg, -360.0, 360.0, "deg")
+        number("direction_spread_deg", self.direction_spread_deg, 0.0, 90.0, "deg")
+        positive("passage_mm", self.passage_mm, 0.2 * self.size_mm)
+        whole("starts", self.starts, 1, 1000)
+        check_starts(self, (self.size_mm, self.size_mm), self.starts, 0.5 * self.passage_mm)
+
+    @property
+    def slab_kind(self) -> SlabKind:
+        """How its slabs look."""
+        return SlabKind(
+            thickness=(self.thickness_min, self.thickness_max),
+            direction_rad=math.radians(self.direction_deg),
+            direction_spread_rad=math.radians(self.direction_spread_deg),
+            raggedness=self.raggedness,
+        )
+
+
+def rubble_map(seed: int, options: RubbleOptions | None = None) -> Map:
+    """Make one instance of a Rubble environment.
+
+    Slabs that lean on each other are one obstacle. A round body ``passage_mm`` wide can go from
+    every possible starting position to everywhere it fits (why: see `Pile`).
+
+    Parameters
+    ----------
+    seed
+        At least 0; the same seed and options give the same map on any machine, as far as GEOS
+        finds the same distances and crossings of lines to 1e-4 mm.
+    options
+        What to make; the defaults when None.
+
+    Returns
+    -------
+    Map
+        ``environment`` is ``rubble``; ``facts`` hold the options, the number of slabs and the
+        share of the bounds that they cover.
+
+    Raises
+    ------
+    BadInputError
+        If so much cover does not fit with such passages.
+
+    Examples
+    --------
+    >>> rubble_map(2).free_space.geom_type
+    'Polygon'
+    """
+    options = options or RubbleOptions()
+    whole("seed", seed, 0, 2**63 - 1)
+    starts = lower_starts(options, options.size_mm, options.starts, 0.5 * options.passage_mm)
+    pile = _pile(child(seed, _STREAM), options, starts)
+    obstacles = canonical(_solid(pile, options))
+    covered = sum(polygon.area for polygon in obstacles) / options.size_mm**2
+    if covered < (1.0 - _SHORTFALL) * options.cover:
+        raise BadInputError(
+            "cover", options.cover, f"at most about {covered:.2f} with such slabs and passages"
+        )
+    facts = {"slabs": len(pile.polygons), "covered": round(covered, 4)}
+    return Map(
+        name=f"rubble_{seed}",
+        bounds=box(options.size_mm, options.size_mm),
+        obstacles=obstacles,
+        starts=starts,
+        environment="rubble",
+        seed=seed,
+        facts={**asdict(options), **facts},
+    )
+
+
+def _solid(pile: Pile, options: RubbleOptions) -> BaseGeometry:
+    """Return the slabs as far as they lie within the bounds; those that lean are one piece."""
+    grid_mm = 10.0**-DECIMALS
+    slabs = shapely.union_all(pile.polygons, grid_size=grid_mm)
+    bounds = box(options.size_mm, options.size_mm)
+    return shapely.intersection(slabs, bounds, grid_size=grid_mm)
+
+
+def _pile(rng: np.random.Generator, options: RubbleOptions, starts: tuple[Start, ...]) -> Pile:
+    """Return slabs put down as far as there is room.
+
+    More follow where much is lost to overlaps and to what sticks out of the sides.
+    """
+    rules = PileRules(
+        size_mm=options.size_mm,
+        passage_mm=options.passage_mm,
+        keep_out=all_zones(starts),
+        keep_out_mm=max(options.start_clearance_mm, options.passage_mm),
+    )
+    pile, wanted_mm2 = Pile(rules), options.cover * options.size_mm**2
+    for _ in range(_ROUNDS):
+        missing_mm2 = wanted_mm2 - _solid(pile, options).area
+        if missing_mm2 <= _NEAR * wanted_mm2 or not _put_down(rng, pile, missing_mm2, options):
+            break
+    return pile
+
+
+def _put_down(
+    rng: np.random.Generator, pile: Pile, area_mm2: float, options: RubbleOptions
+) -> bool:
+    """Add slabs from the largest to the smallest; return whether there may be room for more."""
+    misses = 0
+    for corners in _slabs(rng, area_mm2, options):
+        found = pile.add(rng, corners, leaning=bool(rng.random() < options.leaning))
+        misses = 0 if found else misses + 1
+        if misses == _HOPELESS:
+            return False
+    return True
+
+
+def _slabs(rng: np.random.Generator, missing_mm2: float, options: RubbleOptions) -> list[Floats]:
+    """Return slabs that together have this area, the largest first."""
+    limits = options.slab_min_mm, options.slab_max_mm
+    slabs: list[Floats] = []
+    areas_mm2: list[float] = []
+    while missing_mm2 > 0.0:
+        length_mm = power_law(rng, limits, options.exponent)
+        slabs.append(slab(rng, length_mm, options.slab_kind))
+        areas_mm2.append(Polygon(slabs[-1]).area)
+        missing_mm2 -= areas_mm2[-1]
+        if len(slabs) > _MOST_SLABS:
+            raise BadInputError(
+                "slab_min_mm", options.slab_min_mm, f"more: below {_MOST_SLABS} slabs cover so much"
+            )
+    order = np.argsort(-np.array(areas_mm2), kind="stable")
+    return [slabs[index] for index in order.tolist()]

@@ -1,0 +1,1 @@
+"""One file per format: a foreign file in, a map out."""

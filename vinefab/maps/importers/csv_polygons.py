@@ -1,0 +1,140 @@
+"""Polygons as comma-separated values: one point a line.
+
+With the columns ``polygon,x_mm,y_mm`` and perhaps ``role`` (``bounds`` or ``obstacle``), named in
+a header in any order or, without header, in this order, points with the same polygon follow one
+another. With the columns ``x_mm,y_mm`` alone an empty line ends a polygon. Commas, semicolons or
+tabs separate; ``#`` begins a comment. Polygons close by themselves.
+"""
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError
+from vinefab.maps.cleanup.curves import Straight
+from vinefab.maps.cleanup.shapes import Role
+from vinefab.maps.importers.drawing import (
+    DrawingItem,
+    ImportOptions,
+    Ring,
+    SourceDrawing,
+    drawing_map,
+)
+from vinefab.model.files.shipped import read_text
+from vinefab.model.map import Map
+
+_LARGEST_BYTES = 256 << 20
+_NAMES = {
+    "polygon": "polygon",
+    "ring": "polygon",
+    "id": "polygon",
+    "x_mm": "x",
+    "x": "x",
+    "y_mm": "y",
+    "y": "y",
+    "role": "role",
+}
+_ORDER = {2: ("x", "y"), 3: ("polygon", "x", "y"), 4: ("polygon", "x", "y", "role")}
+_ROLES: dict[str, Role | None] = {"": None, "bounds": "bounds", "obstacle": "obstacle"}
+
+
+@dataclass(slots=True)
+class _Polygon:
+    line: int
+    name: str
+    role: str
+    points: list[tuple[float, float]] = field(default_factory=list)
+
+
+def import_csv(path: Path, options: ImportOptions) -> Map:
+    """Return the map in a file of comma-separated polygons.
+
+    Raises
+    ------
+    UnreadableFileError
+        If it cannot be read.
+    BadInputError
+        For the first line that is wrong, or what `drawing_map` refuses.
+    """
+    options.refuse(("layers",), "a CSV file", path)
+    try:
+        polygons = _polygons(read_text(path, _LARGEST_BYTES))
+    except BadInputError as error:
+        raise error.at(path) from error
+    items = tuple(
+        DrawingItem(
+            rings=(Ring(pieces=(Straight(np.array(polygon.points)),)),),
+            where=f"polygon {polygon.name} (line {polygon.line})",
+            role=_ROLES[polygon.role],
+        )
+        for polygon in polygons
+    )
+    return drawing_map(
+        path, SourceDrawing(items=items, facts={"units": "mm"}, curved=False), options
+    )
+
+
+def _polygons(text: str) -> list[_Polygon]:
+    polygons: list[_Polygon] = []
+    columns: tuple[str, ...] = ()
+    separator, fresh = "", True
+    for number, raw in enumerate(text.splitlines(), start=1):
+        line = raw.partition("#")[0].strip()
+        if not line:
+            fresh = fresh or not raw.strip()
+            continue
+        separator = separator or next((mark for mark in ";\t," if mark in line), ",")
+        cells = [cell.strip().strip('"') for cell in line.split(separator)]
+        if not columns:
+            columns, is_header = _columns(number, cells)
+            if is_header:
+                continue
+        if len(cells) != len(columns):
+            raise BadInputError(f"line {number}", line, f"the columns {', '.join(columns)}")
+        row = dict(zip(columns, cells, strict=True))
+        _add(polygons, number, row, fresh=fresh)
+        fresh = False
+    return polygons
+
+
+def _columns(number: int, cells: list[str]) -> tuple[tuple[str, ...], bool]:
+    """Return what each column holds, and whether the line is a header."""
+    named = tuple(_NAMES.get(cell.lower(), "") for cell in cells)
+    if {"x", "y"} <= set(named) and "" not in named and len(set(named)) == len(named):
+        return named, True
+    if len(cells) not in _ORDER or not _is_number(cells[-2 if len(cells) == 4 else -1]):
+        raise BadInputError(
+            f"line {number}", ",".join(cells), "polygon,x_mm,y_mm[,role] or x_mm,y_mm"
+        )
+    return _ORDER[len(cells)], False
+
+
+def _add(polygons: list[_Polygon], number: int, row: dict[str, str], *, fresh: bool) -> None:
+    name, role = row.get("polygon", ""), row.get("role", "").lower()
+    if role not in _ROLES:
+        raise BadInputError(f"line {number}: role", role, "bounds, obstacle or nothing")
+    changed = not polygons or (name != polygons[-1].name if "polygon" in row else fresh)
+    if changed:
+        if name and any(polygon.name == name for polygon in polygons):
+            raise BadInputError(
+                f"line {number}: polygon", name, "points of one polygon one after the other"
+            )
+        polygons.append(_Polygon(number, name or str(len(polygons) + 1), role))
+    if role != polygons[-1].role:
+        raise BadInputError(f"line {number}: role", role, "one role for each polygon")
+    polygons[-1].points.append((_coordinate(number, row["x"]), _coordinate(number, row["y"])))
+
+
+def _coordinate(number: int, text: str) -> float:
+    if not _is_number(text):
+        raise BadInputError(f"line {number}", text, "a finite number, such as 12.5")
+    return float(text)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False

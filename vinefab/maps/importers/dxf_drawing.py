@@ -1,0 +1,560 @@
+"""DXF drawings, R12 to R2018: layers, blocks, units and entities."""
+
+import io
+import logging
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from ezdxf import recover
+from ezdxf.audit import AuditError
+from ezdxf.entities.boundary_paths import ArcEdge, EdgePath, EllipseEdge, LineEdge, SplineEdge
+from ezdxf.entities.dxfgfx import DXFGraphic
+from ezdxf.entities.insert import Insert
+from ezdxf.filemanagement import readfile
+from ezdxf.lldxf.const import DXFError
+from ezdxf.math import BSpline, ConstructionEllipse, Vec2, Vec3, fit_points_to_cad_cv
+from scipy.interpolate import BSpline as Interpolated
+
+from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
+from vinefab.core.validation import Floats
+from vinefab.maps.cleanup.curves import Arc, CurvePiece, Straight, bulge_arc
+from vinefab.maps.importers.drawing import (
+    DrawingItem,
+    ImportOptions,
+    Ring,
+    SourceDrawing,
+    drawing_map,
+)
+from vinefab.model.files.shipped import read_bytes
+from vinefab.model.map import Map
+
+FLAT = "flat drawings: equal z all along an entity, seen from straight above or below"
+_SPLINE_FRAME = 16
+_FINEST_SPAN = 4096
+_LEAST_SLOPE = 1e-6
+_EXTRUSION_SLACK = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A B-spline, rational or not, mirrored in x when -1.
+
+    Evaluated here, not by ezdxf: that one runs closed splines over knots at which they have not
+    begun yet.
+    """
+
+    spline: BSpline
+    mirror: float = 1.0
+
+    def hull(self) -> Floats:
+        """Return the control points, which hold the curve between them."""
+        points = [(self.mirror * point.x, point.y) for point in self.spline.control_points]
+        return np.array(points)
+
+    def flat(self, tolerance: float) -> Floats:
+        """Return points on the curve: every span between knots is halved until it is flat."""
+        knots, order = np.array(self.spline.knots()), self.spline.order
+        inner = np.unique(knots[order - 1 : len(knots) - order + 1])
+        parts = 4
+        while True:
+            share = np.arange(2 * parts) / (2 * parts)
+            params = (inner[:-1, None] + np.diff(inner)[:, None] * share).ravel()
+            points = self._at(np.append(params, inner[-1]))
+            chords, middles = points[::2], points[1::2]
+            off = np.hypot(*(middles - 0.5 * (chords[:-1] + chords[1:])).T)
+            if off.max() <= tolerance or parts >= _FINEST_SPAN:
+                return np.asarray(chords)
+            parts *= 2
+
+    def _at(self, params: Floats) -> Floats:
+        weights = np.array(self.spline.weights() or [1.0] * len(self.spline.control_points))
+        lifted = np.column_stack([self.hull() * weights[:, None], weights])
+        curve = Interpolated(np.array(self.spline.knots()), lifted, self.spline.order - 1)
+        values = np.asarray(curve(params), dtype=np.float64)
+        return np.asarray(values[:, :2] / values[:, 2:])
+
+
+def items_of(entity: DXFGraphic, where: str) -> list[DrawingItem]:
+    """Return what an entity draws, in world coordinates.
+
+    Parameters
+    ----------
+    entity
+        Of one of the types in `READERS`.
+    where
+        What messages call it.
+
+    Raises
+    ------
+    BadInputError
+        If it is not flat, or does not hold together.
+    """
+    try:
+        return READERS[entity.dxftype()](entity, where)
+    except BadInputError:
+        raise
+    except (DXFError, ValueError, TypeError, AttributeError, IndexError, ArithmeticError) as error:
+        problem = " ".join(str(error).split()) or type(error).__name__
+        raise BadInputError(where, problem[:80], "an entity that holds together") from error
+
+
+def _line(entity: DXFGraphic, where: str) -> list[DrawingItem]:
+    points = _flat_points(where, [entity.dxf.start, entity.dxf.end])
+    return [_open(where, Straight(points))]
+
+
+def _open(where: str, *pieces: CurvePiece) -> DrawingItem:
+    return DrawingItem(rings=(Ring(pieces=pieces),), where=where, closed=False)
+
+
+def _circle(entity: DXFGraphic, where: str) -> list[DrawingItem]:
+    arc = _circular(entity, where, 0.0, 360.0)
+    return [DrawingItem(rings=(Ring(pieces=(arc,)),), where=where)]
+
+
+def _arc(entity: DXFGraphic, where: str) -> list[DrawingItem]:
+    return [_open(where, _circular(entity, where, entity.dxf.start_angle, entity.dxf.end_angle))]
+
+
+def _circular(entity: DXFGraphic, where: str, start_deg: float, end_deg: float) -> Arc:
+    mirror = _mirror(entity, where)
+    x, y, _ = entity.dxf.center
+    return _angled((x, y), entity.dxf.radius, (start_deg, end_deg), mirror)
+
+
+def _angled(
+    middle: Sequence[float], radius: float, angles_deg: tuple[float, float], mirror: float
+) -> Arc:
+    """Return the counter-clockwise arc from one angle to another, equal angles for all of it."""
+    turn_deg = (angles_deg[1] - angles_deg[0]) % 360.0
+    return Arc(
+        middle=np.array([mirror * middle[0], middle[1]]),
+        first=np.array([mirror * radius, 0.0]),
+        second=np.array([0.0, radius]),
+        start_rad=math.radians(angles_deg[0]),
+        turn_rad=math.radians(turn_deg if turn_deg > 1e-9 else 360.0),
+    )
+
+
+def _ellipse(entity: DXFGraphic, where: str) -> list[DrawingItem]:
+    # Ellipses are stored in world coordinates; mirroring only turns their minor axis over.
+    up = _mirror(entity, where)
+    _flat_points(where, [Vec3(0, 0, 0), entity.dxf.major_axis])
+    major = np.array([entity.dxf.major_axis.x, entity.dxf.major_axis.y])
+    x, y, _ = entity.dxf.center
+    params = (entity.dxf.start_param, entity.dxf.end_param)
+    arc = _elliptic(np.array([x, y]), major, up * entity.dxf.ratio, params)
+    whole = abs(arc.turn_rad - math.tau) < 1e-9
+    return [DrawingItem(rings=(Ring(pieces=(arc,)),), where=where, closed=whole)]
+
+
+def _elliptic(middle: Floats, major: Floats, ratio: float, params: tuple[float, float]) -> Arc:
+    turn = (params[1] - params[0]) % math.tau
+    return Arc(
+        middle=middle,
+        first=major,
+        second=ratio * np.array([-major[1], major[0]]),
+        start_rad=params[0],
+        turn_rad=turn if turn > 1e-9 else math.tau,
+    )
+
+
+def _spline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
+    spline = entity.construction_tool()  # type: ignore[attr-defined]
+    _flat_points(where, list(spline.control_points))
+    curve = Curve(spline)
+    curve.flat(math.inf)  # so that knots that do not fit are found while it is known where
+    closed = bool(entity.closed)  # type: ignore[attr-defined]
+    return [DrawingItem(rings=(Ring(pieces=(curve,)),), where=where, closed=closed)]
+
+
+def _lwpolyline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
+    vertices = list(entity.get_points("xyb"))  # type: ignore[attr-defined]
+    closed = bool(entity.closed)  # type: ignore[attr-defined]
+    return _bulged(vertices, _mirror(entity, where), where, closed=closed)
+
+
+def _polyline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
+    polyline = entity
+    if polyline.is_polygon_mesh or polyline.is_poly_face_mesh:  # type: ignore[attr-defined]
+        raise BadInputError(where, "a mesh in space", FLAT)
+    drawn = [
+        vertex
+        for vertex in polyline.vertices  # type: ignore[attr-defined]
+        if not vertex.dxf.flags & _SPLINE_FRAME
+    ]
+    closed = bool(polyline.is_closed)  # type: ignore[attr-defined]
+    places = [vertex.dxf.location for vertex in drawn]
+    if polyline.is_3d_polyline:  # type: ignore[attr-defined]
+        bulges, mirror = [0.0] * len(drawn), 1.0
+    else:
+        bulges, mirror = [vertex.dxf.bulge for vertex in drawn], _mirror(polyline, where)
+    points = _flat_points(where, places)
+    vertices = [(x, y, bulge) for (x, y), bulge in zip(points.tolist(), bulges, strict=True)]
+    return _bulged(vertices, mirror, where, closed=closed)
+
+
+def _bulged(
+    vertices: Sequence[Sequence[float]], mirror: float, where: str, *, closed: bool
+) -> list[DrawingItem]:
+    if len(vertices) < 2:
+        return []
+    pieces = _bulged_pieces(vertices, mirror, closed=closed)
+    return [DrawingItem(rings=(Ring(pieces=pieces),), where=where, closed=closed)]
+
+
+def _bulged_pieces(
+    vertices: Sequence[Sequence[float]], mirror: float, *, closed: bool
+) -> tuple[CurvePiece, ...]:
+    """Return the pieces of a polyline; straight ones that follow one another are one."""
+    points = np.array([(mirror * x, y) for x, y, *_ in vertices])
+    bulges = [mirror * vertex[2] for vertex in vertices]
+    if closed:
+        points, bulges = np.vstack([points, points[:1]]), [*bulges, 0.0]
+    pieces: list[CurvePiece] = []
+    begin = 0
+    for index, bulge in enumerate(bulges[:-1]):
+        if bulge == 0.0:
+            continue
+        if index > begin:
+            pieces.append(Straight(points[begin : index + 1]))
+        pieces.append(bulge_arc(points[index], points[index + 1], bulge))
+        begin = index + 1
+    if begin < len(points) - 1:
+        pieces.append(Straight(points[begin:]))
+    return tuple(pieces)
+
+
+def _quadrilateral(entity: DXFGraphic, where: str) -> list[DrawingItem]:
+    corners = entity.wcs_vertices()  # type: ignore[attr-defined]
+    ring = Ring(pieces=(Straight(_flat_points(where, corners)),))
+    return [DrawingItem(rings=(ring,), where=where, filled=True)]
+
+
+def _hatch(entity: DXFGraphic, where: str) -> list[DrawingItem]:
+    mirror = _mirror(entity, where)
+    is_mpolygon = entity.dxftype() == "MPOLYGON"
+    shift = Vec2(entity.dxf.get("offset_vector", Vec2())) if is_mpolygon else Vec2()
+    rings = []
+    for path in entity.paths:  # type: ignore[attr-defined]
+        if isinstance(path, EdgePath):
+            rings += _edge_loops([_edge(edge, mirror) for edge in path.edges])
+        elif len(path.vertices) >= 2:
+            moved = [(x + shift.x, y + shift.y, bulge) for x, y, bulge in path.vertices]
+            rings.append(Ring(pieces=_bulged_pieces(moved, mirror, closed=True)))
+    return [DrawingItem(rings=tuple(rings), where=where, filled=True)] if rings else []
+
+
+def _edge(edge: object, mirror: float) -> CurvePiece:
+    if isinstance(edge, LineEdge):
+        ends = (edge.start, edge.end)
+        return Straight(np.array([(mirror * point.x, point.y) for point in ends]))
+    if isinstance(edge, ArcEdge):
+        return _angled(edge.center, edge.radius, (edge.start_angle, edge.end_angle), mirror)
+    if isinstance(edge, EllipseEdge):
+        return _ellipse_edge(edge.construction_tool(), mirror)
+    if not isinstance(edge, SplineEdge):
+        raise TypeError(f"an edge of the unknown kind {type(edge).__name__}")
+    if not edge.control_points:
+        return Curve(fit_points_to_cad_cv(edge.fit_points), mirror)
+    spline = BSpline(
+        edge.control_points,
+        order=edge.degree + 1,
+        knots=edge.knot_values or None,
+        weights=edge.weights or None,
+    )
+    return Curve(spline, mirror)
+
+
+def _ellipse_edge(ellipse: ConstructionEllipse, mirror: float) -> CurvePiece:
+    major = np.array([mirror * ellipse.major_axis.x, ellipse.major_axis.y])
+    middle = np.array([mirror * ellipse.center.x, ellipse.center.y])
+    return _elliptic(
+        middle, major, mirror * ellipse.ratio, (ellipse.start_param, ellipse.end_param)
+    )
+
+
+def _edge_loops(pieces: list[CurvePiece]) -> list[Ring]:
+    """Return the loops that a hatch's edges make, in whichever direction each edge runs."""
+    loops: list[list[CurvePiece]] = []
+    first = last = np.full(2, math.nan)
+    for piece in pieces:
+        begin, end = piece.flat(math.inf)[[0, -1]]
+        if loops and len(loops[-1]) == 1 and not (_near(last, begin) or _near(last, end)):
+            first, last = last, first
+        if loops and _near(last, end):
+            begin, end = end, begin
+        if not loops or (_near(first, last) and not _near(last, begin)):
+            loops.append([])
+            first = begin
+        loops[-1].append(piece)
+        last = end
+    return [Ring(pieces=tuple(loop)) for loop in loops]
+
+
+def _near(one: Floats, other: Floats) -> bool:
+    return math.dist(one, other) <= 1e-9 * (1.0 + float(np.abs(one).max()))
+
+
+def _mirror(entity: DXFGraphic, where: str) -> float:
+    """Return -1 for an entity drawn from below, 1 from above; refuse slanted ones."""
+    direction = Vec3(entity.dxf.get("extrusion", Vec3(0, 0, 1)))
+    if not abs(direction.x) + abs(direction.y) <= _EXTRUSION_SLACK * abs(direction.z):
+        value = f"extruded along ({direction.x:.4g}, {direction.y:.4g}, {direction.z:.4g})"
+        raise BadInputError(where, value, FLAT)
+    return -1.0 if direction.z < 0.0 else 1.0
+
+
+def _flat_points(where: str, points: Sequence[Vec3]) -> Floats:
+    """Return x and y of points, or raise BadInputError if their heights differ."""
+    array = np.array([(point.x, point.y, Vec3(point).z) for point in points]).reshape(-1, 3)
+    if not np.isfinite(array).all():
+        raise BadInputError(where, "a coordinate that is not finite", "finite numbers")
+    rise = np.ptp(array, axis=0) if len(array) else np.zeros(3)
+    if rise[2] > _LEAST_SLOPE * max(rise[0], rise[1]):
+        low, high = array[:, 2].min(), array[:, 2].max()
+        place = f"{where} at ({array[0, 0]:.8g}, {array[0, 1]:.8g})"
+        raise BadInputError(place, f"3-D, z from {low:.6g} to {high:.6g}", FLAT)
+    return np.asarray(array[:, :2])
+
+
+READERS: dict[str, Callable[[DXFGraphic, str], list[DrawingItem]]] = {
+    "LINE": _line,
+    "CIRCLE": _circle,
+    "ARC": _arc,
+    "ELLIPSE": _ellipse,
+    "SPLINE": _spline,
+    "HELIX": _spline,
+    "LWPOLYLINE": _lwpolyline,
+    "POLYLINE": _polyline,
+    "SOLID": _quadrilateral,
+    "TRACE": _quadrilateral,
+    "3DFACE": _quadrilateral,
+    "HATCH": _hatch,
+    "MPOLYGON": _hatch,
+}
+"""Readers by type of entity."""
+
+
+if TYPE_CHECKING:
+    from ezdxf.document import Drawing as Document
+
+_LARGEST_BYTES = 512 << 20
+_MOST_ENTITIES = 500_000
+_DEEPEST_BLOCK = 16
+_MM = {
+    1: ("inches", 25.4),
+    2: ("feet", 304.8),
+    3: ("miles", 1_609_344.0),
+    4: ("mm", 1.0),
+    5: ("cm", 10.0),
+    6: ("m", 1000.0),
+    7: ("km", 1e6),
+    8: ("microinches", 25.4e-6),
+    9: ("mils", 25.4e-3),
+    10: ("yards", 914.4),
+    13: ("micrometres", 1e-3),
+    14: ("dm", 100.0),
+    15: ("decametres", 1e4),
+    16: ("hectometres", 1e5),
+    21: ("US survey feet", 1_200_000.0 / 3937.0),
+    22: ("US survey inches", 100_000.0 / 3937.0),
+    23: ("US survey yards", 3_600_000.0 / 3937.0),
+    24: ("US survey miles", 6_336_000_000.0 / 3937.0),
+}
+_SOLIDS = {"3DSOLID", "BODY", "MESH", "REGION", "SURFACE"}
+_BROKEN = (
+    DXFError,
+    ValueError,
+    KeyError,
+    IndexError,
+    TypeError,
+    AttributeError,
+    ArithmeticError,
+    RecursionError,
+    StopIteration,
+)
+"""What ezdxf raises on files that are broken in ways that it does not expect."""
+
+
+_GUESSED = (AuditError.INVALID_INTEGER_VALUE, AuditError.INVALID_FLOATING_POINT_VALUE)
+_UNHEARD = logging.NullHandler()
+
+
+def import_dxf(path: Path, options: ImportOptions) -> Map:
+    """Return the map in a DXF drawing.
+
+    Hatches and solids are areas, everything else lines and outlines. Blocks are taken apart.
+    What is frozen, off, invisible, text or not in model space is counted and left out.
+
+    Raises
+    ------
+    UnreadableFileError
+        If it cannot be read or is not DXF.
+    BadInputError, UnknownNameError
+        For the first entity that is wrong, an unknown layer, or what `drawing_map` refuses.
+    """
+    document, mended = _document(path)
+    try:
+        drawing = _drawing(document, options.layers)
+    except BadInputError as error:
+        raise error.at(path) from error
+    except UnknownNameError:
+        raise
+    except _BROKEN as error:
+        problem = " ".join(str(error).split()) or type(error).__name__
+        raise UnreadableFileError(path, f"is a damaged DXF file: {problem[:120]}") from error
+    if mended:
+        drawing = replace(drawing, facts={**drawing.facts, "faults_mended_by_reader": mended})
+    return replace(drawing_map(path, drawing, options), environment="dxf")
+
+
+def _document(path: Path) -> tuple["Document", int]:
+    """Return the document and how many faults in it were mended by the reader."""
+    data = read_bytes(path, _LARGEST_BYTES)
+    if not data.strip():
+        raise UnreadableFileError(path, "is empty")
+    # The reader's warnings go into the one line that the user gets, not beside it.
+    logging.getLogger("ezdxf").addHandler(_UNHEARD)
+    try:
+        document, mended = readfile(path), 0
+    except (OSError, *_BROKEN):
+        document, mended = _recovered(path, data)
+    if b"$INSUNITS" not in data:
+        # ezdxf takes metres then; the file says nothing.
+        document.header["$INSUNITS"] = 0
+    return document, mended
+
+
+def _recovered(path: Path, data: bytes) -> tuple["Document", int]:
+    """Return a damaged document, if nothing but its structure had to be mended."""
+    try:
+        document, auditor = recover.read(io.BytesIO(data))
+    except (OSError, *_BROKEN) as error:
+        problem = " ".join(str(error).split()) or type(error).__name__
+        raise UnreadableFileError(path, f"is not a DXF file: {problem[:120]}") from error
+    for fix in (*auditor.fixes, *auditor.errors):
+        if fix.code in _GUESSED:
+            raise UnreadableFileError(path, f"is a damaged DXF file: {fix.message}")
+    return document, len(auditor.fixes)
+
+
+def _drawing(document: "Document", layers: tuple[str, ...]) -> SourceDrawing:
+    known = {layer.dxf.name for layer in document.layers}
+    space = list(document.modelspace())
+    known |= {_layer(entity) for entity in space}
+    by_key = {name.lower(): name for name in known}
+    for name in layers:
+        if name.lower() not in by_key:
+            raise UnknownNameError("layer", name, known)
+    walk = _Walk(document, frozenset(name.lower() for name in layers))
+    items = walk.items(space)
+    code = int(document.header.get("$INSUNITS", 0))
+    unit, mm_per_unit = _MM.get(code, ("mm (taken; the file names none)", 1.0))
+    return SourceDrawing(
+        items=tuple(items),
+        mm_per_unit=mm_per_unit,
+        facts={
+            "dxf_version": document.acad_release,
+            "units": unit,
+            **({"layers": sorted(layers)} if layers else {}),
+            "entities": dict(walk.read),
+            **({"ignored": dict(walk.ignored)} if walk.ignored else {}),
+        },
+    )
+
+
+def _layer(entity: DXFGraphic) -> str:
+    """Return an entity's layer; entities of unknown types have none."""
+    return str(entity.dxf.layer) if entity.dxf.hasattr("layer") else "0"
+
+
+@dataclass(slots=True)
+class _Walk:
+    """A walk through model space and the blocks inserted in it."""
+
+    document: "Document"
+    layers: frozenset[str]
+    read: Counter[str] = field(default_factory=Counter)
+    ignored: Counter[str] = field(default_factory=Counter)
+    seen: int = 0
+
+    def items(self, space: Iterable[DXFGraphic]) -> list[DrawingItem]:
+        found: list[DrawingItem] = []
+        for entity, layer, where in self._leaves(space, None, "", 0):
+            kind = entity.dxftype()
+            hidden = self._hidden(entity, layer)
+            if hidden is not None:
+                self.ignored[hidden] += 1
+            elif kind in _SOLIDS or kind.endswith("SURFACE"):
+                raise BadInputError(where, "a solid or surface", FLAT)
+            elif kind not in READERS:
+                self.ignored[kind] += 1
+            else:
+                found += items_of(entity, where)
+                self.read[kind] += 1
+        return found
+
+    def _hidden(self, entity: DXFGraphic, layer: str) -> str | None:
+        """Return why an entity is not drawn, None when it is."""
+        if self.layers and layer.lower() not in self.layers:
+            return "on other layers"
+        if entity.dxf.hasattr("invisible") and entity.dxf.invisible:
+            return "invisible"
+        if layer in self.document.layers:
+            state = self.document.layers.get(layer)
+            if state.is_frozen() or state.is_off():
+                return f"on layer {layer}, which is {'frozen' if state.is_frozen() else 'off'}"
+        return None
+
+    def _leaves(
+        self, space: Iterable[DXFGraphic], outer: str | None, inside: str, depth: int
+    ) -> Iterator[tuple[DXFGraphic, str, str]]:
+        """Yield entities that are no blocks, with their layer and what messages call them."""
+        for entity in space:
+            self.seen += 1
+            if self.seen > _MOST_ENTITIES:
+                raise BadInputError(
+                    "entities", f"more than {_MOST_ENTITIES}", "fewer, in blocks too"
+                )
+            kind, layer = entity.dxftype(), _layer(entity)
+            # Layer 0 in a block means the layer on which the block is inserted.
+            layer = outer if outer is not None and layer == "0" else layer
+            where = f"{kind} {inside}" if inside else f"{kind} (handle {entity.dxf.handle})"
+            if isinstance(entity, Insert):
+                yield from self._of_block(entity, layer, inside, depth)
+            elif kind == "MLINE":
+                parts = entity.virtual_entities()  # type: ignore[attr-defined]
+                yield from ((part, layer, where) for part in parts)
+            else:
+                yield entity, layer, where
+
+    def _of_block(
+        self, insert: Insert, layer: str, inside: str, depth: int
+    ) -> Iterator[tuple[DXFGraphic, str, str]]:
+        name = insert.dxf.name
+        inside = inside or f"in block {name} (INSERT handle {insert.dxf.handle})"
+        if depth >= _DEEPEST_BLOCK:
+            raise BadInputError(inside, f"blocks {depth} deep", f"at most {_DEEPEST_BLOCK}")
+        if insert.block() is None:
+            self.ignored[f"INSERT of the missing block {name}"] += 1
+            return
+        if insert.mcount > _MOST_ENTITIES:
+            raise BadInputError(inside, f"{insert.mcount} copies", f"at most {_MOST_ENTITIES}")
+        if layer in self.document.layers and self.document.layers.get(layer).is_frozen():
+            self.ignored[f"on layer {layer}, which is frozen"] += 1
+            return
+        for single in insert.multi_insert() if insert.mcount > 1 else [insert]:
+            parts = single.virtual_entities(skipped_entity_callback=self._skipped)
+            yield from self._leaves(parts, layer, inside, depth + 1)
+
+    def _skipped(self, entity: DXFGraphic, reason: str) -> None:
+        if entity.dxftype() in READERS:
+            where = f"{entity.dxftype()} (handle {entity.dxf.handle}) in a block"
+            raise BadInputError(where, reason, "blocks that can be taken apart; explode it first")
+        self.ignored[entity.dxftype()] += 1

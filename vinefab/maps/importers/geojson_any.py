@@ -1,0 +1,227 @@
+"""GeoJSON of other programs: any geometry, as dirty as it comes."""
+
+import json
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.validation import positive
+from vinefab.maps.cleanup.curves import Straight
+from vinefab.maps.importers.drawing import (
+    DrawingItem,
+    ImportOptions,
+    Ring,
+    SourceDrawing,
+    drawing_map,
+)
+from vinefab.model.files.map_geojson import read_map
+from vinefab.model.files.shipped import read_text
+from vinefab.model.map import Map, Start
+
+
+def scaled_map(world: Map, factor: float) -> Map:
+    """Return a map with all lengths multiplied by a factor, about the origin.
+
+    Parameters
+    ----------
+    world
+        The map.
+    factor
+        New length over old length, above 0.
+
+    Raises
+    ------
+    BadInputError
+        If the factor is not above 0, or the map becomes larger than a map may be.
+    """
+    positive("scale", factor, 1e6, "new over old")
+    if factor == 1.0:
+        return world
+    return replace(
+        world,
+        bounds=_scaled(world.bounds, factor),
+        obstacles=tuple(_scaled(obstacle, factor) for obstacle in world.obstacles),
+        starts=tuple(_scaled_start(start, factor) for start in world.starts),
+        facts={**world.facts, "scaled_by": factor},
+    )
+
+
+def _scaled(polygon: Polygon, factor: float) -> Polygon:
+    return shapely.transform(polygon, lambda points: points * factor)
+
+
+def _scaled_start(start: Start, factor: float) -> Start:
+    pose = start.pose
+    return replace(
+        start,
+        pose=replace(pose, x_mm=pose.x_mm * factor, y_mm=pose.y_mm * factor),
+        spread_x_mm=start.spread_x_mm * factor,
+        spread_y_mm=start.spread_y_mm * factor,
+    )
+
+
+_LARGEST_BYTES = 1 << 30
+_DEEPEST = 20
+_ONLY_DRAWINGS = ("simplify_mm", "start", "join_mm", "bounds", "margin_mm", "wall_mm", "open_lines")
+_ROLES = ("bounds", "obstacle")
+
+Found = tuple[str, dict[str, Any], object]
+
+
+def import_geojson(path: Path, options: ImportOptions) -> Map:
+    """Return the map in a GeoJSON file.
+
+    A map that vinefab wrote is read as it is. Of other files polygons are solid areas (the
+    largest is the bounds and its holes are obstacles), closed lines are outlines and open ones
+    are joined; points and everything else are counted and left out. ``properties.role`` may say
+    what is bounds and what an obstacle.
+
+    Raises
+    ------
+    UnreadableFileError
+        If it cannot be read or is not JSON.
+    BadInputError
+        For the first geometry that is wrong, or what `drawing_map` refuses.
+    """
+    options.refuse(("layers", "unknown"), "a GeoJSON file", path)
+    document = _document(path)
+    if "vinefab" in document:
+        options.refuse(_ONLY_DRAWINGS, "a map that vinefab wrote", path)
+        world = read_map(path)
+        world = scaled_map(world, 1.0 if (s := options.scale_mm_per_unit) is None else s)
+        return replace(world, facts={**world.facts, "source": path.name})
+    try:
+        drawing = _drawing(document)
+    except BadInputError as error:
+        raise error.at(path) from error
+    return replace(drawing_map(path, drawing, options), environment="geojson")
+
+
+def _document(path: Path) -> dict[str, Any]:
+    try:
+        document = json.loads(read_text(path, _LARGEST_BYTES))
+    except (ValueError, RecursionError) as error:
+        raise UnreadableFileError(path, f"is not JSON: {error}") from error
+    if not isinstance(document, dict) or "type" not in document:
+        raise BadInputError("type", None, "a GeoJSON object such as a FeatureCollection", path)
+    return document
+
+
+def _drawing(document: dict[str, Any]) -> SourceDrawing:
+    items: list[DrawingItem] = []
+    kinds: Counter[str] = Counter()
+    unclosed = 0
+    for key, geometry, role in _geometries(document):
+        kind = str(geometry.get("type"))
+        found = _items(key, geometry, role)
+        kinds[kind] += 1
+        unclosed += sum(_unclosed(ring) for item in found if item.closed for ring in item.rings)
+        items += found
+    facts: dict[str, object] = {
+        "units": "mm (taken; GeoJSON names none)",
+        "geometries": dict(kinds),
+    }
+    if unclosed:
+        facts["rings_closed"] = unclosed
+    return SourceDrawing(items=tuple(items), facts=facts, curved=False)
+
+
+def _unclosed(ring: Ring) -> bool:
+    points = ring.hull()
+    return bool((points[0] != points[-1]).any())
+
+
+def _geometries(document: dict[str, Any]) -> Iterator[Found]:
+    """Yield every geometry with what messages call it and its feature's role."""
+    if document["type"] != "FeatureCollection":
+        yield from _of_feature(str(document["type"]), document)
+        return
+    features = document.get("features")
+    if not isinstance(features, list):
+        raise BadInputError("features", features, "a list of features")
+    for index, feature in enumerate(features, start=1):
+        key = f"features[{index}]"
+        if not isinstance(feature, dict):
+            raise BadInputError(key, feature, "a GeoJSON Feature")
+        yield from _of_feature(key, feature)
+
+
+def _of_feature(key: str, feature: dict[str, Any]) -> Iterator[Found]:
+    if feature.get("type") != "Feature":
+        yield from _leaves(key, feature, None, 0)
+        return
+    properties, geometry = feature.get("properties"), feature.get("geometry")
+    role = properties.get("role") if isinstance(properties, dict) else None
+    if geometry is not None:
+        yield from _leaves(key, geometry, role if role in _ROLES else None, 0)
+
+
+def _leaves(key: str, geometry: object, role: object, depth: int) -> Iterator[Found]:
+    if not isinstance(geometry, dict) or depth > _DEEPEST:
+        raise BadInputError(key, geometry, "a geometry with type and coordinates")
+    kind, parts = geometry.get("type"), geometry.get("coordinates")
+    if kind == "GeometryCollection":
+        for index, part in enumerate(_list(key, geometry.get("geometries")), start=1):
+            yield from _leaves(f"{key} geometry {index}", part, role, depth + 1)
+    elif isinstance(kind, str) and kind.startswith("Multi"):
+        for index, part in enumerate(_list(key, parts), start=1):
+            single = {"type": kind.removeprefix("Multi"), "coordinates": part}
+            yield f"{key} part {index}", single, role
+    else:
+        yield key, geometry, role
+
+
+def _items(key: str, geometry: dict[str, Any], role: Any) -> list[DrawingItem]:  # noqa: ANN401  JSON
+    kind, coordinates = geometry.get("type"), geometry.get("coordinates")
+    if kind == "LineString":
+        ring = _ring(key, coordinates)
+        return (
+            [DrawingItem(rings=(ring,), where=key, closed=role is not None, role=role)]
+            if ring
+            else []
+        )
+    if kind == "Polygon":
+        rings = [
+            _ring(f"{key} ring {index}", ring)
+            for index, ring in enumerate(_list(key, coordinates), start=1)
+        ]
+        if not rings or rings[0] is None:
+            return []
+        holes = tuple(ring for ring in rings[1:] if ring is not None)
+        return [DrawingItem(rings=(rings[0],), where=key, filled=True, holes=holes, role=role)]
+    if kind == "Point":
+        return []
+    raise BadInputError(f"{key}.geometry.type", kind, "a GeoJSON geometry")
+
+
+def _ring(key: str, points: object) -> Ring | None:
+    """Return a ring's positions, None if it has none."""
+    positions = _list(key, points)
+    for number, point in enumerate(positions, start=1):
+        if not _is_position(point):
+            raise BadInputError(f"{key} position {number}", point, "[x, y], finite numbers")
+    if not positions:
+        return None
+    array = np.array([point[:2] for point in positions], dtype=np.float64)
+    return Ring(pieces=(Straight(array),))
+
+
+def _is_position(point: object) -> bool:
+    return (
+        isinstance(point, list)
+        and len(point) >= 2
+        and all(type(value) in (int, float) and abs(value) < 1e300 for value in point[:2])
+    )
+
+
+def _list(key: str, value: object) -> list[Any]:
+    if not isinstance(value, list):
+        raise BadInputError(f"{key}.geometry.coordinates", value, "a list")
+    return value

@@ -1,0 +1,326 @@
+"""Occupancy grids in the form of the ROS map_server: a YAML file that names an image."""
+
+import io
+import math
+import warnings
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from vinefab.core.errors import BadInputError, UnreadableFileError, located
+from vinefab.core.hashing import sha256_of
+from vinefab.core.validation import number, positive
+from vinefab.maps.cleanup.cell_walls import Mask
+from vinefab.maps.cleanup.raster import (
+    LARGEST_CELL_MM,
+    LEAST_CELL_MM,
+    GridPlacement,
+    RasterOptions,
+    raster_map,
+)
+from vinefab.model.files.shipped import read_bytes, read_text
+from vinefab.model.map import Map, Pose
+
+_DEEP = ("I", "I;16", "I;16B", "I;16L")
+_DEEP_TO_BYTE = 1.0 / 257.0
+_GREY = ("1", "L")
+_COLOUR = ("LA", "P", "PA", "RGB", "RGBA")
+
+Values = NDArray[Any]
+"""Numbers from 0 to 255; whole ones (uint8) for grey images."""
+
+
+def read_values(path: Path, data: bytes) -> tuple[Values, Values | None]:
+    """Return brightness and opacity of every pixel, 0 to 255, the image's lowest row first.
+
+    Brightness is the mean of red, green and blue.
+
+    Parameters
+    ----------
+    path
+        Named in errors.
+    data
+        The file's content: PGM, PNG, BMP or another image that Pillow reads.
+
+    Returns
+    -------
+    tuple
+        Two arrays of shape (rows, columns); the second is None when the image has no
+        transparency.
+
+    Raises
+    ------
+    UnreadableFileError
+        If this is no image, a damaged or a gigantic one, or has an unusual kind of pixels.
+    """
+    image = _open(path, data)
+    if image.mode in _DEEP:
+        return np.asarray(image, dtype=np.float64)[::-1] * _DEEP_TO_BYTE, None
+    if image.mode in _GREY:
+        return np.asarray(image.convert("L"), dtype=np.uint8)[::-1], None
+    if image.mode not in _COLOUR:
+        raise UnreadableFileError(
+            path, f"has pixels of kind {image.mode}; allowed: grey, colour or palette images"
+        )
+    pixels = np.asarray(image.convert("RGBA"), dtype=np.float64)[::-1]
+    opacity = pixels[..., 3] if image.has_transparency_data else None
+    return pixels[..., :3].mean(axis=2), opacity
+
+
+def _open(path: Path, data: bytes) -> Image.Image:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            image = Image.open(io.BytesIO(data))
+            image.load()
+    except (Image.DecompressionBombWarning, Image.DecompressionBombError) as error:
+        raise UnreadableFileError(path, "is an image of more than 89 million pixels") from error
+    except UnidentifiedImageError as error:
+        raise UnreadableFileError(path, "is not an image; allowed: PGM, PNG, BMP") from error
+    except (OSError, ValueError, SyntaxError, EOFError) as error:
+        raise UnreadableFileError(path, f"is not an image that can be read: {error}") from error
+    return image
+
+
+_LARGEST_YAML_BYTES = 1 << 20
+_LARGEST_IMAGE_BYTES = 1 << 30
+MODES = ("trinary", "scale", "raw")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RosOptions:
+    """How a ROS map is imported.
+
+    Parameters
+    ----------
+    scale_mm_per_unit
+        Millimetres of the map per metre of the file: 1000 is full size, 50 a table-top model at
+        1:20.
+    simplify_mm
+        Largest distance, in the map, between walls and the boundary of the cells; one cell when
+        None, at least 0.75 of a cell.
+    unknown
+        What cells that were never seen count as. ``free`` may join regions through walls that
+        were seen from one side only.
+    least_obstacle_mm2
+        Obstacles smaller than this are left out; 0 keeps every cell.
+    start
+        Where robots start, in the map; the roomiest place when None. Of several free regions the
+        one with the start is imported, the largest one when None.
+    """
+
+    scale_mm_per_unit: float = 1000.0
+    simplify_mm: float | None = None
+    unknown: Literal["obstacle", "free"] = "obstacle"
+    least_obstacle_mm2: float = 0.0
+    start: Pose | None = None
+
+    def __post_init__(self) -> None:
+        positive("scale_mm_per_unit", self.scale_mm_per_unit, 1e6, "mm per metre")
+        if self.unknown not in ("obstacle", "free"):
+            raise BadInputError("unknown", self.unknown, "obstacle or free")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RosMap:
+    """The YAML file: what the map_server calls the map's metadata.
+
+    Parameters
+    ----------
+    image
+        Path of the image.
+    resolution_m
+        Width of a cell.
+    origin
+        x (m), y (m) and yaw (rad, counter-clockwise) of the lower left corner of the image's
+        lower left pixel.
+    negate
+        Whether white is occupied.
+    occupied_thresh, free_thresh
+        Cells above the first are occupied, below the second free, else unknown.
+    mode
+        How a pixel gives an occupancy, see `classify`.
+    """
+
+    image: Path
+    resolution_m: float
+    origin: tuple[float, float, float]
+    negate: bool
+    occupied_thresh: float
+    free_thresh: float
+    mode: str
+
+    def __post_init__(self) -> None:
+        number("resolution", self.resolution_m, 1e-6, 1e6, "m")
+        for value in self.origin:
+            number("origin", value, -1e7, 1e7)
+        number("occupied_thresh", self.occupied_thresh, 0.0, 1.0)
+        number("free_thresh", self.free_thresh, 0.0, self.occupied_thresh)
+        if self.mode not in MODES:
+            raise BadInputError("mode", self.mode, ", ".join(MODES))
+
+
+def import_ros(path: Path, options: RosOptions | None = None) -> Map:
+    """Return the map in a ROS map_server file.
+
+    The bounds are the outer boundary of the free region that counts (the one with the start, or
+    the largest), the solid islands in it are obstacles: see `raster_map`. What was read, done
+    and left out stands in the map's facts.
+
+    Parameters
+    ----------
+    path
+        The YAML file; the image's path in it is relative to its folder.
+    options
+        The defaults when None.
+
+    Raises
+    ------
+    UnreadableFileError
+        If a file is missing or not what it should be.
+    BadInputError
+        If a value in the YAML file is wrong, no cell is free, the start is not, or
+        ``simplify_mm`` is less than 0.75 of a cell.
+    """
+    options = options or RosOptions()
+    source = read_ros_yaml(path)
+    data = read_bytes(source.image, _LARGEST_IMAGE_BYTES)
+    occupied, free = classify(*read_values(source.image, data), source)
+    facts = {
+        "source": path.name,
+        "image": source.image.name,
+        "image_sha256": sha256_of(data),
+        "resolution_m": source.resolution_m,
+        "origin": list(source.origin),
+        "negate": source.negate,
+        "occupied_thresh": source.occupied_thresh,
+        "free_thresh": source.free_thresh,
+        "mode": source.mode,
+        "scale_mm_per_unit": options.scale_mm_per_unit,
+        "unknown": options.unknown,
+        "cells": list(free.shape[::-1]),
+        "cells_free": int(free.sum()),
+        "cells_occupied": int(occupied.sum()),
+        "cells_unknown": int(free.size - free.sum() - occupied.sum()),
+    }
+    scale = options.scale_mm_per_unit
+    if not LEAST_CELL_MM <= source.resolution_m * scale <= LARGEST_CELL_MM:
+        allowed = f"so much that a cell of {source.resolution_m:g} m becomes 0.01 to 1e6 mm"
+        raise BadInputError("scale_mm_per_unit", scale, allowed, path)
+    with located(path):
+        world = raster_map(
+            path.stem,
+            free if options.unknown == "obstacle" else ~occupied,
+            GridPlacement(
+                cell_mm=source.resolution_m * scale,
+                x_mm=source.origin[0] * scale,
+                y_mm=source.origin[1] * scale,
+                turn_rad=math.remainder(source.origin[2], 2.0 * math.pi),
+            ),
+            RasterOptions(
+                simplify_mm=options.simplify_mm,
+                least_obstacle_mm2=options.least_obstacle_mm2,
+                start=options.start,
+            ),
+            facts,
+        )
+    return replace(world, environment="ros")
+
+
+def classify(values: Values, opacity: Values | None, source: RosMap) -> tuple[Mask, Mask]:
+    """Return which cells are occupied and which are free, as the map_server decides.
+
+    With occupancy p = (255 - value) / 255 (value / 255 when negated): occupied when
+    p > ``occupied_thresh``, free when p < ``free_thresh``, else unknown.
+
+    - *trinary*: transparency is averaged in as a fourth colour, as the map_server has always
+      done.
+    - *scale*: pixels that are not opaque are unknown.
+    - *raw*: the value, 0 to 100, is the occupancy in percent; larger ones are unknown and
+      ``negate`` does not matter.
+
+    Parameters
+    ----------
+    values, opacity
+        From `read_values`.
+    source
+        Thresholds, mode and negate.
+    """
+    if values.dtype == np.uint8 and opacity is None:
+        occupied, free = _classified(np.arange(256.0), None, source)
+        return occupied[values], free[values]
+    return _classified(values, opacity, source)
+
+
+def _classified(values: Values, opacity: Values | None, source: RosMap) -> tuple[Mask, Mask]:
+    known = np.ones(values.shape, dtype=np.bool_)
+    if source.mode == "raw":
+        known = np.round(values) <= 100.0
+        occupancy = np.round(values) / 100.0
+    else:
+        if opacity is not None and source.mode == "trinary":
+            values = (3.0 * values + opacity) / 4.0
+        elif opacity is not None:
+            known = opacity >= 255.0
+        occupancy = (values if source.negate else 255.0 - values) / 255.0
+    return (occupancy > source.occupied_thresh) & known, (occupancy < source.free_thresh) & known
+
+
+def read_ros_yaml(path: Path) -> RosMap:
+    """Return the metadata in a map_server's YAML file.
+
+    Raises
+    ------
+    UnreadableFileError
+        If it cannot be read or is not YAML.
+    BadInputError
+        If a key is missing or a value wrong.
+    """
+    text = read_text(path, _LARGEST_YAML_BYTES)
+    try:
+        data = yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError) as error:
+        raise UnreadableFileError(path, f"is not YAML: {error}") from error
+    if not isinstance(data, dict):
+        raise UnreadableFileError(path, "is not a ROS map: no keys such as image and resolution")
+    with located(path):
+        return _ros_map(path, data)
+
+
+def _ros_map(path: Path, data: dict[str, Any]) -> RosMap:
+    image, origin = data.get("image"), data.get("origin")
+    if not isinstance(image, str) or not image or "\0" in image:
+        raise BadInputError("image", image, "the path of the image")
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise BadInputError("origin", origin, "[x, y, yaw]")
+    x, y, yaw = (_number("origin", value) for value in origin)
+    return RosMap(
+        image=path.parent / image,
+        resolution_m=_number("resolution", data.get("resolution")),
+        origin=(x, y, yaw),
+        negate=_truth("negate", data.get("negate")),
+        occupied_thresh=_number("occupied_thresh", data.get("occupied_thresh")),
+        free_thresh=_number("free_thresh", data.get("free_thresh")),
+        mode=str(data.get("mode", "trinary")),
+    )
+
+
+def _number(key: str, value: object) -> float:
+    """Return a number; also from text, as YAML takes 5e-2 without a point for a word."""
+    try:
+        if isinstance(value, int | float | str) and not isinstance(value, bool):
+            return float(value)
+    except (ValueError, OverflowError):
+        pass
+    raise BadInputError(key, value, "a number")
+
+
+def _truth(key: str, value: object) -> bool:
+    if value in (0, 1):
+        return bool(value)
+    raise BadInputError(key, value, "0 or 1")

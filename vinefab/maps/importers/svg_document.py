@@ -1,0 +1,298 @@
+"""SVG text as plain nodes with line numbers; lengths, transforms and view boxes."""
+
+import math
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.validation import Floats
+from vinefab.model.files.shipped import read_bytes
+
+_LARGEST_BYTES = 256 << 20
+_DEEPEST = 256
+_LONGEST_ENTITY = 500
+
+
+@dataclass(slots=True)
+class Node:
+    """An element.
+
+    Parameters
+    ----------
+    tag
+        Its name without namespace.
+    attributes
+        By name without namespace.
+    line
+        Where it begins.
+    children
+        In order.
+    text
+        Characters directly in it.
+    """
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    children: list["Node"] = field(default_factory=list)
+    text: str = ""
+
+    @property
+    def where(self) -> str:
+        """What messages call it."""
+        name = self.attributes.get("id")
+        return f"{self.tag}{f' {name!r}' if name else ''} (line {self.line})"
+
+
+def read_nodes(path: Path) -> Node:
+    """Return the root of an SVG file.
+
+    Raises
+    ------
+    UnreadableFileError
+        If it cannot be read, is not well formed, nests deeper than 256, declares entities that
+        are long, nested or outside of the file, or is not SVG.
+    """
+    data = read_bytes(path, _LARGEST_BYTES)
+    if not data.strip():
+        raise UnreadableFileError(path, "is empty")
+    builder = _Builder(path)
+    parser = expat.ParserCreate(namespace_separator="}")
+    parser.buffer_text = True
+    builder.parser = parser
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    parser.CharacterDataHandler = builder.words
+    parser.EntityDeclHandler = builder.entity
+    try:
+        parser.Parse(data, True)  # noqa: FBT003  expat's way to say that this is all
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        raise UnreadableFileError(path, f"is not SVG: {error}") from error
+    if builder.root is None or builder.root.tag != "svg":
+        raise UnreadableFileError(path, "is not SVG: its root is not <svg>")
+    return builder.root
+
+
+class _Builder:
+    """Collects nodes from a parser's calls."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.parser: expat.XMLParserType | None = None
+        self.root: Node | None = None
+        self.open: list[Node] = []
+
+    @property
+    def line(self) -> int:
+        return self.parser.CurrentLineNumber if self.parser is not None else 0
+
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        if len(self.open) >= _DEEPEST:
+            raise UnreadableFileError(
+                self.path, f"elements more than {_DEEPEST} deep (line {self.line})"
+            )
+        plain: dict[str, str] = {}
+        for key, value in attributes.items():
+            # An attribute without namespace counts before one of the same name with.
+            if "}" not in key or _plain(key) not in attributes:
+                plain[_plain(key)] = value
+        node = Node(_plain(name), plain, self.line)
+        if self.open:
+            self.open[-1].children.append(node)
+        else:
+            self.root = node
+        self.open.append(node)
+
+    def end(self, name: str) -> None:  # noqa: ARG002  expat passes it
+        self.open.pop()
+
+    def words(self, text: str) -> None:
+        if self.open and self.open[-1].tag == "style":
+            self.open[-1].text += text
+
+    def entity(
+        self,
+        name: str,
+        is_parameter: int,  # noqa: ARG002  expat passes it
+        value: str | None,
+        *outside: str | None,  # noqa: ARG002  expat passes them
+    ) -> None:
+        if value is None or "&" in value or "%" in value or len(value) > _LONGEST_ENTITY:
+            raise UnreadableFileError(
+                self.path, f"declares the entity {name!r}, which is long, nested or elsewhere"
+            )
+
+
+def _plain(name: str) -> str:
+    return name.rpartition("}")[2]
+
+
+MM_PER_PX = 25.4 / 96.0
+_UNITS_PX = {
+    "": 1.0,
+    "px": 1.0,
+    "mm": 96.0 / 25.4,
+    "cm": 960.0 / 25.4,
+    "q": 24.0 / 25.4,
+    "in": 96.0,
+    "pt": 96.0 / 72.0,
+    "pc": 16.0,
+}
+_LENGTH = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([a-zA-Z%]*)\s*")
+_TRANSFORM = re.compile(r"[\s,]*(\w+)\s*\(([^)]*)\)[\s,]*")
+IDENTITY = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+
+def length_px(node: Node, name: str, default: float = 0.0) -> float:
+    """Return an attribute that is a length, in user units (px).
+
+    Raises
+    ------
+    BadInputError
+        If it is no length, or relative to something (percent, em).
+    """
+    text = node.attributes.get(name)
+    if text is None or text.strip() == "auto":
+        return default
+    match = _LENGTH.fullmatch(text)
+    if match is None or match[2].lower() not in _UNITS_PX or not math.isfinite(float(match[1])):
+        allowed = "a number, perhaps with px, mm, cm, in, pt or pc"
+        raise BadInputError(f"{node.where}: {name}", text, allowed)
+    return float(match[1]) * _UNITS_PX[match[2].lower()]
+
+
+def page_frame(root: Node) -> tuple[Floats, float, str]:
+    """Return the frame that the outermost element sets.
+
+    Returns
+    -------
+    tuple
+        View box as x, y, width, height in user units (zeros where there is none); millimetres
+        per user unit in x; and in words where that comes from.
+    """
+    box = view_box(root)
+    size = tuple(_absolute(root, name) for name in ("width", "height"))
+    if box is None:
+        whole = np.array([0.0, 0.0, size[0] or 0.0, size[1] or 0.0])
+        return whole, MM_PER_PX, "px of 1/96 inch (no viewBox)"
+    known = [side / part for side, part in zip(size, box[2:], strict=True) if side is not None]
+    if not known:
+        return box, MM_PER_PX, "px of 1/96 inch (no absolute width or height)"
+    # Rounded: 210 mm for 210 units is 1 mm, whatever the last bit of 96 / 25.4 says.
+    return box, float(f"{min(known) * MM_PER_PX:.12g}"), "width, height and viewBox"
+
+
+def _absolute(root: Node, name: str) -> float | None:
+    """Return the page's width or height in px, None if it is not given or in percent."""
+    text = root.attributes.get(name, "")
+    value = length_px(root, name) if text and not text.strip().endswith("%") else 0.0
+    return value if value > 0.0 else None
+
+
+def view_box(node: Node) -> Floats | None:
+    """Return x, y, width and height of a view box, None if there is none."""
+    text = node.attributes.get("viewBox")
+    if text is None:
+        return None
+    values = _numbers(text, f"{node.where}: viewBox")
+    if len(values) != 4 or values[2] <= 0.0 or values[3] <= 0.0:
+        raise BadInputError(f"{node.where}: viewBox", text, "x y width height, sizes above 0")
+    return np.array(values)
+
+
+def viewport(node: Node) -> Floats:
+    """Return the map that a nested ``svg`` or a used ``symbol`` sets, shape (2, 3)."""
+    x, y = length_px(node, "x"), length_px(node, "y")
+    box = view_box(node)
+    if box is None or not {"width", "height"} <= set(node.attributes):
+        return np.array([[1.0, 0.0, x], [0.0, 1.0, y]])
+    size = np.array([length_px(node, "width"), length_px(node, "height")])
+    scales = size / box[2:]
+    if node.attributes.get("preserveAspectRatio", "").split()[:1] != ["none"]:
+        scales[:] = scales.min()
+    spare = 0.5 * (size - scales * box[2:])
+    shift = np.array([x, y]) + spare - scales * box[:2]
+    return np.column_stack([np.diag(scales), shift])
+
+
+def transform(node: Node) -> Floats:
+    """Return the map that ``transform`` says, shape (2, 3).
+
+    Raises
+    ------
+    BadInputError
+        If it is not a list of transforms, or squeezes everything onto a line.
+    """
+    text = node.attributes.get("transform", "")
+    matrix, at = IDENTITY, 0
+    while at < len(text.rstrip()):
+        match = _TRANSFORM.match(text, at)
+        if match is None:
+            raise _wrong(node, text)
+        values = _numbers(match[2], f"{node.where}: transform")
+        matrix, at = after(matrix, _single(node, match[1], values)), match.end()
+    if abs(np.linalg.det(matrix[:, :2])) < 1e-30:
+        raise BadInputError(f"{node.where}: transform", text, "one that leaves an area")
+    return matrix
+
+
+def after(outer: Floats, inner: Floats) -> Floats:
+    """Return the map that does first the inner, then the outer one."""
+    linear = outer[:, :2] @ inner[:, :2]
+    return np.column_stack([linear, outer[:, :2] @ inner[:, 2] + outer[:, 2]])
+
+
+def _single(node: Node, name: str, values: list[float]) -> Floats:
+    known = {
+        "matrix": (6, 6),
+        "translate": (1, 2),
+        "scale": (1, 2),
+        "rotate": (1, 3),
+        "skewX": (1, 1),
+        "skewY": (1, 1),
+    }
+    fewest, most = known.get(name, (99, 0))
+    if not fewest <= len(values) <= most or (name == "rotate" and len(values) == 2):
+        raise _wrong(node, f"{name}({values})")
+    if name == "matrix":
+        a, b, c, d, e, f = values
+        return np.array([[a, c, e], [b, d, f]])
+    if name == "translate":
+        return np.array([[1.0, 0.0, values[0]], [0.0, 1.0, values[1] if values[1:] else 0.0]])
+    if name == "scale":
+        return np.array([[values[0], 0.0, 0.0], [0.0, values[-1], 0.0]])
+    angle = math.radians(values[0])
+    if name != "rotate":
+        slope = math.tan(angle)
+        x, y = (slope, 0.0) if name == "skewX" else (0.0, slope)
+        return np.array([[1.0, x, 0.0], [y, 1.0, 0.0]])
+    cosine, sine = math.cos(angle), math.sin(angle)
+    turn = np.array([[cosine, -sine], [sine, cosine]])
+    middle = np.array(values[1:] or [0.0, 0.0])
+    return np.column_stack([turn, middle - turn @ middle])
+
+
+def numbers(node: Node, name: str) -> list[float]:
+    """Return an attribute that is a list of numbers."""
+    return _numbers(node.attributes.get(name, ""), f"{node.where}: {name}")
+
+
+def _numbers(text: str, key: str) -> list[float]:
+    # Signs and second points may part numbers: 1-2 and .5.5 are two each.
+    words = re.findall(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[^\s,]", text)
+    try:
+        values = [float(word) for word in words]
+    except ValueError as error:
+        raise BadInputError(key, text, "numbers") from error
+    if not np.isfinite(values).all():
+        raise BadInputError(key, text, "finite numbers")
+    return values
+
+
+def _wrong(node: Node, text: str) -> BadInputError:
+    allowed = "matrix, translate, scale, rotate, skewX and skewY with their numbers"
+    return BadInputError(f"{node.where}: transform", text, allowed)

@@ -1,0 +1,524 @@
+"""SVG drawings: groups, uses, styles, units and the outlines of all shapes."""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.core.validation import Floats
+from vinefab.maps.cleanup.curves import Arc, Bezier, CurvePiece, Straight, run_flat
+from vinefab.maps.importers.drawing import (
+    DrawingItem,
+    ImportOptions,
+    Ring,
+    SourceDrawing,
+    drawing_map,
+)
+from vinefab.maps.importers.svg_document import (
+    IDENTITY,
+    Node,
+    after,
+    length_px,
+    numbers,
+    page_frame,
+    read_nodes,
+    transform,
+    viewport,
+)
+from vinefab.model.map import Map
+
+_NUMBER = re.compile(r"[\s,]*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)")
+_FLAG = re.compile(r"[\s,]*([01])")
+_COMMAND = re.compile(r"[\s,]*([A-Za-z])")
+_COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
+
+
+@dataclass(slots=True)
+class Subpath:
+    """One run of the pen: its pieces, and whether it is closed."""
+
+    pieces: list[CurvePiece] = field(default_factory=list)
+    closed: bool = False
+
+
+def path_outlines(data: str) -> list[Subpath]:
+    """Return the subpaths of a path's ``d``.
+
+    Raises
+    ------
+    BadInputError
+        If it is not path data; the message says after how many characters.
+
+    Examples
+    --------
+    >>> [(len(run.pieces), run.closed) for run in path_outlines("M0 0h9v9z m20 0 l5,5")]
+    [(2, True), (1, False)]
+    """
+    return _Pen(data).run()
+
+
+def run_points(run: Subpath, tolerance: float) -> Floats:
+    """Return the points of a subpath, shape (n, 2), curves as chords within a tolerance."""
+    return run_flat(tuple(run.pieces), tolerance)
+
+
+class _Pen:
+    """Reads path data (SVG 1.1, chapter 8)."""
+
+    def __init__(self, data: str) -> None:
+        self.data = data
+        self.at = 0
+        self.now = self.first = np.zeros(2)
+        self.control: tuple[str, Floats] = ("", np.zeros(2))
+        self.subpaths: list[Subpath] = []
+        self.draw: Mapping[str, Callable[[list[float], Floats], None]] = {
+            "L": self._line,
+            "H": self._line,
+            "V": self._line,
+            "C": self._cubic,
+            "S": self._cubic,
+            "Q": self._quadratic,
+            "T": self._quadratic,
+            "A": self._arc,
+        }
+
+    def run(self) -> list[Subpath]:
+        command = ""
+        while self.data[self.at :].strip(" \t\r\n,"):
+            letter = self._match(_COMMAND)
+            if letter is not None:
+                command = letter
+            elif command in ("", "Z", "z"):
+                raise self._wrong()
+            if not self.subpaths and command not in ("M", "m"):
+                raise self._wrong()
+            self._step(command)
+            # Further pairs after a move are lines.
+            command = {"M": "L", "m": "l"}.get(command, command)
+        return [run for run in self.subpaths if run.pieces]
+
+    def _step(self, command: str) -> None:
+        kind = command.upper()
+        if kind not in _COUNTS:
+            raise self._wrong()
+        values = [self._value(kind, index) for index in range(_COUNTS[kind])]
+        origin = self.now if command.islower() else np.zeros(2)
+        if kind == "M":
+            self.now = self.first = origin + values
+            self.subpaths.append(Subpath())
+        elif kind == "Z":
+            self.subpaths[-1].closed = True
+            self.now = self.first
+        else:
+            if self.subpaths[-1].closed:
+                # Drawing on after a close begins a new subpath at the same place.
+                self.subpaths.append(Subpath())
+            self.control = self.control if kind in "CSQT" else ("", self.now)
+            self._curve_or_line(kind, values, origin)
+
+    def _curve_or_line(self, kind: str, values: list[float], origin: Floats) -> None:
+        if kind == "H":
+            values = [values[0], self.now[1] - origin[1]]
+        elif kind == "V":
+            values = [self.now[0] - origin[0], values[0]]
+        if kind in "ST":
+            family = "C" if kind == "S" else "Q"
+            mirrored = self.now
+            if self.control[0] == family:
+                mirrored = 2.0 * self.now - self.control[1]
+            values = [*(mirrored - origin), *values]
+        self.draw[kind](values, origin)
+
+    def _line(self, values: list[float], origin: Floats) -> None:
+        end = origin + values
+        pieces = self.subpaths[-1].pieces
+        pieces.append(Straight(np.array([self.now, end])))
+        self.now = end
+
+    def _cubic(self, values: list[float], origin: Floats) -> None:
+        controls = origin + np.array(values).reshape(-1, 2)
+        self.subpaths[-1].pieces.append(Bezier(np.vstack([self.now, controls])))
+        self.control, self.now = ("C", controls[1]), controls[2]
+
+    def _quadratic(self, values: list[float], origin: Floats) -> None:
+        control, end = origin + np.array(values).reshape(-1, 2)
+        thirds = (self.now + 2.0 * control) / 3.0, (end + 2.0 * control) / 3.0
+        self.subpaths[-1].pieces.append(Bezier(np.array([self.now, *thirds, end])))
+        self.control, self.now = ("Q", control), end
+
+    def _arc(self, values: list[float], origin: Floats) -> None:
+        end = origin + values[5:]
+        shape = (abs(values[0]), abs(values[1]), math.radians(values[2]))
+        piece = _end_point_arc((self.now, end), shape, large=values[3] == 1, sweep=values[4] == 1)
+        if piece is not None:
+            self.subpaths[-1].pieces.append(piece)
+        self.now = end
+
+    def _value(self, kind: str, index: int) -> float:
+        text = self._match(_FLAG if kind == "A" and index in (3, 4) else _NUMBER)
+        if text is None or not math.isfinite(float(text)):
+            raise self._wrong()
+        return float(text)
+
+    def _match(self, pattern: re.Pattern[str]) -> str | None:
+        match = pattern.match(self.data, self.at)
+        if match is None:
+            return None
+        self.at = match.end()
+        return match[1]
+
+    def _wrong(self) -> BadInputError:
+        rest = " ".join(self.data[self.at :].split())[:30]
+        return BadInputError(f"d, character {self.at + 1}", rest, "path data such as M 0 0 L 9 9 Z")
+
+
+def _end_point_arc(
+    ends: tuple[Floats, Floats], shape: tuple[float, float, float], *, large: bool, sweep: bool
+) -> CurvePiece | None:
+    """Return the elliptical arc between two points (SVG 1.1, F.6.5 and F.6.6).
+
+    Parameters
+    ----------
+    ends
+        Where it begins and ends.
+    shape
+        Both radii and the turn of the first one, rad. Radii that are too small grow.
+    large, sweep
+        The longer way round; the way of growing angles.
+    """
+    start, end = ends
+    wide, high, turn = shape
+    if not (end - start).any():
+        return None
+    if wide == 0.0 or high == 0.0:
+        return Straight(np.array([start, end]))
+    turned = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    # In units of the radii the ellipse is a circle of radius 1.
+    half = (turned.T @ (0.5 * (start - end))) / (wide, high)
+    squared = float(half @ half)
+    grown = max(1.0, math.sqrt(squared))
+    aside = math.sqrt(max(0.0, 1.0 / squared - 1.0)) * (-1.0 if large == sweep else 1.0)
+    middle = aside * np.array([half[1], -half[0]]) if grown == 1.0 else np.zeros(2)
+    axes = turned * np.array([wide, high]) * grown
+    first, last = (half / grown - middle), (-half / grown - middle)
+    angles = [math.atan2(point[1], point[0]) for point in (first, last)]
+    swept = (angles[1] - angles[0]) % math.tau
+    return Arc(
+        middle=0.5 * (start + end) + axes @ middle,
+        first=axes[:, 0],
+        second=axes[:, 1],
+        start_rad=angles[0],
+        turn_rad=swept if sweep else swept - math.tau,
+    )
+
+
+def rectangle(x: float, y: float, size: tuple[float, float], radii: tuple[float, float]) -> Subpath:
+    """Return a rectangle, its corners rounded by elliptical radii (0 for sharp ones)."""
+    width, height = size
+    rx, ry = min(radii[0], 0.5 * width), min(radii[1], 0.5 * height)
+    if rx <= 0.0 or ry <= 0.0:
+        corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+        return Subpath([Straight(np.array(corners, dtype=np.float64))], closed=True)
+    pieces: list[CurvePiece] = []
+    for index, (side_x, side_y) in enumerate(((1, 1), (0, 1), (0, 0), (1, 0))):
+        middle = (x + rx + side_x * (width - 2 * rx), y + ry + side_y * (height - 2 * ry))
+        arc = Arc(
+            middle=np.array(middle),
+            first=np.array([rx, 0.0]),
+            second=np.array([0.0, ry]),
+            start_rad=0.5 * math.pi * index,
+            turn_rad=0.5 * math.pi,
+        )
+        pieces.append(arc)
+    return Subpath(pieces, closed=True)
+
+
+def ellipse(x: float, y: float, radii: tuple[float, float]) -> Subpath:
+    """Return a whole ellipse about (x, y)."""
+    arc = Arc(
+        middle=np.array([x, y]), first=np.array([radii[0], 0.0]), second=np.array([0.0, radii[1]])
+    )
+    return Subpath([arc], closed=True)
+
+
+def moved(piece: CurvePiece, matrix: Floats) -> CurvePiece:
+    """Return a piece after an affine map, shape (2, 3)."""
+    linear, shift = matrix[:, :2], matrix[:, 2]
+    if isinstance(piece, Straight):
+        return Straight(piece.points @ linear.T + shift)
+    if isinstance(piece, Bezier):
+        return Bezier(piece.controls @ linear.T + shift)
+    if not isinstance(piece, Arc):
+        raise TypeError(f"no affine map for {type(piece).__name__}")
+    return Arc(
+        middle=linear @ piece.middle + shift,
+        first=linear @ piece.first,
+        second=linear @ piece.second,
+        start_rad=piece.start_rad,
+        turn_rad=piece.turn_rad,
+    )
+
+
+_GROUPS = {"svg", "g", "a", "switch", "symbol"}
+_SHAPES = {"path", "rect", "circle", "ellipse", "line", "polyline", "polygon"}
+_DRAWN = _GROUPS | _SHAPES | {"use"}
+_SILENT = {
+    "defs", "title", "desc", "metadata", "style", "script", "namedview", "clipPath", "mask",
+    "marker", "pattern", "linearGradient", "radialGradient", "filter", "symbol",
+}  # fmt: skip
+_MOST_ELEMENTS = 500_000
+_DEEPEST_USE = 32
+_RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where in the tree an element stands."""
+
+    matrix: Floats
+    layers: tuple[str, ...]
+    filled: bool
+    uses: int = 0
+
+
+def import_svg(path: Path, options: ImportOptions) -> Map:
+    """Return the map in an SVG drawing.
+
+    All shapes are outlines or lines, whatever their colour. With ``wall_mm`` shapes without fill
+    are walls of that thickness, those with a fill outlines. The lower left corner of the page is
+    the map's origin.
+
+    Raises
+    ------
+    UnreadableFileError
+        If it cannot be read or is not SVG.
+    BadInputError, UnknownNameError
+        For the first element that is wrong, an unknown group, or what `drawing_map` refuses.
+    """
+    root = read_nodes(path)
+    try:
+        drawing = _drawing(root, options)
+    except BadInputError as error:
+        raise error.at(path) from error
+    return replace(drawing_map(path, drawing, options), environment="svg")
+
+
+def _drawing(root: Node, options: ImportOptions) -> SourceDrawing:
+    box, mm_per_unit, units = page_frame(root)
+    walk = _Walk(root, frozenset(options.layers), box, walls=options.wall_mm is not None)
+    items = walk.items()
+    unknown = sorted(set(options.layers) - walk.names)
+    if unknown:
+        raise UnknownNameError("layer or group", unknown[0], walk.names)
+    return SourceDrawing(
+        items=tuple(items),
+        mm_per_unit=mm_per_unit,
+        down=True,
+        origin=(float(box[0]), float(box[1] + box[3])),
+        facts={
+            "units": units,
+            **({"layers": sorted(options.layers)} if options.layers else {}),
+            "elements": dict(walk.read),
+            **({"ignored": dict(walk.ignored)} if walk.ignored else {}),
+        },
+    )
+
+
+@dataclass(slots=True)
+class _Walk:
+    """A walk through the elements of a drawing."""
+
+    root: Node
+    layers: frozenset[str]
+    page: Floats
+    walls: bool = field(kw_only=True)
+    read: Counter[str] = field(default_factory=Counter)
+    ignored: Counter[str] = field(default_factory=Counter)
+    names: set[str] = field(default_factory=set)
+    by_id: dict[str, Node] = field(default_factory=dict)
+    styles: dict[str, dict[str, str]] = field(default_factory=dict)
+    backgrounds: list[DrawingItem] = field(default_factory=list)
+    seen: int = 0
+
+    def items(self) -> list[DrawingItem]:
+        for node in _all(self.root):
+            self.by_id.setdefault(node.attributes.get("id", ""), node)
+            if node.tag == "style":
+                self.styles |= _rules(node.text)
+        place = _Place(IDENTITY, (), filled=True)
+        found = [item for node in self.root.children for item in self._items(node, place)]
+        return self._without_backgrounds(found)
+
+    def _items(self, node: Node, place: _Place) -> Iterator[DrawingItem]:
+        self.seen += 1
+        if self.seen > _MOST_ELEMENTS:
+            raise BadInputError("elements", f"more than {_MOST_ELEMENTS}", "fewer, in uses too")
+        style = self._style(node)
+        if self._left_out(node, style, place):
+            return
+        place = self._inner(node, style, place)
+        if node.tag in _GROUPS:
+            for child in node.children:
+                yield from self._items(child, place)
+        elif node.tag == "use":
+            yield from self._used(node, place)
+        else:
+            yield from self._drawn(node, style, place)
+
+    def _left_out(self, node: Node, style: dict[str, str], place: _Place) -> bool:
+        """Tell whether an element draws nothing; count it if one might think that it does."""
+        if node.tag in _SILENT and not (node.tag == "symbol" and place.uses):
+            return True
+        if node.tag not in _DRAWN:
+            self.ignored[node.tag] += 1
+        elif style.get("display") == "none":
+            self.ignored["display:none"] += 1
+        else:
+            if style.get("clip-path", "none") != "none":
+                self.ignored["clip-path"] += 1
+            return False
+        return True
+
+    def _style(self, node: Node) -> dict[str, str]:
+        """Return an element's own properties: attributes, then style sheets, then its style."""
+        attributes = node.attributes
+        names = [node.tag, *(f".{name}" for name in attributes.get("class", "").split())]
+        found = dict(attributes)
+        for name in [*names, f"#{attributes.get('id', '')}"]:
+            found |= self.styles.get(name, {})
+        return found | _declarations(attributes.get("style", ""))
+
+    def _inner(self, node: Node, style: dict[str, str], place: _Place) -> _Place:
+        matrix = after(place.matrix, transform(node))
+        if node.tag in ("svg", "symbol"):
+            matrix = after(matrix, viewport(node))
+        layers = place.layers
+        if node.tag in _GROUPS or node.tag == "use":
+            names = [node.attributes[key] for key in ("id", "label") if key in node.attributes]
+            self.names.update(names)
+            layers = (*layers, *names)
+        fill = style.get("fill", "inherit").strip()
+        filled = place.filled if fill == "inherit" else fill not in ("none", "transparent")
+        return _Place(matrix, layers, filled, place.uses)
+
+    def _used(self, node: Node, place: _Place) -> Iterator[DrawingItem]:
+        name = node.attributes.get("href", "")
+        target = self.by_id.get(name.removeprefix("#")) if name.startswith("#") else None
+        if target is None:
+            raise BadInputError(f"{node.where}: href", name, "the id of an element in the file")
+        if place.uses >= _DEEPEST_USE:
+            raise BadInputError(node.where, "uses of uses without end", f"{_DEEPEST_USE} at most")
+        shift = np.array([[1.0, 0.0, length_px(node, "x")], [0.0, 1.0, length_px(node, "y")]])
+        place = replace(place, matrix=after(place.matrix, shift), uses=place.uses + 1)
+        if target.tag in ("symbol", "svg"):
+            size = {k: v for k, v in node.attributes.items() if k in ("width", "height")}
+            target = replace(target, attributes=target.attributes | size)
+        yield from self._items(target, place)
+
+    def _drawn(self, node: Node, style: dict[str, str], place: _Place) -> Iterator[DrawingItem]:
+        if self.layers and not self.layers & set(place.layers):
+            self.ignored["in other groups"] += 1
+            return
+        if style.get("visibility") in ("hidden", "collapse"):
+            self.ignored["hidden"] += 1
+            return
+        self.read[node.tag] += 1
+        for run in _outlines(node):
+            pieces = tuple(moved(piece, place.matrix) for piece in run.pieces)
+            ring = Ring(pieces=pieces)
+            # Painting fills a path up to the straight line that would close it.
+            fills = place.filled and len(ring.hull()) > 2
+            item = DrawingItem(
+                rings=(ring,),
+                where=node.where,
+                closed=run.closed or fills,
+                role="obstacle" if self.walls and fills else None,
+            )
+            if fills and style.get("stroke", "none") == "none" and self._is_page(ring):
+                self.backgrounds.append(item)
+            yield item
+
+    def _without_backgrounds(self, items: list[DrawingItem]) -> list[DrawingItem]:
+        """Return items without the paper they lie on, if one of them encloses others anyway."""
+        rest = [item for item in items if not any(item is paper for paper in self.backgrounds)]
+        if not self.backgrounds or len(rest) < 2:
+            return items
+        hulls = [item.rings[0].hull() for item in rest]
+        low = np.array([hull.min(axis=0) for hull in hulls])
+        high = np.array([hull.max(axis=0) for hull in hulls])
+        around = (low <= low.min(axis=0)).all(axis=1) & (high >= high.max(axis=0)).all(axis=1)
+        if not around.any():
+            return items
+        self.ignored["background of the page"] += len(self.backgrounds)
+        return rest
+
+    def _is_page(self, ring: Ring) -> bool:
+        """Tell whether an outline is the rectangle of the page."""
+        points = np.unique(ring.hull(), axis=0)
+        if len(points) != 4:
+            return False
+        corner, size = self.page[:2], self.page[2:]
+        slack = 1e-6 * float(size.max())
+        low = np.abs(points.min(axis=0) - corner).max()
+        high = np.abs(points.max(axis=0) - corner - size).max()
+        return bool(size.min() > 0.0 and low <= slack and high <= slack)
+
+
+def _outlines(node: Node) -> list[Subpath]:
+    """Return what a shape draws, in its own coordinates."""
+    try:
+        if node.tag == "path":
+            return path_outlines(node.attributes.get("d", ""))
+    except BadInputError as error:
+        raise BadInputError(f"{node.where}: {error.key}", error.value, error.allowed) from error
+    if node.tag in ("polyline", "polygon"):
+        values = numbers(node, "points")
+        if len(values) % 2:
+            raise BadInputError(f"{node.where}: points", f"{len(values)} numbers", "x,y pairs")
+        points = np.array(values).reshape(-1, 2)
+        run = Subpath([Straight(points)], closed=node.tag == "polygon")
+        return [run] if len(points) >= 2 else []
+    return _simple(node)
+
+
+def _simple(node: Node) -> list[Subpath]:
+    names = ("x", "y", "width", "height", "rx", "ry", "r", "cx", "cy", "x1", "y1", "x2", "y2")
+    at = {name: length_px(node, name) for name in names}
+    for name in ("width", "height", "rx", "ry", "r"):
+        if at[name] < 0.0:
+            raise BadInputError(f"{node.where}: {name}", at[name], "at least 0")
+    if node.tag == "line":
+        return [Subpath([Straight(np.array([[at["x1"], at["y1"]], [at["x2"], at["y2"]]]))])]
+    rx, ry = (at[name] or at[other] for name, other in (("rx", "ry"), ("ry", "rx")))
+    if node.tag == "rect":
+        size = (at["width"], at["height"])
+        return [rectangle(at["x"], at["y"], size, (rx, ry))] if min(size) > 0.0 else []
+    radii = (at["r"], at["r"]) if node.tag == "circle" else (at["rx"], at["ry"])
+    return [ellipse(at["cx"], at["cy"], radii)] if min(radii) > 0.0 else []
+
+
+def _all(root: Node) -> Iterator[Node]:
+    stack = [root]
+    while stack:
+        node = stack.pop()
+        yield node
+        stack += reversed(node.children)
+
+
+def _rules(sheet: str) -> dict[str, dict[str, str]]:
+    """Return the declarations of a style sheet's simple selectors: tag, .class and #id."""
+    found: dict[str, dict[str, str]] = {}
+    for selectors, body in _RULE.findall(re.sub(r"/\*.*?\*/", "", sheet, flags=re.DOTALL)):
+        for selector in selectors.split(","):
+            found.setdefault(selector.strip(), {}).update(_declarations(body))
+    return found
+
+
+def _declarations(text: str) -> dict[str, str]:
+    pairs = (part.partition(":") for part in text.split(";"))
+    return {name.strip(): value.strip() for name, colon, value in pairs if colon}

@@ -1,0 +1,277 @@
+"""The narrow passages of a free space, exactly.
+
+A passage is a place where the way between two walls is narrower than just before and just after it:
+the circle with the passage for its diameter has no wall inside. (These circles' centres are the
+saddles of the distance to the walls, see Lieutier, "Any open bounded subset of R^n has the same
+homotopy type as its medial axis", 2004.) So both ends lie at the nearest points of two walls, and
+at least one of them at a corner, unless the walls are parallel.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import Polygon, STRtree
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.validation import Floats, Ints
+
+EXACT = 1e-9
+"""Lengths that differ by less than this share of the free space's size are the same."""
+
+PARALLEL_RAD = 1e-6
+"""Walls whose directions differ by less are parallel."""
+
+WIDENS = 1.3
+"""Two narrow places count as one passage unless the way between them gets so many times wider."""
+
+_PAIRS_AT_ONCE = 2_000_000
+_SAMPLES = 15
+_POLYGON = shapely.GeometryType.POLYGON
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Passage:
+    """A narrow place between two walls.
+
+    Parameters
+    ----------
+    width_mm
+        Distance between the walls.
+    ends_mm
+        Where it touches them: ((x, y), (x, y)).
+    """
+
+    width_mm: float
+    ends_mm: tuple[tuple[float, float], tuple[float, float]]
+
+    @property
+    def middle_mm(self) -> tuple[float, float]:
+        """The point halfway between the walls."""
+        (x_1, y_1), (x_2, y_2) = self.ends_mm
+        return 0.5 * (x_1 + x_2), 0.5 * (y_1 + y_2)
+
+
+def narrow_passages(free: BaseGeometry, most: int = 5) -> tuple[Passage, ...]:
+    """Return the narrowest passages, the narrowest first.
+
+    Parameters
+    ----------
+    free
+        Free space: Polygon or MultiPolygon.
+    most
+        How many to return at most.
+
+    Examples
+    --------
+    >>> room = shapely.box(0, 0, 100, 50) - shapely.box(40, 0, 60, 20) - shapely.box(40, 27, 60, 50)
+    >>> [passage.width_mm for passage in narrow_passages(room, 1)]
+    [7.0]
+    """
+    walls = _Walls(free)
+    found: tuple[Passage, ...] = ()
+    shares, least_mm, most_mm = [np.zeros((0, 2, 2))], 0.0, walls.typical_mm
+    while len(found) < most and least_mm < walls.widest_mm:
+        shares += walls.gaps(least_mm, most_mm)
+        found = _apart(walls, _Gaps(np.concatenate(shares), EXACT * walls.size_mm), most)
+        least_mm, most_mm = most_mm, 2.0 * most_mm
+    return found
+
+
+class _Gaps:
+    """Candidates: ends (n, 2, 2), widths (n,), the narrowest first."""
+
+    def __init__(self, ends: Floats, same_mm: float) -> None:
+        width = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+        order = np.argsort(np.round(width / same_mm), kind="stable")
+        self.ends, self.width = ends[order], width[order]
+        self.middle = self.ends.mean(axis=1)
+
+
+class _Walls:
+    """Walls of a free space with the free side on the left, and what is near to what."""
+
+    def __init__(self, free: BaseGeometry) -> None:
+        parts = shapely.get_parts(free)
+        self.parts = parts[(shapely.get_type_id(parts) == _POLYGON) & ~shapely.is_empty(parts)]
+        shapely.prepare(self.parts)
+        rings = shapely.get_rings(shapely.orient_polygons(self.parts))
+        points, ring = shapely.get_coordinates(rings, return_index=True)
+        real = (ring[1:] == ring[:-1]) & (points[1:] != points[:-1]).any(axis=1)
+        self.start, self.end = points[:-1][real], points[1:][real]
+        self.before = _before(ring[:-1][real])
+        self.lines = np.asarray(shapely.linestrings(np.stack([self.start, self.end], axis=1)))
+        self.tree, self.inside = STRtree(self.lines), STRtree(self.parts)
+        self.size_mm = float(np.hypot(*np.ptp(points, axis=0))) if len(points) else 0.0
+        # No circle is wider than the largest one, which is known to within a tolerance.
+        self.widest_mm = max(
+            (_widest_mm(part, 0.01 * self.size_mm) for part in self.parts), default=0
+        )
+        # So wide that a circle of it meets about one wall: where the search begins.
+        self.typical_mm = 0.5 * self.size_mm / np.sqrt(len(self.start) + 1.0)
+
+    def gaps(self, least_mm: float, most_mm: float) -> list[Floats]:
+        """Return all passages within a range of widths, each shape (n, 2, 2), some twice.
+
+        Where walls run beside each other, the middle of that stretch comes first.
+        """
+        least_mm = max(least_mm, EXACT * self.size_mm)
+        return [*self._parallel_gaps(least_mm, most_mm), *self._corner_gaps(least_mm, most_mm)]
+
+    def are_empty(self, ends: Floats) -> NDArray[np.bool_]:
+        """Tell of which ends the circle between them is free and has no wall inside."""
+        middle, half = ends.mean(axis=1), 0.5 * np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+        empty = self.clearance(middle) >= half - EXACT * self.size_mm
+        empty[empty] = self.is_free(middle[empty])
+        return np.asarray(empty)
+
+    def clearance(self, points: Floats) -> Floats:
+        """Return the distance of points to the nearest wall, shape (n,)."""
+        if not len(points):
+            return np.zeros(0)
+        index, distance = self.tree.query_nearest(
+            shapely.points(points), return_distance=True, all_matches=False
+        )
+        return np.asarray(distance[np.argsort(index[0], kind="stable")])
+
+    def is_free(self, points: Floats) -> NDArray[np.bool_]:
+        """Tell which points are in the free space, shape (n,)."""
+        free = np.zeros(len(points), dtype=np.bool_)
+        point, part = self.inside.query(shapely.points(points))
+        free[point[shapely.contains_xy(self.parts[part], points[point])]] = True
+        return free
+
+    def _corner_gaps(self, least_mm: float, most_mm: float) -> Iterator[Floats]:
+        """Yield passages that have at least one end at a corner."""
+        corners = self._corners(least_mm)
+        for index, wall in self._near(shapely.points(self.start[corners]), most_mm):
+            corner = corners[index]
+            point, foot = self.start[corner], self._foot(self.start[corner], wall)
+            across = foot - point
+            width = np.hypot(*across.T)
+            keep = (width > least_mm) & (width <= most_mm)
+            # Walls that leave the corner towards the other end lie inside of the circle.
+            for neighbour in (self.end[corner], self.start[self.before[corner]]):
+                leaving = np.sum((neighbour - point) * across, axis=1)
+                keep &= leaving <= EXACT * self.size_mm**2
+            ends = np.stack([point[keep], foot[keep]], axis=1)
+            yield ends[self.are_empty(ends)]
+
+    def _corners(self, least_mm: float) -> Ints:
+        """Return the corners that a circle of some diameter can touch without meeting a wall."""
+        into, out = _unit(self.end - self.start)[self.before], _unit(self.end - self.start)
+        turn = np.arctan2(
+            into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], np.sum(into * out, axis=1)
+        )
+        corners = np.flatnonzero(turn < 0.0)
+        towards = (into + out)[corners] @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+        centre = self.start[corners] + 0.5 * least_mm * _unit(towards)
+        # The circle may lie to either side of the middle, by up to half of the corner's turn.
+        sure = 1.0 + 0.5 * turn[corners] - 1e-6
+        return np.asarray(corners[self.clearance(centre) >= 0.5 * least_mm * sure])
+
+    def _parallel_gaps(self, least_mm: float, most_mm: float) -> Iterator[Floats]:
+        """Yield passages halfway along parallel walls that are longer than they are apart."""
+        along = self.end - self.start
+        length, unit = np.hypot(*along.T), _unit(along)
+        long = np.flatnonzero(length >= least_mm)
+        for index, other in self._near(self.lines[long], most_mm):
+            one = long[index]
+            # Each pair once; walls with free space between them run against each other.
+            cross = unit[one, 0] * unit[other, 1] - unit[one, 1] * unit[other, 0]
+            facing = np.sum(unit[one] * unit[other], axis=1) < 0.0
+            pair = (one < other) & facing & (np.abs(cross) < PARALLEL_RAD)
+            ends, overlap = self._halfway(one[pair], other[pair], unit)
+            width = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+            keep = (overlap >= width) & (width > least_mm) & (width <= most_mm)
+            yield ends[keep][self.are_empty(ends[keep])]
+
+    def _halfway(self, one: Ints, other: Ints, unit: Floats) -> tuple[Floats, Floats]:
+        """Return where to cross between two walls, and how far they run beside each other."""
+        origin, towards = self.start[one], unit[one]
+        first = np.sum((self.end[other] - origin) * towards, axis=1)
+        last = np.sum((self.start[other] - origin) * towards, axis=1)
+        length = np.hypot(*(self.end[one] - origin).T)
+        low, high = np.maximum(first, 0.0), np.minimum(last, length)
+        middle = origin + (0.5 * (low + high))[:, None] * towards
+        return np.stack([middle, self._foot(middle, other)], axis=1), high - low
+
+    def _near(self, shapes: NDArray[np.object_], reach_mm: float) -> Iterator[tuple[Ints, Ints]]:
+        """Yield pairs of a shape and a wall within reach, some at a time: memory stays bounded."""
+        step = max(1, int(_PAIRS_AT_ONCE / max(1.0, self._crowd(reach_mm))))
+        for begin in range(0, len(shapes), step):
+            pair = self.tree.query(
+                shapes[begin : begin + step], predicate="dwithin", distance=reach_mm
+            )
+            yield (pair[0] + begin).astype(np.int64), pair[1].astype(np.int64)
+
+    def _crowd(self, reach_mm: float) -> float:
+        """Return about how many walls are within reach of a wall."""
+        some = self.lines[:: max(1, len(self.lines) // 50)]
+        near = self.tree.query(some, predicate="dwithin", distance=reach_mm)
+        return float(near.shape[1]) / len(some)
+
+    def _foot(self, points: Floats, wall: Ints) -> Floats:
+        """Return the nearest point of a wall to each point, shape (n, 2)."""
+        start, along = self.start[wall], self.end[wall] - self.start[wall]
+        share = np.sum((points - start) * along, axis=1) / np.sum(along * along, axis=1)
+        return np.asarray(start + np.clip(share, 0.0, 1.0)[:, None] * along)
+
+
+def _before(ring: Ints) -> Ints:
+    """Return the wall before each wall, from the ring of each, rising, shape (n,)."""
+    before = np.arange(len(ring)) - 1
+    begins = np.flatnonzero(np.append(True, ring[1:] != ring[:-1])[: len(ring)])
+    before[begins] = np.append(begins[1:], len(ring))[: len(begins)] - 1
+    return before
+
+
+def _unit(vectors: Floats) -> Floats:
+    """Return vectors at length 1; zeros stay zeros."""
+    length = np.hypot(*vectors.T)[:, None]
+    return np.asarray(np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0.0))
+
+
+def _widest_mm(part: Polygon, tolerance_mm: float) -> float:
+    """Return an upper bound of the diameter of the largest circle in a polygon."""
+    return 2.0 * (shapely.maximum_inscribed_circle(part, tolerance_mm).length + tolerance_mm)
+
+
+def _apart(walls: _Walls, gaps: _Gaps, most: int) -> tuple[Passage, ...]:
+    """Return the narrowest gaps that do not belong to the same passage."""
+    kept: list[int] = []
+    for number in range(len(gaps.width)):
+        if len(kept) == most:
+            break
+        if not kept or not _belongs(walls, gaps, number, kept):
+            kept.append(number)
+    return tuple(_passage(gaps.ends[number]) for number in kept)
+
+
+def _belongs(walls: _Walls, gaps: _Gaps, number: int, kept: list[int]) -> bool:
+    """Tell whether the way from a gap to a narrower one is short, or hardly gets any wider.
+
+    It does not get wider if it is free and the straight lines that join the gaps' ends, one on
+    either side of it, run along walls.
+    """
+    width, middle = gaps.width[number], gaps.middle[number]
+    if (np.hypot(*(gaps.middle[kept] - middle).T) <= 0.5 * width).any():
+        return True
+    ends, others = gaps.ends[number], gaps.ends[kept]
+    straight = np.hypot(*(others - ends).T).sum(axis=0)
+    crossed = np.hypot(*(others[:, ::-1] - ends).T).sum(axis=0)
+    others = np.where((crossed < straight)[:, None, None], others[:, ::-1], others)
+    share = np.linspace(0.0, 1.0, _SAMPLES)[:, None, None]
+    way = middle + share * (others.mean(axis=1) - middle)
+    is_open = walls.is_free(way.reshape(-1, 2)).reshape(_SAMPLES, -1).all(axis=0)
+    sides = (ends + share[..., None] * (others - ends)).reshape(-1, 2)
+    bulge = np.where(walls.is_free(sides), walls.clearance(sides), 0.0)
+    keeps_narrow = bulge.reshape(_SAMPLES, -1, 2).max(axis=(0, 2)) <= 0.5 * (WIDENS - 1.0) * width
+    return bool((is_open & keeps_narrow).any())
+
+
+def _passage(ends: Floats) -> Passage:
+    (x_1, y_1), (x_2, y_2) = ends.tolist()
+    return Passage(width_mm=float(np.hypot(x_2 - x_1, y_2 - y_1)), ends_mm=((x_1, y_1), (x_2, y_2)))

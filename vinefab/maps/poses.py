@@ -1,0 +1,126 @@
+"""Drawing poses from the starts that a map offers, and finding a start where none is."""
+
+import math
+
+import numpy as np
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.rng import child
+from vinefab.core.validation import Floats, number, whole
+from vinefab.model.map import Map, Pose, Start
+
+_STREAM = 1201
+_TRIES = 1000
+_RAYS = 72
+_START_SPREAD_RAD = math.radians(30.0)
+
+
+def draw_poses(
+    world: Map,
+    count: int,
+    seed: int,
+    *,
+    clearance_mm: float = 0.0,
+    free: BaseGeometry | None = None,
+) -> tuple[Pose, ...]:
+    """Draw poses, uniformly within the ranges of the map's starts, in free space.
+
+    Pose ``i`` belongs to start ``i`` modulo the number of starts and depends only on the seed and
+    ``i``, so a longer draw begins with the shorter one. A start without spread gives itself.
+
+    Parameters
+    ----------
+    world
+        The map; walls themselves count as free space.
+    count
+        How many poses, at least 0.
+    seed
+        At least 0.
+    clearance_mm
+        Least distance to walls, such as a body's inflated radius.
+    free
+        The map's free space if that is at hand, prepared for many looks.
+
+    Raises
+    ------
+    BadInputError
+        If the map offers no start, or no free pose was found within a start's range.
+    """
+    whole("poses", count, 0, 10_000_000)
+    whole("seed", seed, 0, 2**63 - 1)
+    number("clearance_mm", clearance_mm, 0.0, 1e6, "mm")
+    if not world.starts:
+        needed = "at least one start: a Point with role 'start'"
+        raise BadInputError(f"map {world.name!r}: starts", "empty", needed)
+    free = world.free_space if free is None else free
+    if clearance_mm > 0.0:
+        free = shapely.buffer(free, -clearance_mm)
+    shapely.prepare(free)
+    return tuple(_draw(world, index, child(seed, _STREAM, index), free) for index in range(count))
+
+
+def _draw(world: Map, index: int, rng: np.random.Generator, free: BaseGeometry) -> Pose:
+    place = index % len(world.starts)
+    start = world.starts[place]
+    for _ in range(_TRIES):
+        pose = _pose_within(start, rng)
+        if shapely.intersects_xy(free, pose.x_mm, pose.y_mm):
+            return pose
+    raise BadInputError(
+        f"map {world.name!r}: starts[{place + 1}]",
+        f"({start.pose.x_mm:g}, {start.pose.y_mm:g}) mm",
+        f"a start with free space in its range (none found in {_TRIES} draws)",
+    )
+
+
+def _pose_within(start: Start, rng: np.random.Generator) -> Pose:
+    x, y, turn = rng.uniform(-1.0, 1.0, 3)
+    return Pose(
+        x_mm=start.pose.x_mm + float(x) * start.spread_x_mm,
+        y_mm=start.pose.y_mm + float(y) * start.spread_y_mm,
+        heading_rad=start.pose.heading_rad + float(turn) * start.spread_heading_rad,
+    )
+
+
+def roomiest_start(free: Polygon, accuracy_mm: float) -> Start:
+    """Return the start with the most room around it, launching where the way is longest.
+
+    Poses drawn from it stay within a quarter of the clearance and 30 degrees.
+
+    Parameters
+    ----------
+    free
+        The free space.
+    accuracy_mm
+        How near to the best clearance is near enough.
+    """
+    radius = shapely.maximum_inscribed_circle(free, accuracy_mm)
+    x, y = (round(float(value), 3) for value in shapely.get_coordinates(radius)[0])
+    clearance_mm = float(shapely.distance(free.boundary, shapely.points(x, y)))
+    angles = np.arange(_RAYS) * 2.0 * math.pi / _RAYS
+    points, ring = shapely.get_coordinates(shapely.get_rings(free), return_index=True)
+    same = ring[1:] == ring[:-1]
+    away = points - np.array([x, y])
+    lengths = [_free_length(away[:-1][same], away[1:][same], float(angle)) for angle in angles]
+    longest = int(np.argmax(np.round(lengths, 6)))
+    return Start(
+        pose=Pose(x_mm=x, y_mm=y, heading_rad=float(angles[longest])),
+        spread_x_mm=round(0.25 * clearance_mm, 3),
+        spread_y_mm=round(0.25 * clearance_mm, 3),
+        spread_heading_rad=_START_SPREAD_RAD,
+    )
+
+
+def _free_length(first: Floats, last: Floats, angle: float) -> float:
+    """Return how far one can go from the origin at an angle before meeting one of the walls."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    side_first = cosine * first[:, 1] - sine * first[:, 0]
+    side_last = cosine * last[:, 1] - sine * last[:, 0]
+    crossed = (side_first > 0.0) != (side_last > 0.0)
+    share = side_first[crossed] / (side_first[crossed] - side_last[crossed])
+    hits = first[crossed] + share[:, None] * (last[crossed] - first[crossed])
+    ahead = hits @ np.array([cosine, sine])
+    return float(ahead[ahead > 0.0].min())

@@ -1,0 +1,224 @@
+"""Design files: TOML, schema ``vinefab/design-1``."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tomli_w
+from pydantic import Field
+
+from vinefab.core.errors import BadInputError, located
+from vinefab.core.jsontext import GENERATOR
+from vinefab.core.units import deg, rad
+from vinefab.core.validation import LARGEST_MM
+from vinefab.model.design import (
+    DEFAULT_FILLET_RATIO,
+    DEFAULT_PRESSURE_KPA,
+    DEFAULT_TAIL_MM,
+    DEFAULT_TRUNK_WIDTH_MM,
+    DEFAULT_WIDTH_RATIO,
+    Build,
+    Collar,
+    Design,
+    Level,
+    Pouch,
+    Waiver,
+    default_fillets_mm,
+)
+from vinefab.model.files.shipped import locate
+from vinefab.model.files.toml import Form, read_toml, validated
+
+SCHEMA = "vinefab/design-1"
+Positive = Annotated[float, Field(gt=0, le=LARGEST_MM)]
+NotNegative = Annotated[float, Field(ge=0, le=LARGEST_MM)]
+Taper = Annotated[float, Field(ge=0.01, le=1)]
+
+
+class TrunkForm(Form):
+    """Table ``[trunk]``."""
+
+    length: Positive
+
+
+class LevelForm(Form):
+    """Table ``[[level]]``: one level after the trunk."""
+
+    branches: Annotated[int, Field(ge=1, le=1000)]
+    length: Positive
+    angle_deg: Annotated[float, Field(ge=0, le=360)] = 0.0
+    growth_percent: Annotated[float, Field(ge=0.1, le=10_000)] = 100.0
+
+
+class PouchForm(Form):
+    """Inline table ``pouch``."""
+
+    shape: Literal["round", "rectangle"]
+    radius_mm: Positive | None = None
+    length_mm: Positive | None = None
+    width_mm: Positive | None = None
+
+
+class CollarForm(Form):
+    """Inline table ``collar``."""
+
+    clamp_diameter_mm: Positive
+    length_mm: NotNegative = 30.0
+    flare_mm: Positive = 40.0
+
+
+class BuildForm(Form):
+    """Table ``[build]``: every key may be left out."""
+
+    widths_mm: list[Positive] | None = None
+    trunk_width_mm: Positive | None = None
+    width_ratio: Annotated[float, Field(gt=0, le=1)] | None = None
+    taper: list[Taper] | None = None
+    fillet_mm: list[NotNegative] | None = None
+    fillet_ratio: Annotated[float, Field(ge=0, le=10)] | None = None
+    tail_mm: NotNegative = DEFAULT_TAIL_MM
+    pressure_kpa: Annotated[float, Field(ge=0, le=10_000)] = DEFAULT_PRESSURE_KPA
+    pouch: PouchForm | None = None
+    collar: CollarForm | None = None
+
+
+class WaiveForm(Form):
+    """Table ``[[waive]]``."""
+
+    fingerprint: str
+    reason: str
+
+
+class DesignForm(Form):
+    """A whole design file."""
+
+    schema_: Literal["vinefab/design-1"] = Field(alias="schema")
+    name: str
+    scale_mm_per_unit: Positive = 1.0
+    trunk: TrunkForm
+    level: list[LevelForm] = Field(default_factory=list)
+    build: BuildForm = BuildForm()
+    waive: list[WaiveForm] = Field(default_factory=list)
+    origin: dict[str, Any] = Field(default_factory=dict)
+    limits: dict[str, dict[str, float]] = Field(default_factory=dict)
+
+
+def read_design(name_or_path: str | Path) -> Design:
+    """Return the design in a file, or a shipped one by name.
+
+    Lengths in ``[trunk]`` and ``[[level]]`` are multiplied by ``scale_mm_per_unit``; everything
+    in ``[build]`` is in millimetres already.
+
+    Raises
+    ------
+    UnreadableFileError, UnknownNameError, BadInputError
+        With the file, the key, the value and what is allowed.
+    """
+    path = locate("design", name_or_path)
+    form = validated(DesignForm, read_toml(path), path)
+    with located(path):
+        return _design(form)
+
+
+def design_text(design: Design) -> str:
+    """Return a design as the text of a design file; reading it gives the same design."""
+    head = {"schema": SCHEMA, "name": design.name, "scale_mm_per_unit": 1.0}
+    blocks = [f"# {GENERATOR}\n{tomli_w.dumps(head)}"]
+    blocks.append(tomli_w.dumps({"trunk": {"length": design.trunk_length_mm}}))
+    blocks += [f"[[level]]\n{tomli_w.dumps(_level_table(level))}" for level in design.levels]
+    blocks.append(tomli_w.dumps({"build": _build_table(design.build)}))
+    blocks += [
+        f"[[waive]]\n{tomli_w.dumps({'fingerprint': w.fingerprint, 'reason': w.reason})}"
+        for w in design.waivers
+    ]
+    if design.limits:
+        plain = {rule: dict(named) for rule, named in design.limits.items()}
+        blocks.append(tomli_w.dumps({"limits": plain}))
+    if design.origin:
+        blocks.append(tomli_w.dumps({"origin": dict(design.origin)}))
+    return "\n".join(blocks)
+
+
+def _level_table(level: Level) -> dict[str, Any]:
+    return {
+        "branches": level.branches,
+        "length": level.length_mm,
+        "angle_deg": deg(level.fan_rad),
+        "growth_percent": round(100.0 * level.growth, 9),
+    }
+
+
+def _design(form: DesignForm) -> Design:
+    scale = form.scale_mm_per_unit
+    levels = tuple(
+        Level(
+            branches=level.branches,
+            length_mm=level.length * scale,
+            fan_rad=rad(level.angle_deg),
+            growth=level.growth_percent / 100.0,
+        )
+        for level in form.level
+    )
+    return Design(
+        name=form.name,
+        trunk_length_mm=form.trunk.length * scale,
+        levels=levels,
+        build=_build(form.build, 1 + len(levels)),
+        waivers=tuple(Waiver(fingerprint=w.fingerprint, reason=w.reason) for w in form.waive),
+        origin=form.origin,
+        limits=form.limits,
+    )
+
+
+def _build(form: BuildForm, depth: int) -> Build:
+    widths = _widths_mm(form, depth)
+    if form.fillet_mm is not None and form.fillet_ratio is not None:
+        raise BadInputError("build.fillet_ratio", form.fillet_ratio, "not beside build.fillet_mm")
+    ratio = DEFAULT_FILLET_RATIO if form.fillet_ratio is None else form.fillet_ratio
+    given = form.fillet_mm
+    fillets = default_fillets_mm(widths, ratio) if given is None else tuple(given)
+    pouch = None if form.pouch is None else Pouch(**form.pouch.model_dump())
+    return Build(
+        widths_mm=widths,
+        fillet_mm=fillets,
+        tail_mm=form.tail_mm,
+        pressure_kpa=form.pressure_kpa,
+        pouch=pouch,
+        taper=() if form.taper is None else tuple(form.taper),
+        collar=None if form.collar is None else Collar(**form.collar.model_dump()),
+    )
+
+
+def _widths_mm(form: BuildForm, depth: int) -> tuple[float, ...]:
+    if form.widths_mm is not None:
+        for key in ("trunk_width_mm", "width_ratio"):
+            if getattr(form, key) is not None:
+                raise BadInputError(
+                    f"build.{key}", getattr(form, key), "not beside build.widths_mm"
+                )
+        if len(form.widths_mm) != depth:
+            raise BadInputError(
+                "build.widths_mm", form.widths_mm, f"{depth} widths, one per level, trunk first"
+            )
+        return tuple(form.widths_mm)
+    first = DEFAULT_TRUNK_WIDTH_MM if form.trunk_width_mm is None else form.trunk_width_mm
+    ratio = DEFAULT_WIDTH_RATIO if form.width_ratio is None else form.width_ratio
+    return tuple(first * ratio**level for level in range(depth))
+
+
+def _build_table(build: Build) -> dict[str, Any]:
+    table: dict[str, Any] = {
+        "widths_mm": list(build.widths_mm),
+        "fillet_mm": list(build.fillet_mm),
+        "tail_mm": build.tail_mm,
+        "pressure_kpa": build.pressure_kpa,
+    }
+    if build.taper:
+        table["taper"] = list(build.taper)
+    if build.collar is not None:
+        names = ("clamp_diameter_mm", "length_mm", "flare_mm")
+        table["collar"] = {name: getattr(build.collar, name) for name in names}
+    if build.pouch is not None:
+        pouch = build.pouch
+        sizes = {name: getattr(pouch, name) for name in ("radius_mm", "length_mm", "width_mm")}
+        given = {name: size for name, size in sizes.items() if size is not None}
+        table["pouch"] = {"shape": pouch.shape, **given}
+    return table

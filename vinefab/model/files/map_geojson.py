@@ -1,0 +1,338 @@
+"""Maps as GeoJSON files in millimetres, and GeoJSON geometry checked feature by feature."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely import Point, Polygon
+
+from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.jsontext import GENERATOR, plain
+from vinefab.core.units import deg, rad
+from vinefab.core.validation import LARGEST_MM, Floats
+from vinefab.model.files.shipped import read_text
+from vinefab.model.map import Map, Pose, Start
+
+LARGEST_GEOJSON_BYTES = 1 << 30
+DECIMALS = 6
+"""Coordinates are written to 1e-6 mm: far below what can be made, above rounding noise."""
+
+
+def read_features(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Return a FeatureCollection's document and its features.
+
+    Raises
+    ------
+    UnreadableFileError
+        If the file cannot be read or is not JSON.
+    BadInputError
+        If it is JSON but not a FeatureCollection.
+    """
+    text = read_text(path, LARGEST_GEOJSON_BYTES)
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise UnreadableFileError(path, f"is not JSON: {error}") from error
+    if not isinstance(document, dict) or document.get("type") != "FeatureCollection":
+        kind = document.get("type") if isinstance(document, dict) else type(document).__name__
+        raise BadInputError("type", kind, "FeatureCollection (a GeoJSON map)", path)
+    features = document.get("features")
+    if not isinstance(features, list):
+        raise BadInputError("features", features, "a list of features", path)
+    for index, feature in enumerate(features):
+        if not isinstance(feature, dict) or feature.get("type") != "Feature":
+            raise BadInputError(feature_key(index), feature, "a GeoJSON Feature", path)
+    return document, features
+
+
+def feature_key(index: int) -> str:
+    """Return what messages call a feature; they count from 1."""
+    return f"features[{index + 1}]"
+
+
+def polygons_in(key: str, feature: dict[str, Any]) -> list[Polygon]:
+    """Return the valid polygons of a feature; a MultiPolygon gives each of its parts.
+
+    Raises
+    ------
+    BadInputError
+        If the geometry is something else, or a ring is short, crosses itself or has coordinates
+        that are not finite or too large.
+    """
+    kind, coordinates = _geometry(key, feature)
+    if kind == "Polygon":
+        return [_polygon(key, coordinates)]
+    if kind == "MultiPolygon" and isinstance(coordinates, list):
+        parts = enumerate(coordinates)
+        return [_polygon(f"{key} part {number + 1}", part) for number, part in parts]
+    raise BadInputError(f"{key}.geometry.type", kind, "Polygon or MultiPolygon")
+
+
+def point_in(key: str, feature: dict[str, Any]) -> tuple[float, float]:
+    """Return the position of a Point feature, or raise BadInputError."""
+    kind, coordinates = _geometry(key, feature)
+    if kind != "Point":
+        raise BadInputError(f"{key}.geometry.type", kind, "Point")
+    x, y = _positions(key, [coordinates])[0]
+    return float(x), float(y)
+
+
+def polygon_text(polygon: Polygon) -> str:
+    """Return a polygon as GeoJSON: outer ring counter-clockwise, holes clockwise (RFC 7946)."""
+    oriented = shapely.orient_polygons(polygon)
+    rings = [oriented.exterior, *oriented.interiors]
+    coordinates = [np.round(shapely.get_coordinates(ring), DECIMALS) + 0.0 for ring in rings]
+    return json.dumps(
+        {"type": "Polygon", "coordinates": [ring.tolist() for ring in coordinates]},
+        allow_nan=False,
+    )
+
+
+def _geometry(key: str, feature: dict[str, Any]) -> tuple[object, Any]:
+    geometry = feature.get("geometry")
+    if not isinstance(geometry, dict):
+        raise BadInputError(f"{key}.geometry", geometry, "a geometry with type and coordinates")
+    return geometry.get("type"), geometry.get("coordinates")
+
+
+def _polygon(key: str, rings: object) -> Polygon:
+    if not isinstance(rings, list) or not rings:
+        raise BadInputError(f"{key}.geometry.coordinates", rings, "an outer ring, then holes")
+    shell, *holes = [_ring(f"{key} ring {number + 1}", ring) for number, ring in enumerate(rings)]
+    polygon = Polygon(shell, holes)
+    if not polygon.is_valid:
+        raise BadInputError(key, _reason(polygon), "rings that do not cross or touch themselves")
+    return polygon
+
+
+def _ring(key: str, points: object) -> Floats:
+    """Return a ring's positions; one that is not closed is closed later, by Polygon."""
+    if not isinstance(points, list):
+        raise BadInputError(key, points, "a list of positions")
+    positions = _positions(key, points)
+    distinct = len(np.unique(positions, axis=0)) if len(positions) else 0
+    if distinct < 3:
+        raise BadInputError(key, f"{distinct} different points", "at least 3")
+    return positions
+
+
+def _positions(key: str, points: Sequence[object]) -> Floats:
+    for point in points:
+        if not _is_position(point):
+            raise BadInputError(key, point, f"positions [x, y], numbers up to {LARGEST_MM:g} mm")
+    array = np.array([point[:2] for point in points], dtype=np.float64)  # type: ignore[index]
+    return array.reshape(-1, 2)
+
+
+def _is_position(point: object) -> bool:
+    """Tell whether this is [x, y] or [x, y, z] of usable numbers; NaN fails the comparison."""
+    return (
+        isinstance(point, list)
+        and len(point) in (2, 3)
+        and all(type(value) in (int, float) for value in point)
+        and all(abs(value) <= LARGEST_MM for value in point[:2])
+    )
+
+
+def _reason(polygon: Polygon) -> str:
+    """Return what is wrong with a polygon, and where: ``Self-intersection at (5, 5)``."""
+    what, _, where = shapely.is_valid_reason(polygon).partition("[")
+    x, _, y = where.rstrip("]").partition(" ")
+    return f"{what} at ({x}, {y})" if where else what
+
+
+SCHEMA = "vinefab/map-1"
+ROLES = ("bounds", "obstacle", "start")
+_SLACK_MM = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class _Content:
+    bounds: Polygon
+    obstacles: tuple[Polygon, ...]
+    starts: tuple[Start, ...]
+
+
+def read_map(path: Path) -> Map:
+    """Return the map in a GeoJSON file.
+
+    A file of vinefab gives every feature a role. In a file without any roles the largest polygon
+    must contain all others and is the bounds; the others are obstacles.
+
+    Raises
+    ------
+    UnreadableFileError
+        If the file cannot be read or is not JSON.
+    BadInputError
+        For the first thing that is wrong: which feature, what it is, what is allowed. Features
+        are counted from 1.
+    """
+    document, features = read_features(path)
+    try:
+        about = _about(document)
+        content = _content(features)
+        _check_starts(content)
+        return Map(
+            name=about.get("name") or path.stem,
+            bounds=content.bounds,
+            obstacles=content.obstacles,
+            starts=content.starts,
+            environment=about.get("environment") or "geojson",
+            seed=about.get("seed"),
+            facts=about.get("facts") or {},
+        )
+    except BadInputError as error:
+        raise error.at(path) from error
+
+
+def map_text(world: Map) -> str:
+    """Return a map as GeoJSON text, one feature a line, coordinates to 1e-6 mm."""
+    about = {
+        "schema": SCHEMA,
+        "generator": GENERATOR,
+        "name": world.name,
+        "environment": world.environment,
+        "seed": world.seed,
+        "facts": dict(world.facts),
+    }
+    lines = [_polygon_line("bounds", world.bounds)]
+    lines += [_polygon_line("obstacle", polygon) for polygon in world.obstacles]
+    lines += [_start_line(start) for start in world.starts]
+    head = json.dumps(about, allow_nan=False, default=plain)
+    body = ",\n".join(lines)
+    return f'{{"type": "FeatureCollection",\n"vinefab": {head},\n"features": [\n{body}\n]}}\n'
+
+
+def _polygon_line(role: str, polygon: Polygon) -> str:
+    return (
+        f'{{"type": "Feature", "properties": {{"role": "{role}"}}, '
+        f'"geometry": {polygon_text(polygon)}}}'
+    )
+
+
+def _start_line(start: Start) -> str:
+    position = [round(start.pose.x_mm, DECIMALS), round(start.pose.y_mm, DECIMALS)]
+    properties = {
+        "role": "start",
+        "heading_deg": deg(start.pose.heading_rad),
+        "spread_x_mm": start.spread_x_mm,
+        "spread_y_mm": start.spread_y_mm,
+        "spread_heading_deg": deg(start.spread_heading_rad),
+    }
+    point = {"type": "Point", "coordinates": position}
+    feature = {"type": "Feature", "properties": properties, "geometry": point}
+    return json.dumps(feature, allow_nan=False)
+
+
+def _about(document: dict[str, Any]) -> dict[str, Any]:
+    """Return the foreign member, checked; empty for a file that other programs wrote."""
+    if "vinefab" not in document:
+        return {}
+    about = document["vinefab"]
+    if not isinstance(about, dict):
+        raise BadInputError("vinefab", about, f'an object with "schema": "{SCHEMA}"')
+    if about.get("schema") != SCHEMA:
+        raise BadInputError("vinefab.schema", about.get("schema"), SCHEMA)
+    kinds = {"name": str, "environment": str, "seed": int, "facts": dict}
+    for key, kind in kinds.items():
+        value = about.get(key)
+        if value is not None and type(value) is not kind:
+            raise BadInputError(f"vinefab.{key}", value, kind.__name__)
+    return about
+
+
+def _content(features: list[dict[str, Any]]) -> _Content:
+    roles = [_role(feature) for feature in features]
+    if any(role is not None for role in roles):
+        return _with_roles(features, roles)
+    named = [
+        (feature_key(index), polygon)
+        for index, feature in enumerate(features)
+        for polygon in polygons_in(feature_key(index), feature)
+    ]
+    return _without_roles(named)
+
+
+def _role(feature: dict[str, Any]) -> object:
+    properties = feature.get("properties")
+    return properties.get("role") if isinstance(properties, dict) else None
+
+
+def _with_roles(features: list[dict[str, Any]], roles: list[object]) -> _Content:
+    bounds: list[Polygon] = []
+    obstacles: list[Polygon] = []
+    starts: list[Start] = []
+    for index, (feature, role) in enumerate(zip(features, roles, strict=True)):
+        key = feature_key(index)
+        if role == "bounds":
+            bounds += polygons_in(key, feature)
+        elif role == "obstacle":
+            obstacles += polygons_in(key, feature)
+        elif role == "start":
+            starts.append(_start(key, feature))
+        else:
+            raise BadInputError(f"{key}.properties.role", role, ", ".join(ROLES))
+    if len(bounds) != 1:
+        raise BadInputError("bounds", f"{len(bounds)} polygons", "exactly one")
+    return _Content(bounds[0], tuple(obstacles), tuple(starts))
+
+
+def _without_roles(named: list[tuple[str, Polygon]]) -> _Content:
+    if not named:
+        raise BadInputError("features", "no polygons", "at least one polygon, the bounds")
+    key, largest = max(named, key=lambda item: Polygon(item[1].exterior).area)
+    others = [(name, polygon) for name, polygon in named if polygon is not largest]
+    reach = shapely.buffer(Polygon(largest.exterior), _SLACK_MM)
+    for name, polygon in others:
+        if not reach.covers(polygon):
+            spot = polygon.difference(reach).representative_point()
+            raise BadInputError(
+                f"{name}: position ({spot.x:.6g}, {spot.y:.6g})",
+                f"outside the largest polygon, {key}",
+                "inside it, as it is taken for the bounds; or a role for every feature",
+            )
+    return _Content(largest, tuple(polygon for _, polygon in others), ())
+
+
+def _start(key: str, feature: dict[str, Any]) -> Start:
+    properties = feature["properties"]
+    values = {
+        name: _number(f"{key}.properties.{name}", properties.get(name, default))
+        for name, default in (
+            ("heading_deg", None),
+            ("spread_x_mm", 0.0),
+            ("spread_y_mm", 0.0),
+            ("spread_heading_deg", 0.0),
+        )
+    }
+    x_mm, y_mm = point_in(key, feature)
+    try:
+        return Start(
+            pose=Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=rad(values["heading_deg"])),
+            spread_x_mm=values["spread_x_mm"],
+            spread_y_mm=values["spread_y_mm"],
+            spread_heading_rad=rad(values["spread_heading_deg"]),
+        )
+    except BadInputError as error:
+        raise BadInputError(f"{key}: {error.key}", error.value, error.allowed) from error
+
+
+def _number(key: str, value: object) -> float:
+    if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) < 1e300:
+        raise BadInputError(key, value, "a number")
+    return float(value)
+
+
+def _check_starts(content: _Content) -> None:
+    for start in content.starts:
+        spot = Point(start.pose.x_mm, start.pose.y_mm)
+        where = f"({spot.x:g}, {spot.y:g})"
+        if not content.bounds.covers(spot):
+            raise BadInputError(f"start at {where}", "outside the bounds", "a start in free space")
+        inside = shapely.contains(list(content.obstacles), spot)
+        if inside.any():
+            raise BadInputError(f"start at {where}", "inside an obstacle", "a start in free space")

@@ -1,0 +1,103 @@
+"""Deployments and scores as JSON: ``vinefab/deployment-1`` and ``vinefab/score-1``."""
+
+from collections.abc import Mapping, Sequence
+
+from vinefab.core.jsontext import json_text
+from vinefab.core.units import deg
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.map import Pose
+from vinefab.model.score import Score
+
+DEPLOYMENT_SCHEMA = "vinefab/deployment-1"
+
+
+def deployment_text(
+    deployment: Deployment,
+    design_name: str,
+    map_name: str,
+    metrics: Mapping[str, object],
+    history: Sequence[Mapping[str, object]] | None = None,
+) -> str:
+    """Return a deployment as JSON: lengths in mm, angles in degrees.
+
+    Parameters
+    ----------
+    deployment
+        What became of the robot.
+    design_name, map_name
+        Names of what was grown, and where.
+    metrics
+        Numbers worked out from it (lengths, coverage); plain values.
+    history
+        Earlier shapes, plain values; left out when None.
+
+    Raises
+    ------
+    ValueError
+        If a metric is NaN or infinite.
+    """
+    content = {} if history is None else {"history": list(history)}
+    return json_text(
+        DEPLOYMENT_SCHEMA,
+        {
+            "design": design_name,
+            "map": map_name,
+            "pose": pose_content(deployment.pose),
+            "branches": branches_content(deployment),
+            "metrics": dict(metrics),
+            **content,
+        },
+    )
+
+
+def branches_content(deployment: Deployment) -> list[dict[str, object]]:
+    """Return the branches of a deployment as they stand in our JSON files."""
+    names = deployment.tree.ids
+    return [_branch(deployment, names, index) for index in range(len(names))]
+
+
+def pose_content(pose: Pose) -> dict[str, float]:
+    """Return a pose as it stands in our JSON files."""
+    return {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "heading_deg": deg(pose.heading_rad)}
+
+
+def _branch(deployment: Deployment, names: tuple[str, ...], index: int) -> dict[str, object]:
+    tree = deployment.tree
+    parent = int(tree.parent[index])
+    return {
+        "id": names[index],
+        "parent": None if parent < 0 else names[parent],
+        "level": int(tree.level[index]),
+        "points_mm": deployment.chain_mm(index).tolist(),
+        "planned_mm": float(tree.length_mm[index]),
+        "grown_mm": float(deployment.grown_mm[index]),
+        "stop": Stop(int(deployment.stop[index])).label,
+        "contact_turn_deg": deg(float(deployment.contact_turn_rad[index])),
+        "joint_deg": deg(float(tree.offset_rad[index])),
+        "contacts_mm": deployment.contacts_mm(index).tolist(),
+        "tight_exit": bool(deployment.tight_exit[index]),
+    }
+
+
+SCORE_SCHEMA = "vinefab/score-1"
+
+
+def score_text(score: Score) -> str:
+    """Return a score with every evaluation that it is made of.
+
+    Raises
+    ------
+    ValueError
+        If a score or term is NaN or infinite.
+    """
+    evaluations = [
+        {
+            "map": evaluation.map_name,
+            "pose": pose_content(evaluation.pose),
+            "score": evaluation.score,
+            "terms": dict(evaluation.terms),
+        }
+        for evaluation in score.evaluations
+    ]
+    content = {"task": score.task, "evaluations": evaluations, "composite": dict(score.composite)}
+    return json_text(SCORE_SCHEMA, content)

@@ -1,0 +1,135 @@
+"""Designs, machines, materials, recipes and printers by name or by path.
+
+A name is looked for in the user's own folder first, then among the shipped files. The folder is
+``~/.config/vinefab`` (under ``XDG_CONFIG_HOME`` where that is set), or what the environment
+variable ``VINEFAB_PROFILES`` says; it has the same folders inside as the project: ``designs``,
+``laser_profiles/recipes`` and so on.
+"""
+
+import os
+from pathlib import Path
+
+from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
+
+KINDS = {
+    "design": "designs",
+    "machine": "laser_profiles/machines",
+    "material": "laser_profiles/materials",
+    "recipe": "laser_profiles/recipes",
+    "printer": "laser_profiles/printers",
+}
+"""Folder of each kind, below the place where shipped files lie."""
+
+USER_VARIABLE = "VINEFAB_PROFILES"
+"""Environment variable that names the user's own folder."""
+
+DEFAULT_RECIPE = "co2_60w__stretchlon_200"
+DEFAULT_PRINTER = "generic_220"
+
+
+def shipped_root() -> Path:
+    """Return the folder with ``designs`` and ``laser_profiles``.
+
+    An installed package carries them inside; a checkout has them beside the package.
+    """
+    package = Path(__file__).resolve().parents[2]
+    inside = package / "_shipped"
+    return inside if inside.is_dir() else package.parent
+
+
+def user_root() -> Path:
+    """Return the user's own folder, whether it exists or not."""
+    named = os.environ.get(USER_VARIABLE)
+    if named:
+        return Path(named).expanduser()
+    home = os.environ.get("XDG_CONFIG_HOME")
+    return (Path(home) if home else Path("~/.config").expanduser()) / "vinefab"
+
+
+def names(kind: str) -> tuple[str, ...]:
+    """Return the names of all shipped files of one kind (a key of `KINDS`)."""
+    return _names_in(shipped_root(), kind)
+
+
+def user_names(kind: str) -> tuple[str, ...]:
+    """Return the names of the user's own files of one kind."""
+    return _names_in(user_root(), kind)
+
+
+def _names_in(root: Path, kind: str) -> tuple[str, ...]:
+    return tuple(sorted(path.stem for path in (root / KINDS[kind]).glob("*.toml")))
+
+
+def locate(kind: str, name_or_path: str | Path) -> Path:
+    """Return the file that a user means.
+
+    Parameters
+    ----------
+    kind
+        A key of `KINDS`.
+    name_or_path
+        A path, or the name of a shipped file without its suffix. Something that has a folder or
+        a suffix is a path; a bare name is looked up here first, then in the user's own folder,
+        then among the shipped ones.
+
+    Raises
+    ------
+    UnreadableFileError
+        If a path does not lead to a file.
+    UnknownNameError
+        If a name is neither a file here, nor the user's own, nor shipped.
+    """
+    path = Path(name_or_path)
+    given = str(name_or_path)
+    if not given or "\0" in given:
+        raise BadInputError(kind, given, "a path or a name")
+    if path.suffix or path.parent != Path():
+        return existing_file(path)
+    if path.is_file():
+        return path
+    for root in (user_root(), shipped_root()):
+        found = root / KINDS[kind] / f"{given}.toml"
+        if found.is_file():
+            return found
+    raise UnknownNameError(kind, given, {*names(kind), *user_names(kind)})
+
+
+def existing_file(path: Path) -> Path:
+    """Return a path that leads to a file, or raise UnreadableFileError."""
+    if path.is_dir():
+        raise UnreadableFileError(path, "is a folder, not a file")
+    if not path.is_file():
+        raise UnreadableFileError(path, "there is no such file")
+    return path
+
+
+def read_bytes(path: Path, most_bytes: int = 1 << 30) -> bytes:
+    """Return the content of a file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    most_bytes
+        Larger files are refused.
+
+    Raises
+    ------
+    UnreadableFileError
+        If the file is missing, too large, or the system refuses to read it.
+    """
+    existing_file(path)
+    try:
+        if path.stat().st_size > most_bytes:
+            raise UnreadableFileError(path, f"is larger than {most_bytes} bytes")
+        return path.read_bytes()
+    except PermissionError as error:
+        raise UnreadableFileError(path, "no permission to read it") from error
+
+
+def read_text(path: Path, most_bytes: int = 1 << 30) -> str:
+    """Return the content of a UTF-8 text file; errors as in `read_bytes`."""
+    try:
+        return read_bytes(path, most_bytes).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise UnreadableFileError(path, f"is not UTF-8 text (byte {error.start})") from error

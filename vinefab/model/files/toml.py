@@ -1,0 +1,122 @@
+"""TOML files in, checked against a schema, every error one line with file, key and value."""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
+
+from vinefab.core.errors import BadInputError, UnreadableFileError, nearest
+from vinefab.model.files.shipped import read_text
+
+M = TypeVar("M", bound=BaseModel)
+
+LARGEST_TOML_BYTES = 16 << 20
+
+
+class Form(BaseModel):
+    """Base of every file schema: unknown keys, wrong types, NaN and infinity are refused."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the content of a TOML file.
+
+    Raises
+    ------
+    UnreadableFileError
+        If it cannot be read or is not TOML.
+    """
+    try:
+        return tomllib.loads(read_text(path, LARGEST_TOML_BYTES))
+    except tomllib.TOMLDecodeError as error:
+        raise UnreadableFileError(path, f"is not TOML: {error}") from error
+    except RecursionError as error:
+        raise UnreadableFileError(path, "is not TOML that can be read: nested too deep") from error
+
+
+def validated(model: type[M], data: Mapping[str, Any], source: str | Path) -> M:
+    """Return data as an instance of a schema.
+
+    Parameters
+    ----------
+    model
+        The schema; its ``schema`` key, if it has one, is checked like any other.
+    data
+        What the file holds.
+    source
+        The file, for the error.
+
+    Raises
+    ------
+    BadInputError
+        For the first thing that is wrong: file, key, value, what is allowed, and the nearest
+        known key when one was misspelt.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise _as_bad_input(model, min(error.errors(), key=_rank), source) from error
+
+
+def _rank(detail: ErrorDetails) -> int:
+    """Return which of several errors to tell first: the smallest."""
+    if detail["loc"][:1] == ("schema",) and detail["type"] != "missing":
+        return 0  # another kind of file: everything else follows from that
+    # A misspelt key shows up twice, as unknown and as missing: the first is the helpful one.
+    return 1 if detail["type"] == "extra_forbidden" else 2
+
+
+def _as_bad_input(
+    model: type[BaseModel], detail: ErrorDetails, source: str | Path
+) -> BadInputError:
+    location = tuple(part for part in detail["loc"] if not _is_union_tag(part))
+    key = _dotted(location)
+    if detail["type"] == "extra_forbidden":
+        known = _known_keys(model, location[:-1])
+        hint = nearest(str(location[-1]), known)
+        return BadInputError(
+            key, detail["input"], f"no such key{hint} ({', '.join(known)})", source
+        )
+    if detail["type"] == "missing":
+        return BadInputError(key, None, "it must be given", source)
+    return BadInputError(key, detail["input"], _allowed(detail["msg"]), source)
+
+
+def _is_union_tag(part: int | str) -> bool:
+    return isinstance(part, str) and (part.startswith("function-") or part[:1].isupper())
+
+
+def _allowed(message: str) -> str:
+    text = message.removeprefix("Input should be ").removeprefix("Value error, ")
+    return text[:1].lower() + text[1:]
+
+
+def _dotted(location: tuple[int | str, ...]) -> str:
+    """Return ``level[2].branches``; entries of a list are counted from 1."""
+    text = ""
+    for part in location:
+        text += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text
+
+
+def _known_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
+    current: Any = model
+    for part in location:
+        if isinstance(part, int):
+            continue
+        fields = getattr(current, "model_fields", {})
+        match = [f for name, f in fields.items() if part in (name, f.alias)]
+        current = _inner_model(match[0].annotation) if match else None
+    fields = getattr(current, "model_fields", {})
+    return [field.alias or name for name, field in fields.items()]
+
+
+def _inner_model(annotation: Any) -> Any:  # noqa: ANN401  an annotation can be anything
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    inner = [_inner_model(part) for part in getattr(annotation, "__args__", ())]
+    return next((part for part in inner if part is not None), None)

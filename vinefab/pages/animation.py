@@ -1,0 +1,179 @@
+"""What both kinds of animation show: the frames of a deployment, and where things lie in them."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.pages.drawing import Box, longer_mm
+
+LONGEST_PX = 640
+"""Longer side of the map in an animation."""
+
+FOOT_PX = 58
+"""Height of the words and the legend below it."""
+
+LEAST_WIDTH_PX = 460
+"""So much the words and the legend take."""
+
+FRAME_S = 0.09
+HOLD_S = 1.8
+"""How long each frame stays, and how long the last one does before everything begins anew."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DeploymentFrame:
+    """A deployment at one length of its front.
+
+    Parameters
+    ----------
+    front_mm
+        Length of the longest way along the body from the base to a growing tip.
+    deployment
+        The branches that have emerged by then, as they lie then.
+    is_growing
+        Whether each of those branches will grow on, shape (n,).
+    """
+
+    front_mm: float
+    deployment: Deployment
+    is_growing: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        if self.is_growing.shape != (len(self.deployment.tree),):
+            raise BadInputError("is_growing", self.is_growing.shape, "one entry per branch")
+        self.is_growing.setflags(write=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """Where the millimetres of a map lie in a picture of pixels.
+
+    Parameters
+    ----------
+    left_mm, top_mm
+        Map position of the picture's upper left corner.
+    px_per_mm
+        Scale.
+    width_px, height_px
+        Size of the picture of the map, without any margin for words.
+    """
+
+    left_mm: float
+    top_mm: float
+    px_per_mm: float
+    width_px: int
+    height_px: int
+
+    @classmethod
+    def of(cls, box_mm: Box, longest_px: float = LONGEST_PX) -> "Stage":
+        """Return the stage for a box in the map and a small margin around it."""
+        margin_mm = 0.01 * longer_mm(box_mm)
+        width_mm = box_mm[2] - box_mm[0] + 2.0 * margin_mm
+        height_mm = box_mm[3] - box_mm[1] + 2.0 * margin_mm
+        scale = longest_px / max(width_mm, height_mm)
+        return cls(
+            left_mm=box_mm[0] - margin_mm,
+            top_mm=box_mm[3] + margin_mm,
+            px_per_mm=scale,
+            width_px=math.ceil(width_mm * scale),
+            height_px=math.ceil(height_mm * scale),
+        )
+
+    def larger(self, times: int) -> "Stage":
+        """Return the same stage with more pixels."""
+        return Stage(
+            left_mm=self.left_mm,
+            top_mm=self.top_mm,
+            px_per_mm=times * self.px_per_mm,
+            width_px=times * self.width_px,
+            height_px=times * self.height_px,
+        )
+
+    def place(self, points_mm: Floats) -> Floats:
+        """Return points in pixels, rightwards and downwards, shape (n, 2)."""
+        down = np.array([1.0, -1.0])
+        moved = (points_mm - np.array([self.left_mm, self.top_mm])) * down
+        return np.asarray(moved * self.px_per_mm)
+
+    def rings(self, shapes: Iterable[BaseGeometry]) -> list[list[Floats]]:
+        """Return polygons as lists of their rings in pixels, the outer ring first."""
+        parts = shapely.get_parts(list(shapes))
+        return [
+            [self.place(np.asarray(ring.coords)) for ring in (part.exterior, *part.interiors)]
+            for part in parts
+            if isinstance(part, Polygon) and not part.is_empty
+        ]
+
+
+def round_length_mm(most_mm: float) -> float:
+    """Return the largest of 1, 2, 5, 10, ... millimetres that is at most so long.
+
+    Examples
+    --------
+    >>> round_length_mm(130.0)
+    100.0
+    """
+    power = 10.0 ** math.floor(math.log10(most_mm))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most_mm * 1.001))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Caption:
+    """What stands below the map in every frame.
+
+    Parameters
+    ----------
+    bar_mm
+        Length of the scale bar.
+    levels
+        Levels to explain, trunk first.
+    stops
+        Reasons for stopping that occur, to explain their markers.
+    """
+
+    bar_mm: float
+    levels: tuple[int, ...]
+    stops: tuple[Stop, ...]
+
+    @classmethod
+    def of(cls, frames: Sequence[DeploymentFrame], stage: Stage) -> "Caption":
+        """Return the caption that fits all of the frames."""
+        last = frames[-1].deployment
+        seen = last.stop[last.deployed].tolist()
+        return cls(
+            bar_mm=round_length_mm(0.2 * stage.width_px / stage.px_per_mm),
+            levels=tuple(range(1, int(last.tree.level[last.deployed].max(initial=1)) + 1)),
+            stops=tuple(stop for stop in Stop if int(stop) in seen),
+        )
+
+
+def is_live(frame: DeploymentFrame) -> NDArray[np.bool_]:
+    """Tell of each branch whether it can be drawn and is still growing, shape (n,)."""
+    return np.asarray(frame.is_growing & frame.deployment.deployed)
+
+
+def frozen_since(frames: Sequence[DeploymentFrame]) -> dict[str, int]:
+    """Return from which frame on each branch lies still, by the branch's name."""
+    since: dict[str, int] = {}
+    for number, frame in enumerate(frames):
+        names = frame.deployment.tree.ids
+        for branch in np.flatnonzero(~frame.is_growing & frame.deployment.deployed):
+            since.setdefault(names[branch], number)
+    return since
+
+
+def words_for(frame: DeploymentFrame) -> str:
+    """Return what is written under a frame."""
+    tips = int(is_live(frame).sum())
+    stopped = frame.deployment.stop[~frame.is_growing]
+    stuck = int(np.isin(stopped, (Stop.HEAD_ON, Stop.CORNER)).sum())
+    return f"front {frame.front_mm:.0f} mm, {tips} growing, {stuck} stopped by walls (simulated)"

@@ -1,0 +1,229 @@
+"""A deployment as a moving SVG: one file, no script, plays wherever SVG does.
+
+Every frame holds only what moves; a branch that has stopped is drawn once and stays. A program that
+shows SVG without its animation shows the last frame.
+"""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.jsontext import GENERATOR
+from vinefab.core.validation import Floats
+from vinefab.model.deployment import Stop
+from vinefab.model.map import Map, Pose
+from vinefab.pages.animation import (
+    FOOT_PX,
+    FRAME_S,
+    HOLD_S,
+    LEAST_WIDTH_PX,
+    Caption,
+    DeploymentFrame,
+    Stage,
+    frozen_since,
+    is_live,
+    words_for,
+)
+from vinefab.pages.drawing import STOP_WORDS, Box, bounds_in, robot_view, rock_in
+from vinefab.pages.figure import INK, ROCK, ROCK_EDGE, SOFT, level_colour
+
+_MARKS = {
+    Stop.FULL_LENGTH: '<circle id="m0" r="2.6" fill="#fff"/>',
+    Stop.HEAD_ON: '<path id="m1" d="M-3.2-3.2L3.2 3.2M-3.2 3.2L3.2-3.2" stroke-width="2"/>',
+    Stop.CORNER: f'<path id="m2" d="M0-4L3.8 3H-3.8Z" style="fill:{INK}"/>',
+}
+"""Markers of tips, as in the plans: open if grown in full, else a cross or a triangle."""
+
+
+def svg_animation(
+    world: Map, frames: Sequence[DeploymentFrame], widths_mm: tuple[float, ...]
+) -> bytes:
+    """Return an animated SVG; the same frames give the same bytes.
+
+    Parameters
+    ----------
+    world
+        The map.
+    frames
+        The shapes to show one after the other, at least one; the last one stays for a while.
+    widths_mm
+        Lay-flat width of each level; bodies are drawn as wide as they inflate.
+    """
+    box = robot_view(world, frames[-1].deployment)
+    stage = Stage.of(box)
+    width, height = max(stage.width_px, LEAST_WIDTH_PX), stage.height_px + FOOT_PX
+    caption = Caption.of(frames, stage)
+    clock = _Clock(len(frames))
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
+        f'width="{width}" height="{height}" font-family="sans-serif" font-size="13">',
+        f"<desc>{GENERATOR}; plays {clock.length_s:g} s, over and over</desc>",
+        f"<style>{_style(caption.levels, widths_mm, stage)}</style>",
+        f'<defs><g id="m" stroke="{INK}">{"".join(_MARKS.values())}</g></defs>',
+        '<rect width="100%" height="100%" fill="#fff"/>',
+        f'<svg x="{(width - stage.width_px) // 2}" width="{stage.width_px}" '
+        f'height="{stage.height_px}">',
+        *_ground(world, box, stage),
+        *_bodies(frames, stage, caption.levels, clock),
+        _start(frames[-1].deployment.pose, stage),
+        "</svg>",
+        *_foot(frames, caption, stage, clock),
+        "</svg>\n",
+    ]
+    return "\n".join(parts).encode("utf-8")
+
+
+class _Clock:
+    """When things are seen: frames are counted from 0, the last one is held."""
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self.length_s = round(count * FRAME_S + HOLD_S, 3)
+
+    def during(self, frame: int, content: str) -> str:
+        """Return content that is seen in one frame only."""
+        if frame == self.count - 1:
+            return self.since(frame, content)
+        begin, end = self._share(frame), self._share(frame + 1)
+        moves = self._animate(f"0;{begin};{end}", "hidden;visible;hidden")
+        if frame == 0:
+            moves = self._animate(f"0;{end}", "visible;hidden")
+        return f'<g visibility="hidden">{moves}{content}</g>'
+
+    def since(self, frame: int, content: str) -> str:
+        """Return content that is seen from one frame on, and in a picture that stands still."""
+        if frame == 0:
+            return f"<g>{content}</g>"
+        return f"<g>{self._animate(f'0;{self._share(frame)}', 'hidden;visible')}{content}</g>"
+
+    def _share(self, frame: int) -> str:
+        return f"{frame * FRAME_S / self.length_s:.5f}"
+
+    def _animate(self, times: str, values: str) -> str:
+        return (
+            f'<animate attributeName="visibility" calcMode="discrete" dur="{self.length_s}s" '
+            f'repeatCount="indefinite" keyTimes="{times}" values="{values}"/>'
+        )
+
+
+def _style(levels: Iterable[int], widths_mm: tuple[float, ...], stage: Stage) -> str:
+    rules = ["path{fill:none;stroke-linejoin:round;stroke-linecap:round}"]
+    for level in levels:
+        colour = level_colour(level)
+        body_px = max(2.0 * widths_mm[level - 1] / np.pi * stage.px_per_mm, 1.0)
+        line_px = max(1.0, 2.4 - 0.35 * level)
+        rules.append(f".b{level}{{stroke:{colour};stroke-width:{body_px:.2f}}}")
+        rules.append(f".c{level}{{stroke:{colour};stroke-width:{line_px:.2f}}}")
+    return "".join(rules)
+
+
+def _ground(world: Map, box: Box, stage: Stage) -> list[str]:
+    rock = _areas(rock_in(world, box), stage)
+    bounds = _areas([bounds_in(world, box)], stage)
+    return [
+        f'<path d="{rock}" style="fill:{ROCK};fill-rule:evenodd" stroke="{ROCK_EDGE}"/>',
+        f'<path d="{bounds}" stroke="{INK}"/>',
+    ]
+
+
+def _areas(shapes: Iterable[BaseGeometry], stage: Stage) -> str:
+    return "".join(f"{_path(ring[:-1])}Z" for rings in stage.rings(shapes) for ring in rings)
+
+
+def _bodies(
+    frames: Sequence[DeploymentFrame], stage: Stage, levels: Sequence[int], clock: _Clock
+) -> list[str]:
+    """Return all branches, the trunk last, so that it lies on top."""
+    since = frozen_since(frames)
+    parts: list[str] = []
+    for level in reversed(levels):
+        shapes: list[tuple[str, str]] = []
+        for number, frame in enumerate(frames):
+            still, moving = _chains(frame, level, number, since)
+            shapes += [(clock.since(number, "{}"), _paths(still, stage))] if still else []
+            shapes += [(clock.during(number, "{}"), _paths(moving, stage))] if moving else []
+        # One opacity for the whole level: where bodies cross they do not get darker.
+        parts.append('<g opacity=".35">')
+        parts += [around.format(f'<path class="b{level}" d="{d}"/>') for around, d in shapes]
+        parts.append("</g>")
+        parts += [around.format(f'<path class="c{level}" d="{d}"/>') for around, d in shapes]
+    return parts + _tips(frames, stage, since, clock)
+
+
+def _chains(
+    frame: DeploymentFrame, level: int, number: int, since: dict[str, int]
+) -> tuple[list[Floats], list[Floats]]:
+    """Return the chains of a level that came to rest in this frame, and those that still grow."""
+    deployment, live = frame.deployment, is_live(frame)
+    names = deployment.tree.ids
+    still, moving = [], []
+    for branch in np.flatnonzero((deployment.tree.level == level) & deployment.deployed):
+        if live[branch]:
+            moving.append(deployment.chain_mm(int(branch)))
+        elif since[names[branch]] == number:
+            still.append(deployment.chain_mm(int(branch)))
+    return still, moving
+
+
+def _tips(
+    frames: Sequence[DeploymentFrame], stage: Stage, since: dict[str, int], clock: _Clock
+) -> list[str]:
+    last = frames[-1].deployment
+    marks: dict[int, str] = {}
+    for branch, name in enumerate(last.tree.ids):
+        if name in since:
+            x, y = stage.place(last.chain_mm(branch)[-1:])[0]
+            mark = f'<use href="#m{last.stop[branch]}" x="{x:.1f}" y="{y:.1f}"/>'
+            marks[since[name]] = marks.get(since[name], "") + mark
+    drawn = [clock.since(number, text) for number, text in sorted(marks.items())]
+    return [f'<g stroke="{INK}">', *drawn, "</g>"]
+
+
+def _start(pose: Pose, stage: Stage) -> str:
+    base = stage.place(np.array([[pose.x_mm, pose.y_mm]]))[0]
+    turn_deg = -np.degrees(pose.heading_rad)
+    return (
+        f'<g transform="translate({base[0]:.1f} {base[1]:.1f}) rotate({turn_deg:.2f})">'
+        f'<path d="M0 0H18" stroke="{INK}" stroke-width="2"/>'
+        f'<path d="M26 0L16-4.5V4.5Z" style="fill:{INK}"/><circle r="3.5" fill="{INK}"/></g>'
+    )
+
+
+def _foot(
+    frames: Sequence[DeploymentFrame], caption: Caption, stage: Stage, clock: _Clock
+) -> list[str]:
+    """Return words, scale bar and legend below the map."""
+    top, bar_px = stage.height_px, caption.bar_mm * stage.px_per_mm
+    right = max(stage.width_px, LEAST_WIDTH_PX) - 10
+    parts = [
+        clock.during(number, f'<text x="10" y="{top + 19}">{words_for(frame)}</text>')
+        for number, frame in enumerate(frames)
+    ]
+    parts.append(
+        f'<path d="M{right - bar_px:.1f} {top + 24}v4H{right}v-4" stroke="{INK}"/>'
+        f'<text x="{right}" y="{top + 18}" text-anchor="end">{caption.bar_mm:g} mm</text>'
+    )
+    x, y = 10, top + 46
+    for level in caption.levels:
+        parts.append(
+            f'<path d="M{x} {y - 4}h16" stroke="{level_colour(level)}" stroke-width="4"/>'
+            f'<text x="{x + 21}" y="{y}" font-size="11" fill="{SOFT}">{level}</text>'
+        )
+        x += 36
+    for stop in caption.stops:
+        parts.append(
+            f'<use href="#m{int(stop)}" x="{x + 8}" y="{y - 4}" stroke="{INK}"/>'
+            f'<text x="{x + 17}" y="{y}" font-size="11" fill="{SOFT}">{STOP_WORDS[stop]}</text>'
+        )
+        x += 26 + 6 * len(STOP_WORDS[stop])
+    return parts
+
+
+def _paths(chains: Iterable[Floats], stage: Stage) -> str:
+    return "".join(_path(stage.place(chain)) for chain in chains)
+
+
+def _path(points: Floats) -> str:
+    pairs = [f"{x:.1f} {y:.1f}" for x, y in points.tolist()]
+    return f"M{pairs[0]}L{' '.join(pairs[1:])}" if len(pairs) > 1 else f"M{pairs[0]}h0"

@@ -1,0 +1,280 @@
+"""Maps, robots, starts and legends, drawn into plans."""
+
+from collections.abc import Iterable
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
+from matplotlib.patheffects import Normal, Stroke
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.map import Map, Pose
+from vinefab.pages.figure import INK, ROCK, ROCK_EDGE, SOFT, house_style, level_colour, plan_axes
+
+Box = tuple[float, float, float, float]
+"""Least x, least y, greatest x, greatest y, mm."""
+
+SMALL = 0.4
+"""A robot that takes up less than this share of the map's longer side is looked at more closely."""
+
+UNSEEN = 4e-4
+"""Detail below this share of a picture's longer side is left out: a fifth of a point on paper."""
+
+
+def robot_view(world: Map, deployment: Deployment) -> Box:
+    """Return the box to draw: the whole map, or the robot's surroundings on a much larger map."""
+    whole = world.bounds.bounds
+    if not len(deployment.points_mm):
+        return whole
+    low, high = deployment.points_mm.min(axis=0), deployment.points_mm.max(axis=0)
+    side_mm = max(*(high - low).tolist(), 0.02 * max(world.size_mm))
+    if side_mm >= SMALL * max(world.size_mm):
+        return whole
+    room_mm = 0.25 * side_mm
+    x_min, y_min = np.maximum(low - room_mm, whole[:2]).tolist()
+    x_max, y_max = np.minimum(high + room_mm, whole[2:]).tolist()
+    return x_min, y_min, x_max, y_max
+
+
+def longer_mm(box: Box) -> float:
+    """Return the longer side of a box."""
+    return max(box[2] - box[0], box[3] - box[1])
+
+
+def rock_in(world: Map, box: Box) -> list[BaseGeometry]:
+    """Return what is solid in and around a box, without detail too fine to be seen there."""
+    outside = shapely.box(*world.bounds.bounds) - world.bounds
+    return _seen([*shapely.get_parts(outside), *world.obstacles], box)
+
+
+def bounds_in(world: Map, box: Box) -> BaseGeometry:
+    """Return the bounds in and around a box, likewise; they end well outside of the box."""
+    return _seen([world.bounds], box)[0]
+
+
+def _seen(polygons: list[Polygon], box: Box) -> list[BaseGeometry]:
+    longest_mm = longer_mm(box)
+    # The cut lies outside of what is shown, margin included.
+    window = shapely.buffer(shapely.box(*box), 0.2 * longest_mm, join_style="mitre")
+    near = [polygon for polygon in polygons if window.intersects(polygon)]
+    inside = [p if window.covers(p) else shapely.intersection(p, window) for p in near]
+    return list(shapely.simplify(inside, UNSEEN * longest_mm))
+
+
+STOP_WORDS = {
+    Stop.FULL_LENGTH: "grown in full",
+    Stop.HEAD_ON: "stopped head-on",
+    Stop.CORNER: "stopped in a corner",
+    Stop.NOT_DEPLOYED: "never emerged",
+}
+
+
+TIP_MARKERS = {Stop.FULL_LENGTH: "o", Stop.HEAD_ON: "X", Stop.CORNER: "^"}
+
+_FOOT_IN = 0.58
+"""Room below a plan for the axis, before the legend begins."""
+
+MANY_TIPS = 100
+"""From so many branches on, markers and lines are drawn finer."""
+
+
+def draw_map(axes: Axes, world: Map, box: Box | None = None) -> None:
+    """Draw the bounds and the obstacles of a map, or those in and around a box of it.
+
+    Axes without limits of their own are set to show it.
+    """
+    box = box or world.bounds.bounds
+    fill_geometry(axes, rock_in(world, box), face=ROCK, edge=ROCK_EDGE)
+    fill_geometry(axes, [bounds_in(world, box)], face="none", edge=INK)
+    axes.autoscale_view()
+
+
+def draw_deployment(axes: Axes, deployment: Deployment, widths_mm: tuple[float, ...]) -> None:
+    """Draw body, centreline, contacts and tips of a deployment, coloured by level."""
+    levels = deployment.tree.level
+    size = 0.5 if len(levels) > MANY_TIPS else 1.0
+    # Leaves first, so that the trunk lies on top; the legend says the trunk first.
+    for level in range(int(levels.max()), 0, -1):
+        members = np.flatnonzero((levels == level) & deployment.deployed)
+        chains = [deployment.chain_mm(int(branch)) for branch in members]
+        colour, rank = level_colour(level), 20 - level
+        lines = [shapely.LineString(chain) for chain in chains if len(chain) > 1]
+        body = shapely.union_all(shapely.buffer(lines, widths_mm[level - 1] / np.pi, quad_segs=8))
+        fill_geometry(axes, [body], face=colour, edge=colour, alpha=0.3, rank=3)
+        width_pt = size * max(1.0, 2.2 - 0.3 * level)
+        axes.add_collection(
+            LineCollection(chains, colors=colour, linewidths=width_pt, zorder=4 + rank / 100)
+        )
+        count = f"{len(members)} of {np.count_nonzero(levels == level)}"
+        axes.plot([], [], color=colour, lw=2.4, label=f"level {level} ({count})", zorder=level)
+    _draw_contacts(axes, deployment, size)
+    _draw_tips(axes, deployment, size)
+
+
+def draw_legend(axes: Axes) -> None:
+    """Explain, below a plan, everything on it that has a label."""
+    handles, labels = axes.get_legend_handles_labels()
+    order = sorted(range(len(labels)), key=lambda i: (not labels[i].startswith("level"), labels[i]))
+    width_in, height_in = axes.get_figure(root=True).get_size_inches()  # type: ignore[union-attr]
+    axes.legend(
+        [handles[i] for i in order],
+        [labels[i] for i in order],
+        loc="upper center",
+        bbox_to_anchor=(0.5, -_FOOT_IN / max(0.5, height_in - 0.9)),
+        ncols=max(1, min(4, int(width_in / (0.55 + 0.063 * max(map(len, labels)))))),
+        fontsize=8,
+    )
+
+
+def _draw_contacts(axes: Axes, deployment: Deployment, size: float) -> None:
+    contacts = [deployment.contacts_mm(branch) for branch in range(len(deployment.tree))]
+    points = np.concatenate(contacts) if contacts else np.empty((0, 2))
+    if len(points):
+        label = f"contact ({len(points)})"
+        axes.plot(*points.T, "D", color=INK, markersize=3.0 * size, mew=0, zorder=5, label=label)
+
+
+def _draw_tips(axes: Axes, deployment: Deployment, size: float) -> None:
+    tips, stops = deployment.tips_mm, deployment.stop[deployment.deployed]
+    for stop, marker in TIP_MARKERS.items():
+        here = tips[stops == stop]
+        if len(here):
+            # Open for what grew as planned, solid for what a wall stopped: seen before it is read.
+            full = stop == Stop.FULL_LENGTH
+            axes.plot(
+                *here.T,
+                marker,
+                color=INK,
+                markersize=4.5 * size if full else 4.0 + 2.5 * size,
+                mfc="white" if full else INK,
+                mec=INK if full else "white",
+                mew=0.8 * size,
+                zorder=6 if full else 6.5,
+                label=f"{STOP_WORDS[stop]} ({len(here)})",
+            )
+    lost = int(np.count_nonzero(~deployment.deployed))
+    if lost:
+        axes.plot([], [], " ", label=f"{STOP_WORDS[Stop.NOT_DEPLOYED]} ({lost})")
+
+
+def draw_names(axes: Axes, deployment: Deployment, view_mm: float) -> None:
+    """Write every branch's id beside the middle of its last stretch."""
+    tree, names = deployment.tree, deployment.tree.ids
+    # Branches that share their fate lie on each other: their ids stand one after the other.
+    together: dict[tuple[int, ...], list[int]] = {}
+    for branch in np.flatnonzero(deployment.deployed).tolist():
+        middle = deployment.chain_mm(branch)[-2:].mean(axis=0)
+        cell = np.round(middle / (0.02 * view_mm)).astype(int).tolist()
+        together.setdefault((int(tree.level[branch]), *cell), []).append(branch)
+    for (level, *_), branches in together.items():
+        first, last = deployment.chain_mm(branches[0])[-2:]
+        angle = np.arctan2(*(last - first)[::-1])
+        axes.annotate(
+            ", ".join(names[branch] for branch in branches),
+            tuple((first + last) / 2),
+            xytext=(-7.0 * np.sin(angle), 7.0 * np.cos(angle)),
+            textcoords="offset points",
+            fontsize=6.5 if len(tree) <= MANY_TIPS else 4.5,
+            color=level_colour(level),
+            path_effects=[Stroke(linewidth=1.6, foreground="white"), Normal()],
+            ha="center",
+            va="center",
+            zorder=8,
+        )
+
+
+def draw_pose(axes: Axes, pose: Pose, view_mm: float) -> None:
+    """Draw a start in a plan of some size: a dot, and an arrow where the trunk is launched."""
+    reach = 0.055 * view_mm
+    towards = np.array([np.cos(pose.heading_rad), np.sin(pose.heading_rad)])
+    base = np.array([pose.x_mm, pose.y_mm])
+    axes.annotate(
+        "",
+        tuple(base + reach * towards),
+        tuple(base),
+        arrowprops={
+            "arrowstyle": "-|>",
+            "color": INK,
+            "linewidth": 1.8,
+            "shrinkA": 0,
+            "mutation_scale": 15,
+        },
+        zorder=7,
+    )
+    axes.plot(*base, "o", color=INK, markersize=5, mec="white", mew=0.8, zorder=7, label="start")
+
+
+def fill_geometry(
+    axes: Axes,
+    shapes: Iterable[BaseGeometry],
+    *,
+    face: str,
+    edge: str,
+    alpha: float = 1.0,
+    rank: float = 1.0,
+) -> None:
+    """Fill polygons, holes left open, as one path: thousands of them stay quick and small."""
+    parts = shapely.get_parts(list(shapes))
+    polygons = [part for part in parts if isinstance(part, Polygon) and not part.is_empty]
+    rings = [ring for part in polygons for ring in (part.exterior, *part.interiors)]
+    if rings:
+        path = Outline.make_compound_path(*(Outline(ring.coords, closed=True) for ring in rings))
+        # A thin face keeps a full edge: the edge is what a grey print shows.
+        inside = face if face == "none" else to_rgba(face, alpha)
+        axes.add_patch(PathPatch(path, fc=inside, ec=edge, lw=0.7, zorder=rank))
+
+
+def map_plan(world: Map, *, longest_in: float = 6.5) -> Figure:
+    """Return a plan of a map with its starts."""
+    with house_style():
+        figure, axes = plan_axes(world.bounds.bounds, longest_in)
+        draw_map(axes, world)
+        for start in world.starts:
+            draw_pose(axes, start.pose, max(world.size_mm))
+    return figure
+
+
+def deployment_plan(
+    world: Map,
+    deployment: Deployment,
+    widths_mm: tuple[float, ...],
+    *,
+    longest_in: float = 6.5,
+    named: bool = False,
+    whole: bool = False,
+) -> Figure:
+    """Return a plan of a robot deployed on a map.
+
+    Parameters
+    ----------
+    world, deployment
+        What to draw.
+    widths_mm
+        Lay-flat width of each level; the body is drawn as wide as it inflates, 2 w / pi.
+    longest_in
+        Length of the longer side on paper.
+    named
+        Whether to write every branch's id beside it.
+    whole
+        Whether to show the whole map, however small the robot is on it.
+    """
+    with house_style():
+        box = world.bounds.bounds if whole else robot_view(world, deployment)
+        figure, axes = plan_axes(box, longest_in)
+        draw_map(axes, world, box)
+        draw_deployment(axes, deployment, widths_mm)
+        draw_pose(axes, deployment.pose, longer_mm(box))
+        if box != world.bounds.bounds:
+            size = " x ".join(f"{side:g}" for side in world.size_mm)
+            axes.set_title(f"part of {world.name}, {size} mm", fontsize=8, color=SOFT)
+        if named:
+            draw_names(axes, deployment, longer_mm(box))
+        draw_legend(axes)
+    return figure

@@ -1,0 +1,119 @@
+"""Blank figures, their colours, and their way into bytes; knows matplotlib's file side."""
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vinefab.core.jsontext import GENERATOR
+
+INK = "#1d2a30"
+SOFT = "#5c6b73"
+ROCK = "#d3dade"
+ROCK_EDGE = "#8b989f"
+ALERT = "#c2185b"
+
+LEVEL_COLOURS = ("#12355b", "#b8430a", "#1c9a9a", "#eab000", "#6d2a82", "#7cc0f0", "#5f6b12")
+"""Colour of each level, trunk first; they repeat after the last.
+
+Levels that meet differ in lightness as well as in hue: they stay apart in a grey print and for
+colour-blind readers (tests/report/test_plans.py measures both).
+"""
+
+
+def level_colour(level: int) -> str:
+    """Return the colour of a level, counted from 1."""
+    return LEVEL_COLOURS[(level - 1) % len(LEVEL_COLOURS)]
+
+
+_STYLE: dict[Any, Any] = {
+    "svg.hashsalt": "vinefab",
+    "svg.fonttype": "path",
+    "font.size": 9.0,
+    "axes.edgecolor": SOFT,
+    "axes.labelcolor": INK,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "legend.frameon": False,
+}
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Draw and save in the house's style, without touching anybody's global settings."""
+    with mpl.rc_context(_STYLE):
+        yield
+
+
+def blank(width_in: float = 6.0, height_in: float = 6.0) -> tuple[Figure, Axes]:
+    """Return an empty figure with one set of axes."""
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    return figure, figure.add_subplot()
+
+
+def plan_axes(
+    box_mm: tuple[float, float, float, float], longest_in: float = 6.5
+) -> tuple[Figure, Axes]:
+    """Return a figure for a plan: equal scales, millimetres, no wasted paper.
+
+    Parameters
+    ----------
+    box_mm
+        Least x, least y, greatest x, greatest y of what will be drawn.
+    longest_in
+        Length of the longer side of the plan on paper.
+    """
+    width, height = max(box_mm[2] - box_mm[0], 1e-9), max(box_mm[3] - box_mm[1], 1e-9)
+    scale = longest_in / max(width, height)
+    figure, axes = blank(max(width * scale, 2.2) + 0.7, max(height * scale, 1.6) + 0.9)
+    margin = 0.02 * max(width, height)
+    axes.set_aspect("equal")
+    axes.set_xlim(box_mm[0] - margin, box_mm[2] + margin)
+    axes.set_ylim(box_mm[1] - margin, box_mm[3] + margin)
+    axes.set_xlabel("x (mm)")
+    axes.set_ylabel("y (mm)")
+    axes.spines[:].set_visible(False)
+    return figure, axes
+
+
+def svg_bytes(figure: Figure) -> bytes:
+    """Return a figure as SVG; the same figure gives the same bytes."""
+    stream = io.BytesIO()
+    with house_style():
+        figure.savefig(
+            stream, format="svg", bbox_inches="tight", metadata={"Date": None, "Creator": GENERATOR}
+        )
+    return re.sub(rb' d="[^"]*"', _shortened, stream.getvalue())
+
+
+def _shortened(path: re.Match[bytes]) -> bytes:
+    """Return a path with its numbers to a hundredth of a point; matplotlib writes six decimals."""
+    return re.sub(rb"(\.\d\d)\d+", rb"\1", path.group())
+
+
+def pdf_bytes(figure: Figure) -> bytes:
+    """Return a figure as a page of PDF; the same figure gives the same bytes."""
+    stream = io.BytesIO()
+    with house_style():
+        figure.savefig(
+            stream,
+            format="pdf",
+            bbox_inches="tight",
+            metadata={"CreationDate": None, "Creator": GENERATOR},
+        )
+    return stream.getvalue()
+
+
+def png_bytes(figure: Figure, dpi: int = 150) -> bytes:
+    """Return a figure as PNG."""
+    stream = io.BytesIO()
+    with house_style():
+        figure.savefig(
+            stream, format="png", dpi=dpi, bbox_inches="tight", metadata={"Software": GENERATOR}
+        )
+    return stream.getvalue()

@@ -1,0 +1,1 @@
+"""What a design is expected to do: deployments, measures, sensitivity, pressure, anchoring."""

@@ -1,0 +1,201 @@
+"""Anchoring over many deployments: amplification always, newtons where there are pouches."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vinefab.core.validation import Floats, Ints
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design, Pouch
+from vinefab.model.laser import Material
+from vinefab.physics.anchoring import (
+    ASSUMED_FRICTION,
+    amplification,
+    branch_force_n,
+    branch_limit_n,
+    pouch_contact_mm2,
+    tip_force_n,
+)
+from vinefab.physics.seam import allowed_line_load_n_mm
+from vinefab.prediction.deployments import FamilyDeployments
+from vinefab.prediction.measures import pouch_size_mm
+from vinefab.tasks.leaves import path_turn_rad, tip_gaps_mm
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldForces:
+    """What robots hold if so many of their leaves do, at one coefficient of friction.
+
+    Parameters
+    ----------
+    friction
+        The coefficient.
+    engaged_percent
+        Share of the deployed leaves that hold, those that turned least first.
+    amplification
+        Mean over deployments of the force over that of one pouch without any turn.
+    """
+
+    friction: float
+    engaged_percent: float
+    amplification: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Forces:
+    """Forces of a design that has pouches, over deployments.
+
+    Parameters
+    ----------
+    friction
+        Coefficients, rising, shape (k,).
+    mean_n, p05_n, p95_n
+        For each coefficient, over deployments, shape (k,).
+    engaged_percent
+        Share of the leaves whose inflated pouch is wider than the gap that it ended in.
+    limited_percent
+        Share of the engaged leaves that film or seam limit at the greatest coefficient.
+    pressure_kpa
+        Working pressure that they are for.
+    mass_g
+        Film of the robot; 0 when it is not known.
+    """
+
+    friction: Floats
+    mean_n: Floats
+    p05_n: Floats
+    p95_n: Floats
+    engaged_percent: float
+    limited_percent: float
+    pressure_kpa: float
+    mass_g: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnchoringPrediction:
+    """Anchoring as an interval over friction and over which leaves are engaged.
+
+    Parameters
+    ----------
+    label
+        The field.
+    leaves
+        Leaves of the design.
+    table
+        Every combination that was looked at.
+    forces
+        In newtons, where the design has pouches.
+    """
+
+    label: str
+    leaves: int
+    table: tuple[HeldForces, ...]
+    forces: Forces | None = None
+
+    def at(self, friction: float, engaged_percent: float) -> float:
+        """Return the amplification of one combination."""
+        return next(
+            held.amplification
+            for held in self.table
+            if held.friction == friction and held.engaged_percent == engaged_percent
+        )
+
+
+FRICTIONS = (ASSUMED_FRICTION.low, ASSUMED_FRICTION.value, ASSUMED_FRICTION.high)
+
+ENGAGED_PERCENT = (100.0, 66.7, 33.3)
+"""Two thirds held in the paper's test of six branches: one touched nothing, one hung slack."""
+
+
+def predict_anchoring(
+    design: Design, trip: FamilyDeployments, material: Material, mass_g: float = 0.0
+) -> AnchoringPrediction:
+    """Return what a design is expected to hold in one place.
+
+    Parameters
+    ----------
+    design
+        The robot.
+    trip
+        Its deployments.
+    material
+        The film, for what tears.
+    mass_g
+        Mass of the robot's film, for the load over it.
+    """
+    turns = [leaf_turns_rad(deployment) for deployment in trip.deployments]
+    table = tuple(
+        HeldForces(
+            friction=friction,
+            engaged_percent=percent,
+            amplification=float(np.mean([_held(found, percent, friction) for found in turns])),
+        )
+        for friction in FRICTIONS
+        for percent in ENGAGED_PERCENT
+    )
+    leaves = int(trip.deployments[0].tree.is_leaf.sum())
+    pouch = design.build.pouch
+    forces = _forces(design, pouch, trip, material, mass_g) if pouch else None
+    return AnchoringPrediction(label=trip.place.label, leaves=leaves, table=table, forces=forces)
+
+
+def leaf_turns_rad(deployment: Deployment) -> Floats:
+    """Return the turn on the way to each leaf's tip that came out, rising, shape (m,)."""
+    return np.sort(path_turn_rad(deployment)[_leaves(deployment)])
+
+
+def _leaves(deployment: Deployment) -> Ints:
+    out = deployment.tree.is_leaf & deployment.deployed & (deployment.grown_mm > 0.0)
+    return np.flatnonzero(out)
+
+
+def _held(turns_rad: Floats, percent: float, friction: float) -> float:
+    """Return the amplification with the straightest share of the leaves engaged."""
+    count = math.ceil(percent / 100.0 * len(turns_rad) - 0.01)
+    return amplification(turns_rad[:count].tolist(), friction)
+
+
+def _forces(
+    design: Design, pouch: Pouch, trip: FamilyDeployments, material: Material, mass_g: float
+) -> Forces:
+    length_mm, width_mm = pouch_size_mm(pouch)
+    limit_n = branch_limit_n(
+        design.build.widths_mm[-1],
+        material.ply_mm.value,
+        material.strength_mpa.value,
+        allowed_line_load_n_mm(material.burst_kpa.value, material.burst_width_mm.value),
+    )
+    totals = np.zeros((len(trip.deployments), len(FRICTIONS)))
+    leaves = engaged = limited = 0
+    for index, deployment in enumerate(trip.deployments):
+        rows = _leaves(deployment)
+        gaps = tip_gaps_mm(deployment, rows, trip.site(index).ground)
+        contact = [pouch_contact_mm2(length_mm, width_mm, gap_mm) for gap_mm in gaps.tolist()]
+        turns = path_turn_rad(deployment)[rows]
+        forces = np.array(
+            [
+                [
+                    branch_force_n(
+                        tip_force_n(design.build.pressure_kpa, area, mu), float(turn), mu, limit_n
+                    )
+                    for mu in FRICTIONS
+                ]
+                for area, turn in zip(contact, turns, strict=True)
+            ]
+        ).reshape(-1, len(FRICTIONS))
+        totals[index] = forces.sum(axis=0)
+        leaves += int(deployment.tree.is_leaf.sum())
+        engaged += int(np.count_nonzero(contact))
+        limited += int(np.count_nonzero(forces[:, -1] >= limit_n))
+    p05, p95 = np.percentile(totals, [5.0, 95.0], axis=0)
+    return Forces(
+        friction=np.array(FRICTIONS),
+        mean_n=totals.mean(axis=0),
+        p05_n=p05,
+        p95_n=p95,
+        engaged_percent=100.0 * engaged / leaves,
+        limited_percent=100.0 * limited / max(1, engaged),
+        pressure_kpa=design.build.pressure_kpa,
+        mass_g=mass_g,
+    )

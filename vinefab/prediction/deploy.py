@@ -1,0 +1,318 @@
+"""One deployment: a design on a map from a pose, with where it did not fit."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.units import deg, rad
+from vinefab.fabrication.checking import Deployed
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.simulator import grow
+from vinefab.growth.terrain import Terrain
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.design import Design
+from vinefab.model.files.results_json import deployment_text
+from vinefab.model.map import Map, Pose
+from vinefab.pages.animation import DeploymentFrame
+from vinefab.prediction.history import History, history_content
+
+MOST_NAMED = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BranchPlace:
+    """A branch and where something happened to it.
+
+    Parameters
+    ----------
+    branch
+        Its id.
+    x_mm, y_mm
+        Where.
+    radius_mm
+        Its inflated radius.
+    """
+
+    branch: str
+    x_mm: float
+    y_mm: float
+    radius_mm: float
+
+    def content(self) -> dict[str, object]:
+        """Return it as it stands in JSON."""
+        where = {"x_mm": self.x_mm, "y_mm": self.y_mm}
+        return {"branch": self.branch, **where, "radius_mm": self.radius_mm}
+
+
+def without_room(
+    design: Design, deployment: Deployment, options: GrowthOptions
+) -> tuple[BranchPlace, ...]:
+    """Return the branches that had no room where they should have started, and where that is.
+
+    Only inflated bodies can lack room. Branches further out, whose parents never emerged, are not
+    named.
+    """
+    if options.body == "centerline":
+        return ()
+    parent = deployment.tree.parent
+    can_emerge = (parent < 0) | (deployment.stop[parent] == Stop.FULL_LENGTH)
+    if options.deploys_stuck:
+        can_emerge |= deployment.deployed[parent]
+    lost = np.flatnonzero(~deployment.deployed & can_emerge).tolist()
+    return tuple(_place(design, deployment, branch, int(parent[branch])) for branch in lost)
+
+
+def wedged(design: Design, deployment: Deployment) -> tuple[BranchPlace, ...]:
+    """Return the branches that ended in a corner or a gap that closes, and where."""
+    stuck = np.flatnonzero(deployment.stop == Stop.CORNER).tolist()
+    return tuple(_place(design, deployment, branch, branch) for branch in stuck)
+
+
+def places_text(title: str, places: tuple[BranchPlace, ...]) -> list[str]:
+    """Return places as a line for the user; nothing if there are none."""
+    if not places:
+        return []
+    named = [f"{place.branch} at ({place.x_mm:.1f}, {place.y_mm:.1f})" for place in places]
+    hidden = len(named) - MOST_NAMED
+    more = f" and {hidden} more" if hidden > 0 else ""
+    return [f"{title}: {', '.join(named[:MOST_NAMED])}{more} mm"]
+
+
+def _place(design: Design, deployment: Deployment, branch: int, ended: int) -> BranchPlace:
+    """Return a branch with the tip of the branch ``ended``, or the pose if that is none."""
+    x_mm, y_mm = deployment.pose.x_mm, deployment.pose.y_mm
+    if ended >= 0:
+        x_mm, y_mm = deployment.chain_mm(ended)[-1].tolist()
+    level = int(deployment.tree.level[branch])
+    return BranchPlace(
+        branch=deployment.tree.ids[branch],
+        x_mm=x_mm,
+        y_mm=y_mm,
+        radius_mm=design.build.widths_mm[level - 1] / math.pi,
+    )
+
+
+FRAMES = 40
+"""Frames of an animation unless told otherwise."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DeployedDesign:
+    """A deployment with what it was made of.
+
+    Parameters
+    ----------
+    design, world, options
+        What was grown, where and by which rules.
+    terrain
+        The map made ready for growth.
+    deployment
+        What became of it.
+    """
+
+    design: Design
+    world: Map
+    terrain: Terrain
+    options: GrowthOptions
+    deployment: Deployment
+
+    @property
+    def stops(self) -> dict[str, int]:
+        """How many branches ended for each reason."""
+        counts = Counter(self.deployment.stop.tolist())
+        return {stop.label: counts[stop] for stop in Stop}
+
+    @property
+    def metrics(self) -> dict[str, object]:
+        """Numbers about the whole robot (simulated) and the rules that they depend on."""
+        tree = self.deployment.tree
+        return {
+            "standing": "simulated",
+            "branches": len(tree),
+            "planned_mm": tree.total_length_mm,
+            "grown_mm": float(self.deployment.grown_mm.sum()),
+            "stops": self.stops,
+            "head_on_half_angle_deg": deg(self.options.head_on_half_angle_rad),
+            "body": self.options.body,
+            "children_of_stuck": self.options.children_of_stuck,
+            "tight_exits": int(np.count_nonzero(self.deployment.tight_exit)),
+            "without_room": [place.content() for place in self.without_room],
+            "wedged": [place.content() for place in wedged(self.design, self.deployment)],
+        }
+
+    def summary(self) -> list[str]:
+        """Return the result in a few lines for the user."""
+        tree, grown_mm = self.deployment.tree, float(self.deployment.grown_mm.sum())
+        stops = ", ".join(f"{count} {name}" for name, count in self.stops.items() if count)
+        return [
+            f"{self.design.name} on {self.world.name} from {pose_text(self.deployment.pose)}",
+            f"{len(tree)} branches: {stops} (simulated, {self.options.body} body, "
+            f"head-on half-angle {deg(self.options.head_on_half_angle_rad):g} deg, assumed)",
+            f"grown {grown_mm:.1f} of {tree.total_length_mm:.1f} mm",
+            *places_text("no room to start for branch", self.without_room),
+            *places_text("wedged: branch", wedged(self.design, self.deployment)),
+            *self._tight_exits(),
+        ]
+
+    @property
+    def without_room(self) -> tuple[BranchPlace, ...]:
+        """The branches that were too wide for the place where they should have started."""
+        return without_room(self.design, self.deployment, self.options)
+
+    def _tight_exits(self) -> list[str]:
+        """Say which branches may bow in reality, if any do."""
+        tight = np.flatnonzero(self.deployment.tight_exit)
+        if len(tight) == 0:
+            return []
+        names = ", ".join(self.deployment.tree.ids[branch] for branch in tight[:MOST_NAMED])
+        return [
+            f"{len(tight)} branches slid steeply with a long straight body behind the tip, where a "
+            f"real one may bow: {names}{', ...' if len(tight) > MOST_NAMED else ''}"
+        ]
+
+    @property
+    def history(self) -> History:
+        """The deployment at any length of its front."""
+        return History(
+            design=self.design, terrain=self.terrain, options=self.options, final=self.deployment
+        )
+
+    def text(self, frames: Sequence[DeploymentFrame] | None = None) -> str:
+        """Return the deployment as JSON, ``vinefab/deployment-1``.
+
+        Parameters
+        ----------
+        frames
+            Earlier shapes to put in as ``history``.
+        """
+        names = (self.design.name, self.world.name)
+        history = None if frames is None else history_content(frames)
+        return deployment_text(self.deployment, *names, self.metrics, history)
+
+    def picture(self, suffix: str, *, named: bool = False) -> bytes:
+        """Return a plan of the deployment.
+
+        Parameters
+        ----------
+        suffix
+            ``.svg`` or ``.png``.
+        named
+            Whether to write every branch's id beside it.
+        """
+        # matplotlib takes longer to load than the growth to simulate.
+        from vinefab.pages.drawing import deployment_plan  # noqa: PLC0415
+        from vinefab.pages.figure import png_bytes, svg_bytes  # noqa: PLC0415
+
+        widths_mm = self.design.build.widths_mm
+        figure = deployment_plan(self.world, self.deployment, widths_mm, named=named)
+        return png_bytes(figure) if suffix.lower() == ".png" else svg_bytes(figure)
+
+    def animation(self, suffix: str, frames: int = FRAMES) -> bytes:
+        """Return the deployment as a moving picture.
+
+        Parameters
+        ----------
+        suffix
+            ``.svg`` or ``.gif``.
+        frames
+            Number of steps, equal in length of the front.
+
+        Raises
+        ------
+        BadInputError
+            If the suffix is another one.
+        """
+        kind = suffix.lower()
+        if kind not in (".svg", ".gif"):
+            raise BadInputError("suffix", suffix, ".svg or .gif")
+        shapes, widths_mm = self.history.even_steps(frames), self.design.build.widths_mm
+        if kind == ".svg":
+            from vinefab.pages.animation_svg import svg_animation  # noqa: PLC0415  as below
+
+            return svg_animation(self.world, shapes, widths_mm)
+        # Pillow is not needed for anything else here.
+        from vinefab.pages.animation_gif import gif_animation  # noqa: PLC0415
+
+        return gif_animation(self.world, shapes, widths_mm)
+
+
+def growth_options(
+    body: str = "centerline",
+    head_on_half_angle_deg: float = 1.0,
+    children_of_stuck: str = "stop",
+) -> GrowthOptions:
+    """Return growth options from what a user typed; what cannot be used is named by the options."""
+    return GrowthOptions(
+        head_on_half_angle_rad=rad(head_on_half_angle_deg),
+        body=cast("Any", body),  # the class says what is allowed
+        children_of_stuck=cast("Any", children_of_stuck),
+    )
+
+
+def deploy(design: Design, world: Map, pose: Pose | None, options: GrowthOptions) -> DeployedDesign:
+    """Grow a design on a map.
+
+    Parameters
+    ----------
+    design, world, options
+        What to grow, where and by which rules.
+    pose
+        Where the trunk is launched; None for the map's first start.
+
+    Raises
+    ------
+    BadInputError
+        If there is no pose, or it is not in free space.
+    """
+    pose = pose or first_start(world)
+    terrain = Terrain.of(world)
+    deployment = grow(design, terrain, pose, options)
+    return DeployedDesign(
+        design=design, world=world, options=options, terrain=terrain, deployment=deployment
+    )
+
+
+def first_start(world: Map) -> Pose:
+    """Return the pose of a map's first start, or raise BadInputError if it has none."""
+    if not world.starts:
+        raise BadInputError("--pose", None, f"X,Y,DEG, as map {world.name} has no start of its own")
+    return world.starts[0].pose
+
+
+def pose_text(pose: Pose) -> str:
+    """Return a pose as a user would type it: ``X,Y,DEG``."""
+    return f"{pose.x_mm:.2f},{pose.y_mm:.2f},{deg(pose.heading_rad):.2f}"
+
+
+def deploy_from_starts(design: Design, maps: Sequence[Map]) -> Deployed:
+    """Return a design's deployments from every start of every map.
+
+    Parameters
+    ----------
+    design, maps
+        What to grow and where.
+
+    Raises
+    ------
+    BadInputError
+        If a map has no start.
+    """
+    for world in maps:
+        if not world.starts:
+            raise BadInputError(f"--map {world.name}", "without a start", "maps with starts")
+    options = growth_options("inflated")  # for a body has a width
+    terrains = [(world, Terrain.of(world)) for world in maps]
+    return tuple(
+        (_start_name(world, number), grow(design, terrain, start.pose, options))
+        for world, terrain in terrains
+        for number, start in enumerate(world.starts, start=1)
+    )
+
+
+def _start_name(world: Map, number: int) -> str:
+    return world.name if len(world.starts) == 1 else f"{world.name} from start {number}"

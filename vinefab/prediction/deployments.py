@@ -1,0 +1,154 @@
+"""Predictions: a design deployed on many maps from many poses, and what comes of it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vinefab.growth.batch import Batch, Launches, TerrainSet
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plans
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design
+from vinefab.prediction.map_families import MapFamily
+from vinefab.prediction.measures import MEASURES, MeasureTable, measure_deployment
+from vinefab.tasks.evaluate import Poses, PreparedMap, poses_on
+
+Tell = Callable[[float, str], None]
+"""Called with the share of the work that is done and a few words."""
+
+
+def silent(_share: float, _words: str) -> None:
+    """Say nothing of how far the work is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PredictionPlan:
+    """How often, and by which rules, a design is deployed.
+
+    Parameters
+    ----------
+    poses
+        Poses per map, drawn from the ranges of the maps' starts.
+    seed
+        Seed of the poses; map ``i`` of a field gets ``seed + i``.
+    options
+        The growth model's choices; the inflated body by default, for a body has a width.
+    """
+
+    poses: int = 3
+    seed: int = 0
+    options: GrowthOptions = field(default_factory=lambda: GrowthOptions(body="inflated"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PreparedFamily:
+    """A field made ready: its maps with their poses.
+
+    Parameters
+    ----------
+    label
+        What reports call it.
+    sites
+        The maps.
+    poses
+        For each map, the poses.
+    """
+
+    label: str
+    sites: tuple[PreparedMap, ...]
+    poses: Poses
+
+    @classmethod
+    def of(cls, ground: MapFamily, trials: PredictionPlan) -> "PreparedFamily":
+        """Return the place of a field, with its poses drawn."""
+        sites = tuple(PreparedMap.of(world) for world in ground.worlds)
+        seeds = [trials.seed + index for index in range(len(sites))]
+        return cls(label=ground.label, sites=sites, poses=poses_on(sites, trials.poses, seeds))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each map; maps of one name are told apart by a number."""
+        names = [site.world.name for site in self.sites]
+        return tuple(
+            f"{name} ({names[: index + 1].count(name)})" if names.count(name) > 1 else name
+            for index, name in enumerate(names)
+        )
+
+    def launches(self) -> Launches:
+        """Return the place as launches of a batch."""
+        return Launches.of(TerrainSet([site.terrain for site in self.sites]), self.poses)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FamilyDeployments:
+    """A design's deployments in one place.
+
+    Parameters
+    ----------
+    place
+        Where.
+    deployments
+        Map by map, pose by pose.
+    outcomes
+        What each came to.
+    """
+
+    place: PreparedFamily
+    deployments: tuple[Deployment, ...]
+    outcomes: MeasureTable
+
+    def site(self, index: int) -> PreparedMap:
+        """Return the map of one deployment."""
+        return self.place.sites[index // len(self.place.poses[0])]
+
+
+def deploy_family(
+    design: Design, place: PreparedFamily, trials: PredictionPlan, tell: Tell = silent
+) -> FamilyDeployments:
+    """Deploy a design from every pose of a place and measure every deployment.
+
+    Parameters
+    ----------
+    design
+        The robot.
+    place
+        Maps and poses.
+    trials
+        How it grows.
+    tell
+        Called as the work goes on.
+    """
+    tell(0.0, f"{design.name}: growing")
+    launches = place.launches()
+    batch = Batch(Plans.of([design], trials.options), launches, trials.options)
+    deployments = tuple(batch.deployments())
+    columns = np.empty((len(deployments), len(MEASURES)))
+    terrain = launches.terrain.tolist()
+    for index, deployment in enumerate(deployments):
+        columns[index] = measure_deployment(deployment, design, place.sites[terrain[index]].ground)
+        tell((index + 1) / len(deployments), f"{index + 1} of {len(deployments)} deployments")
+    names = place.names
+    outcomes = MeasureTable(
+        label=place.label,
+        maps=tuple(names[index] for index in terrain),
+        poses=launches.poses,
+        values={m.key: columns[:, i].copy() for i, m in enumerate(MEASURES)},
+    )
+    return FamilyDeployments(place=place, deployments=deployments, outcomes=outcomes)
+
+
+def typical(outcomes: MeasureTable, key: str, shares: Sequence[float]) -> list[int]:
+    """Return the deployments that stand at some shares of a measure's order.
+
+    Parameters
+    ----------
+    outcomes
+        The deployments.
+    key
+        The measure.
+    shares
+        0 for the least, 0.5 for the median, 1 for the greatest.
+    """
+    order = np.argsort(outcomes.values[key], kind="stable")
+    return [int(order[round(share * (len(order) - 1))]) for share in shares]

@@ -1,0 +1,222 @@
+"""Where a design goes on one map: many deployments from varied poses, laid on each other."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from PIL import Image, ImageDraw
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.units import deg, rad
+from vinefab.core.validation import Floats
+from vinefab.growth.batch import Batch, Launches, TerrainSet
+from vinefab.growth.plan import Plans
+from vinefab.maps.poses import draw_poses
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design
+from vinefab.model.map import Map, Start
+from vinefab.physics.tube import inflated_diameter_mm
+from vinefab.prediction.deployments import PredictionPlan
+from vinefab.prediction.measures import STUCK_STOPS
+from vinefab.tasks.evaluate import PreparedMap
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StuckSpot:
+    """A place where branches get stuck again and again.
+
+    Parameters
+    ----------
+    x_mm, y_mm
+        Mean position of the stuck tips.
+    percent
+        Share of the deployments that had a branch stuck there.
+    """
+
+    x_mm: float
+    y_mm: float
+    percent: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HeatMap:
+    """How often deployed bodies pass each place of a map.
+
+    Parameters
+    ----------
+    world
+        The map.
+    low_mm
+        Lower left corner of the raster.
+    cell_mm
+        Side of its cells.
+    share
+        Share of the deployments whose body covers each cell, shape (rows, columns), row 0 at the
+        bottom, 0 to 1.
+    deployments
+        How many there were.
+    spots
+        Where branches got stuck, the most frequent first.
+    spread
+        How far the poses differ, in words.
+    """
+
+    world: Map
+    low_mm: tuple[float, float]
+    cell_mm: float
+    share: Floats
+    deployments: int
+    spots: tuple[StuckSpot, ...]
+    spread: str
+
+    def __post_init__(self) -> None:
+        if self.share.ndim != 2 or not ((self.share >= 0.0) & (self.share <= 1.0)).all():
+            raise BadInputError("share", self.share.shape, "shares from 0 to 1 in rows and columns")
+        self.share.setflags(write=False)
+
+    def percent_passed(self, least: float = 0.0) -> float:
+        """Return the share of the free space that more than a share of the deployments cover.
+
+        Bodies lie in free space, so that covered cells are free ones up to a cell's width.
+        """
+        passed_mm2 = float((self.share > least).sum()) * self.cell_mm**2
+        return min(100.0, 100.0 * passed_mm2 / self.world.free_space.area)
+
+
+POSES = 200
+CELLS = 320
+"""Cells along the longer side of the map."""
+
+LEAST_SPREAD_MM, LEAST_SPREAD_DEG = 10.0, 15.0
+"""Poses vary by so much where a map gives its starts no range [assumed]."""
+
+SPOT_SHARE = 0.03
+"""Tips within cells of this share of the map's longer side count as one place."""
+
+MOST_SPOTS = 8
+
+
+def heat_map_of(
+    design: Design, site: PreparedMap, trials: PredictionPlan, poses: int = POSES
+) -> HeatMap:
+    """Return where a design goes on a map from varied poses.
+
+    Parameters
+    ----------
+    design
+        The robot.
+    site
+        The map.
+    trials
+        Seed and growth model.
+    poses
+        How many poses are drawn.
+    """
+    world = site.world
+    varied = replace(world, starts=tuple(_varied(start) for start in world.starts))
+    drawn = draw_poses(varied, poses, trials.seed)
+    launches = Launches.of(TerrainSet([site.terrain]), [drawn])
+    batch = Batch(Plans.of([design], trials.options), launches, trials.options)
+    deployments = batch.deployments()
+    low_mm, cell_mm, shape = _raster(world)
+    passed = np.zeros(shape)
+    for deployment in deployments:
+        passed += body_cells(deployment, design.build.widths_mm, low_mm, cell_mm, shape)
+    start = varied.starts[0]
+    return HeatMap(
+        world=world,
+        low_mm=low_mm,
+        cell_mm=cell_mm,
+        share=passed / len(deployments),
+        deployments=len(deployments),
+        spots=stuck_spots(deployments, SPOT_SHARE * max(world.size_mm)),
+        spread=f"{start.spread_x_mm:g} mm across, {start.spread_y_mm:g} mm along the map and "
+        f"{deg(start.spread_heading_rad):g} degrees either way",
+    )
+
+
+def body_cells(
+    deployment: Deployment,
+    widths_mm: Sequence[float],
+    low_mm: tuple[float, float],
+    cell_mm: float,
+    shape: tuple[int, int],
+) -> Floats:
+    """Return 1 where a deployed body covers a cell's middle, else 0, within about a cell.
+
+    Parameters
+    ----------
+    deployment
+        The robot as it lies.
+    widths_mm
+        Lay-flat width of each level.
+    low_mm, cell_mm, shape
+        Corner, cell side, and rows and columns of the raster; row 0 is at the bottom.
+    """
+    picture = Image.new("1", (shape[1], shape[0]))
+    draw = ImageDraw.Draw(picture)
+    for branch in np.flatnonzero(deployment.deployed).tolist():
+        across = inflated_diameter_mm(widths_mm[int(deployment.tree.level[branch]) - 1]) / cell_mm
+        chain = (deployment.chain_mm(branch) - np.array(low_mm)) / cell_mm - 0.5
+        draw.line([(x, y) for x, y in chain.tolist()], fill=1, width=max(1, round(across)))
+        for x, y in chain.tolist():
+            half = across / 2.0
+            draw.ellipse((x - half, y - half, x + half, y + half), fill=1)
+    return np.asarray(picture, dtype=np.float64)
+
+
+def stuck_spots(deployments: Sequence[Deployment], apart_mm: float) -> tuple[StuckSpot, ...]:
+    """Return the places where branches are stuck in most deployments.
+
+    The tip with most other deployments' tips around it makes the first place, and takes those
+    with it; then the next.
+
+    Parameters
+    ----------
+    deployments
+        On one map.
+    apart_mm
+        Tips nearer than this count as one place.
+    """
+    found = [
+        (tip, number)
+        for number, deployment in enumerate(deployments)
+        for tip in deployment.tips_mm[np.isin(deployment.stop[deployment.deployed], STUCK_STOPS)]
+    ]
+    tips = np.array([tip for tip, _ in found]).reshape(-1, 2)
+    owner = np.array([number for _, number in found], dtype=np.int64)
+    points = np.asarray(shapely.points(tips))
+    near = shapely.STRtree(points).query(points, "dwithin", apart_mm)
+    around = [near[1][near[0] == index] for index in range(len(tips))]
+    left = np.ones(len(tips), dtype=np.bool_)
+    spots: list[StuckSpot] = []
+    while left.any() and len(spots) < MOST_SPOTS:
+        counts = [len(np.unique(owner[a[left[a]]])) if left[i] else 0 for i, a in enumerate(around)]
+        place = around[int(np.argmax(counts))]
+        members = place[left[place]]
+        x_mm, y_mm = tips[members].mean(axis=0).tolist()
+        share = 100.0 * len(np.unique(owner[members])) / len(deployments)
+        spots.append(StuckSpot(x_mm=x_mm, y_mm=y_mm, percent=share))
+        left[members] = False
+    return tuple(spots)
+
+
+def _varied(start: Start) -> Start:
+    """Return a start with a range of poses, whether the map gives one or not."""
+    if start.spread_x_mm or start.spread_y_mm or start.spread_heading_rad:
+        return start
+    return replace(
+        start,
+        spread_x_mm=LEAST_SPREAD_MM,
+        spread_y_mm=LEAST_SPREAD_MM,
+        spread_heading_rad=rad(LEAST_SPREAD_DEG),
+    )
+
+
+def _raster(world: Map) -> tuple[tuple[float, float], float, tuple[int, int]]:
+    x_min, y_min, x_max, y_max = world.bounds.bounds
+    cell_mm = max(world.size_mm) / CELLS
+    rows, columns = math.ceil((y_max - y_min) / cell_mm), math.ceil((x_max - x_min) / cell_mm)
+    return (x_min, y_min), cell_mm, (rows, columns)

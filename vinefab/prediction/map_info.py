@@ -1,0 +1,361 @@
+"""What is said of a map, as lines for the user and as JSON: ``vinefab/map-info-1``."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import cast
+
+import numpy as np
+import shapely
+from shapely import Point, STRtree
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.jsontext import json_text
+from vinefab.core.validation import positive, whole
+from vinefab.growth.terrain import Terrain
+from vinefab.maps.passages import Passage, narrow_passages
+from vinefab.model.files.results_json import pose_content
+from vinefab.model.map import Map, Pose
+from vinefab.physics.tube import inflated_radius_mm
+from vinefab.prediction.deploy import pose_text
+
+SHARES = (0.9, 0.5)
+"""Shares of the free area for which the widest body is looked for."""
+
+HALVINGS = 7
+COARSE = 0.01
+"""The widest bodies are known to about 1 % of the one that just fits at the start: walls are
+smoothed by so much, and the range is halved so often."""
+
+ARC_SEGMENTS_PER_QUARTER = 8
+"""Rounded corners of swept areas: within 0.5 % of a radius."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartRoom:
+    """A start of a map and the room there.
+
+    Parameters
+    ----------
+    pose
+        The start.
+    clearance_mm
+        Distance to the nearest wall; 0 on a wall, or outside the free space.
+    """
+
+    pose: Pose
+    clearance_mm: float
+
+    @property
+    def body_mm(self) -> float:
+        """Lay-flat width of the widest body that fits there."""
+        return math.pi * self.clearance_mm
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Body:
+    """How far a body of one width could get from the first start.
+
+    Parameters
+    ----------
+    width_mm
+        Lay-flat width.
+    region
+        The part of the free space that it can sweep without leaving it.
+    share
+        Area of that part over the free area.
+    """
+
+    width_mm: float
+    region: BaseGeometry
+    share: float
+
+
+def start_room(free: BaseGeometry, pose: Pose) -> StartRoom:
+    """Return how much room a start has in the free space."""
+    point = Point(pose.x_mm, pose.y_mm)
+    inside = shapely.contains_xy(free, pose.x_mm, pose.y_mm)
+    clearance_mm = float(shapely.distance(free.boundary, point)) if inside else 0.0
+    return StartRoom(pose=pose, clearance_mm=clearance_mm)
+
+
+def widest_bodies(free: BaseGeometry, starts: tuple[StartRoom, ...]) -> dict[float, float | None]:
+    """Return the lay-flat width of the widest body that sweeps each share of the free area."""
+    if not starts or starts[0].clearance_mm <= 0.0:
+        return dict.fromkeys(SHARES)
+    start = starts[0]
+    home = shapely.simplify(_home(free, start), COARSE * start.clearance_mm)
+
+    @cache
+    def share_of(radius_mm: float) -> float:
+        return float(_swept(home, start, radius_mm).area / free.area)
+
+    return {share: _widest_mm(share_of, share, start.clearance_mm) for share in SHARES}
+
+
+def body_room(free: BaseGeometry, starts: tuple[StartRoom, ...], width_mm: float) -> Body:
+    """Return how far a body of a lay-flat width could get from the first start."""
+    radius_mm = inflated_radius_mm(width_mm)
+    region: BaseGeometry = Point()
+    if starts and radius_mm <= starts[0].clearance_mm:
+        home = _home(free, starts[0])
+        region = shapely.intersection(_swept(home, starts[0], radius_mm), home)
+    return Body(width_mm=width_mm, region=region, share=float(region.area / max(free.area, 1e-300)))
+
+
+def _swept(home: BaseGeometry, start: StartRoom, radius_mm: float) -> BaseGeometry:
+    """Return what a body can sweep of a region that holds its start.
+
+    The middle of the body stays a radius away from all walls, in one piece with the start; the
+    body fills a radius around that. The area falls as the radius grows.
+    """
+    arcs = ARC_SEGMENTS_PER_QUARTER
+    point = Point(start.pose.x_mm, start.pose.y_mm)
+    parts = shapely.get_parts(shapely.buffer(home, -radius_mm, quad_segs=arcs))
+    away_mm = shapely.distance(parts, point)
+    if not np.any(away_mm <= COARSE * start.clearance_mm):
+        return Point()
+    return cast(
+        "BaseGeometry", shapely.buffer(parts[np.argmin(away_mm)], radius_mm, quad_segs=arcs)
+    )
+
+
+def _home(free: BaseGeometry, start: StartRoom) -> BaseGeometry:
+    """Return the part of the free space that a start is in."""
+    point = Point(start.pose.x_mm, start.pose.y_mm)
+    return next((part for part in shapely.get_parts(free) if part.intersects(point)), Point())
+
+
+def _widest_mm(
+    share_of: Callable[[float], float], share: float, clearance_mm: float
+) -> float | None:
+    low_mm, high_mm = 0.0, clearance_mm
+    if share_of(high_mm) >= share:
+        return math.pi * high_mm
+    for _ in range(HALVINGS):
+        middle_mm = 0.5 * (low_mm + high_mm)
+        if share_of(middle_mm) >= share:
+            low_mm = middle_mm
+        else:
+            high_mm = middle_mm
+    return math.pi * low_mm if low_mm > 0.0 else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gate:
+    """A narrow passage of a map.
+
+    Parameters
+    ----------
+    passage
+        Where it is and how wide.
+    between
+        What stands on either side: ``bounds`` or ``obstacle N``, counted from 1 as in the file.
+    """
+
+    passage: Passage
+    between: tuple[str, str]
+
+    @property
+    def body_mm(self) -> float:
+        """Lay-flat width of the widest body that fits through, pi/2 times the passage's width."""
+        return 0.5 * math.pi * self.passage.width_mm
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MapInfo:
+    """Numbers about a map, all computed.
+
+    Parameters
+    ----------
+    world
+        The map.
+    free
+        Its free space, as growth sees it.
+    gates
+        The narrowest passages, the narrowest first.
+    starts
+        Its starts and the room there.
+    widest_mm
+        Lay-flat width of the widest body that can sweep each share of the free area from the
+        first start, to about 1 %; None where no body can.
+    body
+        How far a body of the width asked for could get; None when none was asked for.
+    """
+
+    world: Map
+    free: BaseGeometry
+    gates: tuple[Gate, ...]
+    starts: tuple[StartRoom, ...]
+    widest_mm: dict[float, float | None]
+    body: Body | None
+
+    @property
+    def regions_mm2(self) -> tuple[float, ...]:
+        """Areas of the parts of the free space, the largest first."""
+        areas = (part.area for part in shapely.get_parts(self.free) if not part.is_empty)
+        return tuple(sorted(areas, reverse=True))
+
+    @property
+    def free_share(self) -> float:
+        """Free area over that of the bounds."""
+        return float(self.free.area / self.world.bounds.area)
+
+    def picture(self, suffix: str) -> bytes:
+        """Return a plan with the passages, as SVG, or PNG for the suffix ``.png``."""
+        # matplotlib takes longer to load than all of this to compute.
+        from vinefab.pages.figure import png_bytes, svg_bytes  # noqa: PLC0415
+        from vinefab.prediction.map_plan import passage_plan  # noqa: PLC0415
+
+        figure = passage_plan(
+            self.world,
+            [gate.passage for gate in self.gates],
+            [room.clearance_mm for room in self.starts],
+            None if self.body is None else (self.body.width_mm, self.body.region),
+        )
+        return png_bytes(figure) if suffix.lower() == ".png" else svg_bytes(figure)
+
+
+def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) -> MapInfo:
+    """Return numbers about a map.
+
+    Parameters
+    ----------
+    world
+        The map.
+    width_mm
+        Lay-flat width of a body to look at more closely.
+    passages
+        How many of the narrowest passages to find.
+
+    Raises
+    ------
+    BadInputError
+        If a number is out of range.
+    """
+    if width_mm is not None:
+        positive("--width-mm", width_mm)
+    whole("--passages", passages, 0, 1000)
+    free = Terrain.of(world).free_space()
+    starts = tuple(start_room(free, start.pose) for start in world.starts)
+    return MapInfo(
+        world=world,
+        free=free,
+        gates=_gates(world, narrow_passages(free, passages)),
+        starts=starts,
+        widest_mm=widest_bodies(free, starts),
+        body=None if width_mm is None else body_room(free, starts, width_mm),
+    )
+
+
+def _gates(world: Map, passages: tuple[Passage, ...]) -> tuple[Gate, ...]:
+    walls = STRtree([world.bounds.boundary, *world.obstacles])
+    names = ["bounds", *(f"obstacle {number + 1}" for number in range(len(world.obstacles)))]
+    gates = []
+    for passage in passages:
+        # Where obstacles touch, the one that stands first in the file is named.
+        first, last = (min(walls.query_nearest(Point(end))) for end in passage.ends_mm)
+        gates.append(Gate(passage=passage, between=(names[first], names[last])))
+    return tuple(gates)
+
+
+SCHEMA = "vinefab/map-info-1"
+
+
+def info_text(info: MapInfo) -> str:
+    """Return everything as JSON."""
+    return json_text(SCHEMA, _content(info))
+
+
+def _content(info: MapInfo) -> dict[str, object]:
+    world = info.world
+    body = info.body
+    return {
+        "map": world.name,
+        "environment": world.environment,
+        "seed": world.seed,
+        "standing": "computed",
+        "size_mm": list(world.size_mm),
+        "obstacles": len(world.obstacles),
+        "walls": world.wall_count,
+        "vertices": _vertices(world),
+        "free_area_mm2": info.free.area,
+        "free_share": info.free_share,
+        "regions_mm2": list(info.regions_mm2),
+        "passages": [_gate_content(gate) for gate in info.gates],
+        "starts": [_start_content(room) for room in info.starts],
+        "widest_body": [
+            {"free_share": share, "width_mm": width} for share, width in info.widest_mm.items()
+        ],
+        "body": None
+        if body is None
+        else {"width_mm": body.width_mm, "fits": body.share > 0.0, "free_share": body.share},
+    }
+
+
+def _vertices(world: Map) -> int:
+    points = shapely.get_coordinates([world.bounds, *world.obstacles])
+    return len(np.unique(points, axis=0))
+
+
+def _gate_content(gate: Gate) -> dict[str, object]:
+    x_mm, y_mm = gate.passage.middle_mm
+    return {
+        "width_mm": gate.passage.width_mm,
+        "x_mm": x_mm,
+        "y_mm": y_mm,
+        "ends_mm": [list(end) for end in gate.passage.ends_mm],
+        "between": list(gate.between),
+        "widest_body_mm": gate.body_mm,
+    }
+
+
+def _start_content(room: StartRoom) -> dict[str, object]:
+    space = {"clearance_mm": room.clearance_mm, "widest_body_mm": room.body_mm}
+    return {**pose_content(room.pose), **space}
+
+
+def info_lines(info: MapInfo) -> Iterator[str]:
+    """Yield everything in a few lines for the user."""
+    world, (width_mm, height_mm) = info.world, info.world.size_mm
+    regions = info.regions_mm2
+    yield (
+        f"{world.name}: {width_mm:g} x {height_mm:g} mm, {len(world.obstacles)} obstacles, "
+        f"{world.wall_count} walls, {_vertices(world)} vertices"
+    )
+    yield (
+        f"free area {info.free.area / 1e6:.4g} m2, {100 * info.free_share:.1f} % of the bounds, "
+        f"in {len(regions)} {'region' if len(regions) == 1 else 'regions'} (computed)"
+    )
+    yield "narrowest passages (computed; lay-flat width of the widest body that fits through):"
+    for number, gate in enumerate(info.gates, start=1):
+        x_mm, y_mm = gate.passage.middle_mm
+        yield (
+            f"  {number}: {gate.passage.width_mm:.2f} mm at {x_mm:.1f},{y_mm:.1f} between "
+            f"{' and '.join(gate.between)} (body {gate.body_mm:.2f} mm)"
+        )
+    if not info.gates:
+        yield "  none"
+    yield from _start_lines(info)
+
+
+def _start_lines(info: MapInfo) -> Iterator[str]:
+    for number, room in enumerate(info.starts, start=1):
+        pose = room.pose
+        yield (
+            f"start {number} at {pose_text(pose)}: {room.clearance_mm:.2f} mm to the nearest wall, "
+            f"widest body that fits {room.body_mm:.2f} mm (computed)"
+        )
+    if not info.starts:
+        yield "the map has no start, so nothing can be said of robots"
+        return
+    for share, width in info.widest_mm.items():
+        found = "none" if width is None else f"about {width:.1f} mm"
+        yield f"widest body with room in {100 * share:.0f} % of the free area: {found} (computed)"
+    if info.body is not None:
+        narrow = sum(gate.body_mm < info.body.width_mm for gate in info.gates)
+        yield (
+            f"a body of {info.body.width_mm:g} mm has room in {100 * info.body.share:.1f} % of the "
+            f"free area; {narrow} of these {len(info.gates)} passages are too narrow (computed)"
+        )

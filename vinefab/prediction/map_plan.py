@@ -1,0 +1,80 @@
+"""A plan of a map with its narrow passages and the room for a body."""
+
+from collections.abc import Sequence
+
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from matplotlib.patheffects import Normal, Stroke
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.maps.passages import Passage
+from vinefab.model.map import Map
+from vinefab.pages.drawing import UNSEEN, draw_legend, draw_map, draw_pose, fill_geometry
+from vinefab.pages.figure import ALERT, INK, house_style, level_colour, plan_axes
+
+ROOM = level_colour(3)
+_MOST_NAMED = 30
+
+
+def passage_plan(
+    world: Map,
+    passages: Sequence[Passage],
+    clearances_mm: Sequence[float],
+    body: tuple[float, BaseGeometry] | None = None,
+) -> Figure:
+    """Return a plan of a map with its narrow passages, numbered from the narrowest.
+
+    Parameters
+    ----------
+    world, passages
+        What to draw.
+    clearances_mm
+        Distance of each of the map's starts to the nearest wall.
+    body
+        Lay-flat width of a body, and the part of the free space that it has room in.
+    """
+    with house_style():
+        figure, axes = plan_axes(world.bounds.bounds)
+        if body is not None:
+            region = shapely.simplify(body[1], UNSEEN * max(world.size_mm))
+            fill_geometry(axes, [region], face=ROOM, edge="none", alpha=0.25, rank=0.5)
+            label = f"room for a body of {body[0]:g} mm lay-flat width"
+            axes.fill([], [], color=ROOM, alpha=0.25, label=label)
+        draw_map(axes, world)
+        for start, clearance_mm in zip(world.starts, clearances_mm, strict=True):
+            draw_pose(axes, start.pose, max(world.size_mm))
+            place = (start.pose.x_mm, start.pose.y_mm)
+            axes.add_patch(Circle(place, clearance_mm, fill=False, ec=INK, ls=":", lw=1.0))
+        for number, passage in enumerate(passages, start=1):
+            _draw_passage(axes, passage, number)
+        _once(axes)
+    return figure
+
+
+def _draw_passage(axes: Axes, passage: Passage, number: int) -> None:
+    (x_1, y_1), (x_2, y_2) = passage.ends_mm
+    axes.plot([x_1, x_2], [y_1, y_2], color=ALERT, lw=2.0, solid_capstyle="butt", zorder=6)
+    # Many a passage is too short to be seen on paper: the ring shows where it is.
+    axes.plot(*passage.middle_mm, "o", ms=11, mfc="none", mec=ALERT, mew=1.0, zorder=6)
+    if number <= _MOST_NAMED:
+        axes.annotate(
+            f"{number}: {passage.width_mm:.1f} mm",
+            passage.middle_mm,
+            xytext=(8, 7),
+            textcoords="offset points",
+            fontsize=8,
+            color=ALERT,
+            path_effects=[Stroke(linewidth=2.2, foreground="white"), Normal()],
+            zorder=8,
+        )
+
+
+def _once(axes: Axes) -> None:
+    """Explain what is drawn, each kind once."""
+    axes.plot([], [], color=INK, ls=":", lw=1.0, label="clearance of the start")
+    axes.plot(
+        [], [], "o-", color=ALERT, mfc="none", ms=9, lw=2.0, label="narrow passage (computed)"
+    )
+    draw_legend(axes)

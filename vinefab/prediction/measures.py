@@ -1,0 +1,315 @@
+"""What is predicted about a robot: named numbers, one for every deployment, and their spread."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.statistics import group_means, mean_interval
+from vinefab.core.validation import Floats
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.design import Design, Pouch
+from vinefab.model.map import Pose
+from vinefab.prediction.growth_pressures import growth_pressures_kpa
+from vinefab.tasks.anchoring_force import Anchoring
+from vinefab.tasks.coverage import Coverage
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.reach import Reach
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measure:
+    """A number that every deployment has.
+
+    Parameters
+    ----------
+    key
+        Its name in files, unit included.
+    title
+        Its name in words.
+    unit
+        Shown behind the number; empty for a ratio.
+    digits
+        Decimals that are shown and written.
+    better
+        Whether more or less of it is wanted.
+    meaning
+        One sentence.
+    """
+
+    key: str
+    title: str
+    unit: str
+    digits: int
+    better: Literal["more", "less"]
+    meaning: str
+
+    def text(self, value: float) -> str:
+        """Return a value as it is shown, with its unit; a dash where there is none."""
+        shown = self.number(value)
+        return shown if shown == "-" or not self.unit else f"{shown} {self.unit}"
+
+    def number(self, value: float) -> str:
+        """Return a value as it is shown, without its unit."""
+        return f"{self.rounded(value):.{self.digits}f}" if np.isfinite(value) else "-"
+
+    def rounded(self, value: float) -> float:
+        """Return a value with the digits that are shown; the same number goes into files."""
+        # Adding 0 turns a rounded -0.0 into 0.0.
+        return round(float(value), self.digits) + 0.0
+
+    @property
+    def label(self) -> str:
+        """Title and unit, for an axis."""
+        return f"{self.title} ({self.unit})" if self.unit else self.title
+
+
+COVERAGE = Measure(
+    key="coverage_score",
+    title="sensor coverage score",
+    unit="",
+    digits=4,
+    better="more",
+    meaning="what the optimizer maximizes: area seen, less what branches and film cost",
+)
+SEEN = Measure(
+    key="seen_percent",
+    title="free space seen by sensors",
+    unit="%",
+    digits=1,
+    better="more",
+    meaning="share of the free space within the discs of sight around the tips",
+)
+REACH = Measure(
+    key="reach_percent",
+    title="free space reached",
+    unit="%",
+    digits=1,
+    better="more",
+    meaning="share of the free space near the deployed body",
+)
+ANCHORING = Measure(
+    key="anchoring_amplification",
+    title="anchoring amplification",
+    unit="x",
+    digits=2,
+    better="more",
+    meaning="holding force over that of one pouch, at the assumed friction; every leaf that came "
+    "out counts, or with pouches those in a gap narrower than theirs",
+)
+GROWN = Measure(
+    key="grown_percent",
+    title="length grown",
+    unit="%",
+    digits=1,
+    better="more",
+    meaning="length of all deployed branches over the planned length",
+)
+STUCK = Measure(
+    key="stuck_percent",
+    title="branches stopped by walls",
+    unit="%",
+    digits=1,
+    better="less",
+    meaning="share of the branches that stopped head-on or in a corner before their full length",
+)
+UNDEPLOYED = Measure(
+    key="undeployed_percent",
+    title="branches that never emerged",
+    unit="%",
+    digits=1,
+    better="less",
+    meaning="share of the branches that stay inside: their parent is stuck, or they have no room",
+)
+LOOSE_PRESSURE = Measure(
+    key="growth_pressure_loose_kpa",
+    title="growth pressure, loose film",
+    unit="kPa",
+    digits=1,
+    better="less",
+    meaning="to grow to the worst tip, by the nested capstan along its simulated path; nothing "
+    "holds the film back as it leaves its store",
+)
+TIGHT_PRESSURE = Measure(
+    key="growth_pressure_tight_kpa",
+    title="growth pressure, tight film",
+    unit="kPa",
+    digits=1,
+    better="less",
+    meaning="the same, with the tension of a tight spool",
+)
+
+MEASURES = (
+    COVERAGE, SEEN, REACH, ANCHORING, GROWN, STUCK, UNDEPLOYED, LOOSE_PRESSURE, TIGHT_PRESSURE,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """How a measure is spread over deployments.
+
+    Parameters
+    ----------
+    count
+        Deployments that have a value.
+    mean
+        Mean of the maps' means.
+    low, high
+        95 % bootstrap interval of that mean over maps (over poses where there is one map).
+    deviation
+        Standard deviation over deployments.
+    p05, median, p95
+        Percentiles over deployments.
+    least, greatest
+        Extremes.
+    """
+
+    count: int
+    mean: float
+    low: float
+    high: float
+    deviation: float
+    p05: float
+    median: float
+    p95: float
+    least: float
+    greatest: float
+
+    NUMBERS = ("mean", "low", "high", "deviation", "p05", "median", "p95", "least", "greatest")
+
+    @classmethod
+    def of(cls, values: Floats, groups: Sequence[str]) -> "Spread | None":
+        """Return the spread of some values, or None if there is not one number among them.
+
+        Parameters
+        ----------
+        values
+            One per deployment, NaN where there is none.
+        groups
+            The map of each.
+        """
+        known = values[np.isfinite(values)]
+        if len(known) == 0:
+            return None
+        means = group_means(values, groups) if len(set(groups)) > 1 else known
+        low, high = mean_interval(means)
+        p05, median, p95 = (float(value) for value in np.percentile(known, [5.0, 50.0, 95.0]))
+        return cls(
+            count=len(known),
+            mean=float(means.mean()),
+            low=low,
+            high=high,
+            deviation=float(known.std()),
+            p05=p05,
+            median=median,
+            p95=p95,
+            least=float(known.min()),
+            greatest=float(known.max()),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MeasureTable:
+    """The measures of one design's deployments in one field.
+
+    Parameters
+    ----------
+    label
+        What the field is called: the maps given, or an environment.
+    maps
+        Name of the map of each deployment, n of them.
+    poses
+        Pose of each deployment.
+    values
+        For each measure, by its key, one value per deployment, shape (n,); NaN where there is
+        none.
+    """
+
+    label: str
+    maps: tuple[str, ...]
+    poses: tuple[Pose, ...]
+    values: Mapping[str, Floats]
+
+    def __post_init__(self) -> None:
+        for key, column in self.values.items():
+            if column.shape != (len(self.maps),):
+                raise BadInputError(key, column.shape, f"shape ({len(self.maps)},)")
+            column.setflags(write=False)
+
+    def __len__(self) -> int:
+        return len(self.maps)
+
+    @property
+    def map_count(self) -> int:
+        """Number of different maps."""
+        return len(set(self.maps))
+
+    def spread(self, measure: Measure) -> Spread | None:
+        """Return how a measure is spread, or None where no deployment has it."""
+        return Spread.of(self.values[measure.key], self.maps)
+
+
+STUCK_STOPS = (Stop.HEAD_ON, Stop.CORNER)
+
+
+def measure_deployment(deployment: Deployment, design: Design, ground: MapContext) -> Floats:
+    """Return the measures of a deployment, in the order of `vinefab.prediction.measures.MEASURES`.
+
+    Parameters
+    ----------
+    deployment
+        Where the robot ended.
+    design
+        The robot, for its widths.
+    ground
+        The map's free space.
+    """
+    score, terms = Coverage().evaluate(deployment, ground)
+    reached, _ = Reach().evaluate(deployment, ground)
+    amplification, _ = _anchoring(design.build.pouch).evaluate(deployment, ground)
+    return np.array(
+        [
+            score,
+            100.0 * terms["area"],
+            100.0 * reached,
+            amplification,
+            *shares_percent(deployment),
+            *worst_pressures_kpa(deployment, design),
+        ]
+    )
+
+
+def pouch_size_mm(pouch: Pouch) -> tuple[float, float]:
+    """Return length and width of a pouch; of a round one, of the square of the same area."""
+    side_mm = math.sqrt(math.pi) * (pouch.radius_mm or 0.0)
+    return pouch.length_mm or side_mm, pouch.width_mm or side_mm
+
+
+def _anchoring(pouch: Pouch | None) -> Anchoring:
+    """Return the anchoring task for a design's pouches; without any, every leaf counts."""
+    if pouch is None:
+        return Anchoring()
+    length_mm, width_mm = pouch_size_mm(pouch)
+    return Anchoring(pouch_length_mm=length_mm, pouch_width_mm=width_mm)
+
+
+def shares_percent(deployment: Deployment) -> tuple[float, float, float]:
+    """Return length grown, branches stopped by walls and branches never emerged, in percent."""
+    grown = deployment.grown_mm.sum() / deployment.tree.total_length_mm
+    stuck = np.isin(deployment.stop, STUCK_STOPS).mean()
+    return 100.0 * float(grown), 100.0 * float(stuck), 100.0 * float((~deployment.deployed).mean())
+
+
+def worst_pressures_kpa(deployment: Deployment, design: Design) -> tuple[float, float]:
+    """Return the pressure that growth to the worst tip takes with film stored loosely and tightly.
+
+    NaN if nothing emerged.
+    """
+    deployed = deployment.deployed
+    if not deployed.any():
+        return float("nan"), float("nan")
+    loose_kpa, tight_kpa = growth_pressures_kpa(deployment, design)[:, deployed].max(axis=1)
+    return float(loose_kpa), float(tight_kpa)

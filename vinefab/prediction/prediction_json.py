@@ -1,0 +1,191 @@
+"""The numbers of a report as JSON, ``vinefab/prediction-1``, and as lines for the user.
+
+Every number is rounded as the page shows it, so that both say the same.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+
+from vinefab.core.jsontext import json_text
+from vinefab.core.units import deg
+from vinefab.prediction.anchoring_prediction import AnchoringPrediction
+from vinefab.prediction.heat_map import HeatMap
+from vinefab.prediction.measures import MEASURES, MeasureTable, Spread
+from vinefab.prediction.predict import Predicted
+from vinefab.prediction.pressure_window import Need, PressureWindow
+from vinefab.prediction.provenance import Origin
+from vinefab.prediction.sensitivity import QUICK, Effect, Tolerance
+from vinefab.prediction.verdict import headlines, verdict_on
+
+SCHEMA = "vinefab/prediction-1"
+
+
+def prediction_text(found: Predicted, origin: Origin) -> str:
+    """Return all predictions as JSON.
+
+    Parameters
+    ----------
+    found
+        The predictions.
+    origin
+        How they came about.
+    """
+    verdict, tone = verdict_on(found.prepared.report, found.window)
+    return json_text(
+        SCHEMA,
+        {
+            "design": found.prepared.design.name,
+            "recipe": found.prepared.profile.recipe.name,
+            "standing": "simulated",
+            "verdict": verdict,
+            "tone": tone,
+            "fields": [_field(trip.outcomes) for trip in found.trips],
+            "pressure_window": None if found.window is None else _window(found.window),
+            "anchoring": [_holding(holding) for holding in found.holdings],
+            "heat": _heat(found.heat),
+            "sensitivity": [_effect(effect) for effect in found.effects],
+            "tolerance": _tolerance(found.tolerance),
+            "reproduce": asdict(origin),
+        },
+    )
+
+
+def summary_lines(found: Predicted) -> list[str]:
+    """Return the verdict and the numbers to take away as lines for the user."""
+    verdict, _ = verdict_on(found.prepared.report, found.window)
+    shown = headlines(found.main.outcomes, found.window, found.holdings)
+    return [verdict, *(f"  {line.name}: {line.value} ({line.detail})" for line in shown)]
+
+
+def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
+    """Return how every measure is spread, rounded as it is shown, by the measures' keys."""
+    spreads: dict[str, object] = {}
+    for measure in MEASURES:
+        spread = outcomes.spread(measure)
+        if spread is not None:
+            numbers = {name: measure.rounded(getattr(spread, name)) for name in Spread.NUMBERS}
+            spreads[measure.key] = {"count": spread.count, **numbers}
+    return spreads
+
+
+def _field(outcomes: MeasureTable) -> dict[str, object]:
+    return {
+        "label": outcomes.label,
+        "maps": outcomes.map_count,
+        "spread": spreads_content(outcomes),
+        "deployments": [_deployment(outcomes, index) for index in range(len(outcomes))],
+    }
+
+
+def _deployment(outcomes: MeasureTable, index: int) -> dict[str, object]:
+    pose = outcomes.poses[index]
+    values = {}
+    for measure in MEASURES:
+        value = outcomes.values[measure.key][index]
+        # A robot that never emerged needs no pressure: there is no number then.
+        values[measure.key] = measure.rounded(value) if value == value else None  # noqa: PLR0124
+    return {
+        "map": outcomes.maps[index],
+        "pose": {
+            "x_mm": round(pose.x_mm, 2),
+            "y_mm": round(pose.y_mm, 2),
+            "heading_deg": round(deg(pose.heading_rad), 2),
+        },
+        **values,
+    }
+
+
+def _window(window: PressureWindow) -> dict[str, object]:
+    return {
+        "is_open": window.is_open,
+        "needed_kpa": round(window.needed_kpa, 1),
+        "allowed_kpa": round(window.allowed_kpa, 1),
+        "working_kpa": window.working_kpa,
+        "safety_factor": window.safety_factor,
+        "standing": window.standing.value,
+        "needs": [_need(need) for need in (window.loose, window.tight)],
+        "widths": [
+            {
+                "part": level.name,
+                "width_mm": round(level.width_mm, 2),
+                "inflated_mm": round(level.inflated_mm, 2),
+                "burst_kpa": round(level.burst_kpa, 1),
+                "allowed_kpa": round(level.allowed_kpa, 1),
+                "strain_percent": round(level.strain_percent),
+            }
+            for level in window.levels
+        ],
+    }
+
+
+def _need(need: Need) -> dict[str, object]:
+    numbers = {name: round(value, 1) for name, value in asdict(need).items() if name != "storage"}
+    return {"film_stored": need.storage, **numbers}
+
+
+def _holding(holding: AnchoringPrediction) -> dict[str, object]:
+    forces = holding.forces
+    return {
+        "label": holding.label,
+        "leaves": holding.leaves,
+        "table": [
+            {
+                "friction": held.friction,
+                "engaged_percent": held.engaged_percent,
+                "amplification": round(held.amplification, 2),
+            }
+            for held in holding.table
+        ],
+        "forces": None
+        if forces is None
+        else {
+            "pressure_kpa": forces.pressure_kpa,
+            "friction": forces.friction,
+            **{name: getattr(forces, name).round(2) for name in ("mean_n", "p05_n", "p95_n")},
+            "engaged_percent": round(forces.engaged_percent, 1),
+            "limited_percent": round(forces.limited_percent, 1),
+        },
+    }
+
+
+def _heat(heat: HeatMap) -> dict[str, object]:
+    return {
+        "map": heat.world.name,
+        "deployments": heat.deployments,
+        "cell_mm": round(heat.cell_mm, 2),
+        "ever_passed_percent": round(heat.percent_passed(), 1),
+        "mostly_passed_percent": round(heat.percent_passed(0.5), 1),
+        "stuck": [{name: round(v, 1) for name, v in asdict(spot).items()} for spot in heat.spots],
+    }
+
+
+def _effect(effect: Effect) -> dict[str, object]:
+    changes: dict[str, Mapping[str, float]] = {}
+    for measure in QUICK:
+        change = effect.changes.get(measure.key)
+        if change is not None:
+            numbers = {"mean": change.mean, "low": change.low, "high": change.high}
+            changes[measure.key] = {name: measure.rounded(v) for name, v in numbers.items()}
+    return {
+        "knob": effect.knob,
+        "step": effect.step,
+        "unit": effect.unit,
+        "poses": effect.count,
+        "changes": changes,
+    }
+
+
+def _tolerance(tolerance: Tolerance) -> dict[str, object]:
+    return {
+        "length_percent": tolerance.length_percent,
+        "angle_deg": tolerance.angle_deg,
+        "robots": tolerance.robots,
+        "launches": tolerance.launches,
+        "scatter": {
+            scatter.measure.key: {
+                name: scatter.measure.rounded(getattr(scatter, name))
+                for name in ("exact", "p05", "p95", "typical")
+            }
+            for scatter in tolerance.scatter
+        },
+    }

@@ -1,0 +1,208 @@
+"""The pressure window of a design over its deployments."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vinefab.core.validation import Floats
+from vinefab.fabrication.rules.catalog import RULES
+from vinefab.model.design import Design
+from vinefab.model.laser import LaserProfile, Standing
+from vinefab.physics.seam import allowed_line_load_n_mm, burst_pressure_kpa, hoop_strain
+from vinefab.physics.tube import inflated_diameter_mm
+from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureTable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelPressure:
+    """What one width stands.
+
+    Parameters
+    ----------
+    name
+        Which part has the width.
+    level
+        Its level, for colours.
+    width_mm, inflated_mm
+        Lay-flat width and inflated diameter.
+    burst_kpa
+        Pressure at which its seam gives way.
+    allowed_kpa
+        That, less the safety factor.
+    strain_percent
+        Hoop strain at the working pressure.
+    """
+
+    name: str
+    level: int
+    width_mm: float
+    inflated_mm: float
+    burst_kpa: float
+    allowed_kpa: float
+    strain_percent: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Need:
+    """What growth to the worst tip takes, over deployments.
+
+    Parameters
+    ----------
+    storage
+        How the film is stored: ``loosely`` or ``tightly``.
+    p05_kpa, median_kpa, p95_kpa, greatest_kpa
+        Percentiles over deployments, and the greatest value.
+    enough_percent
+        Share of the deployments that need no more than is allowed.
+    """
+
+    storage: str
+    p05_kpa: float
+    median_kpa: float
+    p95_kpa: float
+    greatest_kpa: float
+    enough_percent: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PressureWindow:
+    """What growth to the worst tip needs beside what the widest part may take.
+
+    Parameters
+    ----------
+    loose, tight
+        Need with film that nothing holds back in its store, and on a tight spool.
+    working_kpa
+        The design's working pressure.
+    levels
+        What each width stands, trunk first, pouches last.
+    safety_factor
+        Burst over allowed pressure.
+    standing
+        How far burst pressures may be trusted.
+    """
+
+    loose: Need
+    tight: Need
+    working_kpa: float
+    levels: tuple[LevelPressure, ...]
+    safety_factor: float
+    standing: Standing
+
+    @property
+    def allowed_kpa(self) -> float:
+        """The pressure that every width may take."""
+        return min(level.allowed_kpa for level in self.levels)
+
+    @property
+    def needed_kpa(self) -> float:
+        """What 95 % of the deployments grow with, if the film is stored loosely."""
+        return self.loose.p95_kpa
+
+    @property
+    def is_open(self) -> bool:
+        """Whether any pressure grows the robot and leaves it whole."""
+        return self.needed_kpa < self.allowed_kpa
+
+    @property
+    def is_open_tight(self) -> bool:
+        """Whether that is so even with film on a tight spool."""
+        return self.tight.p95_kpa < self.allowed_kpa
+
+    @property
+    def holds_working(self) -> bool:
+        """Whether the working pressure lies in the window."""
+        return self.needed_kpa <= self.working_kpa <= self.allowed_kpa
+
+    @property
+    def highest_kpa(self) -> float:
+        """The largest pressure that a picture of it has to show."""
+        return max(
+            self.tight.p95_kpa, self.working_kpa, *(level.allowed_kpa for level in self.levels)
+        )
+
+
+def window_of(
+    design: Design, profile: LaserProfile, fields: Sequence[MeasureTable]
+) -> PressureWindow | None:
+    """Return the pressure window over all deployments, or None where nothing ever emerged.
+
+    Parameters
+    ----------
+    design, profile
+        The robot and its film.
+    fields
+        Outcomes of its deployments.
+    """
+    factor = RULES["VF-P01"].limits["safety_factor"]
+    levels = _levels(design, profile, factor)
+    allowed_kpa = min(level.allowed_kpa for level in levels)
+    loose, tight = (
+        np.concatenate([outcomes.values[measure.key] for outcomes in fields])
+        for measure in (LOOSE_PRESSURE, TIGHT_PRESSURE)
+    )
+    if not np.isfinite(loose).any():
+        return None
+    film = profile.material
+    measured = {film.burst_kpa.standing, film.burst_width_mm.standing} == {Standing.MEASURED}
+    return PressureWindow(
+        loose=_need("loosely", loose, allowed_kpa),
+        tight=_need("tightly", tight, allowed_kpa),
+        working_kpa=design.build.pressure_kpa,
+        levels=levels,
+        safety_factor=factor,
+        standing=Standing.MEASURED if measured else Standing.ASSUMED,
+    )
+
+
+def burst_basis(profile: LaserProfile) -> str:
+    """Return what burst pressures and strains rest on, in words."""
+    film = profile.material
+    return (
+        f"burst pressure from a test of {film.burst_kpa.value:g} kPa ({film.burst_kpa.standing}) "
+        f"at a width of {film.burst_width_mm.value:g} mm ({film.burst_width_mm.standing}), strain "
+        f"with a modulus of {film.modulus_mpa.value:g} MPa ({film.modulus_mpa.standing})"
+    )
+
+
+def _need(storage: str, needed_kpa: Floats, allowed_kpa: float) -> Need:
+    known = needed_kpa[np.isfinite(needed_kpa)]
+    p05, median, p95 = (float(value) for value in np.percentile(known, [5.0, 50.0, 95.0]))
+    return Need(
+        storage=storage,
+        p05_kpa=p05,
+        median_kpa=median,
+        p95_kpa=p95,
+        greatest_kpa=float(known.max()),
+        enough_percent=100.0 * float((known <= allowed_kpa).mean()),
+    )
+
+
+def _levels(design: Design, profile: LaserProfile, factor: float) -> tuple[LevelPressure, ...]:
+    film, build = profile.material, design.build
+    stands_n_mm = allowed_line_load_n_mm(film.burst_kpa.value, film.burst_width_mm.value)
+    parts = [
+        ("trunk" if level == 1 else f"level {level}", level, width_mm)
+        for level, width_mm in enumerate(build.widths_mm, start=1)
+    ]
+    if build.pouch is not None:
+        parts.append(("pouch", len(parts) + 1, build.pouch.flat_width_mm))
+    found = []
+    for name, level, width_mm in parts:
+        burst_kpa = burst_pressure_kpa(width_mm, stands_n_mm)
+        strain = hoop_strain(
+            build.pressure_kpa, width_mm, film.ply_mm.value, film.modulus_mpa.value
+        )
+        found.append(
+            LevelPressure(
+                name=name,
+                level=level,
+                width_mm=width_mm,
+                inflated_mm=inflated_diameter_mm(width_mm),
+                burst_kpa=burst_kpa,
+                allowed_kpa=burst_kpa / factor,
+                strain_percent=100.0 * strain,
+            )
+        )
+    return tuple(found)

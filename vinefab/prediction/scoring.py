@@ -1,0 +1,77 @@
+"""A design's score on a task over maps and poses."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from vinefab.core.errors import BadInputError
+from vinefab.growth.options import GrowthOptions
+from vinefab.model.design import Design
+from vinefab.model.map import Map
+from vinefab.model.score import Score
+from vinefab.prediction.deploy import pose_text
+from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
+from vinefab.tasks.shipped_tasks import make_task
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScorePlan:
+    """What a design is to be tried at.
+
+    Parameters
+    ----------
+    task
+        Name of the task.
+    parameters
+        The task's parameters that differ from its defaults.
+    poses
+        Poses drawn per map from the range around its starts.
+    seed
+        Seed of the poses; map ``i`` gets ``seed + i``.
+    """
+
+    task: str = "coverage"
+    parameters: Mapping[str, object] = field(default_factory=dict)
+    poses: int = 1
+    seed: int = 0
+
+
+def score_design_on_task(
+    design: Design, maps: Sequence[Map], trials: ScorePlan, options: GrowthOptions | None = None
+) -> Score:
+    """Return a design's score, one evaluation per map and pose.
+
+    Raises
+    ------
+    BadInputError
+        If there is no map, a map has no start, or a parameter cannot be used.
+    """
+    if not maps:
+        raise BadInputError("--maps", "none", "at least one map")
+    task = make_task(trials.task, trials.parameters)
+    sites = [PreparedMap.of(world) for world in maps]
+    seeds = [trials.seed + index for index in range(len(sites))]
+    return score_design(design, sites, poses_on(sites, trials.poses, seeds), task, options)
+
+
+def score_lines(result: Score, most: int = 30) -> list[str]:
+    """Return a score as lines for the user: evaluations, then composites.
+
+    Parameters
+    ----------
+    result
+        The score.
+    most
+        How many evaluations are listed at most.
+    """
+    lines = [
+        f"  {evaluation.score:8.4f}  {evaluation.map_name}  {pose_text(evaluation.pose)}"
+        for evaluation in result.evaluations[:most]
+    ]
+    hidden = len(result.evaluations) - len(lines)
+    lines += [f"  ... and {hidden} more"] if hidden else []
+    weighed = ", ".join(f"{name} {value:.4f}" for name, value in result.composite.items())
+    return [
+        f"task {result.task}, {len(result.evaluations)} evaluations (simulated)",
+        *lines,
+        f"composite: {weighed}",
+    ]

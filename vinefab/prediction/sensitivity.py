@@ -1,0 +1,382 @@
+"""How sensitive predictions are: to the start, to the design, to the model, to making."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import shapely
+
+from vinefab.core.rng import child
+from vinefab.core.statistics import group_means, mean_interval
+from vinefab.core.units import rad
+from vinefab.core.validation import Floats, frozen_floats
+from vinefab.growth.batch import Batch, Launches
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plan, Plans
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design
+from vinefab.model.map import Pose
+from vinefab.model.tree import BranchTree, branch_tree
+from vinefab.prediction.deployments import PredictionPlan, PreparedFamily, Tell, silent
+from vinefab.prediction.measures import (
+    GROWN,
+    LOOSE_PRESSURE,
+    REACH,
+    SEEN,
+    STUCK,
+    Measure,
+    shares_percent,
+    worst_pressures_kpa,
+)
+from vinefab.tasks.coverage import Coverage
+from vinefab.tasks.evaluate import Poses, PreparedMap
+from vinefab.tasks.reach import Reach
+
+ENOUGH_GROUPS = 6
+"""With fewer maps a bootstrap interval says too little: 2^-5 is the least p-value of five."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeanDifference:
+    """A mean paired difference.
+
+    Parameters
+    ----------
+    mean
+        Mean over deployments of value with the change less value without.
+    low, high
+        Its 95 % bootstrap interval over maps, or over poses where there is one map.
+    groups
+        How many maps (or poses) that is.
+    """
+
+    mean: float
+    low: float
+    high: float
+    groups: int
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether the interval leaves out 0; never with fewer than `ENOUGH_GROUPS`."""
+        return self.groups >= ENOUGH_GROUPS and (self.low > 0.0 or self.high < 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """What one change of a design, a start or the model does to the measures.
+
+    Parameters
+    ----------
+    knob
+        What is turned (``heading``).
+    step
+        How far, in ``unit``.
+    unit
+        Its unit.
+    count
+        Deployments compared, each with itself without the change.
+    changes
+        By measure key.
+    """
+
+    knob: str
+    step: float
+    unit: str
+    count: int
+    changes: Mapping[str, MeanDifference]
+
+    @property
+    def text(self) -> str:
+        """The step as it is shown."""
+        return f"{self.step:+g} {self.unit}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scatter:
+    """How robots of one design differ because none is made exactly.
+
+    Parameters
+    ----------
+    measure
+        What is looked at.
+    exact
+        Mean over deployments of the robot as designed.
+    p05, p95
+        Percentiles over robots of that mean.
+    typical
+        Median absolute change of a single deployment.
+    """
+
+    measure: Measure
+    exact: float
+    p05: float
+    p95: float
+    typical: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tolerance:
+    """Scatter from making: every branch's length and angle off by a little, each on its own.
+
+    Parameters
+    ----------
+    length_percent, angle_deg
+        Half-widths of the uniform ranges of the errors.
+    robots
+        How many robots were drawn.
+    launches
+        From how many poses each was deployed.
+    scatter
+        One per measure.
+    """
+
+    length_percent: float
+    angle_deg: float
+    robots: int
+    launches: int
+    scatter: tuple[Scatter, ...]
+
+
+QUICK = (SEEN, REACH, GROWN, STUCK, LOOSE_PRESSURE)
+"""The measures that are quick enough for thousands of deployments."""
+
+MOST_LAUNCHES = 60
+"""Variants are tried from so many poses at most, spread evenly over the maps."""
+
+HEADING_STEPS_DEG = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
+SIDEWAYS_STEPS_MM = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
+LENGTH_STEPS_PERCENT = (-10.0, -5.0, 5.0, 10.0)
+HEAD_ON_STEPS_DEG = (4.0, 9.0, 14.0)
+"""Beyond the 1 degree that is assumed: 5, 10 and 15 degrees, the most that is plausible."""
+
+LENGTH_TOLERANCE_PERCENT = 1.0
+ANGLE_TOLERANCE_DEG = 2.0
+"""Half-widths of the errors of making [assumed]: measure your own robots."""
+
+ROBOTS = 40
+_STREAM = 1703
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PredictionVariant:
+    """One change, and how to grow with it.
+
+    Parameters
+    ----------
+    knob, step, unit
+        As in `Effect`.
+    design, options, poses
+        What to grow, how and from where; None stands for a pose that is not free.
+    """
+
+    knob: str
+    step: float
+    unit: str
+    design: Design
+    options: GrowthOptions
+    poses: tuple[tuple[Pose | None, ...], ...]
+
+
+class VariantBench:
+    """A design on a few maps, to be grown again and again with changes.
+
+    Parameters
+    ----------
+    design
+        The robot.
+    place
+        Maps and poses; at most `MOST_LAUNCHES` of them are used.
+    trials
+        How it grows.
+    """
+
+    def __init__(self, design: Design, place: PreparedFamily, trials: PredictionPlan) -> None:
+        keep = max(1, MOST_LAUNCHES // len(place.poses[0]))
+        chosen = sorted({round(i) for i in np.linspace(0, len(place.sites) - 1, keep).tolist()})
+        sites = tuple(place.sites[index] for index in chosen)
+        poses = tuple(place.poses[index][:MOST_LAUNCHES] for index in chosen)
+        self.design, self.trials = design, trials
+        self.place = PreparedFamily(label=place.label, sites=sites, poses=poses)
+        self.launches = self.place.launches()
+        # Deployments on one map are alike; where there is one map, poses have to do.
+        alike = self.launches.terrain if len(sites) > 1 else np.arange(len(self.launches))
+        self.groups = [str(index) for index in alike.tolist()]
+        self.exact = self.grow([design_plan(design, trials.options)], trials.options)[0]
+
+    def grow(
+        self, plans: Sequence[Plan], options: GrowthOptions, poses: Poses | None = None
+    ) -> Floats:
+        """Return the quick measures of every plan from every pose, shape (plans, launches, 5)."""
+        launches = self.launches if poses is None else Launches.of(self.launches.atlas, poses)
+        grown = Batch(Plans.joined(plans), launches, options).deployments()
+        terrain = np.repeat(launches.terrain, len(plans)).tolist()
+        rows = [
+            quick_measures(deployment, self.design, self.place.sites[index])
+            for deployment, index in zip(grown, terrain, strict=True)
+        ]
+        return np.array(rows).reshape(len(launches), len(plans), len(QUICK)).transpose(1, 0, 2)
+
+    def effect(self, variant: PredictionVariant) -> Effect:
+        """Return what a change does, over the poses that are free with it and without."""
+        is_free = np.array([pose is not None for row in variant.poses for pose in row])
+        poses = tuple(tuple(pose for pose in row if pose is not None) for row in variant.poses)
+        plan = design_plan(variant.design, variant.options)
+        values = np.full((len(is_free), len(QUICK)), np.nan)
+        values[is_free] = self.grow([plan], variant.options, poses)[0]
+        differences = values - self.exact
+        changes = {}
+        for column, measure in enumerate(QUICK):
+            means = group_means(differences[:, column], self.groups)
+            if len(means):
+                low, high = mean_interval(means)
+                changes[measure.key] = MeanDifference(
+                    mean=float(means.mean()), low=low, high=high, groups=len(means)
+                )
+        return Effect(
+            knob=variant.knob,
+            step=variant.step,
+            unit=variant.unit,
+            count=int(is_free.sum()),
+            changes=changes,
+        )
+
+
+def design_plan(design: Design, options: GrowthOptions) -> Plan:
+    """Return the plan of a design as designed."""
+    return Plan.of(design, options)
+
+
+def quick_measures(deployment: Deployment, design: Design, site: PreparedMap) -> tuple[float, ...]:
+    """Return the measures of `QUICK` for one deployment."""
+    _, terms = Coverage(area="fast").evaluate(deployment, site.ground)
+    reached, _ = Reach(area="fast").evaluate(deployment, site.ground)
+    grown, stuck, _ = shares_percent(deployment)
+    loose_kpa, _ = worst_pressures_kpa(deployment, design)
+    return 100.0 * terms["area"], 100.0 * reached, grown, stuck, loose_kpa
+
+
+def sensitivity(bench: VariantBench, tell: Tell = silent) -> tuple[Effect, ...]:
+    """Return what every change of the start, the lengths and the head-on angle does."""
+    variants = list(_variants(bench))
+    effects = []
+    for index, variant in enumerate(variants):
+        effects.append(bench.effect(variant))
+        tell((index + 1) / len(variants), f"sensitivity to {variant.knob}")
+    return tuple(effects)
+
+
+def tolerance(bench: VariantBench, seed: int, tell: Tell = silent) -> Tolerance:
+    """Return how robots of the same design differ when each branch is made a little off.
+
+    Parameters
+    ----------
+    bench
+        The design and where to deploy it.
+    seed
+        Seed of the errors.
+    tell
+        Called as the work goes on.
+    """
+    options, tree = bench.trials.options, branch_tree(bench.design)
+    rows = []
+    for robot in range(ROBOTS):
+        made = made_tree(tree, child(seed, _STREAM, robot))
+        rows.append(bench.grow([Plan.of(bench.design, options, made)], options)[0])
+        tell((robot + 1) / ROBOTS, f"{robot + 1} of {ROBOTS} robots as made")
+    values = np.array(rows)
+    return Tolerance(
+        length_percent=LENGTH_TOLERANCE_PERCENT,
+        angle_deg=ANGLE_TOLERANCE_DEG,
+        robots=ROBOTS,
+        launches=len(bench.launches),
+        scatter=tuple(
+            _scatter(measure, bench.exact[:, column], values[:, :, column])
+            for column, measure in enumerate(QUICK)
+            if np.isfinite(values[:, :, column]).any(axis=1).all()
+        ),
+    )
+
+
+def _scatter(measure: Measure, exact: Floats, made: Floats) -> Scatter:
+    """Return the scatter of one measure, over robots and launches, shape (robots, launches)."""
+    p05, p95 = np.percentile(np.nanmean(made, axis=1), [5.0, 95.0])
+    return Scatter(
+        measure=measure,
+        exact=float(np.nanmean(exact)),
+        p05=float(p05),
+        p95=float(p95),
+        typical=float(np.nanmedian(np.abs(made - exact))),
+    )
+
+
+def made_tree(tree: BranchTree, rng: np.random.Generator) -> BranchTree:
+    """Return a tree as it comes out of the workshop: lengths and angles off, each on its own.
+
+    The trunk has no joint, so its angle stays.
+    """
+    lengths = rng.uniform(-1.0, 1.0, len(tree)) * LENGTH_TOLERANCE_PERCENT / 100.0
+    turns = rng.uniform(-1.0, 1.0, len(tree)) * rad(ANGLE_TOLERANCE_DEG)
+    turns[0] = 0.0
+    return BranchTree(
+        parent=tree.parent,
+        level=tree.level,
+        offset_rad=frozen_floats("offset_rad", tree.offset_rad + turns),
+        length_mm=frozen_floats("length_mm", tree.length_mm * (1.0 + lengths)),
+    )
+
+
+def _variants(bench: VariantBench) -> Iterator[PredictionVariant]:
+    design, options, poses = bench.design, bench.trials.options, bench.place.poses
+    for step in HEADING_STEPS_DEG:
+        moved = _moved(bench.place, partial(_turned, turn_rad=rad(step)))
+        yield PredictionVariant(
+            knob="heading", step=step, unit="deg", design=design, options=options, poses=moved
+        )
+    for step in SIDEWAYS_STEPS_MM:
+        moved = _moved(bench.place, partial(_shifted, step_mm=step))
+        yield PredictionVariant(
+            knob="position", step=step, unit="mm", design=design, options=options, poses=moved
+        )
+    for step in LENGTH_STEPS_PERCENT:
+        other = scaled_tree(design, 1.0 + step / 100.0)
+        yield PredictionVariant(
+            knob="lengths", step=step, unit="%", design=other, options=options, poses=poses
+        )
+    for step in HEAD_ON_STEPS_DEG:
+        wider = replace(options, head_on_half_angle_rad=options.head_on_half_angle_rad + rad(step))
+        yield PredictionVariant(
+            knob="head-on half-angle", step=step, unit="deg",
+            design=design, options=wider, poses=poses,
+        )  # fmt: skip
+
+
+def scaled_tree(design: Design, factor: float) -> Design:
+    """Return a design with all lengths times a factor; widths stay."""
+    levels = tuple(replace(level, length_mm=level.length_mm * factor) for level in design.levels)
+    return replace(design, trunk_length_mm=design.trunk_length_mm * factor, levels=levels)
+
+
+def _moved(
+    place: PreparedFamily, move: Callable[[Pose], Pose]
+) -> tuple[tuple[Pose | None, ...], ...]:
+    rows = []
+    for site, poses in zip(place.sites, place.poses, strict=True):
+        moved = [move(pose) for pose in poses]
+        free = [shapely.intersects_xy(site.ground.free, pose.x_mm, pose.y_mm) for pose in moved]
+        rows.append(tuple(p if ok else None for p, ok in zip(moved, free, strict=True)))
+    return tuple(rows)
+
+
+def _turned(pose: Pose, turn_rad: float) -> Pose:
+    return replace(pose, heading_rad=pose.heading_rad + turn_rad)
+
+
+def _shifted(pose: Pose, step_mm: float) -> Pose:
+    """Return a pose moved to its left."""
+    return replace(
+        pose,
+        x_mm=pose.x_mm - step_mm * math.sin(pose.heading_rad),
+        y_mm=pose.y_mm + step_mm * math.cos(pose.heading_rad),
+    )

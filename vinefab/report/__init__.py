@@ -1,1 +1,0 @@
-"""Numbers into figures into one self-contained page."""

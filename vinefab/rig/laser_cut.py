@@ -1,0 +1,264 @@
+"""What a laser cuts for a rig: the drilled board, a lid, and obstacles in layers of sheet."""
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely import LineString, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.outline import Contour, Part
+from vinefab.rig.clean import Pieces, pieces_of
+from vinefab.rig.engraving import arrow, centred, strokes
+from vinefab.rig.loose import Loose, Peg
+from vinefab.rig.options import RigOptions
+from vinefab.rig.printer import Printer
+from vinefab.rig.printing import packed_on_beds
+from vinefab.rig.split import cuts_of
+
+SHEET_MARGIN_MM = 5.0
+PIECE_GAP_MM = 3.0
+_DIGIT_MM = 8.0
+_SMALLEST_DIGIT_MM = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Copy:
+    """One layer of a piece on a sheet.
+
+    Parameters
+    ----------
+    piece
+        The piece.
+    layer
+        From 1, the lowest.
+    sheet
+        Index of its sheet, from 0.
+    shift_mm
+        From the plan to the sheet.
+    """
+
+    piece: Loose
+    layer: int
+    sheet: int
+    shift_mm: tuple[float, float]
+
+
+def board_jobs(
+    name: str, plate: BaseGeometry, pieces: tuple[Loose, ...], options: RigOptions
+) -> list[Job]:
+    """Return the jobs of the drilled board, one per sheet: outlines as marks, holes, outline.
+
+    Parameters
+    ----------
+    name
+        Of the rig.
+    plate
+        Outline of the board in plan, holes of entries left open.
+    pieces
+        What stands on it.
+    options
+        Size of the sheets, kerf, and the gap around the pegs (``clearance_mm``).
+    """
+    pegs = [peg for piece in pieces for peg in piece.pegs]
+    outlines = pieces_of(*(peg.outline for peg in pegs), Polygon())
+    gap_mm = 0.1 if options.clearance_mm is None else options.clearance_mm
+    jobs = []
+    for number, tile in enumerate(_sheets(plate, outlines, options), 1):
+        shapely.prepare(tile)
+        near = [piece for piece in pieces if tile.intersects(piece.outline)]
+        marks = [line for piece in near for line in _piece_marks(piece, tile)]
+        holes = [peg for peg in pegs if tile.intersects(shapely.Point(peg.x_mm, peg.y_mm))]
+        marks += _compass(tile, number, [piece.outline for piece in near])
+        jobs.append(_job(f"{name} board {number}", tile, (marks, holes, gap_mm), options))
+    return jobs
+
+
+def lid_jobs(name: str, plate: BaseGeometry, options: RigOptions) -> list[Job]:
+    """Return the jobs of a lid: the plate's outline without its holes, and a compass.
+
+    Parameters
+    ----------
+    name, plate, options
+        As in `board_jobs`.
+    """
+    whole = shapely.union_all([Polygon(piece.exterior) for piece in pieces_of(plate)])
+    return [
+        _job(f"{name} lid {number}", tile, (_compass(tile, number, []), [], 0.0), options)
+        for number, tile in enumerate(_sheets(whole, pieces_of(Polygon()), options), 1)
+    ]
+
+
+def layer_jobs(
+    name: str, pieces: tuple[Loose, ...], layers: int, options: RigOptions
+) -> tuple[list[Job], list[Copy]]:
+    """Return the jobs of obstacles cut in layers, and where each layer of each piece lies.
+
+    Parameters
+    ----------
+    name
+        Of the rig.
+    pieces
+        The pieces; their pegs are the holes of pins that hold the layers together.
+    layers
+        Layers of each piece.
+    options
+        Size of the sheets and kerf.
+    """
+    kerf_mm = options.kerf_mm
+    boxes = [piece.outline.bounds for piece in pieces for _ in range(layers)]
+    sizes = [(box[2] - box[0] + kerf_mm, box[3] - box[1] + kerf_mm) for box in boxes]
+    room_mm = tuple(side - 2.0 * SHEET_MARGIN_MM for side in sheet_mm(options))
+    copies, jobs = [], []
+    for sheet, places in enumerate(packed_on_beds(sizes, (room_mm[0], room_mm[1]), PIECE_GAP_MM)):
+        paths: dict[Operation, list[LaserPath]] = {Operation.MARK: [], Operation.CUT: []}
+        for at in sorted(places, key=lambda at: at.index):
+            piece, layer = pieces[at.index // layers], at.index % layers + 1
+            low = boxes[at.index]
+            shift = (
+                at.x_mm + SHEET_MARGIN_MM + 0.5 * kerf_mm - low[0],
+                at.y_mm + SHEET_MARGIN_MM + 0.5 * kerf_mm - low[1],
+            )
+            copies.append(Copy(piece=piece, layer=layer, sheet=sheet, shift_mm=shift))
+            marks = _number_marks(piece)
+            for operation, path in _paths(piece.outline, (marks, list(piece.pegs), 0.0), kerf_mm):
+                moved = path.contour.moved(0.0, *shift)
+                paths[operation].append(
+                    LaserPath(operation=operation, contour=moved, label=f"piece {piece.number}")
+                )
+        jobs.append(_sheet_job(f"{name} layers {sheet + 1}", paths, sheet_mm(options), options))
+    return jobs, copies
+
+
+def sheet_mm(options: RigOptions) -> tuple[float, float]:
+    """Return width and depth of the sheets that the laser takes."""
+    return options.sheet_width_mm, options.sheet_depth_mm
+
+
+def _sheets(plate: BaseGeometry, holes: Pieces, options: RigOptions) -> Iterator[Polygon]:
+    """Yield a board divided by straight cuts into what fits a sheet, away from its holes."""
+    width_mm, depth_mm = (side - 2.0 * SHEET_MARGIN_MM for side in sheet_mm(options))
+    laser = Printer(name="the laser", bed_width_mm=width_mm, bed_depth_mm=depth_mm, height_mm=1.0)
+    free = RigOptions(bed_margin_mm=0.0, most_parts=options.most_parts)
+    cuts = cuts_of(plate.bounds, holes, laser, free)
+    for y_low, y_high in zip(cuts.y_mm, cuts.y_mm[1:], strict=False):
+        for x_low, x_high in zip(cuts.x_mm, cuts.x_mm[1:], strict=False):
+            cell = shapely.intersection(plate, shapely.box(x_low, y_low, x_high, y_high))
+            yield from pieces_of(cell)
+
+
+def _job(
+    name: str,
+    outline: Polygon,
+    content: tuple[list[LineString], list[Peg], float],
+    options: RigOptions,
+) -> Job:
+    """Return one board or lid as a sheet of its own, its lower left corner at the margin."""
+    x_min, y_min, x_max, y_max = outline.bounds
+    margin_mm = SHEET_MARGIN_MM + 0.5 * options.kerf_mm
+    paths: dict[Operation, list[LaserPath]] = {Operation.MARK: [], Operation.CUT: []}
+    for operation, path in _paths(outline, content, options.kerf_mm):
+        moved = path.contour.moved(0.0, margin_mm - x_min, margin_mm - y_min)
+        paths[operation].append(LaserPath(operation=operation, contour=moved, label=path.label))
+    size_mm = x_max - x_min + 2.0 * margin_mm, y_max - y_min + 2.0 * margin_mm
+    return _sheet_job(name, paths, size_mm, options)
+
+
+def _sheet_job(
+    name: str,
+    paths: dict[Operation, list[LaserPath]],
+    size_mm: tuple[float, float],
+    options: RigOptions,
+) -> Job:
+    return Job(
+        name=name,
+        sheet_width_mm=size_mm[0],
+        sheet_height_mm=size_mm[1],
+        paths=(*paths[Operation.MARK], *paths[Operation.CUT]),
+        facts={
+            "kerf_mm": options.kerf_mm,
+            "kerf_standing": "assumed unless measured on this sheet",
+            "sheet_thickness_mm": options.plate_mm,
+        },
+    )
+
+
+def _paths(
+    outline: Polygon, content: tuple[list[LineString], list[Peg], float], kerf_mm: float
+) -> Iterator[tuple[Operation, LaserPath]]:
+    """Yield marks, holes and outline, the beam half a kerf off the material that stays."""
+    marks, pegs, gap_mm = content
+    for line in marks:
+        contour = Contour.polyline(shapely.get_coordinates(line), closed=False)
+        yield Operation.MARK, LaserPath(operation=Operation.MARK, contour=contour, label="mark")
+    for peg in pegs:
+        radius_mm = 0.5 * peg.diameter_mm + gap_mm - 0.5 * kerf_mm
+        contour = _circle(peg.x_mm, peg.y_mm, radius_mm)
+        yield Operation.CUT, LaserPath(operation=Operation.CUT, contour=contour, label="hole")
+    grown = shapely.buffer(outline, 0.5 * kerf_mm, join_style="mitre", mitre_limit=2.0)
+    for piece in pieces_of(grown):
+        for ring in (*piece.interiors, piece.exterior):
+            points = shapely.get_coordinates(ring)[:-1]
+            contour = Contour.polyline(points, closed=True)
+            yield (
+                Operation.CUT,
+                LaserPath(operation=Operation.CUT, contour=contour, label="outline"),
+            )
+
+
+def _circle(x_mm: float, y_mm: float, radius_mm: float) -> Contour:
+    """Return a circle as four arcs."""
+    turns = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    return Contour(
+        points_mm=np.array([x_mm, y_mm]) + radius_mm * turns,
+        bulges=np.full(4, math.tan(math.pi / 8.0)),
+        parts=(Part.OTHER,) * 4,
+        branches=("",) * 4,
+        closed=True,
+    )
+
+
+def _piece_marks(piece: Loose, tile: Polygon) -> Iterator[LineString]:
+    """Yield a piece's outline and number, as far as they lie on a tile of the board."""
+    rings = shapely.get_rings(piece.outline)
+    shapes = [LineString(shapely.get_coordinates(ring)) for ring in rings]
+    for shape in (*shapes, *_number_marks(piece)):
+        cut = shapely.line_merge(shapely.intersection(shape, tile))
+        for line in shapely.get_parts(cut):
+            if isinstance(line, LineString) and line.length > 0.0:
+                yield line
+
+
+def _number_marks(piece: Loose) -> list[LineString]:
+    """Return a piece's number in the largest circle within it that no peg takes, if it fits."""
+    pegs = shapely.union_all([peg.outline.buffer(0.5) for peg in piece.pegs])
+    rooms: Iterable[Polygon] = pieces_of(shapely.difference(piece.outline, pegs))
+    room = max(rooms, key=shapely.area, default=None)
+    if room is None:
+        return []
+    circle = shapely.maximum_inscribed_circle(room, 0.05)
+    text = str(piece.number)
+    height_mm = min(_DIGIT_MM, 1.6 * circle.length / math.hypot(1.0, 0.9 * len(text)))
+    if height_mm < _SMALLEST_DIGIT_MM:
+        return []
+    x_mm, y_mm = shapely.get_coordinates(circle)[0].tolist()
+    return centred(strokes(text, height_mm), x_mm, y_mm)
+
+
+def _compass(tile: Polygon, number: int, taken: list[Polygon]) -> list[LineString]:
+    """Return an arrow to north and the sheet's number, where nothing stands."""
+    free = pieces_of(shapely.difference(tile, shapely.union_all(taken)))
+    circle = max(
+        (shapely.maximum_inscribed_circle(piece, 0.5) for piece in free),
+        key=shapely.length,
+        default=None,
+    )
+    if circle is None or circle.length < 3.0:
+        return []
+    size_mm = min(15.0, circle.length)
+    x_mm, y_mm = shapely.get_coordinates(circle)[0].tolist()
+    pointer = centred(arrow(size_mm), x_mm + 0.35 * size_mm, y_mm)
+    return [*pointer, *centred(strokes(str(number), 0.6 * size_mm), x_mm - 0.35 * size_mm, y_mm)]

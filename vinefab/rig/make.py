@@ -1,0 +1,232 @@
+"""The printable rig of a map."""
+
+from dataclasses import dataclass
+
+import shapely
+
+from vinefab.core.errors import BadInputError, ReadBackError
+from vinefab.core.hashing import sha256_of
+from vinefab.fabrication.checking import check_lines, corridors_in
+from vinefab.fabrication.rules.rig_facts import MapCorridors, RigFacts, RigPartFacts
+from vinefab.fabrication.rules.run_rules import run_rig_checks
+from vinefab.fabrication.rules.test_rig import RigSubject
+from vinefab.model.design import Design
+from vinefab.model.finding import CheckReport
+from vinefab.model.map import Map
+from vinefab.pages.html import Section
+from vinefab.rig.board import build_board
+from vinefab.rig.comparison_with_map import RigComparison, compare_with_map
+from vinefab.rig.laser_cut_files import compare_layers, laser_cut_files, outlines_of, standing_mm
+from vinefab.rig.loose import Loose
+from vinefab.rig.options import RigOptions
+from vinefab.rig.page import Tell, rig_page, rig_pictures, rig_section, sheet_pictures
+from vinefab.rig.part import Rig
+from vinefab.rig.part_files import solid_files, solid_problems
+from vinefab.rig.plate import build_rig
+from vinefab.rig.printer import Printer
+from vinefab.rig.printing import PrintEstimate, printing_of
+from vinefab.rig.rig_json import RigRecord, parts_text, rig_text
+from vinefab.rig.split import usable_mm
+
+MOST_DIFFERENCE = 1e-3
+"""Largest share of the walls by which an assembled rig may differ from its map."""
+
+_CONVEX = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RigFiles:
+    """A rig as files.
+
+    Parameters
+    ----------
+    rig
+        The rig.
+    files
+        Content by file name, every solid read again; empty when a rule forbids the rig.
+    comparison
+        How the assembled rig differs from the map.
+    report
+        What the rules about rigs say.
+    estimate
+        What printing takes.
+    section
+        The rig's part of a report, if pictures were drawn.
+    """
+
+    rig: Rig
+    files: dict[str, bytes]
+    comparison: RigComparison
+    report: CheckReport
+    estimate: PrintEstimate
+    section: Section | None = None
+
+    def summary(self) -> list[str]:
+        """Return the rig in a few lines for the user."""
+        rig = self.rig
+        return [
+            self._size_line(),
+            f"printing: {self.estimate.words()} (computed from assumed settings of the printer)",
+            f"every STL and 3MF read back closed and oriented; assembled, the walls differ from "
+            f"the map by {100 * self.comparison.share:.4f} %",
+            *(f"note: {note}" for note in rig.notes),
+            *check_lines(self.report)[:-1],
+        ]
+
+    def _size_line(self) -> str:
+        rig, scale = self.rig, f"at {self.rig.options.scale:.4g} of the map's size"
+        sheets = [name for name in self.files if name.endswith(".dxf")]
+        laser = f"; {len(sheets)} sheets for the laser" if sheets else ""
+        if rig.style == "sheet":
+            return f"{rig.name}: {rig.counts['pieces']} pieces cut in layers, {scale}{laser}"
+        volume = f"{rig.volume_mm3 / 1000:.0f} cm3 (computed)"
+        return f"{rig.name}: {len(rig.parts)} parts for {rig.printer.name} {scale}, {volume}{laser}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigRequest:
+    """What is wanted of a rig besides its sizes.
+
+    Parameters
+    ----------
+    design
+        The robot that is to be tried on it, for the rules about corridors and heights.
+    allow_empty
+        Make a bare tray of a map without anything to steer around.
+    pictures
+        Draw the rig and its beds, and write a page about them.
+    lid
+        Add a lid, to be cut from a transparent sheet.
+    """
+
+    design: Design | None = None
+    allow_empty: bool = False
+    pictures: bool = True
+    lid: bool = False
+
+
+def make_rig(
+    world: Map,
+    printer: Printer,
+    options: RigOptions,
+    wishes: RigRequest | None = None,
+    *,
+    tell: Tell | None = None,
+) -> RigFiles:
+    """Return the files of a map's rig.
+
+    Parameters
+    ----------
+    world, printer, options
+        What is made, on what, how large.
+    wishes
+        What else is wanted.
+    tell
+        Called as the work goes on.
+
+    Raises
+    ------
+    BadInputError
+        If the rig cannot be printed.
+    ReadBackError
+        If the assembled rig is not the map.
+    """
+    wishes = wishes or RigRequest()
+    if not wishes.allow_empty:
+        _refuse_empty(world)
+    told = tell or _silent
+    told(0.0, "building solids")
+    rig, pieces = _built(world, printer, options)
+    cut = laser_cut_files(rig, world, pieces, lid=wishes.lid)
+    told(0.25, "comparing with the map")
+    layered = rig.style == "sheet"
+    comparison = compare_layers(rig, world, cut) if layered else compare_with_map(rig, world)
+    if comparison.share > MOST_DIFFERENCE:
+        problem = f"assembled, its walls differ from the map by {100 * comparison.share:.3f} %"
+        raise ReadBackError(f"rig of {world.name}", problem)
+    printing = printing_of(rig)
+    told(0.35, "writing and reading back")
+    files = solid_files(rig, printing)
+    facts = _facts(rig, solid_problems(files, rig, printing))
+    files |= cut.files
+    courses = (_course(rig, world),) if wishes.design else ()
+    report = run_rig_checks(RigSubject(design=wishes.design, rig=facts, courses=courses))
+    record = RigRecord(
+        rig=rig,
+        world=world,
+        printing=printing,
+        comparison=comparison,
+        report=report,
+        jobs=cut.jobs,
+        copies=cut.copies,
+    )
+    section: Section | None = None
+    if report.blocking:
+        files = {}
+    else:
+        if wishes.pictures:
+            outlines = outlines_of(rig, world, pieces)
+            drawn = rig_pictures(rig, world, outlines, printing, told) | sheet_pictures(cut.jobs)
+            section = rig_section(rig, printing, drawn)
+            page = rig_page(rig, section, report, comparison)
+            files |= {**drawn, "report.html": page.encode()}
+        files["parts.csv"] = parts_text(rig, printing).encode()
+        digests = {name: sha256_of(data) for name, data in files.items()}
+        files["rig.json"] = rig_text(record, digests).encode()
+    return RigFiles(
+        rig=rig,
+        files=files,
+        comparison=comparison,
+        report=report,
+        estimate=printing.total,
+        section=section,
+    )
+
+
+def _built(world: Map, printer: Printer, options: RigOptions) -> tuple[Rig, tuple[Loose, ...]]:
+    """Return a rig of the style asked for, and its loose pieces if it has any."""
+    if options.style == "plate":
+        return build_rig(world, printer, options), ()
+    return build_board(world, printer, options)
+
+
+def _silent(_: float, __: str) -> None:
+    """Tell nobody."""
+
+
+def _refuse_empty(world: Map) -> None:
+    """Refuse a map that has nothing to print but a tray.
+
+    Raises
+    ------
+    BadInputError
+        If there is no obstacle in the bounds, and they are convex.
+    """
+    bounds = world.bounds
+    hull_mm2 = bounds.convex_hull.area
+    walled = bounds.area < hull_mm2 * (1.0 - _CONVEX)
+    if walled or any(obstacle.intersects(bounds) for obstacle in world.obstacles):
+        return
+    allowed = "at least one in the bounds, or bounds with a corner to go around; --allow-empty"
+    raise BadInputError(f"map {world.name}: number of obstacles", 0, f"{allowed} makes a bare tray")
+
+
+def _facts(rig: Rig, problems: dict[str, tuple[str, ...]]) -> RigFacts:
+    room_mm = (*usable_mm(rig.printer, rig.options), rig.printer.height_mm)
+    return RigFacts(
+        name=rig.name,
+        printer=rig.printer.name,
+        room_mm=room_mm,
+        height_mm=standing_mm(rig),
+        parts=tuple(
+            RigPartFacts(name=part.name, size_mm=part.size_mm, problems=problems[part.name])
+            for part in rig.printed
+        ),
+    )
+
+
+def _course(rig: Rig, world: Map) -> MapCorridors:
+    """Return the corridors as they will be printed, thickened walls included."""
+    inside = shapely.Polygon(world.bounds.exterior)
+    free = shapely.difference(inside, rig.walls)
+    return corridors_in(f"the rig of {world.name}", free, rig.options.scale)

@@ -1,0 +1,171 @@
+"""Rigs on a printed plate: a map and a printer in, the parts out."""
+
+import math
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats
+from vinefab.model.map import Map
+from vinefab.rig.clean import pieces_of
+from vinefab.rig.engraving import extras_of, marks_for
+from vinefab.rig.options import RigOptions
+from vinefab.rig.part import Rig, RigPart
+from vinefab.rig.plan import RigPlan, plan_of
+from vinefab.rig.printer import Printer
+from vinefab.rig.solid import Hollow, stacked
+from vinefab.rig.split import Cuts, cuts_of, grid_of
+from vinefab.rig.tiles import Dovetails, RigTile, dovetails_of, rig_tiles
+
+_QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def build_rig(world: Map, printer: Printer, options: RigOptions | None = None) -> Rig:
+    """Make the printable test rig of a map.
+
+    A base plate carries the obstacles, and a wall around the bounds with an opening where a start
+    is near it (see `vinefab.rig.plan`). What is larger than the bed is divided by straight cuts
+    into tiles that dovetails in the plate hold together. Every part is one solid that prints
+    without supports.
+
+    Parameters
+    ----------
+    world
+        The map; its obstacles may touch each other and reach over the bounds.
+    printer
+        Bed, height, least wall and clearance.
+    options
+        Sizes; the defaults when None.
+
+    Returns
+    -------
+    Rig
+        ``counts`` hold ``slivers`` and ``slits`` (left out or filled), ``bridges`` (corners that
+        touched in a point, joined), ``joints``, ``bare_seams`` (without room for a joint).
+
+    Raises
+    ------
+    BadInputError
+        If the rig is taller than the printer, or needs more parts than allowed.
+    """
+    options = options or RigOptions()
+    refuse_early(world, printer, options)
+    plan = plan_of(world, printer, options)
+    cuts = cuts_of(plan.plate.bounds, plan.solids, printer, options)
+    joints = Dovetails(joints=(), bare_seams=0)
+    if options.joint == "dovetail":
+        joints = dovetails_of(plan, cuts, options.gap_mm(printer))
+    least_mm = options.sliver_mm, 0.5 * printer.nozzle_mm
+    tiles = list(rig_tiles(plan, cuts, joints, least_mm))
+    parts = [
+        _part(number, len(tiles), tile, (plan, cuts, options))
+        for number, tile in enumerate(tiles, 1)
+    ]
+    return Rig(
+        name=world.name,
+        parts=tuple(part for part, _ in parts),
+        printer=printer,
+        options=options,
+        extras=extras_of(plan.plate.bounds, plan.to_map(-options.plate_mm)),
+        plate=plan.on_map(plan.plate),
+        walls=plan.on_map(shapely.MultiPolygon(list(plan.solids))),
+        thickened=plan.on_map(plan.thickened),
+        thin_places=plan.thin_places,
+        counts={
+            "slivers": plan.slivers,
+            "slits": plan.slits,
+            "bridges": plan.bridges,
+            "joints": len(joints.joints),
+            "bare_seams": joints.bare_seams,
+            "unmarked": sum(not marked for _, marked in parts) if options.mark_depth_mm else 0,
+        },
+        joint_gap_mm3=options.plate_mm * sum(joint.gap_mm2 for joint in joints.joints),
+        notes=_notes(plan, joints, printer, options),
+    )
+
+
+def refuse_early(world: Map, printer: Printer, options: RigOptions) -> None:
+    """Refuse, before any long work, what the sizes alone show to be impossible.
+
+    Raises
+    ------
+    BadInputError
+        If the rig is taller than the printer, or the plate needs more parts than allowed.
+    """
+    _check_height(printer, options)
+    border_mm = 2.0 * options.border_mm
+    width_mm, depth_mm = (options.scale * side_mm + border_mm for side_mm in world.size_mm)
+    grid_of((width_mm, depth_mm), printer, options)
+
+
+def _part(
+    number: int, count: int, tile: RigTile, job: tuple[RigPlan, Cuts, RigOptions]
+) -> tuple[RigPart, bool]:
+    """Return a tile as a solid, and whether its number found room."""
+    plan, cuts, options = job
+    depth_mm = options.mark_depth_mm
+    marks = marks_for(number, tile.plate) if depth_mm else pieces_of(Polygon())
+    low = np.array([*tile.plate.bounds[:2], 0.0])
+    plate, solids, grooves = (
+        shapely.transform(pieces, lambda points: points - low[:2])
+        for pieces in (pieces_of(tile.plate), tile.solids, marks)
+    )
+    hollows = [Hollow(pieces=grooves, low_mm=-1.0, high_mm=depth_mm)] if len(marks) else []
+    vertices, faces = stacked(plate, solids, options.plate_mm, options.height_mm, hollows)
+    turn, shift = np.eye(3), np.zeros(3)
+    if cuts.turned:
+        turn, shift[0] = _QUARTER_TURN, tile.plate.bounds[3] - tile.plate.bounds[1]
+        vertices = vertices @ turn.T + shift
+        # The sum is rounded once more, to what the file can hold.
+        vertices = vertices.astype(np.float32).astype(np.float64)
+    row, column = tile.cell
+    part = RigPart(
+        name=f"part_{number:0{max(2, len(str(count)))}d}_r{row + 1}c{column + 1}",
+        number=number,
+        row=row + 1,
+        column=column + 1,
+        vertices_mm=vertices,
+        faces=faces,
+        to_map=plan.to_map(-options.plate_mm) @ _back(turn, low - turn.T @ shift),
+        volume_mm3=float(
+            tile.plate.area * options.plate_mm
+            + shapely.area(tile.solids).sum() * options.height_mm
+            - shapely.area(marks).sum() * depth_mm
+        ),
+    )
+    return part, len(marks) > 0
+
+
+def _back(turn: Floats, low_mm: Floats) -> Floats:
+    """Return the transform printed -> plan: turn back, move."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = turn.T
+    matrix[:3, 3] = low_mm
+    return matrix
+
+
+def _check_height(printer: Printer, options: RigOptions) -> None:
+    height_mm = options.plate_mm + options.height_mm
+    if height_mm > printer.height_mm:
+        most_mm = math.floor(10.0 * (printer.height_mm - options.plate_mm)) / 10.0
+        raise BadInputError("rig.height_mm", options.height_mm, f"at most {most_mm:g} mm")
+
+
+def _notes(
+    plan: RigPlan, joints: Dovetails, printer: Printer, options: RigOptions
+) -> tuple[str, ...]:
+    count, least = len(plan.thin_places), printer.least_wall_mm
+    said = {
+        f"{count} places were thinner than the {least:g} mm that {printer.name} prints and were "
+        f"thickened to it: {plan.thickened.area:.0f} mm2 of wall added": count,
+        f"the border is thinner than the {least:g} mm that {printer.name} prints": (
+            options.border_mm < least
+        ),
+        f"{plan.slivers} pieces thinner than {options.sliver_mm:g} mm were left out": plan.slivers,
+        f"{plan.slits} gaps narrower than {options.sliver_mm:g} mm were filled": plan.slits,
+        f"{plan.bridges} corners that touched in one point were joined": plan.bridges,
+        f"{joints.bare_seams} seams have no room for a joint: glue them": joints.bare_seams,
+    }
+    return plan.notes + tuple(text for text, holds in said.items() if holds)

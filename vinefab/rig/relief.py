@@ -1,0 +1,266 @@
+"""Shaded pictures of solids with upright sides, seen from above at a slant.
+
+Everything that stands on a table without overhangs is a height over the plane. Along a line of
+sight what is higher is nearer, so painting slices from the lowest to the highest hides exactly
+what is hidden. The picture is made from the triangles themselves: it shows what is in the files.
+"""
+
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+from PIL.PngImagePlugin import PngInfo
+
+from vinefab.core.jsontext import GENERATOR
+from vinefab.core.validation import Floats, Ints
+
+Colour = tuple[int, int, int]
+
+PAPER: Colour = (255, 255, 255)
+RELIEF_INK: Colour = (29, 42, 48)
+_EDGE = 0.55
+_LIGHT = np.array([-0.45, -0.75])
+_FINE = 2  # drawn so many times larger, then made smaller: smooth edges
+_LEVEL_MM = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prism:
+    """Something to draw.
+
+    Parameters
+    ----------
+    vertices_mm
+        Corners where they stand, shape (n, 3), z upwards.
+    faces
+        Triangles, shape (m, 3), counter-clockwise seen from outside.
+    colour
+        Of its top; sides are darker, floors (below ``light_from_mm``) lighter.
+    light_from_mm
+        Upward faces below this height are drawn pale.
+    """
+
+    vertices_mm: Floats
+    faces: Ints
+    colour: Colour
+    light_from_mm: float = -math.inf
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Label:
+    """A word at a point of the scene.
+
+    Parameters
+    ----------
+    text
+        What to write.
+    at_mm
+        Where: x, y, z.
+    """
+
+    text: str
+    at_mm: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Camera:
+    """From where a scene is seen, and how large.
+
+    Parameters
+    ----------
+    turn_rad
+        How far the scene is turned counter-clockwise.
+    rise_rad
+        Angle of sight above the plane.
+    px_per_mm
+        Scale.
+    left_mm, top_mm
+        What is at the picture's upper left corner, turned and slanted.
+    size_px
+        Width and height.
+    """
+
+    turn_rad: float
+    rise_rad: float
+    px_per_mm: float
+    left_mm: float
+    top_mm: float
+    size_px: tuple[int, int]
+
+    def flat(self, points_mm: Floats) -> Floats:
+        """Return where points, shape (..., 3), would be seen if their height were 0."""
+        cos, sin = math.cos(self.turn_rad), math.sin(self.turn_rad)
+        x_mm = points_mm[..., 0] * cos - points_mm[..., 1] * sin
+        y_mm = (points_mm[..., 0] * sin + points_mm[..., 1] * cos) * math.sin(self.rise_rad)
+        seen = np.stack([x_mm - self.left_mm, self.top_mm - y_mm], axis=-1)
+        return np.asarray(seen * self.px_per_mm)
+
+    def lift_px(self, z_mm: float) -> int:
+        """Return by how many pixels a height moves things up."""
+        return round(z_mm * math.cos(self.rise_rad) * self.px_per_mm)
+
+
+def relief_png(
+    solids: Sequence[Prism],
+    labels: Sequence[Label] = (),
+    *,
+    width_px: int = 1400,
+    turn_deg: float = 20.0,
+    rise_deg: float = 52.0,
+) -> bytes:
+    """Return a shaded picture of solids as PNG.
+
+    Parameters
+    ----------
+    solids
+        What to draw; each must be a height over the plane, without overhangs. Hollows on the
+        underside are not seen.
+    labels
+        Words to put on top.
+    width_px
+        Width of the picture; the height follows from what is drawn.
+    turn_deg, rise_deg
+        From where it is seen.
+    """
+    camera = _camera(solids, width_px * _FINE, math.radians(turn_deg), math.radians(rise_deg))
+    picture = Image.new("RGB", camera.size_px, PAPER)
+    tops = [_tops(solid) for solid in solids]
+    levels = sorted({level for found in tops for level in found})
+    base_mm = min(float(solid.vertices_mm[:, 2].min()) for solid in solids)
+    low_px = camera.lift_px(base_mm)
+    for index, level in enumerate(levels):
+        mask, side = _standing(camera, solids, tops, levels[index:])
+        for lift_px in range(low_px, camera.lift_px(level), _FINE):
+            picture.paste(side, (0, -lift_px), mask)
+        low_px = camera.lift_px(level)
+        mask, top = _roof(camera, solids, tops, level)
+        picture.paste(top, (0, -low_px), mask)
+    size = camera.size_px[0] // _FINE, camera.size_px[1] // _FINE
+    picture = picture.resize(size, Image.Resampling.BOX)
+    _write(picture, camera, labels)
+    return _png(picture)
+
+
+def _camera(solids: Sequence[Prism], width_px: int, turn: float, rise: float) -> Camera:
+    whole = Camera(
+        turn_rad=turn, rise_rad=rise, px_per_mm=1.0, left_mm=0.0, top_mm=0.0, size_px=(1, 1)
+    )
+    points = np.concatenate([solid.vertices_mm for solid in solids])
+    seen = whole.flat(points)
+    seen[:, 1] -= points[:, 2] * math.cos(rise)
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    margin_mm = 0.03 * float((high - low).max())
+    scale = width_px / (high[0] - low[0] + 2.0 * margin_mm)
+    return Camera(
+        turn_rad=turn,
+        rise_rad=rise,
+        px_per_mm=scale,
+        left_mm=float(low[0]) - margin_mm,
+        top_mm=margin_mm - float(low[1]),
+        size_px=(width_px, int(scale * (high[1] - low[1] + 2.0 * margin_mm))),
+    )
+
+
+def _tops(solid: Prism) -> dict[float, Floats]:
+    """Return the upward triangles by height, each shape (k, 3, 3)."""
+    corners = solid.vertices_mm[solid.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flat = np.ptp(corners[:, :, 2], axis=1) < _LEVEL_MM
+    up = corners[flat & (normal[:, 2] > 0.0)]
+    heights = np.round(up[:, 0, 2] / _LEVEL_MM).astype(np.int64)
+    return {float(one * _LEVEL_MM): up[heights == one] for one in np.unique(heights).tolist()}
+
+
+def _rims(solid: Prism) -> tuple[Floats, Floats]:
+    """Return the upper edges of upright faces, (k, 2, 3), and the faces' directions, (k, 2)."""
+    corners = solid.vertices_mm[solid.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.hypot(normal[:, 0], normal[:, 1])
+    upright = length > 10.0 * np.abs(normal[:, 2])
+    corners, normal, length = corners[upright], normal[upright], length[upright]
+    edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
+    level = np.abs(edges[:, :, 0, 2] - edges[:, :, 1, 2]) < _LEVEL_MM
+    one = level.any(axis=1)
+    edge = edges[one, level[one].argmax(axis=1)]
+    return edge, normal[one, :2] / length[one, None]
+
+
+def _standing(
+    camera: Camera, solids: Sequence[Prism], tops: list[dict[float, Floats]], levels: list[float]
+) -> tuple[Image.Image, Image.Image]:
+    """Return where anything reaches one of some heights, and the colours of its sides there."""
+    mask, side = Image.new("1", camera.size_px), Image.new("RGB", camera.size_px, PAPER)
+    on_mask, on_side = ImageDraw.Draw(mask), ImageDraw.Draw(side)
+    cos, sin = math.cos(camera.turn_rad), math.sin(camera.turn_rad)
+    for solid, found in zip(solids, tops, strict=True):
+        for level in levels:
+            for triangle in camera.flat(found.get(level, np.zeros((0, 3, 3)))):
+                corners = [tuple(corner) for corner in triangle]
+                on_mask.polygon(corners, fill=1)
+                on_side.polygon(corners, fill=_shaded(solid.colour, _EDGE))
+    for solid in solids:
+        edges, outward = _rims(solid)
+        facing = outward @ np.array([[cos, sin], [-sin, cos]])
+        light = 0.62 + 0.3 * (facing @ _LIGHT)
+        for edge, share in zip(camera.flat(edges), light.tolist(), strict=True):
+            ends = [tuple(end) for end in edge]
+            on_side.line(ends, fill=_shaded(solid.colour, share), width=5)
+    return mask, side
+
+
+def _roof(
+    camera: Camera, solids: Sequence[Prism], tops: list[dict[float, Floats]], level: float
+) -> tuple[Image.Image, Image.Image]:
+    """Return the upward faces at one height and their colours, rims drawn darker."""
+    mask, top = Image.new("1", camera.size_px), Image.new("RGB", camera.size_px, PAPER)
+    on_mask, on_top = ImageDraw.Draw(mask), ImageDraw.Draw(top)
+    for solid, found in zip(solids, tops, strict=True):
+        colour = _pale(solid.colour) if level < solid.light_from_mm else solid.colour
+        for triangle in camera.flat(found.get(level, np.zeros((0, 3, 3)))):
+            corners = [tuple(corner) for corner in triangle]
+            on_mask.polygon(corners, fill=1)
+            on_top.polygon(corners, fill=colour)
+    for solid in solids:
+        edges, _ = _rims(solid)
+        here = np.abs(edges[:, 0, 2] - level) < _LEVEL_MM
+        for edge in camera.flat(edges[here]):
+            ends = [tuple(end) for end in edge]
+            on_top.line(ends, fill=_shaded(solid.colour, _EDGE), width=2)
+    return mask, top
+
+
+def _write(picture: Image.Image, camera: Camera, labels: Sequence[Label]) -> None:
+    font = ImageFont.load_default(size=max(11, picture.width // 55))
+    draw = ImageDraw.Draw(picture)
+    for label in labels:
+        x, y = camera.flat(np.array(label.at_mm)) / _FINE
+        place = float(x), float(y) - camera.lift_px(label.at_mm[2]) / _FINE
+        draw.text(
+            place,
+            label.text,
+            fill=RELIEF_INK,
+            font=font,
+            anchor="mm",
+            stroke_width=2,
+            stroke_fill=PAPER,
+        )
+
+
+def _png(picture: Image.Image) -> bytes:
+    stream, said = io.BytesIO(), PngInfo()
+    said.add_text("Software", GENERATOR)
+    picture.save(stream, format="PNG", pnginfo=said, optimize=True)
+    return stream.getvalue()
+
+
+def _shaded(colour: Colour, share: float) -> Colour:
+    red, green, blue = (min(255, max(0, round(part * share))) for part in colour)
+    return red, green, blue
+
+
+def _pale(colour: Colour) -> Colour:
+    red, green, blue = (round(255 - 0.35 * (255 - part)) for part in colour)
+    return red, green, blue

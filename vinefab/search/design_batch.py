@@ -1,0 +1,206 @@
+"""Many designs as columns of numbers, with their planned trees.
+
+A search looks at thousands of designs a second. As single objects, making them and their trees
+would take as long as growing them, and Python does it for one thread at a time. Designs are here,
+to the last bit, what `vinefab.search.space.Space.design` makes of them one by one.
+
+Everything here gives, to the last bit, what `vinefab.model.tree.branch_tree` and
+`vinefab.growth.plan.Plans.of` give for the designs one by one.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import overload
+
+import numpy as np
+
+from vinefab.core.validation import Floats, Ints
+from vinefab.growth.arrays import TreesArrays
+from vinefab.growth.plan import LONG_WIDTHS, Plan, Plans, Spans
+from vinefab.model.design import MOST_BRANCHES, Build
+from vinefab.model.tree import BranchTree
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DesignBatch:
+    """Designs, m of them, with at most n levels below the trunk.
+
+    Parameters
+    ----------
+    depth
+        Number of levels, the trunk included, shape (m,).
+    trunk_mm
+        Length of the trunk, shape (m,).
+    branches, length_mm, fan_rad, growth
+        As in `vinefab.model.design.Level`, shape (m, n); without meaning beyond a design's depth.
+    counts
+        Number of branches on each level, the trunk's first, shape (m, n + 1); at most so many that
+        it is too many.
+    """
+
+    depth: Ints
+    trunk_mm: Floats
+    branches: Ints
+    length_mm: Floats
+    fan_rad: Floats
+    growth: Floats
+    counts: Ints
+
+    def __len__(self) -> int:
+        return len(self.depth)
+
+    @property
+    def sizes(self) -> Ints:
+        """Number of branches of each design, shape (m,)."""
+        return np.asarray(self.counts.sum(axis=1))
+
+    def part(self, rows: Ints) -> "DesignBatch":
+        """Return some of the designs."""
+        return DesignBatch(
+            depth=self.depth[rows],
+            trunk_mm=self.trunk_mm[rows],
+            branches=self.branches[rows],
+            length_mm=self.length_mm[rows],
+            fan_rad=self.fan_rad[rows],
+            growth=self.growth[rows],
+            counts=self.counts[rows],
+        )
+
+
+def branch_counts(depth: Ints, branches: Ints) -> Ints:
+    """Return the number of branches on each level as `Fleet.counts` has it.
+
+    Parameters
+    ----------
+    depth, branches
+        As in `Fleet`.
+    """
+    below = np.arange(branches.shape[1]) < depth[:, None] - 1
+    # More than any design may have is more than enough, whatever comes after.
+    counts = np.ones((len(depth), 1 + branches.shape[1]))
+    np.cumprod(np.where(below, branches, 0.0), axis=1, out=counts[:, 1:])
+    return np.minimum(counts, MOST_BRANCHES + 1.0).astype(np.int64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Trees(Sequence[Plan]):
+    """The planned trees of a fleet; a plan is made when it is asked for.
+
+    Parameters
+    ----------
+    arrays
+        All trees, one after the other.
+    level
+        Level of each branch, 1 for the trunk.
+    offset_rad
+        Angle of each branch from its parent's heading.
+    counts
+        Number of branches of each tree per level, shape (m, n + 1).
+    builds
+        How designs are built, by their depth.
+    radii_mm
+        Body radius per level of the deepest designs; one 0 for bare centrelines.
+    """
+
+    arrays: TreesArrays
+    level: Ints
+    offset_rad: Floats
+    counts: Ints
+    builds: dict[int, Build]
+    radii_mm: tuple[float, ...]
+
+    def __len__(self) -> int:
+        return len(self.counts)
+
+    @overload
+    def __getitem__(self, index: int) -> Plan: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Plan]: ...
+
+    def __getitem__(self, index: int | slice) -> Plan | list[Plan]:
+        """Return the plan of one tree, or of some."""
+        if isinstance(index, slice):
+            return [self[row] for row in range(*index.indices(len(self)))]
+        one, two = self.arrays.first[index], self.arrays.first[index + 1]
+        level = self.level[one:two]
+        depth = int(level[-1])
+        build, wide = self.builds[depth], len(self.radii_mm) > 1 or self.radii_mm[0] > 0.0
+        edges = np.cumsum(self.counts[index, :depth]).tolist() if wide else [int(two - one)]
+        return Plan(
+            tree=BranchTree(
+                parent=self.arrays.parent[one:two],
+                level=level,
+                offset_rad=self.offset_rad[one:two],
+                length_mm=self.arrays.length[one:two],
+            ),
+            turn=self.arrays.turn[one:two],
+            edges=(0, *edges),
+            radii_mm=self.radii_mm[:depth] if wide else self.radii_mm,
+            long_mm=LONG_WIDTHS * np.array(build.widths_mm)[level - 1],
+            build=build,
+        )
+
+
+def planned_batch(
+    fleet: DesignBatch, builds: dict[int, Build], radii_mm: tuple[float, ...]
+) -> Plans:
+    """Return the plans of a fleet.
+
+    Parameters
+    ----------
+    fleet
+        Designs that may be: none with too many branches.
+    builds
+        How designs are built, by their depth.
+    radii_mm
+        Body radius per level of the deepest designs; one 0 for bare centrelines.
+    """
+    from vinefab.growth import batch_kernel  # noqa: PLC0415  numba takes a second to import
+
+    first = np.zeros(len(fleet) + 1, dtype=np.int64)
+    np.cumsum(fleet.sizes, out=first[1:])
+    parent, level = np.empty((2, first[-1]), dtype=np.int64)
+    offset_rad, length_mm = np.empty((2, first[-1]))
+    # Columns of a table are another type to the compiler, which would compile twice.
+    batch_kernel.plan_trees(
+        np.ascontiguousarray(fleet.depth),
+        np.ascontiguousarray(fleet.trunk_mm),
+        np.ascontiguousarray(fleet.branches),
+        np.ascontiguousarray(fleet.fan_rad),
+        np.ascontiguousarray(fleet.length_mm),
+        np.ascontiguousarray(fleet.growth),
+        first,
+        parent,
+        level,
+        offset_rad,
+        length_mm,
+    )
+    turn = np.column_stack([np.cos(offset_rad), np.sin(offset_rad)])
+    arrays = TreesArrays(parent=parent, turn=turn, length=length_mm, first=first)
+    for array in arrays:
+        array.setflags(write=False)
+    each = _Trees(
+        arrays=arrays,
+        level=level,
+        offset_rad=offset_rad,
+        counts=fleet.counts,
+        builds=builds,
+        radii_mm=radii_mm,
+    )
+    spans = _spans(fleet.counts, radii_mm)
+    return Plans(each=each, trees=arrays, spans=spans)
+
+
+def _spans(counts: Ints, radii_mm: tuple[float, ...]) -> Spans:
+    """Return the branches that are grown on the same walls: all, or level by level."""
+    until = np.cumsum(counts, axis=1)
+    if radii_mm == (0.0,):
+        zeros = np.zeros((len(counts), 1), dtype=np.int64)
+        return Spans(radii_mm, zeros[:, 0] + 1, zeros, until[:, -1:], zeros > 0)
+    rising = tuple(sorted(set(radii_mm)))
+    levels = np.count_nonzero(counts, axis=1)
+    there = np.arange(len(radii_mm)) < levels[:, None]
+    wider = np.diff(radii_mm, prepend=0.0) > 0.0
+    page = np.searchsorted(rising, radii_mm)
+    return Spans(rising, levels, np.where(there, page, 0), until, there & wider)

@@ -1,0 +1,305 @@
+"""The front of a run with several objectives: its designs, as files, JSON and a picture."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vinefab.core.jsontext import json_text
+from vinefab.core.validation import Floats
+from vinefab.growth.simulator import grow
+from vinefab.growth.terrain import Terrain
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design
+from vinefab.model.map import Map
+from vinefab.model.score import Score
+from vinefab.pages.drawing import draw_deployment, draw_map
+from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, house_style
+from vinefab.search.costs import COSTS, costs_of
+from vinefab.search.front import LEAST_BEND, archive, knee, non_dominated
+from vinefab.search.record.result import RunResult
+from vinefab.search.settings import RunSettings
+from vinefab.search.space import Space
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrontData:
+    """What the chart shows.
+
+    Parameters
+    ----------
+    seen
+        Cost and fitness of designs that the run evaluated, shape (m, 2).
+    front
+        Cost and score on fresh poses of the designs of the front, shape (k, 2), by rising cost.
+    cost, unit
+        Name of the cost and its unit.
+    task
+        Name of the score.
+    """
+
+    seen: Floats
+    front: Floats
+    cost: str
+    unit: str
+    task: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrontRobot:
+    """One design of the front, deployed.
+
+    Parameters
+    ----------
+    deployment
+        Where it ended.
+    widths_mm
+        Lay-flat width of each level.
+    title
+        What it is called.
+    """
+
+    deployment: Deployment
+    widths_mm: tuple[float, ...]
+    title: str
+
+
+def front_figure(data: FrontData, world: Map, robots: Mapping[int, FrontRobot]) -> Figure:
+    """Return the chart of a front with robots below it.
+
+    Parameters
+    ----------
+    data
+        The chart.
+    world
+        The map that the robots stand on.
+    robots
+        By their place on the front.
+    """
+    with house_style():
+        columns = max(2, len(robots))
+        figure = Figure(figsize=(2.6 * columns, 6.4), layout="constrained")
+        grid = figure.add_gridspec(2, columns, height_ratios=(1.25, 1.0))
+        chart = figure.add_subplot(grid[0, :])
+        _chart(chart, data, robots)
+        for column, (place, robot) in enumerate(robots.items()):
+            axes = figure.add_subplot(grid[1, column])
+            _robot(axes, world, robot, _label(place))
+    return figure
+
+
+def _label(place: int) -> str:
+    return str(place + 1)
+
+
+def _chart(axes: Axes, data: FrontData, robots: Mapping[int, FrontRobot]) -> None:
+    axes.plot(
+        data.seen[:, 0],
+        data.seen[:, 1],
+        ".",
+        color=SOFT,
+        markersize=2.5,
+        alpha=0.5,
+        label="evaluated in the search",
+        rasterized=True,
+    )
+    axes.step(
+        data.front[:, 0],
+        data.front[:, 1],
+        "-o",
+        where="post",
+        color=LEVEL_COLOURS[0],
+        markersize=4.5,
+        label="front, on fresh poses",
+    )
+    for place in robots:
+        axes.annotate(
+            _label(place),
+            data.front[place],
+            xytext=(-5, 6),
+            textcoords="offset points",
+            ha="right",
+            fontsize=10,
+            fontweight="bold",
+            color=INK,
+        )
+    unit = f" ({data.unit})" if data.unit else ""
+    axes.set_xlabel(data.cost.replace("_", " ") + unit)
+    axes.set_ylabel(f"{data.task} score (simulated)")
+    axes.legend(fontsize=8, loc="lower right")
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _robot(axes: Axes, world: Map, robot: FrontRobot, label: str) -> None:
+    draw_map(axes, world)
+    draw_deployment(axes, robot.deployment, robot.widths_mm)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    axes.set_title(f"{label}: {robot.title}", fontsize=8)
+
+
+SCHEMA = "vinefab/front-1"
+ROBOTS = 4
+"""So many designs of the front are drawn, the knee among them where there is one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """One design of a front.
+
+    Parameters
+    ----------
+    design
+        Named after the run, with its place on the front.
+    score
+        Its score on fresh poses.
+    worth
+        What the score counts for, as the run weighs it.
+    costs
+        What it costs, in the order of the run's costs.
+    penalty
+        0 for a design that can be made, and in a run that did not ask.
+    is_knee
+        Whether the front bends most there, against its first cost; a front may have no knee.
+    """
+
+    design: Design
+    score: Score
+    worth: float
+    costs: tuple[float, ...]
+    penalty: float
+    is_knee: bool
+
+
+def front_of(result: RunResult, settings: RunSettings) -> tuple[Member, ...]:
+    """Return the finalists that no other beats on fresh poses, by rising first cost."""
+    finalists = result.finalists
+    worth = np.array([finalist.fitness for finalist in finalists])
+    costs = np.array(
+        [[COSTS[name][0](finalist.design) for name in settings.costs] for finalist in finalists]
+    )
+    rows = np.flatnonzero(non_dominated(worth, costs))
+    rows = rows[np.argsort(costs[rows, 0], kind="stable")]
+    bend = knee(worth[rows], costs[rows, 0])
+    return tuple(
+        Member(
+            design=_named(finalists[row].design, settings, result.run_id, place + 1),
+            score=finalists[row].score,
+            worth=float(worth[row]),
+            costs=tuple(costs[row].tolist()),
+            penalty=finalists[row].penalty,
+            is_knee=place == bend,
+        )
+        for place, row in enumerate(rows.tolist())
+    )
+
+
+def _named(design: Design, settings: RunSettings, run_id: str, place: int) -> Design:
+    origin = {"run": run_id, "task": settings.task.name, "front": place}
+    return replace(design, name=f"{settings.name}_{place:02}", origin=origin)
+
+
+def front_json(members: Sequence[Member], result: RunResult, settings: RunSettings) -> str:
+    """Return a front as JSON: ``vinefab/front-1``."""
+    content = {
+        "run": result.run_id,
+        "knee": next((member.design.name for member in members if member.is_knee), None),
+        "objectives": [
+            {
+                "name": name,
+                "better": "smaller" if name in COSTS else "larger",
+                "unit": COSTS[name][1] if name in COSTS else "",
+            }
+            for name in settings.objectives
+        ],
+        "designs": [
+            {
+                "design": member.design.name,
+                settings.task.name: member.worth,
+                **dict(zip(settings.costs, member.costs, strict=True)),
+                "composite": dict(member.score.composite),
+                "evaluations": len(member.score.evaluations),
+                "penalty": member.penalty,
+                "knee": member.is_knee,
+            }
+            for member in members
+        ],
+    }
+    return json_text(SCHEMA, content)
+
+
+def front_lines(members: Sequence[Member], settings: RunSettings) -> list[str]:
+    """Return a front as lines for the user, a design each."""
+    names = [settings.task.name, *settings.costs]
+    count = f"{len(members)} design{'s' if len(members) > 1 else ''}"
+    lines = [f"front of {count} (simulated): {', '.join(names)}"]
+    for member in members:
+        costs = "  ".join(
+            f"{value:10.0f} {COSTS[name][1]}"
+            for name, value in zip(settings.costs, member.costs, strict=True)
+        )
+        note = "  knee" if member.is_knee else ""
+        made = "" if member.penalty == 0.0 else "  breaks rules of making"
+        lines.append(f"  {member.design.name}  {member.worth:8.4f}  {costs}{note}{made}")
+    if not any(member.is_knee for member in members):
+        bends = f"it nowhere lies {LEAST_BEND:.0%} above the line between its ends"
+        why = "that takes three designs" if len(members) < 3 else bends
+        lines.append(f"  no knee against {settings.costs[0]}: {why}")
+    return lines
+
+
+def front_picture(
+    members: Sequence[Member], result: RunResult, settings: RunSettings, world: Map
+) -> Figure:
+    """Return the front as a chart, with a few of its robots on a training map.
+
+    Parameters
+    ----------
+    members
+        The front.
+    result, settings
+        The run; all designs that it evaluated are shown as dots.
+    world
+        Where the robots are drawn, from its first start.
+    """
+    lowest = min(finalist.fitness for finalist in result.finalists)
+    x, fitness = archive(result.history, min(-1e3, lowest))
+    cost = costs_of(x, Space(settings.space, settings.build), settings.costs[:1])[:, 0]
+    penalty = np.concatenate([generation.penalty for generation in result.history])
+    able = np.isfinite(cost) & (penalty == 0.0) if len(penalty) == len(cost) else np.isfinite(cost)
+    data = FrontData(
+        seen=_pairs(cost[able], fitness[able]),
+        front=_pairs(
+            np.array([member.costs[0] for member in members]),
+            np.array([member.worth for member in members]),
+        ),
+        cost=settings.costs[0],
+        unit=COSTS[settings.costs[0]][1],
+        task=settings.task.name,
+    )
+    return front_figure(data, world, _robots(members, settings, world))
+
+
+def _pairs(costs: Floats, worth: Floats) -> Floats:
+    return np.column_stack([costs, worth])
+
+
+def _robots(members: Sequence[Member], settings: RunSettings, world: Map) -> dict[int, FrontRobot]:
+    """Return deployments of a few designs, spread over the front, with its knee if it has one."""
+    places = np.linspace(0, len(members) - 1, min(ROBOTS, len(members))).round().astype(int)
+    bends = [place for place, member in enumerate(members) if member.is_knee]
+    chosen = sorted({*places.tolist(), *bends})
+    if len(chosen) > ROBOTS:
+        inner = [place for place in chosen[1:-1] if place not in bends]
+        chosen.remove(min(inner, key=lambda place: abs(place - bends[0])))
+    terrain = Terrain.of(world)
+    return {
+        place: FrontRobot(
+            deployment=grow(members[place].design, terrain, world.starts[0].pose, settings.growth),
+            widths_mm=members[place].design.build.widths_mm,
+            title=members[place].design.name + (" (knee)" if members[place].is_knee else ""),
+        )
+        for place in chosen
+    }

@@ -1,0 +1,276 @@
+"""Whether the robots of a run can be made: penalty, full check, what rules out a space.
+
+Only what is certain is said. Each rule is looked at where the space is kindest to it; all other
+designs break it as much or more. What depends on several variables at once is left to the search.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError
+from vinefab.fabrication.checking import check_design, subject_of
+from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.rules.catalog import by_rule, changed_limits
+from vinefab.fabrication.rules.joints import ANGLE, CROTCH
+from vinefab.fabrication.rules.materials import BED, PLY
+from vinefab.fabrication.rules.penalty import fabrication_penalty, window_penalty
+from vinefab.fabrication.rules.pouches import POUCH
+from vinefab.fabrication.rules.pressure_limits import BURST, RATING, WINDOW
+from vinefab.fabrication.rules.rule import ROUNDING, LimitChanges, Rule
+from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.shapes import excess_mm, shapes_of
+from vinefab.fabrication.rules.whole import CLAMP, TAIL
+from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
+from vinefab.model.design import MOST_BRANCHES, Design
+from vinefab.model.laser import LaserProfile
+from vinefab.search.settings import RunSettings
+from vinefab.search.space import Bounds, Space
+
+BED_RESERVE_MM = 10.0
+"""What seam, kerf and the overcut at the mouth may add to the size of a flat robot."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ManufacturabilityPenalty:
+    """How far designs are from being made with a recipe.
+
+    Parameters
+    ----------
+    profile
+        The recipe with its machine and material.
+    """
+
+    profile: LaserProfile
+
+    def __call__(self, design: Design) -> float:
+        """Return the penalty of the cheap rules, under the recipe's limits.
+
+        The flat robot must fit the recipe's bed with room for seam, kerf and the mouth's overcut,
+        and grow along its planned paths at a pressure that its seams stand.
+        """
+        material = self.profile.material
+        limits = by_rule(changed_limits(design, self.profile))
+        return window_penalty(design, self.profile, limits) + fabrication_penalty(
+            design,
+            limits,
+            film_mm=material.plies * material.ply_mm.value,
+            sheet_mm=self.sheet_mm,
+        )
+
+    @property
+    def sheet_mm(self) -> tuple[float, float]:
+        """What a flat robot must fit into."""
+        width_mm, height_mm = self.profile.machine.usable_mm
+        return width_mm - BED_RESERVE_MM, height_mm - BED_RESERVE_MM
+
+    def passes(self, design: Design) -> bool:
+        """Return whether no design rule forbids to make it, laser paths included."""
+        return not check_design(design, self.profile).blocking
+
+    def complaint(self, design: Design) -> str:
+        """Return which design rules forbid to make a design, and the first reason; empty if none.
+
+        The full check decides: a design with a penalty may pass it all the same, cut in tiles.
+        """
+        blocking = check_design(design, self.profile).blocking
+        rules = ", ".join(dict.fromkeys(finding.rule for finding in blocking))
+        return f"{rules} ({blocking[0].message})" if blocking else ""
+
+
+_ROOM_MM = 200.0
+"""Length of a vine by which rules are looked at that do not depend on it."""
+
+_OTHERWISE = "or evaluation.fabricable = false"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpaceQuery:
+    """A run, and the limits under which its designs are to be made.
+
+    Parameters
+    ----------
+    settings
+        The run.
+    profile
+        Its recipe.
+    changed
+        Limits that the recipe changes.
+    sheet_mm
+        Width and height that a flat robot must fit into.
+    """
+
+    settings: RunSettings
+    profile: LaserProfile
+    changed: LimitChanges
+    sheet_mm: tuple[float, float]
+
+    @classmethod
+    def of(
+        cls, settings: RunSettings, profile: LaserProfile, sheet_mm: tuple[float, float]
+    ) -> "SpaceQuery":
+        """Return the question whether a run's designs can be made with a recipe."""
+        vine = Design(name="vine", trunk_length_mm=_ROOM_MM, build=settings.build.build(1))
+        changed = by_rule(changed_limits(vine, profile))
+        return cls(settings=settings, profile=profile, changed=changed, sheet_mm=sheet_mm)
+
+    def limit(self, rule: Rule, name: str = "error") -> float:
+        """Return a rule's limit."""
+        return rule.limits_with(self.changed.get(rule.id, {}))[name]
+
+    def bounds(self, level: int, name: str) -> tuple[str, Bounds]:
+        """Return the key and the range of a level's variable."""
+        space = self.settings.space
+        own = name in space.by_level.get(level, {})
+        return f"space.level {level}.{name}" if own else f"space.{name}", space.bounds(level, name)
+
+    @property
+    def fewest(self) -> int:
+        """Levels that every design has."""
+        return int(self.settings.space.levels.low)
+
+    @property
+    def film_mm(self) -> float:
+        """Thickness of all plies."""
+        return self.profile.material.plies * self.profile.material.ply_mm.value
+
+
+def refuse_infeasible_space(question: SpaceQuery) -> None:
+    """Complain of a space in which every design breaks some rule.
+
+    Parameters
+    ----------
+    question
+        The run, its recipe and the bed.
+
+    Raises
+    ------
+    BadInputError
+        The first reason why no design of the run can be made.
+    """
+    for look in (_build, _widths, _pouch, _angles, _crotches, _bed, _least):
+        for reason in look(question):
+            raise reason
+
+
+def _no(rule: Rule, key: str, value: object, allowed: str) -> BadInputError:
+    return BadInputError(key, value, f"{allowed} ({rule.id}), {_OTHERWISE}")
+
+
+def _ends(bounds: Bounds) -> list[float]:
+    return [bounds.low, bounds.high]
+
+
+def _build(question: SpaceQuery) -> Iterator[BadInputError]:
+    """Yield what the full check says of trunk, tail, pressure and film, alike for all designs."""
+    build = question.settings.build
+    asked = (
+        (PLY, "evaluation.recipe", question.profile.recipe.name, ""),
+        (TAIL, "build.tail_mm", build.tail_mm, "at least {:g} mm"),
+        (CLAMP, "build.trunk_width_mm", build.trunk_width_mm, "at most {:g} mm, for the clamp"),
+        (RATING, "build.pressure_kpa", build.pressure_kpa, ""),
+        (BURST, "build.pressure_kpa", build.pressure_kpa, ""),
+    )
+    vine = Design(name="vine", trunk_length_mm=_ROOM_MM, build=build.build(1))
+    report = run_checks(subject_of(vine, question.profile), only={rule.id for rule, *_ in asked})
+    for rule, key, value, words in asked:
+        for finding in report.blocking:
+            if finding.rule == rule.id:
+                yield _no(rule, key, value, words.format(finding.limit) or finding.message)
+
+
+def _widths(question: SpaceQuery) -> Iterator[BadInputError]:
+    """Yield why a level that every design has is too narrow, or too wide for its parent."""
+    build, fewest = question.settings.build, question.fewest
+    least_mm, ratio = question.limit(LEAST_WIDTH), question.limit(WIDTH_RATIO)
+    for level, width_mm in enumerate(build.build(fewest).widths_mm, start=1):
+        if width_mm < least_mm * (1.0 - ROUNDING):
+            wide_mm = math.ceil(10.0 * least_mm / build.width_ratio ** (level - 1)) / 10.0
+            why = f", for width_ratio makes level {level} of it" if level > 1 else ""
+            allowed = f"at least {wide_mm:g} mm{why}"
+            yield _no(LEAST_WIDTH, "build.trunk_width_mm", build.trunk_width_mm, allowed)
+    pairs = pairwise(build.build(fewest).widths_mm)
+    if any(wide / narrow < ratio * (1.0 - ROUNDING) for wide, narrow in pairs):
+        allowed = f"at most {math.floor(1000.0 / ratio) / 1000.0:g}: parents wider than children"
+        yield _no(WIDTH_RATIO, "build.width_ratio", build.width_ratio, allowed)
+
+
+def _pouch(question: SpaceQuery) -> Iterator[BadInputError]:
+    """Yield why no pouch can be made, though the narrowest leaves are those of most levels."""
+    pouch, most = question.settings.build.pouch, int(question.settings.space.levels.high)
+    if pouch is None:
+        return
+    leaf_mm = question.settings.build.build(most).widths_mm[-1]
+    least_mm = max(leaf_mm, question.limit(LEAST_WIDTH))
+    if pouch.length_mm is not None and pouch.length_mm < least_mm * (1.0 - ROUNDING):
+        yield _no(POUCH, "build.pouch.length_mm", pouch.length_mm, f"at least {least_mm:g} mm")
+    if pouch.flat_width_mm <= leaf_mm:
+        words = f"{pouch.flat_width_mm:g} mm wide"
+        yield _no(POUCH, "build.pouch", words, f"wider than the narrowest leaf, {leaf_mm:g} mm")
+
+
+def _angles(question: SpaceQuery) -> Iterator[BadInputError]:
+    """Yield why the children of a level are almost parallel, or folded onto their parent."""
+    least_deg = question.limit(ANGLE)
+    for level in range(2, question.fewest + 1):
+        name, branches = question.bounds(level, "branches")
+        key, fan = question.bounds(level, "angle_deg")
+        widest = 2.0 * (180.0 - least_deg)
+        most = math.floor(min(fan.high, widest) / least_deg + 1e-9) + 1
+        if branches.low == 1 or (branches.low <= most and fan.low <= widest + 1e-6):
+            continue
+        if fan.low > widest + 1e-6 or most < 2:
+            allowed = f"some fan from {least_deg:g} to {widest:g} deg"
+            yield _no(ANGLE, key, _ends(fan), allowed)
+        allowed = f"{most} children or fewer, {least_deg:g} deg apart in {key}"
+        yield _no(ANGLE, name, _ends(branches), allowed)
+
+
+def _crotches(question: SpaceQuery) -> Iterator[BadInputError]:
+    """Yield why children are shorter than their joint: crotches end no nearer than its edge."""
+    widths_mm = question.settings.build.build(question.fewest).widths_mm
+    share = question.limit(CROTCH)
+    for level in range(2, question.fewest + 1):
+        key, length = question.bounds(level, "length_mm")
+        least_mm = widths_mm[level - 2] / 2.0 / share
+        if length.high < least_mm * (1.0 - ROUNDING):
+            allowed = f"lengths from {least_mm:g} mm on: as long as a parent is wide"
+            yield _no(CROTCH, key, _ends(length), allowed)
+
+
+def _bed(question: SpaceQuery) -> Iterator[BadInputError]:
+    """Yield why the tail with the shortest trunk does not fit the bed."""
+    build = replace(question.settings.build, pouch=None).build(1)
+    key, length = question.bounds(1, "length_mm")
+    vine = Design(name="vine", trunk_length_mm=length.low, build=build)
+    if excess_mm(shapes_of(flat_layout(vine), build), question.sheet_mm) > 0.0:
+        wide_mm, high_mm = question.sheet_mm
+        allowed = f"a trunk that fits {wide_mm:g} x {high_mm:g} mm with its tail"
+        if build.tail_mm > length.low:
+            yield _no(BED, "build.tail_mm", build.tail_mm, allowed)
+        yield _no(BED, key, _ends(length), allowed)
+
+
+def _least(question: SpaceQuery) -> Iterator[BadInputError]:
+    """Yield why even the smallest design is packed too full, or takes too much to grow."""
+    settings = question.settings
+    space = Space(settings.space, settings.build)
+    corner = np.zeros(len(space))
+    if int(space.fleet(corner[None]).sizes[0]) > MOST_BRANCHES:
+        return  # which is refused in other words
+    design = space.design(corner)
+    most = question.limit(PACKING)
+    shares = occupancies(design, question.film_mm, question.limit(PACKING, "packing"))
+    full = 100.0 * max(shares, default=0.0)
+    if full > most * (1.0 + ROUNDING):
+        branches = [level.branches for level in design.levels]
+        allowed = (
+            f"fewer, or a wider trunk: their film would fill {100.0 * max(shares):.0f} % of it"
+        )
+        yield _no(PACKING, "space.branches", f"at least {branches} by level", allowed)
+    if window_penalty(design, question.profile, question.changed) > 0.0:
+        allowed = "another trunk or ratio: growth through the leaves takes what the trunk bursts at"
+        yield _no(WINDOW, "build.width_ratio", settings.build.width_ratio, allowed)

@@ -1,0 +1,1 @@
+"""One file per optimizer, all driven by ask and tell."""

@@ -1,0 +1,326 @@
+"""CMA-ES with margin for mixed variables, from the package cmaes, one generation at a time.
+
+A normal distribution moves towards what is good and takes the shape of what is good; a margin
+keeps whole numbers from freezing (Hamano et al., CatCMA with margin, arXiv:2504.07884). Whole
+numbers with two values are treated like the others: the package's probabilities for categories
+became NaN in long runs of ours.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from cmaes import CatCMAwM
+from scipy import special
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats, number
+from vinefab.search.axes import SearchAxes
+from vinefab.search.optimizers.optimizer import Optimizer
+
+_LEAST, _MOST = 1e-8, 1e32
+"""What keeps quotients finite and chances off 0, and the largest step size, as in the package."""
+
+
+class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types here
+    """A normal distribution whose last coordinates stand for whole numbers."""
+
+    _mean: Floats
+    _sigma: float
+    _C: Floats
+    _p_sigma: Floats
+    _pc: Floats
+
+    def sample(self, rng: np.random.RandomState, count: int) -> Floats:
+        """Return points drawn from it, shape (count, d), not yet within the bounds."""
+        vectors, roots = self._eigen_decomposition()
+        steps = (rng.randn(count, len(roots)) * roots) @ vectors.T
+        drawn: Floats = self._mean + self._sigma * self._A * steps
+        return drawn
+
+    def within(self, v: Floats) -> tuple[Floats, Floats]:
+        """Return continuous coordinates within 0 to 1, and the whole numbers of the others."""
+        reals, rest = v[:, : self._Nco], v[:, self._Nco :]
+        return np.clip(reals, 0.0, 1.0), self._discretization(rest) if self._Nin else rest
+
+    def learn(self, v: Floats) -> None:
+        """Move and reshape by points that are in the order of their worth, best first.
+
+        Parameters
+        ----------
+        v
+            As they were drawn, shape (count, d).
+        """
+        places = np.arange(len(v), dtype=np.float64)
+        if self._Nco:
+            places += self._calc_continuous_penalty(v, places)
+        v = v[np.argsort(places, kind="stable")]
+        self._g += 1
+        if self._Nin:
+            v = self._integer_centering(v)
+        self._update_gaussian(v)
+        if self._Nin:
+            self._margin_correction()
+
+    def _discretization(self, v_discrete: Floats) -> Floats:
+        """Return the values that numbers stand for, shape (n,) or (m, n) as they are."""
+        places = np.count_nonzero(v_discrete[..., None] > self._z_lim, axis=-1)
+        found: Floats = self._z_space[np.arange(len(self._z_space)), places]
+        return found
+
+    def _integer_centering(self, v_raw: Floats) -> Floats:
+        """Return points with whole numbers centred, best first.
+
+        The better half is moved: entries whose whole number differs from the mean's onto that
+        number, and the others against the bias that this makes. Which numbers mutated is noted.
+        """
+        columns, better = self._discrete_idx, slice(self._mu)
+        old = v_raw[better][:, columns]
+        middle, whole = self._discretization(self._mean[columns]), self._discretization(old)
+        mutated = whole != middle
+        self._int_succ = mutated.any(axis=0)
+        offsets = whole - old
+        bias = np.where(mutated, offsets, 0.0).sum(axis=0)
+        shares = np.zeros(len(columns))
+        for sign in (1.0, -1.0):
+            moves = np.where(~mutated & (sign * offsets > 0.0), offsets, 0.0).sum(axis=0)
+            against = bias * moves < 0.0
+            shares[against] = np.minimum(1.0, -bias[against] / moves[against])
+        back = ~mutated & (bias * offsets < 0.0)
+        v_raw[: self._mu, columns] = np.where(mutated, whole, old + back * shares * offsets)
+        return v_raw
+
+    def _update_gaussian(self, sv: Floats) -> None:
+        """Update mean, paths, step size and covariance by points in order (tutorial, fig. 6)."""
+        steps = ((sv - self._mean) / self._A + self._mean - self._mean) / self._sigma
+        vectors, roots = self._eigen_decomposition()
+        whiten = np.multiply(vectors, 1.0 / roots, order="C").dot(vectors.T)
+        better = slice(self._mu)
+        mean_step = np.sum(steps[better].T * self._weights[better], axis=1)
+        self._mean += self._cm * self._sigma * mean_step
+        goes_on = self._follow(whiten.dot(mean_step), mean_step)
+        lengths = np.linalg.norm(whiten.dot(steps.T), axis=0) ** 2
+        weights = self._weights * np.where(self._weights >= 0, 1, self._Nmi / (lengths + _LEAST))
+        late = (1.0 - goes_on) * self._cc * (2 - self._cc)
+        outer = steps[:, :, None] * steps[:, None, :]
+        outer *= weights[:, None, None]
+        kept = 1 + self._c1 * late - self._c1 - self._cmu * np.sum(self._weights)
+        self._C = (
+            kept * self._C
+            + self._c1 * np.multiply.outer(self._pc, self._pc)
+            + self._cmu * outer.sum(axis=0)
+        )
+        self._B = self._D = None
+        _, roots = self._eigen_decomposition()
+        self._sigma = max(self._sigma, np.sqrt(self._min_eigenvalue / np.min(roots)))
+
+    def _follow(self, white_step: Floats, mean_step: Floats) -> float:
+        """Update both paths and the step size; return 0 while the step size grows fast, else 1."""
+        rate = math.sqrt(self._c_sigma * (2 - self._c_sigma) * self._mu_eff)
+        self._p_sigma = (1 - self._c_sigma) * self._p_sigma + rate * white_step
+        length = np.linalg.norm(self._p_sigma)
+        self._sigma *= np.exp((self._c_sigma / self._d_sigma) * (length / self._chi_n - 1))
+        self._sigma = min(self._sigma, _MOST)
+        begun = math.sqrt(1 - (1 - self._c_sigma) ** (2 * (self._g + 1)))
+        goes_on = float(length / begun < (1.4 + 2 / (self._Nmi + 1)) * self._chi_n)
+        pull = math.sqrt(self._cc * (2 - self._cc) * self._mu_eff)
+        self._pc = (1 - self._cc) * self._pc + goes_on * pull * mean_step
+        return goes_on
+
+    def _margin_correction(self) -> None:
+        """Keep every whole number likely enough to change (equations of the margin)."""
+        place = self._discrete_idx
+        middle, rows = self._mean[place], np.arange(len(self._z_lim))
+        after = np.count_nonzero(self._z_lim < middle[:, None], axis=1)
+        last = self._z_lim.shape[1] - 1
+        low = self._z_lim[rows, np.clip(after - 1, 0, last)]
+        high = self._z_lim[rows, np.clip(after, 0, last)]
+        root = np.sqrt(np.diag(self._C)[place])
+        scale = self._sigma * self._A[place] * root
+        below = special.ndtr((low - middle) / scale)
+        above = 1.0 - special.ndtr((high - middle) / scale)
+        at_end = np.maximum(below, above) > 0.5
+        if at_end.any():
+            self._widen_at_end(at_end, np.minimum(below, above), high)
+        if not at_end.all():
+            self._widen_between(~at_end, (below, above), (low, high))
+
+    def _widen_at_end(self, where: Any, rate: Floats, limit: Floats) -> None:  # noqa: ANN401
+        """Correct numbers whose mean lies at the least or largest value, at one limit."""
+        place, spread = self._discrete_idx, np.diag(self._C)[self._discrete_idx]
+        side = np.sign(self._mean[place] - limit)
+        rate = np.maximum(rate, self._alpha)
+        rate = np.where(self._int_succ, rate, np.minimum(rate, self._pmut))
+        rate = np.clip(rate, _LEAST, 0.5 - _LEAST)
+        away = np.abs(self._discretization(self._mean[place]) - limit)
+        least = away / (self._sigma * np.sqrt(_square_of(1.0 - 2.0 * self._alpha) * spread))
+        factor = self._A[place]
+        self._A[place[where]] = np.maximum(factor[where], least[where])
+        off = self._sigma * self._A[place] * np.sqrt(_square_of(1.0 - 2.0 * rate) * spread)
+        shift = limit + side * off - self._mean[place]
+        self._mean[place] = self._mean[place] + where * shift
+        self._pmut[where] = rate[where]
+
+    def _widen_between(
+        self,
+        where: Any,  # noqa: ANN401 - a mask
+        chances: tuple[Floats, Floats],
+        limits: tuple[Floats, Floats],
+    ) -> None:
+        """Correct numbers whose mean lies between two limits: room for both neighbours."""
+        place, hit, alpha = self._discrete_idx, self._int_succ, self._alpha
+        below, above = chances
+        between = 1.0 - (below + above)
+        below, above = np.maximum(below, alpha / 2), np.maximum(above, alpha / 2)
+        between = np.where(hit, between, np.maximum(between, 1 - self._pmut))
+        lack, all_three = 1 - below - above - between, below + above + between
+        lack /= np.where(hit, all_three - 3 * alpha / 2, all_three - alpha - (1 - self._pmut))
+        below, above = below + lack * (below - alpha / 2), above + lack * (above - alpha / 2)
+        below = np.clip(below, _LEAST, 0.5 - _LEAST)
+        above = np.clip(above, _LEAST, 0.5 - _LEAST)
+        one, two = (np.sqrt(_square_of(1.0 - 2 * chance)) for chance in (below, above))
+        low, high = limits
+        root = np.sqrt(np.diag(self._C))[place]
+        factor = (high - low) / ((one + two) * self._sigma * root)
+        self._A[place] = self._A[place] + where * (factor - self._A[place])
+        middle = (low * two + high * one) / (one + two)
+        self._mean[place] = self._mean[place] + where * (middle - self._mean[place])
+        self._pmut[where] = below[where] + above[where]
+
+
+def _square_of(chance: Any) -> Any:  # noqa: ANN401 - a number or an array
+    """Return the square that a standard normal number exceeds with one minus this chance."""
+    return 2.0 * special.gammaincinv(0.5, chance)
+
+
+_STREAM = 1405
+LEAST_POPULATION = 4
+"""With fewer points there is no covariance to learn from."""
+
+# All that changes from one generation to the next, but the generator, which is made anew for each.
+# _B and _D can be computed from _C, but not to the last bit.
+_ARRAYS = {"_mean": float, "_C": float, "_B": float, "_D": float, "_p_sigma": float, "_pc": float}
+_ARRAYS |= {"_A": float, "_pmut": float, "_int_succ": bool}
+_NUMBERS = ("_sigma", "_g", "_iqhist_values")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CmaConfig:
+    """Parameters of CMA-ES.
+
+    Parameters
+    ----------
+    spread
+        Standard deviation of the first generation, as a share of each range.
+    """
+
+    spread: float = 0.2
+
+    def __post_init__(self) -> None:
+        number("optimizer.spread", self.spread, 1e-3, 1.0)
+
+    def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
+        """Return the search before its first generation."""
+        if population < LEAST_POPULATION:
+            allowed = f"at least {LEAST_POPULATION} for the optimizer cmaes"
+            raise BadInputError("optimizer.population", population, allowed)
+        return Cma(self, axes, population, seed)
+
+
+class Cma:
+    """A distribution over designs that learns from the ranks of what it proposes.
+
+    Parameters
+    ----------
+    recipe
+        Parameters.
+    axes
+        The coordinates.
+    population
+        Points per generation, at least 4.
+    seed
+        At least 0.
+
+    Notes
+    -----
+    It is told ranks instead of fitness: of the values themselves the algorithm uses only the
+    spread, to weigh points outside the bounds, and a penalty would blow that up.
+
+    An inactive coordinate is drawn like any other and selected by chance: its mean and spread
+    stay, in expectation, what they are, until designs with that level are looked at again.
+    """
+
+    def __init__(self, recipe: CmaConfig, axes: SearchAxes, population: int, seed: int) -> None:
+        self._seed = seed
+        self._population = population
+        counts = np.array(axes.choices)
+        self._real = np.flatnonzero(counts == 0)
+        self._whole = np.flatnonzero(counts > 0)
+        self._counts = counts
+        self._search = self._new_search(recipe)
+        self._generation = 0
+        self._drawn: Floats | None = None
+
+    def ask(self) -> Floats:
+        """Return points of the distribution, shape (m, d)."""
+        reals, numbers = self._search.within(self._points())
+        x = np.empty((self._population, len(self._counts)))
+        x[:, self._real] = reals
+        x[:, self._whole] = (numbers + 0.5) / self._counts[self._whole]
+        return x
+
+    def _points(self) -> Floats:
+        """Return this generation's points as they were drawn."""
+        if self._drawn is None:
+            sequence = np.random.SeedSequence(self._seed, spawn_key=(_STREAM, self._generation))
+            rng = np.random.RandomState(np.random.MT19937(sequence))
+            self._drawn = self._search.sample(rng, self._population)
+        return self._drawn
+
+    def tell(self, x: Floats, fitness: Floats) -> None:  # noqa: ARG002 - it knows what it asked
+        """Move the distribution by the ranks of the points."""
+        # Of equals, the order in which they were drawn decides, which is as good as any.
+        self._search.learn(self._points()[np.argsort(-fitness, kind="stable")])
+        self._drawn = None
+        self._generation += 1
+
+    def state(self) -> Mapping[str, object]:
+        """Return the distribution; before the first generation nothing is to be kept."""
+        if self._generation == 0:
+            return {"generation": 0}
+        kept: dict[str, object] = {"generation": self._generation}
+        known = vars(self._search)
+        kept |= {name: np.array(known[name], dtype=float) for name in _ARRAYS if name in known}
+        kept |= {name: _plain(known[name]) for name in _NUMBERS if name in known}
+        return kept
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state."""
+        self._generation = state["generation"]
+        self._drawn = None
+        for name, value in state.items():
+            if name in _ARRAYS:
+                setattr(self._search, name, np.array(value, dtype=_ARRAYS[name]))
+            elif name in _NUMBERS:
+                setattr(self._search, name, value)
+
+    def _new_search(self, recipe: CmaConfig) -> Any:  # noqa: ANN401 - cmaes has no types here
+
+        whole = self._counts[self._whole]
+        ranges = np.concatenate([np.ones(len(self._real)), whole])
+        middles = np.concatenate([np.full(len(self._real), 0.5), (whole - 1.0) / 2.0])
+        return Distribution(
+            x_space=[[0.0, 1.0]] * len(self._real) or None,
+            z_space=[list(range(count)) for count in whole.tolist()] or None,
+            population_size=self._population,
+            mean=middles,
+            cov=np.diag((recipe.spread * ranges) ** 2),
+        )
+
+
+def _plain(value: Any) -> object:  # noqa: ANN401 - as above
+    if isinstance(value, list):
+        return [float(entry) for entry in value]
+    return int(value) if isinstance(value, int) else float(value)

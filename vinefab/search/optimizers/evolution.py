@@ -1,0 +1,162 @@
+"""The evolutionary algorithm: pymoo's mixed-variable operators, one generation at a time.
+
+Parents are drawn at random, real and whole variables are crossed and mutated each by their own
+operators, and the best of parents and children together survive. pymoo's own loop keeps its
+generator and its history to itself; its operators can be driven step by step.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vinefab.core.rng import child
+from vinefab.core.validation import Floats, number
+from vinefab.search.axes import SearchAxes
+from vinefab.search.optimizers.optimizer import Optimizer
+
+_STREAM = 1404
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvolutionConfig:
+    """Parameters of the evolutionary algorithm; the defaults are pymoo's.
+
+    Parameters
+    ----------
+    crossover_eta, mutation_eta
+        How near children stay to their parents, and mutants to what they were: larger is nearer.
+    """
+
+    crossover_eta: float = 15.0
+    mutation_eta: float = 20.0
+
+    def __post_init__(self) -> None:
+        number("optimizer.crossover_eta", self.crossover_eta, 1.0, 1000.0)
+        number("optimizer.mutation_eta", self.mutation_eta, 1.0, 1000.0)
+
+    def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
+        """Return the algorithm before its first generation."""
+        return Evolution(self, axes, population, seed)
+
+
+class Evolution:
+    """A population that is crossed, mutated and selected.
+
+    Parameters
+    ----------
+    recipe
+        Parameters.
+    axes
+        The coordinates.
+    population
+        Survivors, and children per generation.
+    seed
+        At least 0.
+    """
+
+    def __init__(
+        self, recipe: EvolutionConfig, axes: SearchAxes, population: int, seed: int
+    ) -> None:
+        self._axes = axes
+        self._population = population
+        self._seed = seed
+        self._generation = 0
+        self._parents = np.empty((0, len(axes)))
+        self._fitness = np.empty(0)
+        self._problem = _problem(axes)
+        self._mating = _mating(recipe)
+        self._mating.eliminate_duplicates = self._same_designs()
+
+    def ask(self) -> Floats:
+        """Return the first population, or the children of the last, shape (m, d)."""
+        rng = child(self._seed, _STREAM, self._generation)
+        first = rng.random((self._population, len(self._axes)))
+        if self._generation == 0:
+            return self._axes.settled(first)
+        parents = self._individuals(self._parents)
+        children = self._mating.do(self._problem, parents, self._population, random_state=rng)
+        points = self._points(children)
+        # Where nothing new can be made of the parents, the rest is drawn at random.
+        return np.concatenate([points, self._axes.settled(first)])[: self._population]
+
+    def tell(self, x: Floats, fitness: Floats) -> None:
+        """Let the best of parents and children survive; of equals, the older."""
+        points = np.concatenate([self._parents, x])
+        worth = np.concatenate([self._fitness, fitness])
+        best = np.argsort(-worth, kind="stable")[: self._population]
+        self._parents, self._fitness = points[best], worth[best]
+        self._generation += 1
+
+    def state(self) -> Mapping[str, object]:
+        """Return the survivors and what they are worth."""
+        return {
+            "generation": self._generation,
+            "parents": self._parents.copy(),
+            "fitness": self._fitness.copy(),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state."""
+        self._generation = state["generation"]
+        self._fitness = np.array(state["fitness"], dtype=np.float64)
+        parents = np.array(state["parents"], dtype=np.float64)
+        self._parents = parents.reshape(-1, len(self._axes))
+
+    def _individuals(self, points: Floats) -> Any:  # noqa: ANN401 - pymoo has no types
+        from pymoo.core.population import Population  # noqa: PLC0415 - loaded when it is used
+
+        rows = [
+            {
+                axis: index if choices else value
+                for axis, (choices, index, value) in enumerate(
+                    zip(self._axes.choices, indices, values, strict=True)
+                )
+            }
+            for indices, values in zip(
+                self._axes.indices(points).tolist(), points.tolist(), strict=True
+            )
+        ]
+        return Population.new(X=rows)
+
+    def _points(self, individuals: Any) -> Floats:  # noqa: ANN401 - pymoo has no types
+        axes = range(len(self._axes))
+        held = [one.X for one in individuals]
+        values = np.array([[row[axis] for axis in axes] for row in held], dtype=np.float64)
+        values = values.reshape(-1, len(self._axes))
+        counts = np.maximum(np.array(self._axes.choices), 1)
+        points: Floats = np.where(self._axes.whole, (values + 0.5) / counts, values)
+        return points
+
+    def _same_designs(self) -> Any:  # noqa: ANN401 - pymoo has no types
+        """Return what drops children that stand for the same design as another."""
+        from pymoo.core.duplicate import DefaultDuplicateElimination  # noqa: PLC0415
+
+        return DefaultDuplicateElimination(func=lambda pop: self._axes.settled(self._points(pop)))
+
+
+def _problem(axes: SearchAxes) -> Any:  # noqa: ANN401 - pymoo has no types
+    from pymoo.core.problem import Problem  # noqa: PLC0415
+    from pymoo.core.variable import Integer, Real  # noqa: PLC0415
+
+    variables = {
+        axis: Integer(bounds=(0, choices - 1)) if choices else Real(bounds=(0.0, 1.0))
+        for axis, choices in enumerate(axes.choices)
+    }
+    return Problem(vars=variables, n_obj=1)
+
+
+def _mating(recipe: EvolutionConfig) -> Any:  # noqa: ANN401 - pymoo has no types
+    from pymoo.core.mixed import MixedVariableMating  # noqa: PLC0415
+    from pymoo.core.variable import Integer, Real  # noqa: PLC0415
+    from pymoo.operators.crossover.sbx import SBX  # noqa: PLC0415
+    from pymoo.operators.mutation.pm import PM  # noqa: PLC0415
+    from pymoo.operators.repair.rounding import RoundingRepair  # noqa: PLC0415
+
+    near, nearer = recipe.crossover_eta, recipe.mutation_eta
+    whole = {"vtype": float, "repair": RoundingRepair()}
+    return MixedVariableMating(
+        crossover={Real: SBX(eta=near), Integer: SBX(eta=near, **whole)},
+        mutation={Real: PM(eta=nearer), Integer: PM(eta=nearer, **whole)},
+    )

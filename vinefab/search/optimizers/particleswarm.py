@@ -1,0 +1,187 @@
+"""The particle swarm of the paper: the algorithm of MATLAB's ``particleswarm``.
+
+Written from its published description. A particle follows its own best point and the best among a
+few others that are drawn anew every generation; inertia and the number of others adapt to whether
+the swarm improves. It knows no whole numbers: they are cut from its coordinates afterwards.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.rng import child
+from vinefab.core.validation import Floats, Ints, number
+from vinefab.search.axes import SearchAxes
+from vinefab.search.optimizers.optimizer import Optimizer
+
+_STREAM = 1403
+_ARRAYS = ("position", "velocity", "best_x", "best_sum", "best_count")
+_NUMBERS = ("generation", "inertia", "neighbours", "failures")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AdaptiveSwarmConfig:
+    """Parameters of the adaptive swarm; the defaults are MATLAB's.
+
+    Parameters
+    ----------
+    least_inertia, most_inertia
+        Range of the inertia; it starts at the upper end.
+    self_weight, social_weight
+        Pull towards its own best point and the best of the particles that it looks at.
+    least_neighbours
+        Smallest number of other particles that one looks at, as a share of the swarm.
+    adapt_always
+        Whether the inertia adapts also after a generation that improved nothing. Descriptions of
+        the algorithm differ on it.
+    reevaluate
+        Evaluate every personal best again in each generation and go by its mean, so that a lucky
+        evaluation does not stay. The swarm is half as large then: the other half of the
+        generation's evaluations is spent on the personal bests.
+    """
+
+    least_inertia: float = 0.1
+    most_inertia: float = 1.1
+    self_weight: float = 1.49
+    social_weight: float = 1.49
+    least_neighbours: float = 0.25
+    adapt_always: bool = True
+    reevaluate: bool = False
+
+    def __post_init__(self) -> None:
+        number("optimizer.least_inertia", self.least_inertia, 0.0, 10.0)
+        number("optimizer.most_inertia", self.most_inertia, 0.0, 10.0)
+        number("optimizer.self_weight", self.self_weight, 0.0, 10.0)
+        number("optimizer.social_weight", self.social_weight, 0.0, 10.0)
+        number("optimizer.least_neighbours", self.least_neighbours, 0.0, 1.0)
+        if self.least_inertia > self.most_inertia:
+            allowed = f"at most most_inertia, {self.most_inertia:g}"
+            raise BadInputError("optimizer.least_inertia", self.least_inertia, allowed)
+
+    def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
+        """Return a swarm before its first generation."""
+        particles = (population + 1) // 2 if self.reevaluate else population
+        return AdaptiveSwarm(self, (max(2, particles), len(axes)), seed)
+
+
+class AdaptiveSwarm:
+    """A swarm whose inertia and neighbourhoods adapt.
+
+    Parameters
+    ----------
+    recipe
+        Parameters.
+    shape
+        Particles (at least 2) and dimensions.
+    seed
+        At least 0.
+    """
+
+    def __init__(self, recipe: AdaptiveSwarmConfig, shape: tuple[int, int], seed: int) -> None:
+        self._recipe = recipe
+        self._seed = seed
+        rng = child(seed, _STREAM, 0)
+        self.position = rng.random(shape)
+        self.velocity = rng.uniform(-1.0, 1.0, shape)
+        self.best_x = self.position.copy()
+        self.best_sum = np.full(shape[0], -np.inf)
+        self.best_count = np.ones(shape[0])
+        self.generation = 0
+        self.inertia = recipe.most_inertia
+        self.neighbours = self._least
+        self.failures = 0
+
+    def ask(self) -> Floats:
+        """Return the positions, and below them the personal bests where those are asked again."""
+        if self.generation == 0 or not self._recipe.reevaluate:
+            return self.position.copy()
+        return np.concatenate([self.position, self.best_x])
+
+    def tell(self, x: Floats, fitness: Floats) -> None:
+        """Update the personal bests, adapt, and move the swarm."""
+        count = len(self.position)
+        before = self._best_means().max()
+        self._evaluated_again(fitness[count:])
+        self._improve(x[:count], fitness[:count])
+        if self.generation > 0:
+            self._adapt(improved=bool(self._best_means().max() > before))
+        self.generation += 1
+        self._move()
+
+    def state(self) -> Mapping[str, object]:
+        """Return the swarm; before the first generation there is nothing to keep."""
+        if self.generation == 0:
+            return {"generation": 0}
+        arrays = {name: getattr(self, name).copy() for name in _ARRAYS}
+        return {**{name: getattr(self, name) for name in _NUMBERS}, **arrays}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state."""
+        if state["generation"] == 0:
+            return
+        for name in _ARRAYS:
+            setattr(self, name, np.array(state[name], dtype=np.float64))
+        for name in _NUMBERS:
+            setattr(self, name, state[name])
+
+    @property
+    def _least(self) -> int:
+        particles = len(self.position)
+        return min(max(2, int(self._recipe.least_neighbours * particles)), particles - 1)
+
+    def _best_means(self) -> Floats:
+        means: Floats = self.best_sum / self.best_count
+        return means
+
+    def _evaluated_again(self, fitness: Floats) -> None:
+        if len(fitness):
+            self.best_sum = self.best_sum + fitness
+            self.best_count = self.best_count + 1.0
+
+    def _improve(self, x: Floats, fitness: Floats) -> None:
+        better = fitness > self._best_means()
+        self.best_x = np.where(better[:, None], x, self.best_x)
+        self.best_sum = np.where(better, fitness, self.best_sum)
+        self.best_count = np.where(better, 1.0, self.best_count)
+
+    def _adapt(self, *, improved: bool) -> None:
+        if improved:
+            self.failures = max(0, self.failures - 1)
+            self.neighbours = self._least
+        else:
+            self.failures += 1
+            self.neighbours = min(self.neighbours + self._least, len(self.position) - 1)
+        if improved or self._recipe.adapt_always:
+            if self.failures < 2:
+                self.inertia *= 2.0
+            elif self.failures > 5:
+                self.inertia /= 2.0
+            low, high = self._recipe.least_inertia, self._recipe.most_inertia
+            self.inertia = min(high, max(low, self.inertia))
+
+    def _move(self) -> None:
+        rng = child(self._seed, _STREAM, self.generation)
+        leaders = self.best_x[self._leaders(rng)]
+        own, social = rng.random((2, *self.position.shape))
+        self.velocity = (
+            self.inertia * self.velocity
+            + self._recipe.self_weight * own * (self.best_x - self.position)
+            + self._recipe.social_weight * social * (leaders - self.position)
+        )
+        moved = self.position + self.velocity
+        self.position = np.clip(moved, 0.0, 1.0)
+        # What was clipped would only push on against the face.
+        self.velocity = np.where(moved == self.position, self.velocity, 0.0)
+
+    def _leaders(self, rng: np.random.Generator) -> Ints:
+        """Return for each particle the best of some others, drawn without repeats, shape (m,)."""
+        count = len(self.position)
+        lots = rng.random((count, count))
+        np.fill_diagonal(lots, np.inf)
+        others = np.argsort(lots, axis=1)[:, : self.neighbours]
+        best = np.argmax(self._best_means()[others], axis=1)
+        leaders: Ints = others[np.arange(count), best]
+        return leaders

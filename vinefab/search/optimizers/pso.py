@@ -1,0 +1,212 @@
+"""Particle swarm optimization on pyswarms' backend, one generation at a time.
+
+pyswarms' own optimizers cannot be paused or seeded; its swarm, topologies, operators and handlers
+can be driven step by step. They draw from numpy's global generator, which is lent a seeded state
+for each step and given back untouched.
+"""
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats, Ints, number, whole
+from vinefab.search.axes import SearchAxes
+from vinefab.search.optimizers.optimizer import Optimizer
+
+_STREAM = 1401
+_QUIET = Path(__file__).with_name("quiet_pyswarms.yaml")
+_ARRAYS = ("position", "velocity", "pbest_pos", "pbest_cost")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwarmConfig:
+    """Parameters of the particle swarm.
+
+    Parameters
+    ----------
+    inertia
+        Share of its velocity that a particle keeps.
+    cognitive, social
+        Pull towards its own best and its neighbours' best point.
+    neighbours
+        Particles, itself included, whose best it knows: the nearest by number, in a ring. 0: all.
+    most_speed
+        Largest change of a coordinate in one generation, as a share of its range.
+    ignore_inactive
+        Whether the best points of designs without a level pull on that level's coordinates no
+        more: what such points hold there has never been evaluated.
+    """
+
+    inertia: float = 0.73
+    cognitive: float = 1.49
+    social: float = 1.49
+    neighbours: int = 5
+    most_speed: float = 0.5
+    ignore_inactive: bool = False
+
+    def __post_init__(self) -> None:
+        number("optimizer.inertia", self.inertia, 0.0, 2.0)
+        number("optimizer.cognitive", self.cognitive, 0.0, 10.0)
+        number("optimizer.social", self.social, 0.0, 10.0)
+        number("optimizer.most_speed", self.most_speed, 1e-6, 1.0)
+        whole("optimizer.neighbours", self.neighbours, 0, 100_000)
+        if self.neighbours == 1:
+            raise BadInputError("optimizer.neighbours", 1, "0 for all, or at least 2")
+
+    def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
+        """Return a swarm before its first generation."""
+        return ParticleSwarm(self, axes, population, seed)
+
+
+class ParticleSwarm:
+    """A swarm of particles that remember their best points and follow their neighbours'.
+
+    Points that would leave the unit cube are reflected at its faces.
+
+    Parameters
+    ----------
+    recipe
+        Parameters.
+    axes
+        The coordinates.
+    population
+        Particles.
+    seed
+        At least 0.
+    """
+
+    def __init__(self, recipe: SwarmConfig, axes: SearchAxes, population: int, seed: int) -> None:
+        self._recipe = recipe
+        self._axes = axes
+        self._shape = shape = (population, len(axes))
+        self._seed = seed
+        self._generation = 0
+        self._bounds = (np.zeros(shape[1]), np.ones(shape[1]))
+        with _quiet():
+            from pyswarms import backend  # noqa: PLC0415 - it must not be imported unheard
+
+            self._backend = backend
+            self._topology = _topology(recipe, shape[0])
+            self._on_bounds = backend.BoundaryHandler(strategy="reflective")
+            self._on_speed = backend.VelocityHandler(strategy="unmodified")
+        self._swarm = self._new_swarm()
+
+    def ask(self) -> Floats:
+        """Return the particles' positions, shape (m, d)."""
+        positions: Floats = self._swarm.position.copy()
+        return positions
+
+    def tell(self, x: Floats, fitness: Floats) -> None:
+        """Update the particles' best points and move them."""
+        swarm = self._swarm
+        swarm.position = np.array(x, dtype=np.float64)
+        swarm.current_cost = -np.asarray(fitness, dtype=np.float64)
+        swarm.pbest_pos, swarm.pbest_cost = self._backend.compute_pbest(swarm)
+        self._follow_best()
+        self._generation += 1
+        with _lent_generator(self._seed, self._generation):
+            speed = (-self._recipe.most_speed, self._recipe.most_speed)
+            with self._inactive_ignored():
+                swarm.velocity = self._topology.compute_velocity(
+                    swarm, speed, self._on_speed, self._bounds
+                )
+            swarm.position = self._topology.compute_position(swarm, self._bounds, self._on_bounds)
+
+    def state(self) -> Mapping[str, object]:
+        """Return the swarm; before the first generation there is nothing to keep."""
+        if self._generation == 0:
+            return {"generation": 0}
+        arrays = {name: getattr(self._swarm, name).copy() for name in _ARRAYS}
+        return {"generation": self._generation, **arrays}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state."""
+        self._generation = state["generation"]
+        self._swarm = self._new_swarm()
+        if self._generation > 0:
+            for name in _ARRAYS:
+                setattr(self._swarm, name, np.array(state[name], dtype=np.float64))
+
+    @contextmanager
+    def _inactive_ignored(self) -> Iterator[None]:
+        """Let a particle's place stand for what a best point says nothing about: no pull."""
+        swarm, own = self._swarm, self._swarm.pbest_pos
+        if self._recipe.ignore_inactive:
+            leaders = np.broadcast_to(swarm.best_pos, own.shape)
+            swarm.pbest_pos = np.where(self._axes.active(own), own, swarm.position)
+            swarm.best_pos = np.where(self._axes.active(leaders), leaders, swarm.position)
+        yield
+        swarm.pbest_pos = own
+
+    def _follow_best(self) -> None:
+        # Star keeps what was best unless it is beaten: forget it, so that the answer depends on
+        # the particles' bests alone and a restored swarm, which has not seen the past, agrees.
+        swarm = self._swarm
+        swarm.best_cost = np.inf
+        swarm.best_pos, swarm.best_cost = self._topology.compute_gbest(
+            swarm, p=2, k=max(2, self._recipe.neighbours)
+        )
+
+    def _new_swarm(self) -> Any:  # noqa: ANN401 - pyswarms has no types
+        recipe = self._recipe
+        options = {"c1": recipe.cognitive, "c2": recipe.social, "w": recipe.inertia}
+        with _lent_generator(self._seed, 0):
+            swarm = self._backend.create_swarm(
+                *self._shape,
+                options=options,
+                bounds=self._bounds,
+                clamp=(-recipe.most_speed, recipe.most_speed),
+            )
+        swarm.pbest_cost = np.full(self._shape[0], np.inf)
+        return swarm
+
+
+def _topology(recipe: SwarmConfig, population: int) -> Any:  # noqa: ANN401 - pyswarms has no types
+    from pyswarms.backend.topology import Ring, Star  # noqa: PLC0415 - only within _quiet
+
+    if recipe.neighbours == 0 or recipe.neighbours >= population:
+        return Star()
+    ring = Ring(static=True)
+    # pyswarms would join particles that start close to each other; a ring by number joins all.
+    ring.neighbor_idx = _ring_by_number(population, recipe.neighbours)
+    return ring
+
+
+def _ring_by_number(population: int, neighbours: int) -> Ints:
+    """Return for each particle itself and the nearest by number, shape (m, neighbours)."""
+    offsets = np.arange(neighbours) - neighbours // 2
+    ring: Ints = (np.arange(population)[:, None] + offsets) % population
+    return ring
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep pyswarms from configuring logging, on import and whenever it makes a part."""
+    before = os.environ.get("LOG_CFG")
+    os.environ["LOG_CFG"] = str(_QUIET)
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["LOG_CFG"]
+        else:
+            os.environ["LOG_CFG"] = before
+
+
+@contextmanager
+def _lent_generator(seed: int, generation: int) -> Iterator[None]:
+    """Put numpy's global generator into the state of one generation, and back afterwards."""
+    sequence = np.random.SeedSequence(seed, spawn_key=(_STREAM, generation))
+    own = np.random.RandomState(np.random.MT19937(sequence))
+    before = np.random.get_state()  # noqa: NPY002
+    np.random.set_state(own.get_state())  # noqa: NPY002
+    try:
+        yield
+    finally:
+        np.random.set_state(before)  # noqa: NPY002

@@ -1,0 +1,46 @@
+"""Random search: the baseline that every other optimizer has to beat."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import cast
+
+from vinefab.core.rng import child
+from vinefab.core.validation import Floats
+from vinefab.search.axes import SearchAxes
+from vinefab.search.optimizers.optimizer import Optimizer
+
+_STREAM = 1402
+
+
+class RandomSearch:
+    """Uniformly drawn points, generation after generation."""
+
+    def __init__(self, dimensions: int, population: int, seed: int) -> None:
+        self._shape = (population, dimensions)
+        self._seed = seed
+        self._generation = 0
+
+    def ask(self) -> Floats:
+        """Return the points of the next generation, shape (m, d)."""
+        return child(self._seed, _STREAM, self._generation).random(self._shape)
+
+    def tell(self, x: Floats, fitness: Floats) -> None:  # noqa: ARG002 - it learns nothing
+        """Go on to the next generation."""
+        self._generation += 1
+
+    def state(self) -> Mapping[str, object]:
+        """Return the number of the generation."""
+        return {"generation": self._generation}
+
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Go on from a generation."""
+        self._generation = cast("int", state["generation"])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RandomConfig:
+    """Random search has no parameters."""
+
+    def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
+        """Return a random search."""
+        return RandomSearch(len(axes), population, seed)

@@ -1,0 +1,248 @@
+"""Run files: TOML, schema ``vinefab/run-1``.
+
+Every table and key but ``schema`` may be left out. Ranges are written ``[low, high]``, or as one
+number when the variable is fixed. What ``[task]`` and ``[optimizer]`` hold beyond the keys named
+here are the parameters of the task and the optimizer that they name.
+"""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, ConfigDict, Field
+
+from vinefab.core.errors import BadInputError, located
+from vinefab.core.units import rad
+from vinefab.growth.options import GrowthOptions
+from vinefab.model.design import (
+    DEFAULT_PRESSURE_KPA,
+    DEFAULT_TAIL_MM,
+    DEFAULT_TRUNK_WIDTH_MM,
+    DEFAULT_WIDTH_RATIO,
+    Pouch,
+)
+from vinefab.model.files.design_toml import PouchForm
+from vinefab.model.files.toml import Form, read_toml, validated
+from vinefab.search.costs import check_objectives
+from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
+from vinefab.search.run import environment_options
+from vinefab.search.settings import (
+    EvaluationSettings,
+    MapSettings,
+    PartSettings,
+    RunSettings,
+    SearchSettings,
+)
+from vinefab.search.space import LIMITS, Bounds, BuildSettings, SpaceSettings
+from vinefab.tasks.shipped_tasks import make_task
+
+SCHEMA = "vinefab/run-1"
+
+
+def _pair(value: object) -> object:
+    """Return a fixed value as a range whose ends are the same."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return [value, value]
+    if isinstance(value, list) and len(value) == 2:
+        return value
+    raise ValueError("a number, or a range [low, high]")
+
+
+Range = Annotated[list[float], BeforeValidator(_pair)]
+
+
+class MapsForm(Form):
+    """Table ``[maps]``: generated maps, or files beside the run file."""
+
+    environment: str | None = None
+    count: int | None = None
+    seed: int | None = None
+    options: dict[str, Any] | None = None
+    files: list[str] | None = None
+
+
+class RunPartForm(Form):
+    """A table that names a part; its other keys are the part's parameters."""
+
+    model_config = ConfigDict(extra="allow")
+
+
+class TaskForm(RunPartForm):
+    """Table ``[task]``."""
+
+    name: str = RunSettings().task.name
+    objectives: list[str] = Field(default_factory=list)
+
+
+class RunLevelForm(Form):
+    """Table ``[[space.level]]``: ranges of one level only; level 1 is the trunk."""
+
+    number: int
+    length_mm: Range | None = None
+    angle_deg: Range | None = None
+    branches: Range | None = None
+    growth_percent: Range | None = None
+
+
+class SpaceForm(Form):
+    """Table ``[space]``: ranges of all levels."""
+
+    levels: Range | None = None
+    length_mm: Range | None = None
+    angle_deg: Range | None = None
+    branches: Range | None = None
+    growth_percent: Range | None = None
+    level: list[RunLevelForm] = Field(default_factory=list)
+
+
+class RunBuildForm(Form):
+    """Table ``[build]``."""
+
+    trunk_width_mm: float = DEFAULT_TRUNK_WIDTH_MM
+    width_ratio: float = DEFAULT_WIDTH_RATIO
+    tail_mm: float = DEFAULT_TAIL_MM
+    pressure_kpa: float = DEFAULT_PRESSURE_KPA
+    pouch: PouchForm | None = None
+
+
+class RunGrowthForm(Form):
+    """Table ``[growth]``."""
+
+    head_on_half_angle_deg: float = 1.0
+    children_of_stuck: Literal["stop", "deploy"] = "stop"
+    body: Literal["centerline", "inflated"] = "centerline"
+
+
+class OptimizerForm(RunPartForm):
+    """Table ``[optimizer]``; without a name the default, ``nsga2`` where there are objectives."""
+
+    name: str = ""
+    population: int = SearchSettings().population
+    generations: int = SearchSettings().generations
+    seed: int = SearchSettings().seed
+    stall_generations: int = 0
+    stall_tolerance: float = 0.0
+    evaluations: int = 0
+    wall_time_s: float = 0.0
+
+
+class EvaluationForm(Form):
+    """Table ``[evaluation]``."""
+
+    poses_per_map: int = EvaluationSettings().poses_per_map
+    maps_per_generation: int = EvaluationSettings().maps_per_generation
+    pose_range: float = EvaluationSettings().pose_range
+    composite: str = EvaluationSettings().composite
+    reference_deviation: float = EvaluationSettings().reference_deviation
+    redraw: bool = True
+    fabricable: bool = True
+    recipe: str = ""
+    head_on_weight: float = EvaluationSettings().head_on_weight
+    penalty_weight: float = EvaluationSettings().penalty_weight
+    finalists: int = EvaluationSettings().finalists
+    final_poses_per_map: int = EvaluationSettings().final_poses_per_map
+
+
+class RunForm(Form):
+    """A whole run file."""
+
+    schema_: Literal["vinefab/run-1"] = Field(alias="schema")
+    name: str | None = None
+    maps: MapsForm = MapsForm()
+    task: TaskForm = TaskForm()
+    space: SpaceForm = SpaceForm()
+    build: RunBuildForm = RunBuildForm()
+    growth: RunGrowthForm = RunGrowthForm()
+    optimizer: OptimizerForm = OptimizerForm()
+    evaluation: EvaluationForm = EvaluationForm()
+
+
+def read_run(path: Path) -> RunSettings:
+    """Return the settings of a run file.
+
+    Parameters
+    ----------
+    path
+        The file. Map files in it are found from its folder, and the run is called after it
+        unless it says otherwise.
+
+    Raises
+    ------
+    UnreadableFileError, UnknownNameError, BadInputError
+        With the file, the key, the value and what is allowed.
+    """
+    form = validated(RunForm, read_toml(path), path)
+    with located(path):
+        return _settings(form, path)
+
+
+def _settings(form: RunForm, path: Path) -> RunSettings:
+    search = form.optimizer.model_dump(include=set(SearchSettings.__dataclass_fields__))
+    growth = form.growth.model_dump(exclude={"head_on_half_angle_deg"})
+    angle_rad = rad(form.growth.head_on_half_angle_deg)
+    settings = RunSettings(
+        name=_name(form, path),
+        maps=_maps(form.maps, path.parent),
+        task=PartSettings(name=form.task.name, parameters=form.task.model_extra or {}),
+        space=_space(form.space),
+        build=_build(form.build),
+        growth=GrowthOptions(head_on_half_angle_rad=angle_rad, **growth),
+        optimizer=PartSettings(
+            name=form.optimizer.name or ("nsga2" if form.task.objectives else "cmaes"),
+            parameters=form.optimizer.model_extra or {},
+        ),
+        search=SearchSettings(**search),
+        evaluation=EvaluationSettings(**form.evaluation.model_dump()),
+        objectives=tuple(form.task.objectives),
+    )
+    check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
+    # Made once here, so that a wrong name or parameter is reported with the file, at once.
+    environment_options(settings.maps)
+    make_task(settings.task.name, settings.task.parameters)
+    make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
+    return settings
+
+
+def _build(form: RunBuildForm) -> BuildSettings:
+    pouch = None if form.pouch is None else Pouch(**form.pouch.model_dump())
+    return BuildSettings(**form.model_dump(exclude={"pouch"}), pouch=pouch)
+
+
+def _name(form: RunForm, path: Path) -> str:
+    name = path.stem if form.name is None else form.name
+    if not name or name.startswith(".") or not all(c.isalnum() or c in "_-." for c in name):
+        raise BadInputError("name", name, "letters, digits, '_', '-' and '.'")
+    return name
+
+
+def _maps(form: MapsForm, folder: Path) -> MapSettings:
+    given = form.model_dump(exclude_none=True)
+    files = given.pop("files", None)
+    if files is None:
+        return MapSettings(**given)
+    if given:
+        raise BadInputError(
+            f"maps.{next(iter(given))}", next(iter(given.values())), "not beside maps.files"
+        )
+    if not files:
+        raise BadInputError("maps.files", files, "at least one map file")
+    for index, name in enumerate(files, start=1):
+        if not (folder / name).is_file():
+            allowed = f"a map file, found from the folder of the run file: {folder / name}"
+            raise BadInputError(f"maps.files[{index}]", name, allowed)
+    return MapSettings(count=len(files), files=tuple(folder / name for name in files))
+
+
+def _space(form: SpaceForm) -> SpaceSettings:
+    numbers = [level.number for level in form.level]
+    for index, number in enumerate(numbers):
+        if number in numbers[:index]:
+            raise BadInputError(f"space.level[{index + 1}].number", number, "each level once")
+    return SpaceSettings(
+        by_level={level.number: _ranges(level) for level in form.level}, **_ranges(form)
+    )
+
+
+def _ranges(form: SpaceForm | RunLevelForm) -> dict[str, Bounds]:
+    """Return the ranges that a table gives."""
+    given = form.model_dump(include={"levels", *LIMITS}, exclude_none=True)
+    return {name: Bounds(low=low, high=high) for name, (low, high) in given.items()}

@@ -1,0 +1,385 @@
+"""The designs that a run searches: the range of every variable, and points of a unit cube."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.units import deg, rad
+from vinefab.core.validation import LARGEST_MM, Floats, number, positive
+from vinefab.model.design import (
+    DEFAULT_PRESSURE_KPA,
+    DEFAULT_TAIL_MM,
+    DEFAULT_TRUNK_WIDTH_MM,
+    DEFAULT_WIDTH_RATIO,
+    MOST_LEVELS,
+    Build,
+    Design,
+    Level,
+    Pouch,
+    default_fillets_mm,
+)
+from vinefab.search.axes import SearchAxes
+from vinefab.search.design_batch import DesignBatch, branch_counts
+
+LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        "length_mm": (0.1, LARGEST_MM),
+        "angle_deg": (0.0, 360.0),
+        "branches": (1, 1000),
+        "growth_percent": (0.1, 10_000.0),
+    }
+)
+"""What a design may hold at all, per variable of a level."""
+
+WHOLE = ("levels", "branches")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bounds:
+    """The range of one variable; fixed when both ends are the same.
+
+    Parameters
+    ----------
+    low, high
+        Both allowed.
+    """
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpaceSettings:
+    """Ranges of the variables; the defaults are the paper's Table 1, lengths read as mm.
+
+    Parameters
+    ----------
+    levels
+        Number of levels n, the trunk included.
+    length_mm
+        Length of the trunk and of each level's first child (BL).
+    angle_deg
+        Angle of the whole fan (theta).
+    branches
+        Children per parent (SPL).
+    growth_percent
+        Length of the last child over that of the first (LGF).
+    by_level
+        Ranges that differ for single levels: level number (1 is the trunk) to variable to range.
+    """
+
+    levels: Bounds = Bounds(low=2, high=5)
+    length_mm: Bounds = Bounds(low=10.0, high=205.0)
+    angle_deg: Bounds = Bounds(low=20.0, high=160.0)
+    branches: Bounds = Bounds(low=2, high=4)
+    growth_percent: Bounds = Bounds(low=10.0, high=160.0)
+    by_level: Mapping[int, Mapping[str, Bounds]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check_bounds("space.levels", "levels", self.levels, (1, MOST_LEVELS))
+        for name, limits in LIMITS.items():
+            _check_bounds(f"space.{name}", name, getattr(self, name), limits)
+        for number_, table in self.by_level.items():
+            _check_level(number_, table, int(self.levels.high))
+
+    def bounds(self, level: int, name: str) -> Bounds:
+        """Return the range of a variable of one level."""
+        given: Bounds = getattr(self, name)
+        return self.by_level.get(level, {}).get(name, given)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BuildSettings:
+    """How every design of a run is built.
+
+    Parameters
+    ----------
+    trunk_width_mm
+        Lay-flat width of the trunk.
+    width_ratio
+        Width of a level over that of the level before.
+    tail_mm
+        Straight length below the base.
+    pressure_kpa
+        Working gauge pressure.
+    pouch
+        Pouch at every leaf tip, or None.
+    """
+
+    trunk_width_mm: float = DEFAULT_TRUNK_WIDTH_MM
+    width_ratio: float = DEFAULT_WIDTH_RATIO
+    tail_mm: float = DEFAULT_TAIL_MM
+    pressure_kpa: float = DEFAULT_PRESSURE_KPA
+    pouch: Pouch | None = None
+
+    def __post_init__(self) -> None:
+        positive("build.trunk_width_mm", self.trunk_width_mm)
+        positive("build.width_ratio", self.width_ratio, 1.0, "")
+        number("build.tail_mm", self.tail_mm, 0.0, LARGEST_MM, "mm")
+        number("build.pressure_kpa", self.pressure_kpa, 0.0, 10_000.0, "kPa")
+
+    def build(self, depth: int) -> Build:
+        """Return the build of a design with so many levels."""
+        widths_mm = tuple(
+            round(self.trunk_width_mm * self.width_ratio**level, 3) for level in range(depth)
+        )
+        return Build(
+            widths_mm=widths_mm,
+            fillet_mm=default_fillets_mm(widths_mm),
+            tail_mm=self.tail_mm,
+            pressure_kpa=self.pressure_kpa,
+            pouch=self.pouch,
+        )
+
+
+def _check_bounds(key: str, name: str, bounds: Bounds, limits: tuple[float, float]) -> None:
+    for value in (bounds.low, bounds.high):
+        number(key, value, *limits)
+        if name in WHOLE and value != int(value):
+            raise BadInputError(key, value, "whole numbers")
+    if bounds.low > bounds.high:
+        raise BadInputError(key, [bounds.low, bounds.high], "a lower and an upper end, in order")
+
+
+def _check_level(level: int, table: Mapping[str, Bounds], deepest: int) -> None:
+    key = f"space.level {level}"
+    if not 1 <= level <= deepest:
+        allowed = f"1 (the trunk) to {deepest}, the most levels of the space"
+        raise BadInputError("space.level.number", level, allowed)
+    known = tuple(LIMITS) if level > 1 else ("length_mm",)
+    for name, bounds in table.items():
+        if name not in known:
+            given = [bounds.low, bounds.high]
+            raise BadInputError(f"{key}.{name}", given, f"only {', '.join(known)} there")
+        _check_bounds(f"{key}.{name}", name, bounds, LIMITS[name])
+
+
+DECIMALS = 2
+"""Lengths, angles and growth are whole hundredths of their units, so that a design file holds
+exactly what was evaluated, in digits that a person can read."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variable:
+    """One coordinate of the search.
+
+    Parameters
+    ----------
+    name
+        ``levels``, or a variable of a level.
+    level
+        The level that it belongs to, the trunk being 1; 0 for ``levels``.
+    bounds
+        Its range.
+    """
+
+    name: str
+    level: int
+    bounds: Bounds
+
+    @property
+    def choices(self) -> int:
+        """How many whole numbers it stands for; 0 when it is continuous."""
+        return int(self.bounds.high - self.bounds.low) + 1 if self.name in WHOLE else 0
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether there is nothing to search."""
+        return self.bounds.low == self.bounds.high
+
+    def value(self, share: float) -> float:
+        """Return the value at a share 0 to 1 of the range; whole numbers have equal shares."""
+        low, high = self.bounds.low, self.bounds.high
+        if self.name in WHOLE:
+            return min(high, low + int(share * (high - low + 1)))
+        return min(high, max(low, round(low + share * (high - low), DECIMALS)))
+
+    def share(self, value: float) -> float:
+        """Return the share of the range that gives a value; the nearest end if it is outside."""
+        low, high = self.bounds.low, self.bounds.high
+        offset, span = value - low, high - low
+        if self.name in WHOLE:
+            offset, span = offset + 0.5, span + 1.0
+        return min(1.0, max(0.0, offset / span))
+
+
+class Space:
+    """The map between vectors with entries from 0 to 1 and designs.
+
+    Variables with equal bounds are no part of the vector. Variables of levels that a design does
+    not have are, but have no effect: the same design then has many vectors (`Axes.settled` gives
+    the one that stands for all of them).
+
+    Parameters
+    ----------
+    settings
+        Ranges.
+    build
+        How the designs are built.
+
+    Examples
+    --------
+    >>> space = Space(SpaceSettings(), BuildSettings())
+    >>> len(space)
+    18
+    >>> space.design(np.full(18, 0.5)).depth
+    4
+    """
+
+    def __init__(self, settings: SpaceSettings, build: BuildSettings) -> None:
+        self.settings = settings
+        self.build = build
+        every = tuple(_variables(settings))
+        self.variables = tuple(variable for variable in every if not variable.is_fixed)
+        self._fixed = {
+            (variable.level, variable.name): variable.value(0.0)
+            for variable in every
+            if variable.is_fixed
+        }
+        self._builds: dict[int, Build] = {}
+        self._row = np.array([variable.bounds.low for variable in every])
+        self._free = np.array([index for index, v in enumerate(every) if not v.is_fixed], dtype=int)
+        self._low = self._row[self._free]
+        self._high = np.array([variable.bounds.high for variable in self.variables])
+        self._whole = np.array([v.choices > 0 for v in self.variables], dtype=np.bool_)
+
+    def __len__(self) -> int:
+        return len(self.variables)
+
+    @property
+    def axes(self) -> SearchAxes:
+        """What an optimizer is told about the coordinates.
+
+        Raises
+        ------
+        BadInputError
+            If every variable is fixed.
+        """
+        depths = [index for index, v in enumerate(self.variables) if v.name == "levels"]
+        return SearchAxes(
+            choices=tuple(variable.choices for variable in self.variables),
+            levels=tuple(variable.level for variable in self.variables),
+            depth=depths[0] if depths else None,
+            least_depth=int(self.settings.levels.low),
+        )
+
+    def design(self, x: Floats, name: str = "candidate") -> Design:
+        """Return the design at a point.
+
+        Parameters
+        ----------
+        x
+            Shares of the ranges, shape (len(self),), each 0 to 1.
+        name
+            The design's name.
+
+        Raises
+        ------
+        BadInputError
+            If the point stands for more branches than a design may have.
+        """
+        values = dict(self._fixed)
+        for variable, share in zip(self.variables, x.tolist(), strict=True):
+            values[variable.level, variable.name] = variable.value(share)
+        depth = int(values[0, "levels"])
+        levels = tuple(
+            Level(
+                branches=int(values[level, "branches"]),
+                length_mm=values[level, "length_mm"],
+                fan_rad=rad(values[level, "angle_deg"]),
+                growth=values[level, "growth_percent"] / 100.0,
+            )
+            for level in range(2, depth + 1)
+        )
+        return Design(
+            name=name,
+            trunk_length_mm=values[1, "length_mm"],
+            levels=levels,
+            build=self.build_of(depth),
+        )
+
+    def fleet(self, x: Floats) -> DesignBatch:
+        """Return the designs at many points, as `design` finds them one by one.
+
+        Parameters
+        ----------
+        x
+            Points, shape (m, len(self)).
+        """
+        table = np.tile(self._row, (len(x), 1))
+        table[:, self._free] = self._values(x)
+        level = table[:, 2:].reshape(len(x), int(self.settings.levels.high) - 1, len(LIMITS))
+        of = {name: level[:, :, place] for place, name in enumerate(LIMITS)}
+        depth, branches = table[:, 0].astype(np.int64), of["branches"].astype(np.int64)
+        return DesignBatch(
+            depth=depth,
+            trunk_mm=table[:, 1],
+            branches=branches,
+            length_mm=of["length_mm"],
+            fan_rad=np.radians(of["angle_deg"]),
+            growth=of["growth_percent"] / 100.0,
+            counts=branch_counts(depth, branches),
+        )
+
+    def _values(self, x: Floats) -> Floats:
+        """Return what `Variable.value` does, for all variables at many points."""
+        low, high = self._low, self._high
+        numbers = np.minimum(high, low + np.trunc(x * (high - low + 1.0)))
+        values = np.minimum(high, np.maximum(low, _rounded(low + x * (high - low))))
+        found: Floats = np.where(self._whole, numbers, values)
+        return found
+
+    def build_of(self, depth: int) -> Build:
+        """Return the build of designs with so many levels, made once."""
+        if depth not in self._builds:
+            self._builds[depth] = self.build.build(depth)
+        return self._builds[depth]
+
+    def vector(self, design: Design) -> Floats:
+        """Return a point that stands for a design, as nearly as the bounds allow.
+
+        Entries of levels that the design does not have are 0.5.
+        """
+        values: dict[tuple[int, str], float] = {
+            (0, "levels"): design.depth,
+            (1, "length_mm"): design.trunk_length_mm,
+        }
+        for number_, level in enumerate(design.levels, start=2):
+            values[number_, "branches"] = level.branches
+            values[number_, "length_mm"] = level.length_mm
+            values[number_, "angle_deg"] = deg(level.fan_rad)
+            values[number_, "growth_percent"] = 100.0 * level.growth
+        return np.array(
+            [
+                variable.share(values[key])
+                if (key := (variable.level, variable.name)) in values
+                else 0.5
+                for variable in self.variables
+            ]
+        )
+
+
+def _rounded(values: Floats) -> Floats:
+    """Return numbers as Python's ``round`` does, which looks at all their decimals."""
+    factor = 10.0**DECIMALS
+    shifted = values * factor
+    whole = np.rint(shifted)
+    rounded: Floats = whole / factor
+    # Multiplying may carry a number over the middle between two others.
+    for place in np.flatnonzero(np.abs(np.abs(shifted - whole) - 0.5) < 1e-5).tolist():
+        rounded.flat[place] = round(float(values.flat[place]), DECIMALS)
+    return rounded
+
+
+def _variables(settings: SpaceSettings) -> list[Variable]:
+    found = [Variable(name="levels", level=0, bounds=settings.levels)]
+    found.append(Variable(name="length_mm", level=1, bounds=settings.bounds(1, "length_mm")))
+    found += [
+        Variable(name=name, level=level, bounds=settings.bounds(level, name))
+        for level in range(2, int(settings.levels.high) + 1)
+        for name in LIMITS
+    ]
+    return found

@@ -1,0 +1,1 @@
+"""The paper's experiments, the optimizer contest and the benchmarks; nothing else loads them."""

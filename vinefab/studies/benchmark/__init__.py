@@ -1,0 +1,1 @@
+"""How fast growth and search are."""

@@ -1,0 +1,392 @@
+"""How fast growth and search are: against other ways, in size, in threads, and to the floor."""
+
+import importlib
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vinefab.core.jsontext import json_text
+from vinefab.growth.batch import Batch, BlockMapper, Launches
+from vinefab.growth.simulator import grow
+from vinefab.growth.terrain import Terrain
+from vinefab.maps.poses import draw_poses
+from vinefab.model.map import Pose
+from vinefab.model.tree import branch_tree
+from vinefab.search.record.timing import TimeSplit
+from vinefab.search.run import run_search
+from vinefab.search.settings import (
+    EvaluationSettings,
+    MapSettings,
+    PartSettings,
+    RunSettings,
+    SearchSettings,
+)
+from vinefab.studies.benchmark.bench_cases import (
+    OPTIONS,
+    batch_on,
+    events,
+    free_poses,
+    least_each_s,
+    least_s,
+    square_map,
+    tree_of_40,
+)
+from vinefab.studies.benchmark.shapely_reference import (
+    ReferenceBranch,
+    ReferenceWorld,
+    grow_tree,
+    tips_mm,
+)
+from vinefab.studies.benchmark.test_floor import Floor, floor_on
+from vinefab.tasks.coverage import Coverage
+from vinefab.tasks.evaluate import PreparedMap, score_designs
+
+
+def peak_mb() -> float | None:
+    """Return the largest memory of this process so far, or None where the system does not tell."""
+    try:
+        resource = importlib.import_module("resource")
+    except ModuleNotFoundError:
+        return None
+    # Bytes on a Mac, units of 1024 bytes elsewhere.
+    per_mb = 2**20 if sys.platform == "darwin" else 2**10
+    return float(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / per_mb)
+
+
+SEARCHES = ("particleswarm", "cmaes")
+"""The paper's optimizer, and the default."""
+
+MAPS, DESIGNS = 5, 100
+
+
+def search_split(optimizer: str, threads: int, generations: int) -> TimeSplit:
+    """Return where the time of a search goes: coverage of five Grids, Table 1, with a record.
+
+    Parameters
+    ----------
+    optimizer
+        Its name.
+    threads
+        Who evaluates.
+    generations
+        Of 100 designs each.
+    """
+    settings = RunSettings(
+        name="bench",
+        maps=MapSettings(count=MAPS),
+        optimizer=PartSettings(name=optimizer),
+        search=SearchSettings(population=DESIGNS, generations=generations),
+        evaluation=EvaluationSettings(fabricable=False),
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        return run_search(settings, Path(folder), workers=threads).times
+
+
+SCHEMA = "vinefab/bench-1"
+SIZES = (300, 3_000, 30_000, 300_000)
+MILLION = 1_010_000
+"""Rounding and chance leave a little less."""
+
+BATCH_SIZES = (1, 8, 64, 128, 512)
+THREADS = (1, 2)
+MEMORY_AFTER = (10_000, 100_000)
+GROWTHS = 500
+FORESEEN_GROWTHS = 10
+GENERATIONS = 100
+FLOOR_GROWTHS = 100
+"""So many that the processor cannot learn the outcome of their tests by heart."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchSize:
+    """One map of the scaling.
+
+    Parameters
+    ----------
+    walls
+        Number of walls.
+    prepare_s
+        Time to make walls and index out of the map.
+    ns_per_event
+        Time of one event of growth, one core.
+    """
+
+    walls: int
+    prepare_s: float
+    ns_per_event: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchmarkResult:
+    """Everything that was measured.
+
+    Times are of one core, for poses around the start of the smallest map, if not said otherwise.
+
+    Parameters
+    ----------
+    branches_per_s, evaluations_per_s
+        Branches grown, and trees of 40 branches grown and scored for coverage.
+    reference_branches_per_s, twin_branches_per_s
+        Branches grown by the Shapely reference and by the kernel's readable twin.
+    reference_error_mm
+        Largest distance between a tip of the reference and that of the kernel.
+    evaluation_over_growth
+        Time of a full evaluation over that of growth alone.
+    events_per_branch, ns_per_event
+        Mean number of events, and the time of one.
+    sizes
+        Maps of growing size and the same density, grown on from poses anywhere on them.
+    floor
+        What the tests alone would take.
+    foreseen_ns_per_event
+        Time of one event where the same growth is done again and again, so that the processor
+        foresees every branch of the code: the rest of an event's time is wrong guesses.
+    threads
+        Evaluations per second by number of threads, by the clock.
+    batches
+        Growths per second by number of growths in one compiled call.
+    memory
+        Largest memory of the process so far (MB) after numbers of evaluations; empty where the
+        system does not tell.
+    searches
+        Where the time of searches of the paper's size went, by optimizer, on two threads.
+    """
+
+    branches_per_s: float
+    evaluations_per_s: float
+    reference_branches_per_s: float
+    reference_error_mm: float
+    twin_branches_per_s: float
+    evaluation_over_growth: float
+    events_per_branch: float
+    ns_per_event: float
+    sizes: tuple[BenchSize, ...]
+    floor: Floor
+    foreseen_ns_per_event: float
+    threads: dict[int, float]
+    batches: dict[int, float]
+    memory: dict[int, float]
+    searches: dict[str, TimeSplit]
+
+    @property
+    def speedup(self) -> float:
+        """How many times faster a branch is than with the Shapely reference."""
+        return self.branches_per_s / self.reference_branches_per_s
+
+    @property
+    def over_floor(self) -> float:
+        """Time of an event over its floor."""
+        return self.ns_per_event / self.floor.ns_per_event
+
+    def text(self) -> str:
+        """Return everything as JSON: ``vinefab/bench-1``."""
+        content = asdict(self)
+        content |= {
+            "speedup": self.speedup,
+            "start_ns_per_event": self.ns_per_event,
+            "edges": [size.walls for size in self.sizes],
+            "ns_per_event": [size.ns_per_event for size in self.sizes],
+            "floor_ns_per_event": self.floor.ns_per_event,
+            "over_floor": self.over_floor,
+        }
+        for name in ("threads", "batches", "memory"):
+            content[name] = {str(key): value for key, value in content[name].items()}
+        content["searches"] = {
+            name: {**split.plain(), "shares": split.shares} for name, split in self.searches.items()
+        }
+        return json_text(SCHEMA, content)
+
+
+def run_benchmark(
+    progress: Callable[[float, str], None], *, million: bool = False
+) -> BenchmarkResult:
+    """Measure everything; takes about a minute.
+
+    Parameters
+    ----------
+    progress
+        Called with the share done and a few words.
+    million
+        Measure a map of a million walls too.
+    """
+    site = PreparedMap.of(square_map(SIZES[0]))
+    poses = draw_poses(site.world, GROWTHS, 1)
+    progress(0.0, "memory")
+    # First of all, because large maps leave the peak where no evaluation could raise it.
+    memory = _memory(site, poses)
+    walls = (*SIZES, MILLION) if million else SIZES
+    sizes = []
+    for index, wanted in enumerate(walls):
+        progress(0.1 + 0.5 * index / len(walls), f"{wanted} walls")
+        sizes.append(_size(wanted))
+    progress(0.6, "references")
+    batch = batch_on(site.terrain, poses)
+    branches, count = len(batch) * len(batch.plans.each[0]), events(batch)
+    reference = _Reference(site.terrain, poses[:25])
+    grown_s, evaluated_s, reference_s = least_each_s(
+        (lambda: events(batch), lambda: _evaluate(site, batch.launches), reference.grow)
+    )
+    progress(0.8, "threads and batches")
+    return BenchmarkResult(
+        branches_per_s=branches / grown_s,
+        evaluations_per_s=len(batch) / evaluated_s,
+        reference_branches_per_s=reference.branches / reference_s,
+        reference_error_mm=reference.error_mm(),
+        twin_branches_per_s=_twin(site.terrain, poses[:5]),
+        evaluation_over_growth=evaluated_s / grown_s,
+        events_per_branch=count / branches,
+        ns_per_event=1e9 * grown_s / count,
+        sizes=tuple(sizes),
+        floor=floor_on(site.terrain, poses[:FLOOR_GROWTHS]),
+        foreseen_ns_per_event=_foreseen_ns(site.terrain, poses[:FORESEEN_GROWTHS]),
+        threads={count: _threaded(site, poses, count) for count in THREADS},
+        batches={size: _batched(site.terrain, poses, size) for size in BATCH_SIZES},
+        memory=memory,
+        searches={name: search_split(name, max(THREADS), GENERATIONS) for name in SEARCHES},
+    )
+
+
+def _size(walls: int) -> BenchSize:
+    """Measure growth on one map."""
+    world = square_map(walls)
+    began = time.process_time()
+    terrain = Terrain.of(world)
+    count = len(terrain.walls().wall)
+    prepare_s = time.process_time() - began
+    batch = batch_on(terrain, free_poses(terrain, GROWTHS))
+    return BenchSize(walls=count, prepare_s=prepare_s, ns_per_event=_ns_per_event(batch))
+
+
+def _foreseen_ns(terrain: Terrain, poses: tuple[Pose, ...]) -> float:
+    """Return the mean time of an event (ns) in growths that are each done many times over."""
+    return float(np.mean([_ns_per_event(batch_on(terrain, (pose,) * GROWTHS)) for pose in poses]))
+
+
+def _ns_per_event(batch: Batch) -> float:
+    return 1e9 * least_s(lambda: events(batch)) / events(batch)
+
+
+def _evaluate(site: PreparedMap, launches: Launches, over: BlockMapper = map) -> None:
+    score_designs([tree_of_40()], [site], launches, Coverage(area="fast"), OPTIONS, over)
+
+
+class _Reference:
+    """The growths of the tree from some poses, by the Shapely reference."""
+
+    def __init__(self, terrain: Terrain, poses: tuple[Pose, ...]) -> None:
+        self._terrain, self._poses = terrain, poses
+        self._course, self._tree = ReferenceWorld(terrain.free_space()), branch_tree(tree_of_40())
+        self.branches = len(poses) * len(self._tree)
+
+    def grow(self) -> list[list[ReferenceBranch]]:
+        return [grow_tree(self._course, self._tree, pose, OPTIONS) for pose in self._poses]
+
+    def error_mm(self) -> float:
+        """Return how far its tips are from the kernel's at most."""
+        exact = [grow(tree_of_40(), self._terrain, pose, OPTIONS).tips_mm for pose in self._poses]
+        found = [tips_mm(branches) for branches in self.grow()]
+        return max(float(np.abs(a - b).max()) for a, b in zip(found, exact, strict=True))
+
+
+def _twin(terrain: Terrain, poses: tuple[Pose, ...]) -> float:
+    """Return the readable twin's branches per second."""
+    design = tree_of_40()
+    taken_s = least_s(
+        lambda: [grow(design, terrain, pose, OPTIONS, "reference") for pose in poses], 1
+    )
+    return len(poses) * len(branch_tree(design)) / taken_s
+
+
+def _threaded(site: PreparedMap, poses: tuple[Pose, ...], threads: int) -> float:
+    """Return evaluations per second on several threads, by the clock."""
+    launches = batch_on(site.terrain, 8 * poses).launches
+    with ThreadPoolExecutor(max_workers=threads) as pool:
+        taken_s = least_s(lambda: _evaluate(site, launches, pool.map), wall_clock=True)
+    return len(launches) / taken_s
+
+
+def _batched(terrain: Terrain, poses: tuple[Pose, ...], size: int) -> float:
+    """Return growths per second with so many growths in one compiled call."""
+    batch = batch_on(terrain, poses)
+    return len(batch) / least_s(lambda: list(batch.each(len, size=size)), 3)
+
+
+def _memory(site: PreparedMap, poses: tuple[Pose, ...]) -> dict[int, float]:
+    """Return the process's largest memory after numbers of evaluations."""
+    found, done = {}, 0
+    launches = batch_on(site.terrain, poses).launches
+    for count in MEMORY_AFTER:
+        while done < count:
+            _evaluate(site, launches)
+            done += len(poses)
+        peak = peak_mb()
+        if peak is not None:
+            found[count] = peak
+    return found
+
+
+def bench_lines(result: BenchmarkResult) -> list[str]:
+    """Return everything that was measured as lines for the user."""
+    return [
+        "one tree of 40 branches on Grid maps, bare centreline; times of one core",
+        *_compared(result),
+        "",
+        "walls      prepare   per event (from anywhere)   to the first",
+        *(
+            f"{size.walls:<9,d} {size.prepare_s:6.2f} s  {size.ns_per_event:12.1f} ns"
+            f"  {size.ns_per_event / result.sizes[0].ns_per_event:20.2f}"
+            for size in result.sizes
+        ),
+        "",
+        *_floor(result),
+        "",
+        *(
+            f"{count} thread{'s' if count > 1 else ' '}            {rate:10,.0f} evaluations/s"
+            f"  x {rate / result.threads[1]:.2f}"
+            for count, rate in result.threads.items()
+        ),
+        *(
+            f"{size:<4d} growths per call {rate:10,.0f} growths/s  x {rate / result.batches[1]:.2f}"
+            for size, rate in result.batches.items()
+        ),
+        *(
+            f"after {count:,} evaluations the process had taken {peak:.1f} MB at most"
+            for count, peak in result.memory.items()
+        ),
+        "",
+        f"a search of the paper's size, {DESIGNS} designs a generation on {MAPS} Grid maps:",
+        *(f"{name:<14} {split.words}" for name, split in result.searches.items()),
+    ]
+
+
+def _compared(result: BenchmarkResult) -> list[str]:
+    growths_per_s = result.branches_per_s / 40.0
+    twin = result.branches_per_s / result.twin_branches_per_s
+    return [
+        f"growth             {result.branches_per_s:12,.0f} branches/s"
+        f"  ({growths_per_s:,.0f} trees/s, {result.events_per_branch:.2f} events a branch)",
+        f"Shapely reference  {result.reference_branches_per_s:12,.0f} branches/s"
+        f"  {result.speedup:,.0f} times slower, tips within {result.reference_error_mm:.1e} mm",
+        f"plain Python twin  {result.twin_branches_per_s:12,.0f} branches/s"
+        f"  {twin:,.0f} times slower",
+        f"full evaluation    {result.evaluations_per_s:12,.0f} trees/s scored for coverage"
+        f"  {result.evaluation_over_growth:.2f} times the time of growth alone",
+    ]
+
+
+def _floor(result: BenchmarkResult) -> list[str]:
+    floor = result.floor
+    return [
+        f"floor: {floor.wall_tests:.2f} wall tests of {floor.wall_ns:.1f} ns and "
+        f"{floor.corner_tests:.2f} corner tests of {floor.corner_ns:.1f} ns per event"
+        f" = {floor.ns_per_event:.1f} ns",
+        f"an event takes {result.ns_per_event:.1f} ns, {result.over_floor:.1f} times that; "
+        f"{result.foreseen_ns_per_event:.1f} ns where the processor knows the growth by heart",
+        "the rest beside the tests: wrong guesses of branches, finding cells, the tips themselves",
+    ]

@@ -1,0 +1,307 @@
+"""Optimizers against each other on the same problems, at equal numbers of evaluations."""
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from multiprocessing import get_context
+from pathlib import Path
+
+from vinefab.core.atomic import ensure_writable, folder_to_fill
+from vinefab.core.errors import BadInputError, UnreadableFileError, located
+from vinefab.core.hashing import fingerprint
+from vinefab.core.jsontext import GENERATOR
+from vinefab.core.validation import whole
+from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.search.loop import Search
+from vinefab.search.record.identity import RunIdentity
+from vinefab.search.run import environment_options, generated_maps, penalty_of
+from vinefab.search.settings import PartSettings, RunSettings
+from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
+from vinefab.tasks.shipped_tasks import make_task
+
+FIRST_UNSEEN = 500_001
+"""Seed of the first map for testing; runs train on maps with much smaller seeds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contender:
+    """An optimizer with parameters.
+
+    Parameters
+    ----------
+    label
+        What tables call it.
+    part
+        Name and parameters.
+    """
+
+    label: str
+    part: PartSettings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contest:
+    """How contenders are compared.
+
+    Parameters
+    ----------
+    problems
+        Runs with generated maps; their optimizer and seeds are replaced.
+    contenders
+        The first is what the others are compared with.
+    seeds
+        Runs of each contender on each problem. With the same number, all contenders search with
+        the same seed on the same maps and meet the same poses; every number has its own maps.
+    unseen, poses
+        Maps that no run has trained on, and poses on each, to test every winner on.
+    sources
+        The problems' files, for errors; may be left out.
+    """
+
+    problems: tuple[RunSettings, ...]
+    contenders: tuple[Contender, ...]
+    seeds: int = 10
+    unseen: int = 25
+    poses: int = 3
+    sources: tuple[Path, ...] = ()
+
+    def __post_init__(self) -> None:
+        whole("--seeds", self.seeds, 1, 1000)
+        whole("--unseen", self.unseen, 1, 10_000)
+        whole("--poses", self.poses, 1, 1000)
+        for key, names in (
+            ("RUN.toml", [problem.name for problem in self.problems]),
+            ("--optimizer", [contender.label for contender in self.contenders]),
+        ):
+            if not names or len(set(names)) < len(names):
+                raise BadInputError(key, names, "at least one, each once")
+        for problem in self.problems:
+            if problem.maps.files:
+                allowed = f"generated maps, in the comparison of {problem.name}"
+                raise BadInputError("maps.files", [str(f) for f in problem.maps.files], allowed)
+
+    def bouts(self) -> list["ContestRun"]:
+        """Return every run, problem by problem, so that early results compare all contenders."""
+        return [
+            ContestRun.of(problem, contender, number, self)
+            for number in range(self.seeds)
+            for problem in self.problems
+            for contender in self.contenders
+        ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContestRun:
+    """One run of a comparison.
+
+    Parameters
+    ----------
+    contender, number
+        Who, and which of its seeds.
+    settings
+        The run.
+    unseen, poses
+        As in `Contest`.
+    """
+
+    contender: str
+    number: int
+    settings: RunSettings
+    unseen: int
+    poses: int
+
+    @classmethod
+    def of(
+        cls, problem: RunSettings, contender: Contender, number: int, contest: Contest
+    ) -> "ContestRun":
+        """Return a contender's run on a problem."""
+        maps = replace(problem.maps, seed=problem.maps.seed + number * problem.maps.count)
+        if maps.seed + maps.count > FIRST_UNSEEN:
+            raise BadInputError("maps.seed", maps.seed, f"less than {FIRST_UNSEEN - maps.count}")
+        search = replace(problem.search, seed=problem.search.seed + number)
+        settings = replace(problem, maps=maps, search=search, optimizer=contender.part)
+        return cls(
+            contender=contender.label,
+            number=number,
+            settings=settings,
+            unseen=contest.unseen,
+            poses=contest.poses,
+        )
+
+    @property
+    def key(self) -> str:
+        """What tells it from all others, also in another session."""
+        identity = RunIdentity.of(self.settings, ())
+        return fingerprint(identity.run_id, self.contender, self.unseen, self.poses)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContestRow:
+    """What came of one run.
+
+    Parameters
+    ----------
+    key
+        The bout's.
+    problem, contender, number
+        What it was.
+    unseen
+        The winner's composite on unseen maps: what counts.
+    fresh
+        The same on fresh poses on the training maps, by which the winner was chosen.
+    lucky
+        The best fitness that the search ever saw.
+    penalty
+        The winner's; 0 when it can be made or nobody asked.
+    evaluations
+        Designs evaluated by the search.
+    optimizer_s, total_s
+        Time of asking and telling, and of everything.
+    """
+
+    key: str
+    problem: str
+    contender: str
+    number: int
+    unseen: float
+    fresh: float
+    lucky: float
+    penalty: float
+    evaluations: int
+    optimizer_s: float
+    total_s: float
+
+
+def run_contest(bout: ContestRun) -> ContestRow:
+    """Run one bout."""
+    began_s = time.perf_counter()
+    settings = bout.settings
+    result = _search(settings).run()
+    weighed = settings.evaluation.composite
+    sites = _unseen_sites(
+        settings.maps.environment, json.dumps(dict(settings.maps.options)), bout.unseen
+    )
+    poses = poses_on(sites, bout.poses, range(bout.unseen))
+    task = make_task(settings.task.name, settings.task.parameters)
+    score = score_design(result.best, sites, poses, task, settings.growth)
+    return ContestRow(
+        key=bout.key,
+        problem=settings.name,
+        contender=bout.contender,
+        number=bout.number,
+        unseen=score.composite[weighed],
+        fresh=result.score.composite[weighed],
+        lucky=max(generation.best for generation in result.history),
+        penalty=result.finalists[0].penalty,
+        evaluations=result.evaluations,
+        optimizer_s=result.times.optimizer_s,
+        total_s=time.perf_counter() - began_s,
+    )
+
+
+@lru_cache(maxsize=4)
+def _unseen_sites(environment: str, options: str, count: int) -> tuple[PreparedMap, ...]:
+    from vinefab.search.settings import MapSettings  # noqa: PLC0415
+
+    settings = MapSettings(environment=environment, options=json.loads(options))
+    made = environment_options(settings)
+    make = ENVIRONMENTS[environment].make
+    return tuple(PreparedMap.of(make(FIRST_UNSEEN + index, made)) for index in range(count))
+
+
+def contest_rows(
+    contest: Contest,
+    record: Path,
+    *,
+    jobs: int = 1,
+    tell: Callable[[float, str], None] = lambda _, __: None,
+    force: bool = False,
+) -> list[ContestRow]:
+    """Run all bouts that a record does not hold yet, and return all of them.
+
+    Parameters
+    ----------
+    contest
+        What to compare.
+    record
+        A file with one JSON line per run; what it holds is not run again.
+    jobs
+        Processes; no result but times depends on it.
+    tell
+        Called after every run with the share that is done and a few words.
+    force
+        Write to a record that vinefab did not write.
+
+    Raises
+    ------
+    ForeignFileError, UnreadableFileError
+        If the record is something else.
+    BadInputError
+        If a problem cannot be run; nothing is written then.
+    """
+    ensure_writable(record, force=force)
+    known = _recorded(record)
+    bouts = contest.bouts()
+    todo = [bout for bout in bouts if bout.key not in known]
+    _check(contest, todo)
+    for done, row in enumerate(_fought(todo, jobs), start=len(bouts) - len(todo) + 1):
+        _add(record, row)
+        known[row.key] = row
+        tell(done / len(bouts), f"{row.problem} {row.contender} {row.unseen:.4f}")
+    return [known[bout.key] for bout in bouts]
+
+
+def _check(contest: Contest, todo: Sequence[ContestRun]) -> None:
+    """Complain of a problem that cannot be run, before anything is, and say from which file."""
+    looked = set[tuple[str, str]]()
+    names = [problem.name for problem in contest.problems]
+    sources: dict[str, str | Path] = dict(zip(names, contest.sources or names, strict=True))
+    for bout in todo:
+        who = bout.settings.name, bout.contender
+        if who not in looked:
+            looked.add(who)
+            with located(sources[bout.settings.name]):
+                _search(bout.settings)
+
+
+def _search(settings: RunSettings) -> Search:
+    return Search.of(settings, generated_maps(settings.maps), penalty_of(settings))
+
+
+def _add(record: Path, row: ContestRow) -> None:
+    """Write a line at the end of the record, which is begun when it is missing or empty."""
+    with folder_to_fill(record.parent), record.open("a", encoding="utf-8") as stream:
+        if stream.tell() == 0:
+            stream.write(json.dumps({"schema": "vinefab/bouts-1", "generator": GENERATOR}) + "\n")
+        stream.write(json.dumps(asdict(row)) + "\n")
+
+
+def _fought(bouts: Sequence[ContestRun], jobs: int) -> Iterator[ContestRow]:
+    if jobs == 1 or len(bouts) < 2:
+        yield from map(run_contest, bouts)
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(run_contest, bouts)
+
+
+def _recorded(record: Path) -> dict[str, ContestRow]:
+    """Return the rows of a record, and drop a last line that a kill cut off."""
+    if not record.exists():
+        return {}
+    text = record.read_text(encoding="utf-8")
+    lines = text.split("\n")
+    if lines.pop():
+        os.truncate(record, len("".join(f"{line}\n" for line in lines).encode()))
+    try:
+        rows = [_row(json.loads(line)) for line in lines[1:]]
+    except (ValueError, TypeError) as error:
+        raise UnreadableFileError(record, "is no record of a comparison") from error
+    return {row.key: row for row in rows}
+
+
+def _row(values: Mapping[str, float]) -> ContestRow:
+    return ContestRow(**values)  # type: ignore[arg-type]

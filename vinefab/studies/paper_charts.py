@@ -1,0 +1,290 @@
+"""Charts in the forms of the paper's figures, and of differences under many variants."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import ArrayLike
+from scipy.stats import gaussian_kde
+
+from vinefab.model.deployment import Deployment
+from vinefab.model.map import Map
+from vinefab.pages.charts import frame
+from vinefab.pages.drawing import draw_map, draw_pose, fill_geometry
+from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, blank, house_style, level_colour
+
+
+class ChartValue(Protocol):
+    """A number with an interval."""
+
+    @property
+    def value(self) -> float:
+        """The number."""
+
+    @property
+    def low(self) -> float:
+        """Lower end."""
+
+    @property
+    def high(self) -> float:
+        """Upper end."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bar:
+    """One bar of a group.
+
+    Parameters
+    ----------
+    label
+        What the legend calls it; bars with the same label have the same colour.
+    found
+        Its height, with its interval.
+    """
+
+    label: str
+    found: ChartValue
+
+
+def grouped_bars(
+    groups: Mapping[str, Sequence[Bar]], lines: Mapping[str, float], label: str
+) -> Figure:
+    """Return bars with intervals in groups, and a dashed line across some groups.
+
+    Parameters
+    ----------
+    groups
+        Bars by the name of their group.
+    lines
+        Heights of dashed lines, by group.
+    label
+        What the heights are.
+    """
+    with house_style():
+        figure, axes = blank(6.5, 3.6)
+        names = list(dict.fromkeys(bar.label for bars in groups.values() for bar in bars))
+        for place, (group, bars) in enumerate(groups.items()):
+            width = 0.8 / len(bars)
+            for rank, bar in enumerate(bars):
+                x = place + (rank - (len(bars) - 1) / 2) * width
+                colour = LEVEL_COLOURS[names.index(bar.label) % len(LEVEL_COLOURS)]
+                known = bar.label if place == 0 else None
+                axes.bar(x, bar.found.value, 0.9 * width, color=colour, alpha=0.75, label=known)
+                ends = [[bar.found.value - bar.found.low], [bar.found.high - bar.found.value]]
+                axes.errorbar(x, bar.found.value, yerr=np.maximum(ends, 0.0), color=INK, capsize=4)
+            if group in lines:
+                across = [place - 0.42, place + 0.42]
+                known = "on its training maps" if place == 0 else None
+                axes.plot(across, [lines[group]] * 2, "--", color=INK, label=known)
+        axes.set_xticks(range(len(groups)), list(groups))
+        axes.set_ylabel(label)
+        axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        frame(axes)
+    return figure
+
+
+def curves(lines: Mapping[str, ArrayLike], across: str, label: str) -> Figure:
+    """Return means over runs with one standard error.
+
+    Parameters
+    ----------
+    lines
+        Values by name, each of shape (runs, steps).
+    across, label
+        What the axes are.
+    """
+    with house_style():
+        figure, axes = blank(6.5, 3.4)
+        for rank, (name, given) in enumerate(lines.items()):
+            values = np.asarray(given, dtype=float)
+            steps = np.arange(1, values.shape[1] + 1)
+            middle = values.mean(axis=0)
+            error = values.std(axis=0, ddof=1) / np.sqrt(len(values))
+            colour = LEVEL_COLOURS[rank % len(LEVEL_COLOURS)]
+            axes.fill_between(
+                steps, middle - error, middle + error, color=colour, alpha=0.2, linewidth=0
+            )
+            axes.plot(steps, middle, color=colour, label=name)
+        axes.set_xlabel(across)
+        axes.set_ylabel(f"{label} (simulated)")
+        axes.legend(fontsize=8)
+        frame(axes)
+    return figure
+
+
+def densities(groups: Mapping[str, ArrayLike], label: str) -> Figure:
+    """Return the probability density of each group's scores, with its mean as a tick.
+
+    Parameters
+    ----------
+    groups
+        Scores by name, each of shape (n,).
+    label
+        What the scores are.
+    """
+    with house_style():
+        figure, axes = blank(6.5, 3.6)
+        every = np.concatenate([np.asarray(values, dtype=float) for values in groups.values()])
+        room = 0.15 * (float(np.ptp(every)) or 1.0)
+        x = np.linspace(every.min() - room, every.max() + room, 300)
+        for rank, (name, given) in enumerate(groups.items()):
+            values = np.asarray(given, dtype=float)
+            colour = LEVEL_COLOURS[rank % len(LEVEL_COLOURS)]
+            if np.ptp(values) > 0.0:
+                density = gaussian_kde(values)(x)
+                axes.plot(x, density, color=colour, label=name)
+                axes.fill_between(x, density, color=colour, alpha=0.08, linewidth=0)
+            axes.axvline(values.mean(), color=colour, linestyle=":", linewidth=1.2)
+        axes.plot([], [], ":", color=SOFT, label="mean")
+        axes.set_ylim(bottom=0.0)
+        axes.set_xlabel(f"{label} (simulated)")
+        axes.set_ylabel("probability density")
+        axes.legend(fontsize=8)
+        frame(axes)
+    return figure
+
+
+class IntervalRow(ChartValue, Protocol):
+    """A difference with an interval."""
+
+    @property
+    def held(self) -> bool:
+        """Whether all of it is above 0."""
+
+
+def forest(
+    panels: Mapping[str, Mapping[str, IntervalRow]], variants: Sequence[str], label: str
+) -> Figure:
+    """Return a forest plot: filled where a difference is above 0 with its whole interval.
+
+    Parameters
+    ----------
+    panels
+        Results by variant, by the title of their panel; a variant may be missing in a panel.
+    variants
+        All variants, from top to bottom.
+    label
+        What the differences are.
+    """
+    with house_style():
+        size = (2.6 + 1.6 * len(panels), 1.3 + 0.28 * len(variants))
+        figure = Figure(figsize=size, layout="constrained")
+        places = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+        for axes, (title, results) in zip(places, panels.items(), strict=True):
+            _draw(axes, results, variants)
+            axes.set_title(title, fontsize=9, color=INK)
+        places[0].set_yticks(range(len(variants)), variants, fontsize=8)
+        places[0].set_ylim(len(variants) - 0.5, -0.5)
+        figure.supxlabel(label, fontsize=9, color=INK)
+        figure.legend(
+            handles=_keys(), loc="outside upper center", ncols=2, fontsize=8, frameon=False
+        )
+    return figure
+
+
+def _mark(*, held: bool) -> dict[str, Any]:
+    colour = LEVEL_COLOURS[0]
+    face = colour if held else "white"
+    return {"marker": "o", "color": colour, "markerfacecolor": face, "linestyle": "none"}
+
+
+def _keys() -> list[Line2D]:
+    words = {True: "all of the 95 % interval above 0: held", False: "not held"}
+    return [Line2D([], [], label=text, **_mark(held=held)) for held, text in words.items()]
+
+
+def _draw(axes: Axes, results: Mapping[str, IntervalRow], variants: Sequence[str]) -> None:
+    for row, variant in enumerate(variants):
+        if variant not in results:
+            across = axes.get_yaxis_transform()
+            axes.text(0.5, row, "not asked", transform=across, color=SOFT, fontsize=7, va="center")
+            continue
+        found = results[variant]
+        axes.plot([found.low, found.high], [row, row], color=INK, linewidth=1.2)
+        axes.plot([found.value], [row], **_mark(held=found.held))
+    axes.axvline(0.0, color=SOFT, linewidth=1.0)
+    axes.tick_params(axis="x", labelsize=8)
+    axes.tick_params(axis="y", length=0)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Panel:
+    """One plan.
+
+    Parameters
+    ----------
+    title
+        What it shows.
+    world
+        The map.
+    deployments
+        Robots on it, drawn together.
+    buffer_mm
+        Distance from their bodies that is shaded; 0: none.
+    """
+
+    title: str
+    world: Map
+    deployments: tuple[Deployment, ...]
+    buffer_mm: float = 0.0
+
+
+def reach_plan(panels: Sequence[Panel], columns: int = 2) -> Figure:
+    """Return plans in rows.
+
+    Parameters
+    ----------
+    panels
+        At least one.
+    columns
+        Plans in a row.
+    """
+    rows = -(-len(panels) // columns)
+    with house_style():
+        figure = Figure(figsize=(4.2 * columns, 4.4 * rows), layout="constrained")
+        places = figure.subplots(rows, columns, squeeze=False).ravel()
+        for axes, panel in zip(places, panels, strict=False):
+            _draw_panel(axes, panel)
+        for axes in places[len(panels) :]:
+            axes.set_axis_off()
+    return figure
+
+
+def _draw_panel(axes: Axes, panel: Panel) -> None:
+    if panel.buffer_mm > 0.0:
+        lines = [chain for robot in panel.deployments for chain in _chains(robot)]
+        near = shapely.union_all(
+            shapely.buffer([shapely.LineString(line) for line in lines], panel.buffer_mm)
+        )
+        reached = shapely.intersection(near, panel.world.free_space)
+        fill_geometry(axes, [reached], face=LEVEL_COLOURS[5], edge="none", alpha=0.45, rank=0.5)
+    draw_map(axes, panel.world)
+    for robot in panel.deployments:
+        _draw_robot(axes, robot)
+    draw_pose(axes, panel.deployments[0].pose, max(panel.world.size_mm))
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    axes.set_title(panel.title, fontsize=9, color=INK)
+
+
+def _draw_robot(axes: Axes, robot: Deployment) -> None:
+    for level in range(int(robot.tree.level.max()), 0, -1):
+        members = np.flatnonzero((robot.tree.level == level) & robot.deployed)
+        chains = [robot.chain_mm(int(branch)) for branch in members]
+        width_pt = max(0.6, 2.2 - 0.4 * level)
+        axes.add_collection(
+            LineCollection(
+                chains, colors=level_colour(level), linewidths=width_pt, zorder=4.2 - 0.1 * level
+            )
+        )
+
+
+def _chains(robot: Deployment) -> list[list[list[float]]]:
+    return [robot.chain_mm(int(branch)).tolist() for branch in np.flatnonzero(robot.deployed)]

@@ -1,0 +1,302 @@
+"""The two kinds of work that studies are made of, kept in a folder and never done twice.
+
+A job is a value: what it gives depends on nothing else, so it can be done in any process, in any
+order, and once for several experiments.
+"""
+
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, Protocol, Self
+
+import numpy as np
+
+from vinefab import __version__
+from vinefab.core.atomic import ensure_writable, is_ours, write_text
+from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileError
+from vinefab.core.hashing import fingerprint
+from vinefab.core.jsontext import json_text
+from vinefab.core.validation import Floats
+from vinefab.growth.options import GrowthOptions
+from vinefab.search.loop import Search
+from vinefab.search.record.identity import RunIdentity
+from vinefab.search.run import generated_maps, penalty_of
+from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
+from vinefab.studies.study_designs import design_from, plain_design
+from vinefab.studies.study_sizes import StudySize
+from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
+from vinefab.tasks.shipped_tasks import make_task
+
+FIRST_UNSEEN = 900_001
+"""Seed of the first map for testing; no design has trained on any of them."""
+
+SITES_KEPT = 64
+
+DEFAULT_GROWTH = GrowthOptions()
+
+
+class StudyJob(Protocol):
+    """Some work with a name of its own."""
+
+    @property
+    def key(self) -> str:
+        """What tells it from all others, also in another session."""
+        ...
+
+    def run(self) -> dict[str, Any]:
+        """Do it; the result is plain values."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Training:
+    """A run of the optimizer on generated maps.
+
+    Parameters
+    ----------
+    settings
+        The run.
+    """
+
+    settings: RunSettings
+
+    @property
+    def key(self) -> str:
+        """Name of the run."""
+        making = penalty_of(self.settings)
+        return f"train_{RunIdentity.of(self.settings, (), making).run_id}"
+
+    def run(self) -> dict[str, Any]:
+        """Return the winner and how the search went.
+
+        ``design``; ``fitness``, of the winner on fresh poses on the training maps; ``best`` and
+        ``mean``, the fitness of each generation; ``evaluations``; ``penalty``.
+        """
+        settings = self.settings
+        maps = generated_maps(settings.maps)
+        result = Search.of(settings, maps, penalty_of(settings)).run()
+        return {
+            "design": plain_design(result.best),
+            "fitness": result.finalists[0].fitness,
+            "best": [g.best for g in result.history],
+            "mean": [float(np.nanmean(g.composite)) for g in result.history],
+            "evaluations": result.evaluations,
+            "penalty": result.finalists[0].penalty,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Testing:
+    """A design scored over maps and poses.
+
+    Parameters
+    ----------
+    design
+        As `plain_design` gives it.
+    worlds
+        The maps; generated ones.
+    poses
+        Poses on each.
+    task
+        What counts; areas are exact unless it says otherwise.
+    growth
+        How robots grow.
+    """
+
+    design: Mapping[str, Any]
+    worlds: MapSettings
+    poses: int
+    task: PartSettings
+    growth: GrowthOptions = DEFAULT_GROWTH
+
+    @property
+    def key(self) -> str:
+        """Fingerprint of everything that it depends on."""
+        return f"test_{fingerprint(plain_settings(self), __version__)}"
+
+    def run(self) -> dict[str, Any]:
+        """Return ``scores``, maps by poses, and every term likewise under ``terms``."""
+        sites = tuple(site(self.worlds, index) for index in range(self.worlds.count))
+        # Poses go by the map's seed: whoever is tested on a map meets the same ones.
+        first = self.worlds.seed
+        poses = poses_on(sites, self.poses, range(first, first + self.worlds.count))
+        task = make_task(self.task.name, self.task.parameters)
+        score = score_design(design_from(self.design), sites, poses, task, self.growth)
+        shape = self.worlds.count, self.poses
+        names = tuple(score.evaluations[0].terms)
+        terms = {name: [e.terms[name] for e in score.evaluations] for name in names}
+        return {
+            "scores": score.scores.reshape(shape).tolist(),
+            "terms": {name: np.reshape(values, shape).tolist() for name, values in terms.items()},
+        }
+
+
+def done(job: StudyJob) -> dict[str, Any]:
+    """Do a job: what a process of the pool is asked for."""
+    return job.run()
+
+
+def site(worlds: MapSettings, index: int) -> PreparedMap:
+    """Return one of some generated maps, made ready."""
+    return _site(worlds.environment, worlds.seed + index, tuple(sorted(worlds.options.items())))
+
+
+@lru_cache(maxsize=SITES_KEPT)
+def _site(environment: str, seed: int, options: tuple[tuple[str, object], ...]) -> PreparedMap:
+    maps = MapSettings(environment=environment, count=1, seed=seed, options=dict(options))
+    return PreparedMap.of(generated_maps(maps)[0])
+
+
+SETTINGS = "settings.json"
+FINISHED = "finished.json"
+"""The file by which the folder is known again, and that says what was begun in it."""
+
+_SETTINGS_SCHEMA = "vinefab/reproduction-settings-1"
+_FINISHED_SCHEMA = "vinefab/reproduction-finished-1"
+_PART_SCHEMA = "vinefab/reproduction-part-1"
+
+Tell = Callable[[float, str], None]
+
+
+class JobStore:
+    """A folder of finished jobs, and processes to do more; closed at the end of its block.
+
+    Parameters
+    ----------
+    folder
+        Made when missing. It must be empty, or have been begun by this class.
+    size
+        How large the experiments are.
+    workers
+        Processes; 1 works in this one. No result depends on it.
+    tell
+        Called after every job with the share of the jobs at hand that is done.
+
+    Raises
+    ------
+    ForeignFileError
+        If the folder holds something else.
+    BadInputError
+        If it was begun with another size or version.
+    """
+
+    def __init__(self, folder: Path, size: StudySize, workers: int, tell: Tell) -> None:
+        self.folder = folder
+        self.size = size
+        self.workers = workers
+        self.tell = tell
+        self.spent_s = 0.0
+        self._pool: ProcessPoolExecutor | None = None
+        _begin(folder, size)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *failure: object) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+            self._pool = None
+
+    def finished(self) -> list[str]:
+        """Return the names of the experiments that were finished in the folder."""
+        path = self.folder / FINISHED
+        return list(_document(path, _FINISHED_SCHEMA)["names"]) if path.exists() else []
+
+    def finish(self, name: str) -> None:
+        """Write down that an experiment is finished."""
+        names = sorted({*self.finished(), name})
+        write_text(self.folder / FINISHED, json_text(_FINISHED_SCHEMA, {"names": names}))
+
+    def train(self, jobs: Sequence[Training]) -> list[dict[str, Any]]:
+        """Return what each run found."""
+        return self.do(jobs, "training")
+
+    def test(self, jobs: Sequence[Testing]) -> list[Floats]:
+        """Return the scores of each test, shape (maps, poses)."""
+        return [np.array(found["scores"]) for found in self.do(jobs, "testing")]
+
+    def terms(self, jobs: Sequence[Testing], name: str) -> list[Floats]:
+        """Return one term of each test, shape (maps, poses)."""
+        return [np.array(found["terms"][name]) for found in self.do(jobs, "testing")]
+
+    def do(self, jobs: Sequence[StudyJob], words: str) -> list[dict[str, Any]]:
+        """Return what each job gives; what is kept is not done again.
+
+        Parameters
+        ----------
+        jobs
+            What to do.
+        words
+            What to call it meanwhile.
+        """
+        keys = [job.key for job in jobs]
+        known = {key: self._kept(key) for key in keys}
+        todo = {key: job for key, job in zip(keys, jobs, strict=True) if known[key] is None}
+        began_s = time.perf_counter()
+        for number, (key, found) in enumerate(self._done(todo), start=1):
+            known[key] = found
+            text = json_text(_PART_SCHEMA, {"key": key, "result": found})
+            write_text(self._path(key), text)
+            self.tell(number / len(todo), f"{words} {number} of {len(todo)}")
+        self.spent_s += time.perf_counter() - began_s
+        return [result for key in keys if (result := known[key]) is not None]
+
+    def _done(self, todo: dict[str, StudyJob]) -> Iterator[tuple[str, dict[str, Any]]]:
+        if self.workers == 1 or len(todo) < 2:
+            yield from ((key, done(job)) for key, job in todo.items())
+            return
+        keys = list(todo)
+        if self._pool is None:
+            # Compiled here first: processes that compile at once would write the same cache.
+            first = keys.pop(0)
+            yield first, done(todo[first])
+            # One pool for all: a process takes seconds to start.
+            self._pool = ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"))
+        found = self._pool.map(done, [todo[key] for key in keys])
+        yield from zip(keys, found, strict=True)
+
+    def _kept(self, key: str) -> dict[str, Any] | None:
+        path = self._path(key)
+        if not path.is_file():
+            return None
+        document = _document(path, _PART_SCHEMA)
+        if document.get("key") != key or not isinstance(document.get("result"), dict):
+            raise UnreadableFileError(path, "is not the part that it is called after")
+        return dict(document["result"])
+
+    def _path(self, key: str) -> Path:
+        return self.folder / "parts" / f"{key}.json"
+
+
+def _begin(folder: Path, size: StudySize) -> None:
+    """Write down what is done in a folder, or check that it is the same as before."""
+    path = folder / SETTINGS
+    now: dict[str, Any] = {"vinefab": __version__, **asdict(size)}
+    if not path.exists():
+        if folder.is_dir() and any(folder.iterdir()):
+            raise ForeignFileError(folder, "holds other files; name a folder of its own")
+        write_text(path, json_text(_SETTINGS_SCHEMA, {"settings": now}))
+        return
+    if not is_ours(path):
+        raise ForeignFileError(path)
+    ensure_writable(path)
+    begun = _document(path, _SETTINGS_SCHEMA).get("settings", {})
+    for key, value in now.items():
+        if begun.get(key) != value:
+            allowed = f"{begun.get(key)!r}, as it was begun; or another folder"
+            raise BadInputError(key, value, allowed, path)
+
+
+def _document(path: Path, schema: str) -> dict[str, Any]:
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise UnreadableFileError(path, "is not JSON") from error
+    if not isinstance(document, dict) or document.get("schema") != schema:
+        raise UnreadableFileError(path, f"is not a {schema} file")
+    return document

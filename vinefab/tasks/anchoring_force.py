@@ -1,0 +1,293 @@
+"""Anchoring: how much more than one pouch a branched robot holds, and what its leaves hold."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats, Ints, number
+from vinefab.growth.batch import Block
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Build
+from vinefab.physics.anchoring import ASSUMED_FRICTION, pouch_contacts_mm2
+from vinefab.physics.seam import N_MM2_PER_KPA
+from vinefab.physics.tube import inflated_diameter_mm
+from vinefab.tasks.leaves import GrownBatch, Leaves, gaps_mm
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.task import Outcome, TaskOutcomes
+
+
+class Pouches(NamedTuple):
+    """The pouches of j robots, each of shape (j,).
+
+    Parameters
+    ----------
+    length_mm, width_mm
+        Flat size, 0 where there are none.
+    press_n_mm2
+        Force per mm2 of contact on both walls together, 2 P; 0 where it is not known.
+    limit_n
+        The most that one leaf can be pulled with, infinite where that is not known.
+    """
+
+    length_mm: Floats
+    width_mm: Floats
+    press_n_mm2: Floats
+    limit_n: Floats
+
+
+def contacts(
+    leaves: Leaves, pouches: Pouches, places: Sequence[tuple[MapContext, int, int]]
+) -> tuple[NDArray[np.bool_], Floats]:
+    """Return which leaves are engaged, and the area that each pouch presses on a wall.
+
+    Parameters
+    ----------
+    leaves
+        The leaves of some growths, m of them.
+    pouches
+        Of each growth; a leaf without one is engaged, wherever it is.
+    places
+        Each map with the growths ``one .. two - 1`` on it.
+    """
+    length_mm, width_mm = pouches.length_mm[leaves.growth], pouches.width_mm[leaves.growth]
+    gap_mm, has_pouch = np.zeros(len(width_mm)), width_mm > 0.0
+    if not has_pouch.any():
+        return ~has_pouch, gap_mm
+    for ground, one, two in places:
+        here = leaves.of_growths(one, two)
+        rows = here.start + np.flatnonzero(has_pouch[here])
+        gap_mm[rows] = gaps_mm(leaves.points_mm, leaves.tip[rows], ground)
+    engaged = ~has_pouch | (inflated_diameter_mm(width_mm) > gap_mm)
+    return engaged, pouch_contacts_mm2(length_mm, width_mm, gap_mm)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pull:
+    """The engaged leaves of j robots, robot by robot, those that turned least first.
+
+    Parameters
+    ----------
+    growths
+        Number of robots.
+    growth
+        Robot of each leaf, rising, shape (m,).
+    turns_rad
+        Turn on the way to each tip, shape (m,).
+    press_n
+        Force of each pouch on both its walls, shape (m,); 0 where it is not known.
+    limit_n
+        The most that each leaf can be pulled with, shape (m,).
+    """
+
+    growths: int
+    growth: Ints
+    turns_rad: Floats
+    press_n: Floats
+    limit_n: Floats
+
+    def amplifications(self, friction: float) -> Floats:
+        """Return what each leaf holds over what its pouch alone holds, shape (m,).
+
+        e^(mu gamma), or less where the film would tear or the seam open before that.
+        """
+        tip_n = self.press_n * friction
+        with np.errstate(divide="ignore", invalid="ignore"):
+            most = np.where(tip_n > 0.0, self.limit_n / tip_n, np.inf)
+        return np.asarray(np.minimum(np.exp(friction * self.turns_rad), most))
+
+    def summed(self, values: Floats) -> Floats:
+        """Return the sum of one number per leaf over the leaves of each robot, shape (j,)."""
+        # In the order of the leaves, so that no robot's sum depends on the others.
+        sums = np.bincount(self.growth, weights=values, minlength=self.growths)
+        return sums.astype(np.float64, copy=False)
+
+    def are_among_first(self, share: float) -> NDArray[np.bool_]:
+        """Tell which leaves are among the share that turned least, rounded up, shape (m,)."""
+        ends = np.searchsorted(self.growth, np.arange(self.growths + 1))
+        sure = np.ceil(np.diff(ends) * share - 1e-9)
+        rank = np.arange(len(self.growth)) - ends[self.growth]
+        return np.asarray(rank < sure[self.growth])
+
+    def largest_turns_rad(self) -> Floats:
+        """Return the largest turn of each robot's leaves, shape (j,); 0 where it has none."""
+        ends = np.searchsorted(self.growth, np.arange(self.growths), side="right")
+        there = np.diff(ends, prepend=0) > 0
+        largest = np.zeros(self.growths)
+        largest[there] = self.turns_rad[ends[there] - 1]
+        return largest
+
+
+IDLE_SHARE = 1.0 / 3.0
+"""Share of engaged branches that may hold nothing: two of six in the paper's test."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Anchoring:
+    """Anchoring force of all leaf pouches over that of one pouch without any turn.
+
+    ``sum over engaged leaves of exp(mu gamma)``, gamma the absolute turns at contacts and base
+    hinges from the base to the leaf's tip (paper, equations 1 and 2; pressure and contact area
+    cancel). A leaf is engaged when it deployed and its inflated pouch is wider than the gap that
+    its tip ended in: free space across the branch there. The pouch is the one given here, or else
+    the design's own; without any, every leaf that deployed counts, as in the paper.
+
+    Parameters
+    ----------
+    friction
+        Friction coefficient mu of film on the obstacles; the default is an assumption.
+    friction_low, friction_high
+        Its range, for the interval in the terms.
+    count_joint_angles
+        Whether the planned angles at joints count as turns too.
+    pouch_length_mm, pouch_width_mm
+        Flat size of every leaf's pouch, along and across; 0: the design's own.
+    only_full_length
+        Whether a leaf that was stopped early counts as not engaged: its pouch sits at the very
+        end of the film and has not come out.
+    film_n_mm, seam_n_mm
+        Pull per mm of circumference at which the film tears (strength times thickness) and the
+        seam opens; 0: not known. Where one is known, as are pressure and pouch, no branch holds
+        more than its weaker one.
+    """
+
+    name: ClassVar[str] = "anchoring"
+    lowest: ClassVar[float] = 0.0
+
+    friction: float = ASSUMED_FRICTION.value
+    friction_low: float = ASSUMED_FRICTION.low
+    friction_high: float = ASSUMED_FRICTION.high
+    count_joint_angles: bool = False
+    pouch_length_mm: float = 0.0
+    pouch_width_mm: float = 0.0
+    only_full_length: bool = False
+    film_n_mm: float = 0.0
+    seam_n_mm: float = 0.0
+
+    def __post_init__(self) -> None:
+        number("task.friction", self.friction, 0.0, 3.0)
+        number("task.friction_low", self.friction_low, 0.0, self.friction)
+        number("task.friction_high", self.friction_high, self.friction, 3.0)
+        for name in ("pouch_length_mm", "pouch_width_mm"):
+            number(f"task.{name}", getattr(self, name), 0.0, 1e4, "mm")
+        if (self.pouch_length_mm > 0.0) != (self.pouch_width_mm > 0.0):
+            missing = "pouch_width_mm" if self.pouch_length_mm > 0.0 else "pouch_length_mm"
+            allowed = "above 0: a pouch has a length and a width"
+            raise BadInputError(f"task.{missing}", 0.0, allowed)
+        for name in ("film_n_mm", "seam_n_mm"):
+            number(f"task.{name}", getattr(self, name), 0.0, 1e6, "N/mm")
+
+    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
+        """Return the amplification and its terms; the design's own pouch is not known here."""
+        joints_rad = np.abs(deployment.tree.offset_rad) if self.count_joint_angles else None
+        leaves = Leaves.of(GrownBatch.of(deployment), joints_rad, whole=self.only_full_length)
+        pouches = self._pouches([None], np.zeros(1, dtype=np.int64))
+        return self._outcomes(leaves, pouches, [(ground, 0, 1)]).one(0)
+
+    def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
+        """Return amplification and terms for every growth of a block, with the designs' pouches.
+
+        Parameters
+        ----------
+        block
+            Growths, map by map.
+        grounds
+            The maps.
+        """
+        used, which = np.unique(block.plan, return_inverse=True)
+        plans = [block.plans.each[index] for index in used.tolist()]
+        joints_rad = None
+        if self.count_joint_angles:
+            own = [np.abs(plan.tree.offset_rad) for plan in plans]
+            joints_rad = np.concatenate([own[index] for index in which.tolist()])
+        leaves = Leaves.of(GrownBatch.of_block(block), joints_rad, whole=self.only_full_length)
+        places = [(grounds[terrain], one, two) for terrain, one, two in block.by_terrain()]
+        return self._outcomes(leaves, self._pouches([plan.build for plan in plans], which), places)
+
+    def _outcomes(
+        self, leaves: Leaves, pouches: Pouches, places: Sequence[tuple[MapContext, int, int]]
+    ) -> TaskOutcomes:
+        """Return the amplification, its interval over friction and idle branches, and the rest.
+
+        Terms: ``leaves`` that deployed; ``engaged`` of them; ``mean_turn_rad`` and
+        ``largest_turn_rad`` of those; ``low``, the amplification at the low friction with a third
+        of the engaged leaves idle, those that turned most; ``high``, with all at the high one;
+        ``force_n``, what they hold together, 0 where pouch or pressure are not known; ``capped``,
+        how many are held back by film or seam.
+
+        Parameters
+        ----------
+        leaves
+            The leaves of some growths.
+        pouches
+            Of each growth.
+        places
+            Each map with the growths ``one .. two - 1`` on it.
+        """
+        engaged, contact_mm2 = contacts(leaves, pouches, places)
+        growth, turn_rad = leaves.growth[engaged], leaves.turn_rad[engaged]
+        order = np.lexsort((turn_rad, growth))
+        growth = growth[order]
+        pull = Pull(
+            growths=leaves.growths,
+            growth=growth,
+            turns_rad=turn_rad[order],
+            press_n=pouches.press_n_mm2[growth] * contact_mm2[engaged][order],
+            limit_n=pouches.limit_n[growth],
+        )
+        held, count = pull.amplifications(self.friction), pull.summed(np.ones(len(growth)))
+        sure = pull.amplifications(self.friction_low) * pull.are_among_first(1.0 - IDLE_SHARE)
+        free = np.exp(self.friction * pull.turns_rad)
+        terms = {
+            "leaves": np.bincount(leaves.growth, minlength=leaves.growths).astype(np.float64),
+            "engaged": count,
+            "mean_turn_rad": pull.summed(pull.turns_rad) / np.maximum(count, 1.0),
+            "largest_turn_rad": pull.largest_turns_rad(),
+            "low": pull.summed(sure),
+            "high": pull.summed(pull.amplifications(self.friction_high)),
+            "force_n": pull.summed(held * pull.press_n) * self.friction,
+            "capped": pull.summed(np.less(held, free).astype(np.float64)),
+        }
+        return TaskOutcomes(pull.summed(held), terms)
+
+    def _pouches(self, builds: Sequence[Build | None], which: Ints) -> Pouches:
+        """Return the pouches of growths, shape (j,) each.
+
+        Parameters
+        ----------
+        builds
+            How some designs are built.
+        which
+            Design of each growth, shape (j,).
+        """
+        rows = [
+            (*self._pouch_mm(build), self._press_n_mm2(build), self._limit_n(build))
+            for build in builds
+        ]
+        return Pouches(*np.array(rows, dtype=np.float64)[which].T)
+
+    def _pouch_mm(self, build: Build | None) -> tuple[float, float]:
+        """Return flat length and width of the pouches, zeros where there are none."""
+        if self.pouch_width_mm > 0.0:
+            return self.pouch_length_mm, self.pouch_width_mm
+        pouch = build.pouch if build else None
+        if pouch is None:
+            return 0.0, 0.0
+        # A round pouch is taken for the square of the same area.
+        side_mm = math.sqrt(math.pi) * (pouch.radius_mm or 0.0)
+        return pouch.length_mm or side_mm, pouch.width_mm or side_mm
+
+    def _press_n_mm2(self, build: Build | None) -> float:
+        """Return the force per mm2 of contact on both walls together, 2 P; 0 where unknown."""
+        return 2.0 * N_MM2_PER_KPA * build.pressure_kpa if build else 0.0
+
+    def _limit_n(self, build: Build | None) -> float:
+        """Return the most that one leaf can be pulled with, infinite where that is not known."""
+        known = [load for load in (self.film_n_mm, self.seam_n_mm) if load > 0.0]
+        if build is None or not known:
+            return math.inf
+        return 2.0 * build.widths_mm[-1] * min(known)

@@ -1,0 +1,139 @@
+"""Compiled parts of anchoring: turns on the way to each tip, and how wide free space is there."""
+
+import math
+
+from vinefab.core.compiling import compiled, inlined
+
+# mypy: allow-untyped-defs, allow-untyped-calls
+# ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of what it compiles
+# ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
+
+
+# --- Turns ------------------------------------------------------------------------------------
+
+
+@compiled
+def turns(parent, tree_first, tree, branch, total, leaf):
+    """Add up turns from the base to each tip, and mark the branches without children.
+
+    Parameters
+    ----------
+    parent
+        Of each planned branch, within its tree, -1 for trunks; trees one after the other.
+    tree_first
+        Where each tree begins.
+    tree
+        Tree of each growth, shape (j,).
+    branch
+        Where the branches of each growth begin, shape (j + 1,).
+    total
+        The turns of each branch itself; added up in place.
+    leaf
+        Where the marks go, for each branch.
+    """
+    for j in range(len(tree)):
+        first, own = branch[j], tree_first[tree[j]]
+        for k in range(branch[j + 1] - first):
+            leaf[first + k] = True
+            above = parent[own + k]
+            if above >= 0:
+                total[first + k] += total[first + above]
+                leaf[first + above] = False
+
+
+# --- Gaps -------------------------------------------------------------------------------------
+
+
+@compiled
+def gaps(tips, across, walls, grid, cell_first, item, tolerance, out):
+    """Write down how wide free space is at some points, each across some direction.
+
+    Parameters
+    ----------
+    tips
+        The points, in free space or on its border, mm; shape (m, 2).
+    across
+        Unit vectors along which to measure, shape (m, 2).
+    walls, grid, cell_first, item
+        As in `vinefab.tasks.wall_cells.WallCells`, with free space on the left of the walls, mm.
+    tolerance
+        A wall so near counts as touched, mm; walls are listed in cells that they miss by more.
+    out
+        Where the results go, mm; shape (m,).
+
+    Notes
+    -----
+    A wall through a point hides the side that it is solid on; between two such walls back to back
+    the sides are added up, as if the point were free.
+    """
+    for k in range(len(tips)):
+        x, y, ux, uy = tips[k, 0], tips[k, 1], across[k, 0], across[k, 1]
+        column = min(max(int((x - grid[0]) / grid[2]), 0), int(grid[3]) - 1)
+        row = min(max(int((y - grid[1]) / grid[2]), 0), int(grid[4]) - 1)
+        cell = row * int(grid[3]) + column
+        turned = 0
+        for e in item[cell_first[cell] : cell_first[cell + 1]]:
+            place, side = _crossing(x, y, ux, uy, walls[e])
+            if abs(place) <= tolerance:
+                turned += side
+        out[k] = 0.0
+        for way in (1.0, -1.0):
+            if turned * way >= 0.0:
+                out[k] += _free(
+                    x, y, ux, uy, way, column, row, walls, grid, cell_first, item, tolerance
+                )
+
+
+@inlined
+def _crossing(x, y, ux, uy, wall):
+    """Return where along a line through a place a wall crosses it, infinite where it does not.
+
+    The second is 1 if the wall crosses from left to right, with its free side ahead, else -1.
+    """
+    ax, ay, bx, by = wall[0] - x, wall[1] - y, wall[2] - x, wall[3] - y
+    side_a, side_b = ux * ay - uy * ax, ux * by - uy * bx
+    if (side_a > 0.0) == (side_b > 0.0):
+        return math.inf, 0
+    share = side_a / (side_a - side_b)
+    place = ux * (ax + share * (bx - ax)) + uy * (ay + share * (by - ay))
+    return place, 1 if side_b < side_a else -1
+
+
+@inlined
+def _free(x, y, ux, uy, way, column, row, walls, grid, cell_first, item, tolerance):
+    """Return how far a line is free one way from a place, cell by cell; infinite without an end.
+
+    Parameters
+    ----------
+    x, y
+        The place.
+    ux, uy
+        Direction of the line.
+    way
+        1 or -1: along it or against it.
+    column, row
+        The place's cell.
+    walls, grid, cell_first, item, tolerance
+        As in `gaps`.
+    """
+    dx, dy, side = way * ux, way * uy, grid[2]
+    right, up = 1 if dx > 0.0 else 0, 1 if dy > 0.0 else 0
+    # How far it is to the next column and row, and from one to the next.
+    to_column = (grid[0] + (column + right) * side - x) / dx if dx != 0.0 else math.inf
+    to_row = (grid[1] + (row + up) * side - y) / dy if dy != 0.0 else math.inf
+    columns, rows, nearest = int(grid[3]), int(grid[4]), math.inf
+    while 0 <= column < columns and 0 <= row < rows:
+        cell = row * columns + column
+        for e in item[cell_first[cell] : cell_first[cell + 1]]:
+            place, _ = _crossing(x, y, ux, uy, walls[e])
+            if way * place > tolerance:
+                nearest = min(nearest, way * place)
+        if nearest <= min(to_column, to_row):
+            break
+        if to_column < to_row:
+            column += 2 * right - 1
+            to_column += side / abs(dx)
+        else:
+            row += 2 * up - 1
+            to_row += side / abs(dy)
+    return nearest

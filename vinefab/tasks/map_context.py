@@ -1,0 +1,154 @@
+"""What tasks need of a map, computed once per map."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from threading import Lock
+from typing import TypeVar
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats, frozen_floats
+from vinefab.model.map import Map
+from vinefab.tasks.line_of_sight import SightLines
+from vinefab.tasks.raster_areas import Raster
+from vinefab.tasks.wall_cells import TOUCHING_MM, WallCells
+
+Key = TypeVar("Key")
+Made = TypeVar("Made")
+
+MOST_RASTERS = 4
+"""Rasters, and lines of sight, are kept for so many radii, then the oldest are dropped."""
+
+MARGIN = 1e-6
+"""Walls are listed in cells that they miss by this share of a cell, far above rounding."""
+
+_MAKING = Lock()
+"""Threads share grounds, and only one may make or drop such a thing at a time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MapContext:
+    """The free space of a map, ready for many evaluations.
+
+    Parameters
+    ----------
+    free
+        Free space: Polygon or MultiPolygon.
+    area_mm2
+        Its area.
+    diagonal_mm
+        Diagonal of the bounds' box, the length that lengths are compared with.
+    edges_mm
+        Edges of the free space with solid on their right, shape (e, 2, 2): edge, end, x and y.
+    """
+
+    free: BaseGeometry
+    area_mm2: float
+    diagonal_mm: float
+    edges_mm: Floats
+    _rasters: dict[tuple[float, bool], Raster | None] = field(default_factory=dict)
+    _sight_lines: dict[float, SightLines | None] = field(default_factory=dict)
+    _cells: dict[str, WallCells] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, world: Map, free: BaseGeometry | None = None) -> "MapContext":
+        """Return the ground of a map.
+
+        Parameters
+        ----------
+        world
+            The map.
+        free
+            Its free space if that is at hand; it takes long to find on a large map.
+
+        Raises
+        ------
+        BadInputError
+            If the map has no free space.
+        """
+        free = world.free_space if free is None else free
+        if not free.area > 0.0:
+            raise BadInputError(f"map {world.name}", "no free space", "some free space")
+        return cls(
+            free=free,
+            area_mm2=free.area,
+            diagonal_mm=math.hypot(*world.size_mm),
+            edges_mm=_edges_mm(free),
+        )
+
+    def raster(self, radius_mm: float, *, walls: bool = True) -> Raster | None:
+        """Return the raster for discs of some radius, made once; None if it would be too large.
+
+        Parameters
+        ----------
+        radius_mm
+            Radius of the discs.
+        walls
+            False: all of the plane that discs about points of the map can reach counts as free.
+        """
+
+        def make() -> Raster | None:
+            edges_mm = self.edges_mm if walls else self._open_edges_mm(radius_mm)
+            return Raster.of(edges_mm, radius_mm)
+
+        return _kept(self._rasters, (radius_mm, walls), make)
+
+    def sight_lines(self, radius_mm: float) -> SightLines | None:
+        """Return the lines to measure sight on, made once; None if they would be too many.
+
+        Parameters
+        ----------
+        radius_mm
+            How far sensors see.
+        """
+        return _kept(self._sight_lines, radius_mm, lambda: SightLines.of(self.edges_mm, radius_mm))
+
+    @property
+    def cells(self) -> WallCells:
+        """The edges by cells, about as many as there are edges, made once."""
+
+        def make() -> WallCells:
+            walls_mm = self.edges_mm.reshape(-1, 4)
+            size_mm = np.ptp(self.edges_mm, axis=(0, 1))
+            even_mm = math.sqrt(float(size_mm.prod()) / len(walls_mm))
+            side_mm = max(even_mm, float(size_mm.max()) / len(walls_mm))
+            while True:
+                reach_mm = MARGIN * side_mm + 2.0 * TOUCHING_MM
+                cells = WallCells.of(walls_mm, side_mm, reach_mm)
+                if cells is not None:
+                    return cells
+                side_mm *= 2.0
+
+        return _kept(self._cells, "all", make)
+
+    def _open_edges_mm(self, radius_mm: float) -> Floats:
+        """Return the edges of a box that holds every disc about a point of the map."""
+        x_min, y_min, x_max, y_max = self.free.bounds
+        reach_mm = 1.01 * radius_mm
+        box = (x_min - reach_mm, y_min - reach_mm, x_max + reach_mm, y_max + reach_mm)
+        return _edges_mm(shapely.box(*box))
+
+
+def _kept(things: dict[Key, Made], key: Key, make: Callable[[], Made]) -> Made:
+    """Return what is kept under a key, made once, dropping the oldest where there are many."""
+    with _MAKING:
+        if key not in things:
+            while len(things) >= MOST_RASTERS:
+                things.pop(next(iter(things)))
+            things[key] = make()
+        return things[key]
+
+
+def _edges_mm(free: BaseGeometry) -> Floats:
+    """Return the directed edges of polygons, holes clockwise, shape (e, 2, 2)."""
+    parts = [part for part in shapely.get_parts(free) if part.geom_type == "Polygon"]
+    rings = shapely.get_rings(shapely.orient_polygons(parts))
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    real = (ring[:-1] == ring[1:]) & (points[:-1] != points[1:]).any(axis=1)
+    edges = np.stack([points[:-1], points[1:]], axis=1)[real]
+    flat = frozen_floats("edges_mm", edges.reshape(-1, 4), 4)
+    return flat.reshape(-1, 2, 2)

@@ -101,30 +101,17 @@ class DemoSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Demo:
-    """What the demonstration found.
+    """What the demonstration found."""
 
-    Parameters
-    ----------
-    result
-        The search.
-    training, unseen, baseline
-        Scores of the winner on the training maps and on unseen ones, and of a plain vine on the
-        unseen ones.
-    predicted
-        Deployments on unseen maps, job and check.
-    rig
-        The rig of the first unseen map.
-    files
-        What was written, as paths relative to the folder.
-    """
-
-    result: RunResult
+    result: RunResult  # the search
+    # training, unseen, baseline: scores of the winner on the training maps and on unseen ones, and
+    # of a plain vine on the unseen ones
     training: Score
     unseen: Score
     baseline: Score
-    predicted: Predicted
-    rig: RigFiles
-    files: tuple[str, ...]
+    predicted: Predicted  # deployments on unseen maps, job and check
+    rig: RigFiles  # the rig of the first unseen map
+    files: tuple[str, ...]  # what was written, as paths relative to the folder
 
     @property
     def made(self) -> bool:
@@ -155,24 +142,7 @@ class Demo:
 def run_demo(
     folder: Path, settings: DemoSettings, tell: Tell, announce: Callable[[str], None]
 ) -> Demo:
-    """Run the main job and write everything into a folder.
-
-    Parameters
-    ----------
-    folder
-        An empty folder.
-    settings
-        How large.
-    tell
-        Called as the work goes on.
-    announce
-        Called with a line about each step that begins.
-
-    Raises
-    ------
-    ReadBackError, CannotWriteError
-        If a file is not what it should be or cannot be written.
-    """
+    """Run the main job and write everything into a folder."""
     run = settings.run()
     announce(
         f"training on {run.maps.count} generated maps: {run.search.generations} generations "

@@ -46,11 +46,6 @@ def build_app(wanted: str | None) -> typer.Typer:
 
     Loading all of them would import the simulator, the exporters and the plots just to print a
     list of names.
-
-    Parameters
-    ----------
-    wanted
-        The command to load, or None.
     """
     app = typer.Typer(
         name="vinefab",
@@ -92,18 +87,7 @@ def _not_loaded() -> None:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run one command line and return its exit code.
-
-    Parameters
-    ----------
-    arguments
-        What follows the program's name.
-
-    Returns
-    -------
-    int
-        0 good, 1 findings, 2 bad input, 130 interrupted.
-    """
+    """Run one command line and return its exit code."""
     named = [argument for argument in arguments if not argument.startswith("-")]
     try:
         app = build_app(named[0] if named and named[0] in COMMANDS else None)

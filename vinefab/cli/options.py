@@ -46,21 +46,12 @@ PoseIn = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandOutput:
-    """Where a command's words, results and progress go.
+    """Where a command's words, results and progress go."""
 
-    Parameters
-    ----------
-    quiet
-        Say nothing but errors.
-    json_out
-        Where the machine-readable result goes; with ``-`` the words go to standard error.
-    force
-        Overwrite files that vinefab did not write.
-    """
-
-    quiet: bool = False
+    quiet: bool = False  # say nothing but errors
+    # where the machine-readable result goes; with ``-`` the words go to standard error
     json_out: str | None = None
-    force: bool = False
+    force: bool = False  # overwrite files that vinefab did not write
     console: Console = field(init=False)
     """For words and progress; one, so that words printed meanwhile stand above the bar."""
 
@@ -91,13 +82,7 @@ class CommandOutput:
 
     @contextmanager
     def progress(self, title: str) -> Iterator[Callable[[float, str], None]]:
-        """Show a bar with the time left on a terminal while a block runs.
-
-        Yields
-        ------
-        Callable
-            To be called with the share done, 0 to 1, and a few words.
-        """
+        """Show a bar with the time left on a terminal while a block runs."""
         columns = (
             TextColumn("{task.description}"),
             BarColumn(),
@@ -112,15 +97,7 @@ class CommandOutput:
 
 
 def ensure_kind(option: str, path: Path | None, endings: tuple[str, ...], *, force: bool) -> None:
-    """Check, before any work, that a file can be written if one is asked for: its kind and place.
-
-    Raises
-    ------
-    BadInputError
-        If its name has none of the endings.
-    VinefabError
-        As `ensure_writable`.
-    """
+    """Check before any work that a file, if one is asked for, can be written: kind and place."""
     if path is None:
         return
     if path.suffix.lower() not in endings:
@@ -129,25 +106,13 @@ def ensure_kind(option: str, path: Path | None, endings: tuple[str, ...], *, for
 
 
 def ensure_apart(option: str, path: Path, source: Path, what: str) -> None:
-    """Check that what is to be written is another file than what is read.
-
-    Raises
-    ------
-    BadInputError
-        If they are the same file, through links too; ``what`` says which one is read.
-    """
+    """Check that what is to be written is another file than what is read."""
     if path.resolve() == source.resolve() or (path.exists() and path.samefile(source)):
         raise BadInputError(option, str(path), f"another file than {what}")
 
 
 def pose_from(text: str | None, option: str = "--pose") -> Pose | None:
-    """Return a pose from ``X,Y,DEG``, or None.
-
-    Raises
-    ------
-    BadInputError
-        If the text is not three finite numbers.
-    """
+    """Return a pose from ``X,Y,DEG``, or None."""
     if text is None:
         return None
     try:
@@ -161,13 +126,7 @@ def pose_from(text: str | None, option: str = "--pose") -> Pose | None:
 
 
 def numbers_from(option: str, text: str, count: int) -> tuple[float, ...]:
-    """Return numbers from a text like ``400,300``.
-
-    Raises
-    ------
-    BadInputError
-        If the text is not so many finite numbers.
-    """
+    """Return numbers from a text like ``400,300``."""
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
@@ -189,13 +148,7 @@ def field_words(
 
 
 def parameters_from(texts: list[str]) -> dict[str, object]:
-    """Return parameters from texts like ``radius_mm=60``; numbers and booleans become such.
-
-    Raises
-    ------
-    BadInputError
-        If a text has no name or no ``=``.
-    """
+    """Return parameters from texts like ``radius_mm=60``; numbers and booleans become such."""
     parameters: dict[str, object] = {}
     for text in texts:
         name, equals, value = text.partition("=")

@@ -29,15 +29,6 @@ def ensure_writable(path: Path, *, force: bool = False) -> None:
     path
         The file to be written. A missing folder is made to see whether it can be, and taken away
         again: a command that is refused later leaves none behind.
-    force
-        Overwrite even what vinefab did not write.
-
-    Raises
-    ------
-    ForeignFileError
-        If the file exists and is not ours.
-    CannotWriteError
-        If the folder cannot be made or written to, or the path is no plain file.
     """
     with _system_errors(path):
         made = _make(path.parent)
@@ -64,25 +55,6 @@ def write_bytes(path: Path, data: bytes, *, force: bool = False) -> Path:
 
     A link is followed. What vinefab wrote itself is overwritten by the same kind of file only: a
     picture does not replace a map.
-
-    Parameters
-    ----------
-    path
-        The file to write.
-    data
-        Its whole content.
-    force
-        Overwrite whatever plain file is there.
-
-    Returns
-    -------
-    Path
-        The path written.
-
-    Raises
-    ------
-    ForeignFileError, CannotWriteError
-        As in `ensure_writable`; nothing that was there has changed then.
     """
     with folder_to_fill(path.parent), _system_errors(path):
         _check_writable(path, force=force)
@@ -116,27 +88,6 @@ def new_folder(path: Path, mark: str, *, force: bool = False) -> Iterator[Path]:
     it that is not in its manifest is kept, links and empty folders too. Any other folder that is
     not empty needs ``force``, and keeps what is in it as well. If the block raises, nothing has
     changed.
-
-    Parameters
-    ----------
-    path
-        The folder to make.
-    mark
-        The file that tells this kind of folder from others (``job.json``).
-    force
-        Write even into a folder that vinefab did not fill.
-
-    Yields
-    ------
-    Path
-        The temporary folder to write into. A manifest is added to it at the end.
-
-    Raises
-    ------
-    ForeignFileError
-        If the folder holds something and is not of the same kind.
-    CannotWriteError
-        If the system refuses.
     """
     ensure_own_folder(path, mark, force=force)
     with folder_to_fill(path.parent):
@@ -153,18 +104,7 @@ def new_folder(path: Path, mark: str, *, force: bool = False) -> Iterator[Path]:
 
 @contextmanager
 def folder_to_fill(path: Path) -> Iterator[None]:
-    """Make a folder and those above it; if the block raises, take away what it left empty of them.
-
-    Parameters
-    ----------
-    path
-        The folder; one that is there already stays whatever happens.
-
-    Raises
-    ------
-    CannotWriteError
-        If the system refuses.
-    """
+    """Make a folder and its parents; if the block raises, remove those that it left empty."""
     with _system_errors(path):
         made = _make(path)
     try:
@@ -212,20 +152,7 @@ def ensure_own_folder(path: Path, mark: str, *, force: bool = False) -> None:
 
 
 def ensure_unchanged(path: Path, *, force: bool = False) -> None:
-    """Check that a file which vinefab wrote for a person to fill in is still empty, or away.
-
-    Parameters
-    ----------
-    path
-        A file in a folder with a manifest.
-    force
-        Do not check.
-
-    Raises
-    ------
-    ForeignFileError
-        If it differs from what its folder's manifest says: it holds somebody's work.
-    """
+    """Check that a file which vinefab wrote for a person to fill in is still empty, or away."""
     manifest = path.parent / MANIFEST_NAME
     if force or not path.is_file() or not manifest.is_file():
         return

@@ -20,12 +20,6 @@ class BadInputError(VinefabError, ValueError):
 
     Parameters
     ----------
-    key
-        Which value, as the user knows it (``level[2].branches``, ``--pose``, a column).
-    value
-        What was given; None when the key is missing altogether.
-    allowed
-        What would have been accepted.
     source
         The file that holds the value, or None when it came from the command line or a caller.
     """

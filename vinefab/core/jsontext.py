@@ -12,20 +12,7 @@ GENERATOR = f"written by vinefab {__version__}"
 
 
 def json_text(schema: str, content: Mapping[str, object]) -> str:
-    """Return a document with its schema and generator first, keys in the order given.
-
-    Parameters
-    ----------
-    schema
-        Name and version of the form (``vinefab/score-1``).
-    content
-        The rest; numpy scalars and arrays are allowed.
-
-    Raises
-    ------
-    ValueError
-        If a number is NaN or infinite, which JSON cannot say.
-    """
+    """Return a document with its schema and generator first, keys in the order given."""
     document = {"schema": schema, "generator": GENERATOR, **content}
     return json.dumps(document, indent=1, allow_nan=False, default=plain) + "\n"
 

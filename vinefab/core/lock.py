@@ -11,23 +11,6 @@ def lock_folder(folder: Path, problem: str) -> int | None:
 
     Nothing is written. Where the system has no such locks (not every network file system has),
     nobody is kept out.
-
-    Parameters
-    ----------
-    folder
-        The folder.
-    problem
-        What to say when another process has taken it.
-
-    Returns
-    -------
-    int or None
-        A handle for ``os.close``; None where there are no locks.
-
-    Raises
-    ------
-    CannotWriteError
-        If another process has taken the folder.
     """
     if os.name != "posix":
         return None

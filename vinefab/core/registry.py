@@ -16,17 +16,6 @@ _BROKEN_PLUGIN = (ImportError, AttributeError, NameError, SyntaxError, TypeError
 class Registry(Mapping[str, T], Generic[T]):
     """Parts of one kind, by name.
 
-    Parameters
-    ----------
-    kind
-        What the parts are, in the words of an error message (``task``, ``optimizer``).
-    builtin
-        The parts that come with vinefab.
-    group
-        Entry-point group under which installed packages offer more of them; empty: none do.
-    problem
-        Says of a part that a package offers, by its name, what is wrong with it; empty if nothing.
-
     Attributes
     ----------
     broken
@@ -96,22 +85,7 @@ class Registry(Mapping[str, T], Generic[T]):
 
 
 def with_parameters(part: Callable[..., T], key: str, parameters: Mapping[str, object]) -> T:
-    """Return a part made with its defaults and what the user gave.
-
-    Parameters
-    ----------
-    part
-        A dataclass whose fields all have plain defaults (a number, a string, true or false).
-    key
-        Where the table stands, for errors (``task``, ``optimizer``).
-    parameters
-        Names and values; whole numbers do for numbers.
-
-    Raises
-    ------
-    BadInputError
-        If a name is unknown, or a value of the wrong kind or out of range.
-    """
+    """Return a part made with its defaults and what the user gave."""
     known = {field.name: field.default for field in fields(part)} if is_dataclass(part) else {}
     values = {}
     for name, value in parameters.items():

@@ -8,8 +8,6 @@ def child(seed: int, *path: int) -> np.random.Generator:
 
     Parameters
     ----------
-    seed
-        The user's seed, at least 0.
     path
         Where in the job the draw happens (generation, candidate, map, ...). The same path gives
         the same stream, whatever was drawn elsewhere.

@@ -24,13 +24,6 @@ def group_means(values: ArrayLike, groups: Sequence[Hashable]) -> Floats:
 
     Values that are not numbers (NaN) are left out, and so is a group without any other.
 
-    Parameters
-    ----------
-    values
-        Shape (n,).
-    groups
-        The group of each value.
-
     Examples
     --------
     >>> group_means([1.0, 3.0, 5.0], ["a", "a", "b"]).tolist()
@@ -48,15 +41,6 @@ def group_means(values: ArrayLike, groups: Sequence[Hashable]) -> Floats:
 
 def mean_interval(means: ArrayLike, level: float = 0.95, seed: int = 0) -> tuple[float, float]:
     """Return the percentile bootstrap interval of the mean of independent values.
-
-    Parameters
-    ----------
-    means
-        Independent values, such as the means of maps; at least one. One value gives itself.
-    level
-        Coverage of the interval.
-    seed
-        Seed of the resampling.
 
     Notes
     -----
@@ -77,13 +61,6 @@ def sign_flip_p(differences: ArrayLike, seed: int = 0) -> float:
     If two designs are equally good, each paired difference is as likely to have the other sign.
     The p-value is the share of sign patterns whose mean is at least as far from 0; all patterns
     for up to `MOST_EXACT` differences, 20,000 drawn ones beyond.
-
-    Parameters
-    ----------
-    differences
-        Independent paired differences, at least one.
-    seed
-        Seed of the drawn patterns.
 
     Examples
     --------

@@ -36,13 +36,7 @@ def whole(key: str, value: int, low: int, high: int) -> int:
 
 
 def frozen_floats(key: str, values: ArrayLike, columns: int | None = None) -> Floats:
-    """Return a read-only copy of finite numbers, shape (n,) or (n, columns).
-
-    Raises
-    ------
-    BadInputError
-        If the shape differs or a number is not finite.
-    """
+    """Return a read-only copy of finite numbers, shape (n,) or (n, columns)."""
     array = np.array(values, dtype=np.float64)
     if columns is not None and array.size == 0:
         array = array.reshape(0, columns)

@@ -31,17 +31,7 @@ def map_corridors(world: Map) -> MapCorridors:
 
 
 def corridors_in(name: str, free: BaseGeometry, scale: float = 1.0) -> MapCorridors:
-    """Return the narrowest corridors of a free space.
-
-    Parameters
-    ----------
-    name
-        Whose they are.
-    free
-        Free space, in map coordinates.
-    scale
-        Millimetres that the robot sees per millimetre of the map.
-    """
+    """Return the narrowest corridors of a free space."""
     return MapCorridors(
         name=name,
         corridors=tuple(
@@ -72,19 +62,7 @@ def check_design(
     maps: Sequence[Map] = (),
     rig: RigFacts | None = None,
 ) -> CheckReport:
-    """Return what every rule says of a design.
-
-    Parameters
-    ----------
-    design, profile
-        What is to be made, and with what.
-    limits
-        Limits of this one check; they go before the design's and the recipe's.
-    deployed
-        Simulated deployments, for the rules about paths.
-    maps, rig
-        Maps whose corridors it must pass, and a test rig that it is to be tried on.
-    """
+    """Return what every rule says of a design."""
     courses = tuple(map_corridors(world) for world in maps)
     subject = replace(subject_of(design, profile, deployed), courses=courses, rig=rig)
     return run_checks(subject, limits)
@@ -102,13 +80,7 @@ def findings_drawing(design: Design, profile: LaserProfile, report: CheckReport)
 
 
 def drawing_text(drawing: Job, path: Path) -> str:
-    """Return a drawing as the text of an SVG or a DXF, by the end of a path's name.
-
-    Raises
-    ------
-    ReadBackError
-        If the text, read again, is not what was drawn.
-    """
+    """Return a drawing as the text of an SVG or a DXF, by the end of a path's name."""
     # The readers load ezdxf, which a check without a picture has no use for.
     from vinefab.fabrication.formats.dxf_format import dxf_text, read_dxf  # noqa: PLC0415
     from vinefab.fabrication.formats.readback import drawing_differences  # noqa: PLC0415
@@ -132,15 +104,7 @@ def deployed_lines(deployed: Deployed) -> list[str]:
 
 
 def check_lines(report: CheckReport, *, verbose: bool = False) -> list[str]:
-    """Return a check as lines for the user.
-
-    Parameters
-    ----------
-    report
-        The check.
-    verbose
-        List every rule that was run too.
-    """
+    """Return a check as lines for the user."""
     lines = [_finding_line(finding) for finding in report.findings]
     if verbose:
         lines += [f"ran     {r.rule}  looked at {r.checked}" for r in report.run]

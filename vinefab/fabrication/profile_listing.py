@@ -33,13 +33,7 @@ def profile_list() -> list[str]:
 
 
 def kind_of(name: str) -> str:
-    """Return what a name or path is: machine, material or recipe.
-
-    Raises
-    ------
-    UnknownNameError
-        If nothing is called that; the nearest names are offered.
-    """
+    """Return what a name or path is: machine, material or recipe."""
     path = Path(name)
     if path.suffix or path.parent != Path():
         parent = path.resolve().parent.name.removesuffix("s")
@@ -55,11 +49,6 @@ def profile_numbers(name: str) -> dict[str, Quantity]:
     """Return every number of a machine, material or recipe, by its key.
 
     A recipe's come with what they do to the film: line energy and fluence, computed.
-
-    Parameters
-    ----------
-    name
-        A name as `profile_list` gives it, or a path.
     """
     kind = kind_of(name)
     if kind == "machine":

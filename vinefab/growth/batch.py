@@ -23,13 +23,7 @@ MOST_KEPT = 8
 
 
 class TerrainSet:
-    """Terrains whose walls are put together once and then used by many batches.
-
-    Parameters
-    ----------
-    terrains
-        At least one.
-    """
+    """Terrains whose walls are put together once and then used by many batches."""
 
     __slots__ = ("_kept", "_making", "terrains")
 
@@ -66,16 +60,7 @@ class Workspace:
         self._growth = Growth.empty(0, 0)
 
     def growth(self, jobs: int, branches: int, room: int) -> Growth:
-        """Return cleared arrays for several trees one after the other.
-
-        Parameters
-        ----------
-        jobs
-            Number of trees. Each has its own ``first_point``, one entry longer than it has
-            branches.
-        branches, room
-            Branches and chain points of all of them together.
-        """
+        """Return cleared arrays for several trees one after the other."""
         held = self._growth
         if branches + jobs >= len(held.first_point) or room > len(held.points):
             held = self._growth = Growth.empty(2 * (branches + jobs), 2 * room)
@@ -121,41 +106,16 @@ class BlockMapper(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Launches:
-    """Places on maps to launch trunks from, l of them.
+    """Places on maps to launch trunks from, l of them."""
 
-    Parameters
-    ----------
-    atlas
-        The maps.
-    terrain
-        Index of the map of each launch, shape (l,).
-    poses
-        The poses, one per launch.
-    start
-        Base x and y (mm) and heading ux, uy of each trunk, shape (l, 4).
-    """
-
-    atlas: TerrainSet
-    terrain: Ints
-    poses: tuple[Pose, ...]
-    start: Floats
+    atlas: TerrainSet  # the maps
+    terrain: Ints  # index of the map of each launch, shape (l,)
+    poses: tuple[Pose, ...]  # the poses, one per launch
+    start: Floats  # base x and y (mm) and heading ux, uy of each trunk, shape (l, 4)
 
     @classmethod
     def of(cls, atlas: TerrainSet, poses: Sequence[Sequence[Pose]]) -> "Launches":
-        """Return the launches from some poses on each map.
-
-        Parameters
-        ----------
-        atlas
-            The maps.
-        poses
-            For each map, the poses to launch from.
-
-        Raises
-        ------
-        BadInputError
-            If a pose is inside an obstacle or outside the bounds.
-        """
+        """Return the launches from some poses on each map."""
         flat = tuple(pose for places in poses for pose in places)
         bases = [t.starts_mm(places) for t, places in zip(atlas.terrains, poses, strict=True)]
         # As `grow` does it: the cosine of numpy differs in the last digit.
@@ -173,27 +133,18 @@ class Launches:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Block:
-    """Some growths of a batch, finished.
+    """Some growths of a batch, finished."""
 
-    Parameters
-    ----------
-    plan, launch
-        Which design and which launch each is, shape (j,).
-    plans, launches
-        Those of the batch.
-    branch, room
-        Where each growth's branches and chain points begin, shape (j + 1,).
-    growth
-        The results, growth by growth.
-    """
-
+    # plan, launch: which design and which launch each is, shape (j,)
     plan: Ints
     launch: Ints
+    # plans, launches: those of the batch
     plans: Plans
     launches: Launches
+    # branch, room: where each growth's branches and chain points begin, shape (j + 1,)
     branch: Ints
     room: Ints
-    growth: Growth
+    growth: Growth  # the results, growth by growth
 
     def __len__(self) -> int:
         return len(self.plan)
@@ -214,15 +165,7 @@ class Block:
         return self.plans.lengths_mm[self.plan]
 
     def tips_mm(self) -> tuple[Floats, Ints]:
-        """Return the tips of all deployed branches, and where each growth's begin.
-
-        Returns
-        -------
-        tips_mm
-            Shape (m, 2), growth by growth in the order of the trees.
-        first
-            Shape (j + 1,).
-        """
+        """Return the tips of all deployed branches, and where each growth's begin."""
         from vinefab.growth import batch_kernel  # noqa: PLC0415  numba takes a second to import
 
         tips_mm, first = np.empty((len(self.growth.stop), 2)), np.empty_like(self.branch)
@@ -239,13 +182,7 @@ class Block:
         return tips_mm[:count], first
 
     def deployment(self, index: int) -> Deployment:
-        """Return one growth as `vinefab.growth.simulator.grow` does.
-
-        Parameters
-        ----------
-        index
-            Its number within the block.
-        """
+        """Return one growth as `vinefab.growth.simulator.grow` does."""
         one, two = self.branch[index], self.branch[index + 1]
         first_point = self.growth.first_point[one + index : two + index + 1].copy()
         room = self.room[index]
@@ -264,17 +201,6 @@ class Block:
 
 class Batch:
     """Every design from every launch: growth number ``launch * designs + design``.
-
-    Parameters
-    ----------
-    plans
-        The designs, each planned once.
-    launches
-        Where to grow them from.
-    options
-        Choices of the growth model, the ones that the plans were made with.
-    idle
-        Memory that other batches have used and nobody uses now; threads may share it.
 
     Notes
     -----
@@ -311,23 +237,11 @@ class Batch:
         work
             Called with every block where it was grown. The block's arrays are used again
             afterwards: what is to last must be copied.
-        over
-            How to work off the blocks.
-        size
-            Growths per block.
         """
         yield from over(lambda first: self.worked(first, size, work), range(0, len(self), size))
 
     def worked(self, first: int, size: int, work: Callable[[Block], Result]) -> Result:
-        """Grow some growths, and return what some work makes of them.
-
-        Parameters
-        ----------
-        first, size
-            The growths ``first .. first + size - 1``, as far as there are any.
-        work
-            Called with the block, whose arrays are used again afterwards.
-        """
+        """Grow some growths, and return what some work makes of them."""
         try:
             scratch = self._idle.pop()
         except IndexError:

@@ -22,13 +22,6 @@ def free_space(world: Map, grid_mm: float) -> BaseGeometry:
     Subtracting many polygons from one takes time that grows with the square of their number,
     because every hole is looked for in every polygon. Obstacles that stand alone, clear of the
     bounds and of each other, are therefore made holes directly; only the others are subtracted.
-
-    Parameters
-    ----------
-    world
-        The map.
-    grid_mm
-        Step that coordinates are rounded to.
     """
     obstacles = np.array(world.obstacles, dtype=object)
     alone = _stand_alone(world, obstacles, APART * grid_mm)
@@ -77,18 +70,13 @@ def _with_holes(free: BaseGeometry, holes: Shapes) -> BaseGeometry:
 
 
 class FreeSpaceWalls(NamedTuple):
-    """Walls of a free space; see `vinefab.growth.arrays.WallArrays` for the columns.
+    """Walls of a free space; see `vinefab.growth.arrays.WallArrays` for the columns."""
 
-    Parameters
-    ----------
-    wall, link
-        The walls and how they hang together; the last column of ``WallArrays.link`` is not here.
-    vertex, vertex_point
-        The vertices that a body can wrap around.
-    """
-
+    # wall, link: the walls and how they hang together; the last column of ``WallArrays.link`` is
+    # not here
     wall: Floats
     link: Ints
+    # vertex, vertex_point: the vertices that a body can wrap around
     vertex: Floats
     vertex_point: Ints
 
@@ -103,15 +91,7 @@ class _Rings(NamedTuple):
 
 
 def walls_of(free: BaseGeometry, tolerance_mm: float) -> FreeSpaceWalls:
-    """Return the walls of a free space.
-
-    Parameters
-    ----------
-    free
-        Polygon or MultiPolygon; rings may touch each other at points.
-    tolerance_mm
-        Corners that stand out less than this from the line between their neighbours are dropped.
-    """
+    """Return the walls of a free space."""
     rings = _rings(free)
     place, count = _places(rings.corner)
     straight = (_bulge(rings) <= tolerance_mm) & (count[place] == 1)

@@ -29,15 +29,7 @@ class _Grid(NamedTuple):
 
 
 def indexed(walls: FreeSpaceWalls, near_mm: float) -> WallArrays:
-    """Return the walls with their grid index, all arrays read-only.
-
-    Parameters
-    ----------
-    walls
-        The walls.
-    near_mm
-        Walls within this distance of another are marked as crowded; far below a cell's margin.
-    """
+    """Return the walls with their grid index, all arrays read-only."""
     grid = _grid_over(walls.wall)
     wall_first, wall_item = _listed(grid, *_cells_of_walls(grid, walls.wall))
     crowded = _crowded(walls, wall_item, _lists_at_starts(grid, walls.wall, wall_first), near_mm)

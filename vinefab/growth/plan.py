@@ -23,45 +23,20 @@ vinefab's own [assumed]; no measurement of where bowing begins is known."""
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plan:
-    """What growth needs of a design.
+    """What growth needs of a design."""
 
-    Parameters
-    ----------
-    tree
-        The planned branches.
-    turn
-        Cosine and sine of each branch's angle from its parent, shape (n, 2).
-    edges
-        The branches that are grown on the same walls are ``edges[k] .. edges[k + 1] - 1``: the
-        whole tree for bare centrelines, one level for inflated bodies.
-    radii_mm
-        Body radius on each of these spans.
-    long_mm
-        Length from which a straight body counts as long, for each branch, shape (n,).
-    build
-        How the design is built.
-    """
-
-    tree: BranchTree
-    turn: Floats
+    tree: BranchTree  # the planned branches
+    turn: Floats  # cosine and sine of each branch's angle from its parent, shape (n, 2)
+    # the branches that are grown on the same walls are ``edges[k] .. edges[k + 1] - 1``: the whole
+    # tree for bare centrelines, one level for inflated bodies.
     edges: tuple[int, ...]
-    radii_mm: tuple[float, ...]
-    long_mm: Floats
-    build: Build
+    radii_mm: tuple[float, ...]  # body radius on each of these spans
+    long_mm: Floats  # length from which a straight body counts as long, for each branch, shape (n,)
+    build: Build  # how the design is built
 
     @classmethod
     def of(cls, design: Design, options: GrowthOptions, tree: BranchTree | None = None) -> "Plan":
-        """Return the plan of a design.
-
-        Parameters
-        ----------
-        design
-            The robot.
-        options
-            Choices of the growth model.
-        tree
-            What to grow in place of all the design's branches; see `vinefab.growth.simulator.grow`.
-        """
+        """Return the plan of a design."""
         tree = branch_tree(design) if tree is None else tree
         long_mm = LONG_WIDTHS * np.array(design.build.widths_mm)[tree.level - 1]
         turn = np.column_stack([np.cos(tree.offset_rad), np.sin(tree.offset_rad)])
@@ -89,46 +64,23 @@ class Plan:
 
 
 class Spans(NamedTuple):
-    """The spans of all plans as tables, a row per plan and a column per span.
+    """The spans of all plans as tables, a row per plan and a column per span."""
 
-    Parameters
-    ----------
-    radii_mm
-        All body radii, rising.
-    number
-        How many spans each plan has; what stands beyond them has no meaning.
-    radius
-        Which of the radii.
-    until
-        First branch that is not in the span.
-    is_wider
-        Whether the body is wider than what reached its base, and so may lack room there.
-    """
-
-    radii_mm: tuple[float, ...]
-    number: Ints
-    radius: Ints
-    until: Ints
+    radii_mm: tuple[float, ...]  # all body radii, rising
+    number: Ints  # how many spans each plan has; what stands beyond them has no meaning
+    radius: Ints  # which of the radii
+    until: Ints  # first branch that is not in the span
+    # whether the body is wider than what reached its base, and so may lack room there
     is_wider: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plans:
-    """What growth needs of several designs.
+    """What growth needs of several designs."""
 
-    Parameters
-    ----------
-    each
-        The plans one by one.
-    trees
-        Their branches, one tree after the other.
-    spans
-        Which branches are grown on the same walls.
-    """
-
-    each: Sequence[Plan]
-    trees: TreesArrays
-    spans: Spans
+    each: Sequence[Plan]  # the plans one by one
+    trees: TreesArrays  # their branches, one tree after the other
+    spans: Spans  # which branches are grown on the same walls
     _lengths: list[Floats] = field(default_factory=list)
 
     def __len__(self) -> int:

@@ -29,21 +29,14 @@ def cross(a: complex, b: complex) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Wall:
-    """One straight wall with free space on its left.
+    """One straight wall with free space on its left."""
 
-    Parameters
-    ----------
-    start, end, tangent, length
-        Its geometry; the tangent is a unit vector from start to end.
-    ends
-        Numbers of the places at its start and end.
-    """
-
+    # its geometry; the tangent is a unit vector from start to end
     start: complex
     end: complex
     tangent: complex
     length: float
-    ends: tuple[int, int]
+    ends: tuple[int, int]  # numbers of the places at its start and end
 
     @property
     def normal(self) -> complex:
@@ -73,22 +66,14 @@ class Meeting(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class World:
-    """Walls and vertices as objects, with the tolerances.
+    """Walls and vertices as objects, with the tolerances."""
 
-    Parameters
-    ----------
-    walls, vertices
-        All of them.
-    neighbours
-        The walls before and after each wall, in the same wedge of free space.
-    rules
-        Half angle and tolerances.
-    """
-
+    # walls, vertices: all of them
     walls: list[Wall]
     vertices: list[Vertex]
+    # the walls before and after each wall, in the same wedge of free space
     neighbours: list[tuple[int, int]]
-    rules: Rules
+    rules: Rules  # half angle and tolerances
 
 
 def world_of(arrays: WallArrays, rules: Rules) -> World:
@@ -215,41 +200,28 @@ def wall_ahead(
 
 @dataclass(slots=True, eq=False)
 class GrowingBranch:
-    """A growing branch.
+    """A growing branch."""
 
-    Parameters
-    ----------
-    world, length
-        Where it grows and how long it may become.
-    tip, u
-        Its tip and its heading from the pivot to the tip.
-    pivots, senses
-        Base and contacts, and the sense in which each was wrapped (0 for the base).
-    lengths
-        Length of the chain up to each of them.
-    wall, place, sense
-        The wall that the tip slides on, how far along it, which way; None for free growth.
-    corner
-        Place that free growth has just left.
-    steep
-        Longest body with which it began to slide at more than 60 degrees to the wall's tangent.
-    stop
-        Why it stopped.
-    """
-
+    # world, length: where it grows and how long it may become
     world: World
     length: float
+    # tip, u: its tip and its heading from the pivot to the tip
     tip: complex
     u: complex
+    # pivots, senses: base and contacts, and the sense in which each was wrapped (0 for the base)
     pivots: list[complex]
     senses: list[int] = field(default_factory=lambda: [0])
+    # length of the chain up to each of them
     lengths: list[float] = field(default_factory=lambda: [0.0])
+    # wall, place, sense: the wall that the tip slides on, how far along it, which way; None for
+    # free growth
     wall: int | None = None
     place: float = 0.0
     sense: int = 0
-    corner: int = -1
+    corner: int = -1  # place that free growth has just left
+    # longest body with which it began to slide at more than 60 degrees to the wall's tangent
     steep: float = 0.0
-    stop: Stop | None = None
+    stop: Stop | None = None  # why it stopped
 
     def grow(self) -> int:
         """Grow until it stops; return the number of events."""

@@ -51,12 +51,6 @@ ARC_SEGMENTS_PER_QUARTER = 16
 class Terrain:
     """The free space of one map as walls; nothing in it ever changes.
 
-    Parameters
-    ----------
-    world
-        The map. Obstacles may overlap, touch and cross the bounds; only the walls of what is left
-        free count.
-
     Notes
     -----
     Build it once per map with `Terrain.of` and use it for all growths on that map. Walls for
@@ -82,13 +76,7 @@ class Terrain:
         return 0.25 * self.grid_mm
 
     def free_space(self, radius_mm: float = 0.0) -> BaseGeometry:
-        """Return where the centreline of a body of some radius may be, as polygons.
-
-        Parameters
-        ----------
-        radius_mm
-            Inflated radius; 0 for the bare centreline.
-        """
+        """Return where the centreline of a body of some radius may be, as polygons."""
         with _MAKING:
             if radius_mm not in self._free:
                 whole, finely = self._free[0.0], ARC_SEGMENTS_PER_QUARTER
@@ -117,8 +105,6 @@ class Terrain:
         ----------
         points_mm
             Their bases, shape (n, 2).
-        radius_mm
-            Their inflated radius.
         """
         free = self.free_space(radius_mm)
         have: NDArray[np.bool_] = shapely.contains_xy(free, points_mm)
@@ -132,13 +118,7 @@ class Terrain:
         return self.contains(pose.x_mm, pose.y_mm, radius_mm)
 
     def start_mm(self, pose: Pose) -> tuple[float, float]:
-        """Return where a robot started at a pose stands: there, or on the wall just beside it.
-
-        Raises
-        ------
-        BadInputError
-            If the pose is inside an obstacle or outside the bounds.
-        """
+        """Return where a robot started at a pose stands: there, or on the wall just beside it."""
         x_mm, y_mm = pose.x_mm, pose.y_mm
         snapped = self._snapped(x_mm, y_mm, 0.0, self._snap_mm)
         if snapped is None:
@@ -152,13 +132,7 @@ class Terrain:
         return snapped
 
     def starts_mm(self, poses: Sequence[Pose]) -> Floats:
-        """Return where robots started at some poses stand, shape (n, 2); see `start_mm`.
-
-        Raises
-        ------
-        BadInputError
-            If a pose is inside an obstacle or outside the bounds.
-        """
+        """Return where robots started at some poses stand, shape (n, 2); see `start_mm`."""
         points = np.array([(pose.x_mm, pose.y_mm) for pose in poses]).reshape(-1, 2)
         inside = shapely.contains_xy(self.free_space(), points)
         for index in np.flatnonzero(~inside).tolist():

@@ -34,17 +34,10 @@ _POLYGON = shapely.GeometryType.POLYGON
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Passage:
-    """A narrow place between two walls.
+    """A narrow place between two walls."""
 
-    Parameters
-    ----------
-    width_mm
-        Distance between the walls.
-    ends_mm
-        Where it touches them: ((x, y), (x, y)).
-    """
-
-    width_mm: float
+    width_mm: float  # distance between the walls
+    # where it touches them: ((x, y), (x, y))
     ends_mm: tuple[tuple[float, float], tuple[float, float]]
 
     @property
@@ -56,13 +49,6 @@ class Passage:
 
 def narrow_passages(free: BaseGeometry, most: int = 5) -> tuple[Passage, ...]:
     """Return the narrowest passages, the narrowest first.
-
-    Parameters
-    ----------
-    free
-        Free space: Polygon or MultiPolygon.
-    most
-        How many to return at most.
 
     Examples
     --------

@@ -30,24 +30,6 @@ def draw_poses(
 
     Pose ``i`` belongs to start ``i`` modulo the number of starts and depends only on the seed and
     ``i``, so a longer draw begins with the shorter one. A start without spread gives itself.
-
-    Parameters
-    ----------
-    world
-        The map; walls themselves count as free space.
-    count
-        How many poses, at least 0.
-    seed
-        At least 0.
-    clearance_mm
-        Least distance to walls, such as a body's inflated radius.
-    free
-        The map's free space if that is at hand, prepared for many looks.
-
-    Raises
-    ------
-    BadInputError
-        If the map offers no start, or no free pose was found within a start's range.
     """
     whole("poses", count, 0, 10_000_000)
     whole("seed", seed, 0, 2**63 - 1)
@@ -89,13 +71,6 @@ def roomiest_start(free: Polygon, accuracy_mm: float) -> Start:
     """Return the start with the most room around it, launching where the way is longest.
 
     Poses drawn from it stay within a quarter of the clearance and 30 degrees.
-
-    Parameters
-    ----------
-    free
-        The free space.
-    accuracy_mm
-        How near to the best clearance is near enough.
     """
     radius = shapely.maximum_inscribed_circle(free, accuracy_mm)
     x, y = (round(float(value), 3) for value in shapely.get_coordinates(radius)[0])

@@ -31,21 +31,11 @@ HOLD_S = 1.8
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DeploymentFrame:
-    """A deployment at one length of its front.
+    """A deployment at one length of its front."""
 
-    Parameters
-    ----------
-    front_mm
-        Length of the longest way along the body from the base to a growing tip.
-    deployment
-        The branches that have emerged by then, as they lie then.
-    is_growing
-        Whether each of those branches will grow on, shape (n,).
-    """
-
-    front_mm: float
-    deployment: Deployment
-    is_growing: NDArray[np.bool_]
+    front_mm: float  # length of the longest way along the body from the base to a growing tip
+    deployment: Deployment  # the branches that have emerged by then, as they lie then
+    is_growing: NDArray[np.bool_]  # whether each of those branches will grow on, shape (n,)
 
     def __post_init__(self) -> None:
         if self.is_growing.shape != (len(self.deployment.tree),):
@@ -55,21 +45,13 @@ class DeploymentFrame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stage:
-    """Where the millimetres of a map lie in a picture of pixels.
+    """Where the millimetres of a map lie in a picture of pixels."""
 
-    Parameters
-    ----------
-    left_mm, top_mm
-        Map position of the picture's upper left corner.
-    px_per_mm
-        Scale.
-    width_px, height_px
-        Size of the picture of the map, without any margin for words.
-    """
-
+    # left_mm, top_mm: map position of the picture's upper left corner
     left_mm: float
     top_mm: float
-    px_per_mm: float
+    px_per_mm: float  # scale
+    # width_px, height_px: size of the picture of the map, without any margin for words
     width_px: int
     height_px: int
 
@@ -128,21 +110,11 @@ def round_length_mm(most_mm: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Caption:
-    """What stands below the map in every frame.
+    """What stands below the map in every frame."""
 
-    Parameters
-    ----------
-    bar_mm
-        Length of the scale bar.
-    levels
-        Levels to explain, trunk first.
-    stops
-        Reasons for stopping that occur, to explain their markers.
-    """
-
-    bar_mm: float
-    levels: tuple[int, ...]
-    stops: tuple[Stop, ...]
+    bar_mm: float  # length of the scale bar
+    levels: tuple[int, ...]  # levels to explain, trunk first
+    stops: tuple[Stop, ...]  # reasons for stopping that occur, to explain their markers
 
     @classmethod
     def of(cls, frames: Sequence[DeploymentFrame], stage: Stage) -> "Caption":

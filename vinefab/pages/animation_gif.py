@@ -39,12 +39,8 @@ def gif_animation(
 
     Parameters
     ----------
-    world
-        The map.
     frames
         The shapes to show one after the other, at least one; the last one stays for a while.
-    widths_mm
-        Lay-flat width of each level; bodies are drawn as wide as they inflate.
     """
     painter = _Painter(world, frames, widths_mm)
     pictures = [painter.picture(frame) for frame in frames]

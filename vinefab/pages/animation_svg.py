@@ -43,12 +43,8 @@ def svg_animation(
 
     Parameters
     ----------
-    world
-        The map.
     frames
         The shapes to show one after the other, at least one; the last one stays for a while.
-    widths_mm
-        Lay-flat width of each level; bodies are drawn as wide as they inflate.
     """
     box = robot_view(world, frames[-1].deployment)
     stage = Stage.of(box)

@@ -49,8 +49,6 @@ def score_strips(scores: Mapping[str, ArrayLike], label: str) -> Figure:
     ----------
     scores
         Scores by group, each shape (n,).
-    label
-        What the scores are.
     """
     with house_style():
         figure, axes = blank(6.5, 0.7 + 0.6 * max(2, len(scores)))
@@ -60,15 +58,7 @@ def score_strips(scores: Mapping[str, ArrayLike], label: str) -> Figure:
 
 
 def panels_of_strips(panels: Mapping[str, Mapping[str, ArrayLike]], label: str) -> Figure:
-    """Return `score_strips` of several problems, one above the other.
-
-    Parameters
-    ----------
-    panels
-        Scores by problem and group; the same groups in each.
-    label
-        What the scores are.
-    """
+    """Return `score_strips` of several problems, one above the other."""
     groups = max(len(scores) for scores in panels.values())
     with house_style():
         height_in = (0.6 + 0.32 * max(2, groups)) * len(panels) + 0.3

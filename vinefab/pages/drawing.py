@@ -250,21 +250,7 @@ def deployment_plan(
     named: bool = False,
     whole: bool = False,
 ) -> Figure:
-    """Return a plan of a robot deployed on a map.
-
-    Parameters
-    ----------
-    world, deployment
-        What to draw.
-    widths_mm
-        Lay-flat width of each level; the body is drawn as wide as it inflates, 2 w / pi.
-    longest_in
-        Length of the longer side on paper.
-    named
-        Whether to write every branch's id beside it.
-    whole
-        Whether to show the whole map, however small the robot is on it.
-    """
+    """Return a plan of a robot deployed on a map."""
     with house_style():
         box = world.bounds.bounds if whole else robot_view(world, deployment)
         figure, axes = plan_axes(box, longest_in)

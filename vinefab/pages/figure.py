@@ -59,15 +59,7 @@ def blank(width_in: float = 6.0, height_in: float = 6.0) -> tuple[Figure, Axes]:
 def plan_axes(
     box_mm: tuple[float, float, float, float], longest_in: float = 6.5
 ) -> tuple[Figure, Axes]:
-    """Return a figure for a plan: equal scales, millimetres, no wasted paper.
-
-    Parameters
-    ----------
-    box_mm
-        Least x, least y, greatest x, greatest y of what will be drawn.
-    longest_in
-        Length of the longer side of the plan on paper.
-    """
+    """Return a figure for a plan: equal scales, millimetres, no wasted paper."""
     width, height = max(box_mm[2] - box_mm[0], 1e-9), max(box_mm[3] - box_mm[1], 1e-9)
     scale = longest_in / max(width, height)
     figure, axes = blank(max(width * scale, 2.2) + 0.7, max(height * scale, 1.6) + 0.9)

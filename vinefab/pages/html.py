@@ -15,21 +15,11 @@ Tone = Literal["good", "caution", "bad"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """A drawing with its caption.
+    """A drawing with its caption."""
 
-    Parameters
-    ----------
-    image
-        The drawing as a complete SVG document or PNG file.
-    caption
-        What is to be seen, with the standing of the numbers in it.
-    wide
-        Whether it takes the whole width of the page.
-    """
-
-    image: bytes
-    caption: str
-    wide: bool = False
+    image: bytes  # the drawing as a complete SVG document or PNG file
+    caption: str  # what is to be seen, with the standing of the numbers in it
+    wide: bool = False  # whether it takes the whole width of the page
 
     @property
     def media_type(self) -> str:
@@ -39,24 +29,12 @@ class Picture:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """Rows of text under headings.
+    """Rows of text under headings."""
 
-    Parameters
-    ----------
-    caption
-        What the table shows.
-    headings
-        One per column.
-    rows
-        Cells as text, one tuple per row.
-    folded
-        Whether a reader has to open it; what is folded is not printed.
-    """
-
-    caption: str
-    headings: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    folded: bool = False
+    caption: str  # what the table shows
+    headings: tuple[str, ...]  # one per column
+    rows: tuple[tuple[str, ...], ...]  # cells as text, one tuple per row
+    folded: bool = False  # whether a reader has to open it; what is folded is not printed
 
     def __post_init__(self) -> None:
         for row in self.rows:
@@ -66,25 +44,14 @@ class Table:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """A part of the report under one title.
+    """A part of the report under one title."""
 
-    Parameters
-    ----------
-    title
-        Its heading.
-    paragraphs
-        Words, before everything else.
-    tables, pictures
-        What follows.
-    code
-        Lines to be typed, shown as they are.
-    """
-
-    title: str
-    paragraphs: tuple[str, ...] = ()
+    title: str  # its heading
+    paragraphs: tuple[str, ...] = ()  # words, before everything else
+    # tables, pictures: what follows
     tables: tuple[Table, ...] = ()
     pictures: tuple[Picture, ...] = ()
-    code: str = ""
+    code: str = ""  # lines to be typed, shown as they are
 
     @property
     def anchor(self) -> str:
@@ -94,55 +61,26 @@ class Section:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Headline:
-    """One number that a reader should take away.
+    """One number that a reader should take away."""
 
-    Parameters
-    ----------
-    name
-        What it is.
-    value
-        The number with its unit.
-    detail
-        How sure it is, and its standing.
-    tone
-        Whether it is good news.
-    """
-
-    name: str
-    value: str
-    detail: str
-    tone: Tone = "good"
+    name: str  # what it is
+    value: str  # the number with its unit
+    detail: str  # how sure it is, and its standing
+    tone: Tone = "good"  # whether it is good news
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """A whole report.
+    """A whole report."""
 
-    Parameters
-    ----------
-    title
-        Name of the design and what the report is about.
-    verdict
-        One sentence: can it be made, and what is to be expected.
-    tone
-        What kind of news the verdict is.
-    facts
-        Short name and value pairs shown at the top.
-    sections
-        In order.
-    cautions
-        What stands between the verdict and blind trust, a sentence each.
-    headlines
-        The numbers to take away.
-    """
-
-    title: str
-    verdict: str
-    tone: Tone
-    facts: tuple[tuple[str, str], ...]
-    sections: tuple[Section, ...]
+    title: str  # name of the design and what the report is about
+    verdict: str  # one sentence: can it be made, and what is to be expected
+    tone: Tone  # what kind of news the verdict is
+    facts: tuple[tuple[str, str], ...]  # short name and value pairs shown at the top
+    sections: tuple[Section, ...]  # in order
+    # what stands between the verdict and blind trust, a sentence each
     cautions: tuple[str, ...] = ()
-    headlines: tuple[Headline, ...] = ()
+    headlines: tuple[Headline, ...] = ()  # the numbers to take away
 
 
 _NUMBER = re.compile(r"^(-|[-+]?[\d.,]+(e[-+]?\d+)?( ?%)?)?$")
@@ -152,11 +90,6 @@ def page_html(report: Report) -> str:
     """Return a report as a complete HTML document.
 
     Pictures are embedded as images, so that the ids inside one SVG cannot meet those of another.
-
-    Parameters
-    ----------
-    report
-        What to say; all text is escaped.
     """
     environment = Environment(
         loader=PackageLoader("vinefab.pages"),

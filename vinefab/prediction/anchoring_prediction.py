@@ -25,73 +25,39 @@ from vinefab.tasks.leaves import path_turn_rad, tip_gaps_mm
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldForces:
-    """What robots hold if so many of their leaves do, at one coefficient of friction.
+    """What robots hold if so many of their leaves do, at one coefficient of friction."""
 
-    Parameters
-    ----------
-    friction
-        The coefficient.
-    engaged_percent
-        Share of the deployed leaves that hold, those that turned least first.
-    amplification
-        Mean over deployments of the force over that of one pouch without any turn.
-    """
-
-    friction: float
-    engaged_percent: float
+    friction: float  # the coefficient
+    engaged_percent: float  # share of the deployed leaves that hold, those that turned least first
+    # mean over deployments of the force over that of one pouch without any turn
     amplification: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Forces:
-    """Forces of a design that has pouches, over deployments.
+    """Forces of a design that has pouches, over deployments."""
 
-    Parameters
-    ----------
-    friction
-        Coefficients, rising, shape (k,).
-    mean_n, p05_n, p95_n
-        For each coefficient, over deployments, shape (k,).
-    engaged_percent
-        Share of the leaves whose inflated pouch is wider than the gap that it ended in.
-    limited_percent
-        Share of the engaged leaves that film or seam limit at the greatest coefficient.
-    pressure_kpa
-        Working pressure that they are for.
-    mass_g
-        Film of the robot; 0 when it is not known.
-    """
-
-    friction: Floats
+    friction: Floats  # coefficients, rising, shape (k,)
+    # mean_n, p05_n, p95_n: for each coefficient, over deployments, shape (k,)
     mean_n: Floats
     p05_n: Floats
     p95_n: Floats
+    # share of the leaves whose inflated pouch is wider than the gap that it ended in
     engaged_percent: float
+    # share of the engaged leaves that film or seam limit at the greatest coefficient
     limited_percent: float
-    pressure_kpa: float
-    mass_g: float
+    pressure_kpa: float  # working pressure that they are for
+    mass_g: float  # film of the robot; 0 when it is not known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnchoringPrediction:
-    """Anchoring as an interval over friction and over which leaves are engaged.
+    """Anchoring as an interval over friction and over which leaves are engaged."""
 
-    Parameters
-    ----------
-    label
-        The field.
-    leaves
-        Leaves of the design.
-    table
-        Every combination that was looked at.
-    forces
-        In newtons, where the design has pouches.
-    """
-
-    label: str
-    leaves: int
-    table: tuple[HeldForces, ...]
-    forces: Forces | None = None
+    label: str  # the field
+    leaves: int  # leaves of the design
+    table: tuple[HeldForces, ...]  # every combination that was looked at
+    forces: Forces | None = None  # in newtons, where the design has pouches
 
     def at(self, friction: float, engaged_percent: float) -> float:
         """Return the amplification of one combination."""
@@ -111,19 +77,7 @@ ENGAGED_PERCENT = (100.0, 66.7, 33.3)
 def predict_anchoring(
     design: Design, trip: FamilyDeployments, material: Material, mass_g: float = 0.0
 ) -> AnchoringPrediction:
-    """Return what a design is expected to hold in one place.
-
-    Parameters
-    ----------
-    design
-        The robot.
-    trip
-        Its deployments.
-    material
-        The film, for what tears.
-    mass_g
-        Mass of the robot's film, for the load over it.
-    """
+    """Return what a design is expected to hold in one place."""
     turns = [leaf_turns_rad(deployment) for deployment in trip.deployments]
     table = tuple(
         HeldForces(

@@ -26,35 +26,22 @@ LEVEL = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairedDifference:
-    """The paired difference of two designs in one measure, first less second.
+    """The paired difference of two designs in one measure, first less second."""
 
-    Parameters
-    ----------
-    measure
-        What is compared.
-    first, second
-        Names of the designs.
-    mean, low, high
-        Mean difference and its 95 % bootstrap interval over maps.
-    p, p_adjusted
-        Two-sided p-value of no difference by flipping signs of maps' differences, and the same
-        adjusted for the number of pairs of designs (Holm).
-    won_percent
-        Share of the maps on which the first is better, ties as half.
-    pairs
-        Independent differences: maps, or poses where there is one map.
-    """
-
-    measure: Measure
+    measure: Measure  # what is compared
+    # first, second: names of the designs
     first: str
     second: str
+    # mean, low, high: mean difference and its 95 % bootstrap interval over maps
     mean: float
     low: float
     high: float
+    # p, p_adjusted: two-sided p-value of no difference by flipping signs of maps' differences, and
+    # the same adjusted for the number of pairs of designs (Holm)
     p: float
     p_adjusted: float
-    won_percent: float
-    pairs: int
+    won_percent: float  # share of the maps on which the first is better, ties as half
+    pairs: int  # independent differences: maps, or poses where there is one map
 
     @property
     def is_clear(self) -> bool:
@@ -84,24 +71,12 @@ MOST_DESIGNS = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DesignComparison:
-    """Designs on the same maps from the same poses.
+    """Designs on the same maps from the same poses."""
 
-    Parameters
-    ----------
-    names
-        What each design is called, all different.
-    designs
-        The designs.
-    trips
-        Deployments of each.
-    duels
-        Every pair in every measure that both have.
-    """
-
-    names: tuple[str, ...]
-    designs: tuple[Design, ...]
-    trips: tuple[FamilyDeployments, ...]
-    duels: tuple[PairedDifference, ...]
+    names: tuple[str, ...]  # what each design is called, all different
+    designs: tuple[Design, ...]  # the designs
+    trips: tuple[FamilyDeployments, ...]  # deployments of each
+    duels: tuple[PairedDifference, ...]  # every pair in every measure that both have
 
     def outcomes(self) -> dict[str, MeasureTable]:
         """Return the outcomes by the designs' names."""
@@ -133,24 +108,7 @@ def compare_designs(
     trials: PredictionPlan,
     tell: Tell = silent,
 ) -> DesignComparison:
-    """Deploy designs on the same maps from the same poses and compare them pair by pair.
-
-    Parameters
-    ----------
-    designs
-        Two or more.
-    fields
-        The maps; several fields are taken together.
-    trials
-        How often and by which rules.
-    tell
-        Called as the work goes on.
-
-    Raises
-    ------
-    BadInputError
-        If there are too few designs or too many.
-    """
+    """Deploy designs on the same maps from the same poses and compare them pair by pair."""
     if not 2 <= len(designs) <= MOST_DESIGNS:
         raise BadInputError("DESIGN", f"{len(designs)} designs", f"2 to {MOST_DESIGNS}")
     tell(0.0, "preparing maps")
@@ -176,15 +134,7 @@ def compare_designs(
 def paired_differences(
     measure: Measure, names: Sequence[str], outcomes: Sequence[MeasureTable]
 ) -> tuple[PairedDifference, ...]:
-    """Return every pair of designs in one measure, p-values adjusted for the number of pairs.
-
-    Parameters
-    ----------
-    measure
-        What is compared.
-    names, outcomes
-        The designs; deployments in the same order.
-    """
+    """Return every pair of designs in one measure, p-values adjusted for the number of pairs."""
     found = []
     for one, two in combinations(range(len(names)), 2):
         differences = outcomes[one].values[measure.key] - outcomes[two].values[measure.key]

@@ -21,13 +21,7 @@ from vinefab.prediction.spread_charts import paired_difference_chart, spread_cha
 
 
 def side_by_side_section(outcomes: Mapping[str, MeasureTable]) -> Section:
-    """Return every measure of every design, as numbers and charts.
-
-    Parameters
-    ----------
-    outcomes
-        By the designs' names.
-    """
+    """Return every measure of every design, as numbers and charts."""
     shown = [m for m in MEASURES if any(found.spread(m) for found in outcomes.values())]
     rows = tuple(
         (measure.label, *(_cell(found, measure) for found in outcomes.values()))
@@ -53,15 +47,7 @@ def side_by_side_section(outcomes: Mapping[str, MeasureTable]) -> Section:
 
 
 def paired_difference_section(measure: Measure, duels: Sequence[PairedDifference]) -> Section:
-    """Return every pair in every measure, the main measure drawn.
-
-    Parameters
-    ----------
-    measure
-        The main measure.
-    duels
-        All of them.
-    """
+    """Return every pair in every measure, the main measure drawn."""
     words = (
         "Each design met the same maps from the same poses, so that differences are paired: "
         "first less second, averaged on each map. Intervals are bootstraps over maps. The p-value "
@@ -103,17 +89,7 @@ def paired_difference_section(measure: Measure, duels: Sequence[PairedDifference
 def same_map_section(
     world: Map, robots: Sequence[tuple[str, Design, Deployment]], words: str
 ) -> Section:
-    """Return all designs deployed on the same map from the same pose.
-
-    Parameters
-    ----------
-    world
-        The map.
-    robots
-        Name, design and deployment of each.
-    words
-        The growth model's choices.
-    """
+    """Return all designs deployed on the same map from the same pose."""
     pictures = tuple(
         Picture(
             image=svg_bytes(
@@ -142,13 +118,7 @@ SCHEMA = "vinefab/design-comparison-1"
 
 
 def measure_named(key: str) -> Measure:
-    """Return a measure by its key, the unit at its end left out if one likes.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is none.
-    """
+    """Return a measure by its key, the unit at its end left out if one likes."""
     known = {measure.key: measure for measure in MEASURES}
     meant = [name for name in known if name == key or name.startswith(f"{key}_")]
     if len(meant) != 1:
@@ -157,15 +127,7 @@ def measure_named(key: str) -> Measure:
 
 
 def comparison_lines(found: DesignComparison, measure: Measure) -> list[str]:
-    """Return a comparison as lines for the user, the main measure first.
-
-    Parameters
-    ----------
-    found
-        The comparison.
-    measure
-        The main measure.
-    """
+    """Return a comparison as lines for the user, the main measure first."""
     outcomes = found.trips[0].outcomes
     lines = [
         f"{len(outcomes)} deployments of each design on {outcomes.label} (simulated)",
@@ -176,15 +138,7 @@ def comparison_lines(found: DesignComparison, measure: Measure) -> list[str]:
 
 
 def comparison_text(found: DesignComparison, measure: Measure, origin: Origin) -> str:
-    """Return a comparison as JSON.
-
-    Parameters
-    ----------
-    found, measure
-        The comparison and its main measure.
-    origin
-        How it came about.
-    """
+    """Return a comparison as JSON."""
     outcomes = found.outcomes()
     some = found.trips[0].outcomes
     return json_text(
@@ -205,17 +159,7 @@ def comparison_text(found: DesignComparison, measure: Measure, origin: Origin) -
 def comparison_page(
     found: DesignComparison, measure: Measure, trials: PredictionPlan, origin: Origin
 ) -> str:
-    """Return a comparison as a page.
-
-    Parameters
-    ----------
-    found, measure
-        The comparison and its main measure.
-    trials
-        How the designs were deployed.
-    origin
-        How it came about.
-    """
+    """Return a comparison as a page."""
     index = found.usual(measure)
     robots = [
         (name, design, trip.deployments[index])

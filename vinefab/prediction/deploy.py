@@ -26,22 +26,13 @@ MOST_NAMED = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BranchPlace:
-    """A branch and where something happened to it.
+    """A branch and where something happened to it."""
 
-    Parameters
-    ----------
-    branch
-        Its id.
-    x_mm, y_mm
-        Where.
-    radius_mm
-        Its inflated radius.
-    """
-
-    branch: str
+    branch: str  # its id
+    # x_mm, y_mm: where
     x_mm: float
     y_mm: float
-    radius_mm: float
+    radius_mm: float  # its inflated radius
 
     def content(self) -> dict[str, object]:
         """Return it as it stands in JSON."""
@@ -103,23 +94,14 @@ FRAMES = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DeployedDesign:
-    """A deployment with what it was made of.
+    """A deployment with what it was made of."""
 
-    Parameters
-    ----------
-    design, world, options
-        What was grown, where and by which rules.
-    terrain
-        The map made ready for growth.
-    deployment
-        What became of it.
-    """
-
+    # design, world, options: what was grown, where and by which rules
     design: Design
     world: Map
-    terrain: Terrain
+    terrain: Terrain  # the map made ready for growth
     options: GrowthOptions
-    deployment: Deployment
+    deployment: Deployment  # what became of it
 
     @property
     def stops(self) -> dict[str, int]:
@@ -195,15 +177,7 @@ class DeployedDesign:
         return deployment_text(self.deployment, *names, self.metrics, history)
 
     def picture(self, suffix: str, *, named: bool = False) -> bytes:
-        """Return a plan of the deployment.
-
-        Parameters
-        ----------
-        suffix
-            ``.svg`` or ``.png``.
-        named
-            Whether to write every branch's id beside it.
-        """
+        """Return a plan of the deployment."""
         # matplotlib takes longer to load than the growth to simulate.
         from vinefab.pages.drawing import deployment_plan  # noqa: PLC0415
         from vinefab.pages.figure import png_bytes, svg_bytes  # noqa: PLC0415
@@ -213,20 +187,7 @@ class DeployedDesign:
         return png_bytes(figure) if suffix.lower() == ".png" else svg_bytes(figure)
 
     def animation(self, suffix: str, frames: int = FRAMES) -> bytes:
-        """Return the deployment as a moving picture.
-
-        Parameters
-        ----------
-        suffix
-            ``.svg`` or ``.gif``.
-        frames
-            Number of steps, equal in length of the front.
-
-        Raises
-        ------
-        BadInputError
-            If the suffix is another one.
-        """
+        """Return the deployment as a moving picture."""
         kind = suffix.lower()
         if kind not in (".svg", ".gif"):
             raise BadInputError("suffix", suffix, ".svg or .gif")
@@ -255,20 +216,7 @@ def growth_options(
 
 
 def deploy(design: Design, world: Map, pose: Pose | None, options: GrowthOptions) -> DeployedDesign:
-    """Grow a design on a map.
-
-    Parameters
-    ----------
-    design, world, options
-        What to grow, where and by which rules.
-    pose
-        Where the trunk is launched; None for the map's first start.
-
-    Raises
-    ------
-    BadInputError
-        If there is no pose, or it is not in free space.
-    """
+    """Grow a design on a map."""
     pose = pose or first_start(world)
     terrain = Terrain.of(world)
     deployment = grow(design, terrain, pose, options)
@@ -290,18 +238,7 @@ def pose_text(pose: Pose) -> str:
 
 
 def deploy_from_starts(design: Design, maps: Sequence[Map]) -> Deployed:
-    """Return a design's deployments from every start of every map.
-
-    Parameters
-    ----------
-    design, maps
-        What to grow and where.
-
-    Raises
-    ------
-    BadInputError
-        If a map has no start.
-    """
+    """Return a design's deployments from every start of every map."""
     for world in maps:
         if not world.starts:
             raise BadInputError(f"--map {world.name}", "without a start", "maps with starts")

@@ -24,40 +24,21 @@ def silent(_share: float, _words: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PredictionPlan:
-    """How often, and by which rules, a design is deployed.
+    """How often, and by which rules, a design is deployed."""
 
-    Parameters
-    ----------
-    poses
-        Poses per map, drawn from the ranges of the maps' starts.
-    seed
-        Seed of the poses; map ``i`` of a field gets ``seed + i``.
-    options
-        The growth model's choices; the inflated body by default, for a body has a width.
-    """
-
-    poses: int = 3
-    seed: int = 0
+    poses: int = 3  # poses per map, drawn from the ranges of the maps' starts
+    seed: int = 0  # seed of the poses; map ``i`` of a field gets ``seed + i``
+    # the growth model's choices; the inflated body by default, for a body has a width
     options: GrowthOptions = field(default_factory=lambda: GrowthOptions(body="inflated"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PreparedFamily:
-    """A field made ready: its maps with their poses.
+    """A field made ready: its maps with their poses."""
 
-    Parameters
-    ----------
-    label
-        What reports call it.
-    sites
-        The maps.
-    poses
-        For each map, the poses.
-    """
-
-    label: str
-    sites: tuple[PreparedMap, ...]
-    poses: Poses
+    label: str  # what reports call it
+    sites: tuple[PreparedMap, ...]  # the maps
+    poses: Poses  # for each map, the poses
 
     @classmethod
     def of(cls, ground: MapFamily, trials: PredictionPlan) -> "PreparedFamily":
@@ -82,21 +63,11 @@ class PreparedFamily:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FamilyDeployments:
-    """A design's deployments in one place.
+    """A design's deployments in one place."""
 
-    Parameters
-    ----------
-    place
-        Where.
-    deployments
-        Map by map, pose by pose.
-    outcomes
-        What each came to.
-    """
-
-    place: PreparedFamily
-    deployments: tuple[Deployment, ...]
-    outcomes: MeasureTable
+    place: PreparedFamily  # where
+    deployments: tuple[Deployment, ...]  # map by map, pose by pose
+    outcomes: MeasureTable  # what each came to
 
     def site(self, index: int) -> PreparedMap:
         """Return the map of one deployment."""
@@ -106,19 +77,7 @@ class FamilyDeployments:
 def deploy_family(
     design: Design, place: PreparedFamily, trials: PredictionPlan, tell: Tell = silent
 ) -> FamilyDeployments:
-    """Deploy a design from every pose of a place and measure every deployment.
-
-    Parameters
-    ----------
-    design
-        The robot.
-    place
-        Maps and poses.
-    trials
-        How it grows.
-    tell
-        Called as the work goes on.
-    """
+    """Deploy a design from every pose of a place and measure every deployment."""
     tell(0.0, f"{design.name}: growing")
     launches = place.launches()
     batch = Batch(Plans.of([design], trials.options), launches, trials.options)
@@ -139,16 +98,6 @@ def deploy_family(
 
 
 def typical(outcomes: MeasureTable, key: str, shares: Sequence[float]) -> list[int]:
-    """Return the deployments that stand at some shares of a measure's order.
-
-    Parameters
-    ----------
-    outcomes
-        The deployments.
-    key
-        The measure.
-    shares
-        0 for the least, 0.5 for the median, 1 for the greatest.
-    """
+    """Return the deployments that stand at some shares of a measure's order."""
     order = np.argsort(outcomes.values[key], kind="stable")
     return [int(order[round(share * (len(order) - 1))]) for share in shares]

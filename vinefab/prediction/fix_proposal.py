@@ -24,24 +24,13 @@ _WINDOW_RULE = "VF-P03"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixProposal:
-    """What was found.
+    """What was found."""
 
-    Parameters
-    ----------
-    before
-        The check of the design as it was.
-    design
-        The changed design, None where nothing had to or could be mended.
-    after
-        Its check; where no design is proposed, that of the nearest one found, or None.
-    changes
-        What was changed.
-    """
-
-    before: CheckReport
-    design: Design | None
+    before: CheckReport  # the check of the design as it was
+    design: Design | None  # the changed design, None where nothing had to or could be mended
+    # its check; where no design is proposed, that of the nearest one found, or None
     after: CheckReport | None
-    changes: tuple[DesignChange, ...] = ()
+    changes: tuple[DesignChange, ...] = ()  # what was changed
 
     @property
     def failed(self) -> bool:
@@ -76,10 +65,6 @@ def propose_fix(
     design, profile, limits
         As for a check. Findings that the design waives do not have to be cleared, but the search
         does not know them apart.
-    maps
-        Where paths are looked at; the proposal is grown on them too.
-    told
-        Called with the share of one search that is done.
     """
     before = run_checks(subject_of(design, profile, _deployed(design, maps)), limits)
     if not before.blocking or design.branch_count > MOST_BRANCHES:
@@ -148,15 +133,7 @@ def _rules(report: CheckReport) -> str:
 
 
 def score_change_lines(before: Design, after: Design, maps: Sequence[Map]) -> list[str]:
-    """Return what a change does to the predicted scores, in words; nothing without maps.
-
-    Parameters
-    ----------
-    before, after
-        The two designs.
-    maps
-        Where both are grown, from the same poses.
-    """
+    """Return what a change does to the predicted scores, in words; nothing without maps."""
     if not maps:
         return []
     # The simulator and the tasks are loaded only when a map is given.

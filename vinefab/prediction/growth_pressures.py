@@ -31,10 +31,6 @@ def growth_pressures_kpa(
 
     Parameters
     ----------
-    deployment
-        Where the robot ended.
-    design
-        The robot, for its widths.
     fits
         Constants of the tube that was measured, with the same friction; they are scaled to the
         diameter of each level.

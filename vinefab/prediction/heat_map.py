@@ -25,51 +25,27 @@ from vinefab.tasks.evaluate import PreparedMap
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StuckSpot:
-    """A place where branches get stuck again and again.
+    """A place where branches get stuck again and again."""
 
-    Parameters
-    ----------
-    x_mm, y_mm
-        Mean position of the stuck tips.
-    percent
-        Share of the deployments that had a branch stuck there.
-    """
-
+    # x_mm, y_mm: mean position of the stuck tips
     x_mm: float
     y_mm: float
-    percent: float
+    percent: float  # share of the deployments that had a branch stuck there
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeatMap:
-    """How often deployed bodies pass each place of a map.
+    """How often deployed bodies pass each place of a map."""
 
-    Parameters
-    ----------
-    world
-        The map.
-    low_mm
-        Lower left corner of the raster.
-    cell_mm
-        Side of its cells.
-    share
-        Share of the deployments whose body covers each cell, shape (rows, columns), row 0 at the
-        bottom, 0 to 1.
-    deployments
-        How many there were.
-    spots
-        Where branches got stuck, the most frequent first.
-    spread
-        How far the poses differ, in words.
-    """
-
-    world: Map
-    low_mm: tuple[float, float]
-    cell_mm: float
+    world: Map  # the map
+    low_mm: tuple[float, float]  # lower left corner of the raster
+    cell_mm: float  # side of its cells
+    # share of the deployments whose body covers each cell, shape (rows, columns), row 0 at the
+    # bottom, 0 to 1
     share: Floats
-    deployments: int
-    spots: tuple[StuckSpot, ...]
-    spread: str
+    deployments: int  # how many there were
+    spots: tuple[StuckSpot, ...]  # where branches got stuck, the most frequent first
+    spread: str  # how far the poses differ, in words
 
     def __post_init__(self) -> None:
         if self.share.ndim != 2 or not ((self.share >= 0.0) & (self.share <= 1.0)).all():
@@ -101,19 +77,7 @@ MOST_SPOTS = 8
 def heat_map_of(
     design: Design, site: PreparedMap, trials: PredictionPlan, poses: int = POSES
 ) -> HeatMap:
-    """Return where a design goes on a map from varied poses.
-
-    Parameters
-    ----------
-    design
-        The robot.
-    site
-        The map.
-    trials
-        Seed and growth model.
-    poses
-        How many poses are drawn.
-    """
+    """Return where a design goes on a map from varied poses."""
     world = site.world
     varied = replace(world, starts=tuple(_varied(start) for start in world.starts))
     drawn = draw_poses(varied, poses, trials.seed)
@@ -144,17 +108,7 @@ def body_cells(
     cell_mm: float,
     shape: tuple[int, int],
 ) -> Floats:
-    """Return 1 where a deployed body covers a cell's middle, else 0, within about a cell.
-
-    Parameters
-    ----------
-    deployment
-        The robot as it lies.
-    widths_mm
-        Lay-flat width of each level.
-    low_mm, cell_mm, shape
-        Corner, cell side, and rows and columns of the raster; row 0 is at the bottom.
-    """
+    """Return 1 where a deployed body covers a cell's middle, else 0, within about a cell."""
     picture = Image.new("1", (shape[1], shape[0]))
     draw = ImageDraw.Draw(picture)
     for branch in np.flatnonzero(deployment.deployed).tolist():
@@ -172,13 +126,6 @@ def stuck_spots(deployments: Sequence[Deployment], apart_mm: float) -> tuple[Stu
 
     The tip with most other deployments' tips around it makes the first place, and takes those
     with it; then the next.
-
-    Parameters
-    ----------
-    deployments
-        On one map.
-    apart_mm
-        Tips nearer than this count as one place.
     """
     found = [
         (tip, number)

@@ -30,20 +30,13 @@ MOST_FRAMES = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class History:
-    """A deployment that can be asked how it lay at any time.
+    """A deployment that can be asked how it lay at any time."""
 
-    Parameters
-    ----------
-    design, terrain, options
-        What was grown, where and by which rules.
-    final
-        What became of it.
-    """
-
+    # design, terrain, options: what was grown, where and by which rules
     design: Design
     terrain: Terrain
     options: GrowthOptions
-    final: Deployment
+    final: Deployment  # what became of it
 
     @property
     def base_mm(self) -> Floats:
@@ -68,13 +61,7 @@ class History:
         return float((self.base_mm[out] + self.final.grown_mm[out]).max(initial=0.0))
 
     def at(self, front_mm: float) -> DeploymentFrame:
-        """Return the shape at a front length; beyond the full length, the final one.
-
-        Raises
-        ------
-        BadInputError
-            If the length is not above zero.
-        """
+        """Return the shape at a front length; beyond the full length, the final one."""
         positive("--history", front_mm)
         if front_mm >= self.full_mm:
             still = np.zeros(len(self.final.tree), dtype=np.bool_)
@@ -123,11 +110,6 @@ def fronts_from(text: str) -> int | tuple[float, ...]:
     """Return what ``--history`` asks for: a number of equal steps, or front lengths in mm.
 
     A whole number alone is a number of steps; with a comma or a decimal point it is a length.
-
-    Raises
-    ------
-    BadInputError
-        If it is neither.
 
     Examples
     --------

@@ -17,35 +17,14 @@ MOST_MAPS = 10_000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapFamily:
-    """Maps that are looked at together.
+    """Maps that are looked at together."""
 
-    Parameters
-    ----------
-    label
-        What reports call them.
-    worlds
-        The maps.
-    """
-
-    label: str
-    worlds: tuple[Map, ...]
+    label: str  # what reports call them
+    worlds: tuple[Map, ...]  # the maps
 
 
 def map_families(given: Sequence[Map], unseen: MapFamily | None) -> tuple[MapFamily, ...]:
-    """Return the fields to predict for.
-
-    Parameters
-    ----------
-    given
-        Maps from files; they may share a name and are told apart then.
-    unseen
-        Generated maps.
-
-    Raises
-    ------
-    BadInputError
-        If there are neither.
-    """
+    """Return the fields to predict for."""
     if not given and unseen is None:
         raise BadInputError("--maps", None, "map files, or --environment for unseen maps")
     label = "the map given" if len(given) == 1 else f"the {len(given)} maps given"
@@ -56,24 +35,7 @@ def map_families(given: Sequence[Map], unseen: MapFamily | None) -> tuple[MapFam
 def unseen_maps(
     environment: str, count: int, seed: int, parameters: Mapping[str, object] | None = None
 ) -> MapFamily:
-    """Generate maps of an environment that no design was trained on.
-
-    Parameters
-    ----------
-    environment
-        Name of the environment.
-    count
-        How many maps.
-    seed
-        Another seed gives other maps.
-    parameters
-        The environment's options that differ from its defaults.
-
-    Raises
-    ------
-    UnknownNameError, BadInputError
-        If there is no such environment or option.
-    """
+    """Generate maps of an environment that no design was trained on."""
     whole("--count", count, 1, MOST_MAPS)
     whole("--seed", seed, 0, 2**31)
     kind = ENVIRONMENTS[environment]

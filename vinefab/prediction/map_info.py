@@ -34,18 +34,10 @@ ARC_SEGMENTS_PER_QUARTER = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartRoom:
-    """A start of a map and the room there.
+    """A start of a map and the room there."""
 
-    Parameters
-    ----------
-    pose
-        The start.
-    clearance_mm
-        Distance to the nearest wall; 0 on a wall, or outside the free space.
-    """
-
-    pose: Pose
-    clearance_mm: float
+    pose: Pose  # the start
+    clearance_mm: float  # distance to the nearest wall; 0 on a wall, or outside the free space
 
     @property
     def body_mm(self) -> float:
@@ -55,21 +47,11 @@ class StartRoom:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Body:
-    """How far a body of one width could get from the first start.
+    """How far a body of one width could get from the first start."""
 
-    Parameters
-    ----------
-    width_mm
-        Lay-flat width.
-    region
-        The part of the free space that it can sweep without leaving it.
-    share
-        Area of that part over the free area.
-    """
-
-    width_mm: float
-    region: BaseGeometry
-    share: float
+    width_mm: float  # lay-flat width
+    region: BaseGeometry  # the part of the free space that it can sweep without leaving it
+    share: float  # area of that part over the free area
 
 
 def start_room(free: BaseGeometry, pose: Pose) -> StartRoom:
@@ -144,17 +126,10 @@ def _widest_mm(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gate:
-    """A narrow passage of a map.
+    """A narrow passage of a map."""
 
-    Parameters
-    ----------
-    passage
-        Where it is and how wide.
-    between
-        What stands on either side: ``bounds`` or ``obstacle N``, counted from 1 as in the file.
-    """
-
-    passage: Passage
+    passage: Passage  # where it is and how wide
+    # what stands on either side: ``bounds`` or ``obstacle N``, counted from 1 as in the file
     between: tuple[str, str]
 
     @property
@@ -165,30 +140,16 @@ class Gate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapInfo:
-    """Numbers about a map, all computed.
+    """Numbers about a map, all computed."""
 
-    Parameters
-    ----------
-    world
-        The map.
-    free
-        Its free space, as growth sees it.
-    gates
-        The narrowest passages, the narrowest first.
-    starts
-        Its starts and the room there.
-    widest_mm
-        Lay-flat width of the widest body that can sweep each share of the free area from the
-        first start, to about 1 %; None where no body can.
-    body
-        How far a body of the width asked for could get; None when none was asked for.
-    """
-
-    world: Map
-    free: BaseGeometry
-    gates: tuple[Gate, ...]
-    starts: tuple[StartRoom, ...]
+    world: Map  # the map
+    free: BaseGeometry  # its free space, as growth sees it
+    gates: tuple[Gate, ...]  # the narrowest passages, the narrowest first
+    starts: tuple[StartRoom, ...]  # its starts and the room there
+    # lay-flat width of the widest body that can sweep each share of the free area from the first
+    # start, to about 1 %; None where no body can
     widest_mm: dict[float, float | None]
+    # how far a body of the width asked for could get; None when none was asked for
     body: Body | None
 
     @property
@@ -218,22 +179,7 @@ class MapInfo:
 
 
 def map_info(world: Map, *, width_mm: float | None = None, passages: int = 5) -> MapInfo:
-    """Return numbers about a map.
-
-    Parameters
-    ----------
-    world
-        The map.
-    width_mm
-        Lay-flat width of a body to look at more closely.
-    passages
-        How many of the narrowest passages to find.
-
-    Raises
-    ------
-    BadInputError
-        If a number is out of range.
-    """
+    """Return numbers about a map."""
     if width_mm is not None:
         positive("--width-mm", width_mm)
     whole("--passages", passages, 0, 1000)

@@ -24,17 +24,7 @@ def passage_plan(
     clearances_mm: Sequence[float],
     body: tuple[float, BaseGeometry] | None = None,
 ) -> Figure:
-    """Return a plan of a map with its narrow passages, numbered from the narrowest.
-
-    Parameters
-    ----------
-    world, passages
-        What to draw.
-    clearances_mm
-        Distance of each of the map's starts to the nearest wall.
-    body
-        Lay-flat width of a body, and the part of the free space that it has room in.
-    """
+    """Return a plan of a map with its narrow passages, numbered from the narrowest."""
     with house_style():
         figure, axes = plan_axes(world.bounds.bounds)
         if body is not None:

@@ -22,30 +22,14 @@ from vinefab.tasks.reach import Reach
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measure:
-    """A number that every deployment has.
+    """A number that every deployment has."""
 
-    Parameters
-    ----------
-    key
-        Its name in files, unit included.
-    title
-        Its name in words.
-    unit
-        Shown behind the number; empty for a ratio.
-    digits
-        Decimals that are shown and written.
-    better
-        Whether more or less of it is wanted.
-    meaning
-        One sentence.
-    """
-
-    key: str
-    title: str
-    unit: str
-    digits: int
-    better: Literal["more", "less"]
-    meaning: str
+    key: str  # its name in files, unit included
+    title: str  # its name in words
+    unit: str  # shown behind the number; empty for a ratio
+    digits: int  # decimals that are shown and written
+    better: Literal["more", "less"]  # whether more or less of it is wanted
+    meaning: str  # one sentence
 
     def text(self, value: float) -> str:
         """Return a value as it is shown, with its unit; a dash where there is none."""
@@ -149,32 +133,19 @@ MEASURES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """How a measure is spread over deployments.
+    """How a measure is spread over deployments."""
 
-    Parameters
-    ----------
-    count
-        Deployments that have a value.
-    mean
-        Mean of the maps' means.
-    low, high
-        95 % bootstrap interval of that mean over maps (over poses where there is one map).
-    deviation
-        Standard deviation over deployments.
-    p05, median, p95
-        Percentiles over deployments.
-    least, greatest
-        Extremes.
-    """
-
-    count: int
-    mean: float
+    count: int  # deployments that have a value
+    mean: float  # mean of the maps' means
+    # low, high: 95 % bootstrap interval of that mean over maps (over poses where there is one map)
     low: float
     high: float
-    deviation: float
+    deviation: float  # standard deviation over deployments
+    # p05, median, p95: percentiles over deployments
     p05: float
     median: float
     p95: float
+    # least, greatest: extremes
     least: float
     greatest: float
 
@@ -182,15 +153,7 @@ class Spread:
 
     @classmethod
     def of(cls, values: Floats, groups: Sequence[str]) -> "Spread | None":
-        """Return the spread of some values, or None if there is not one number among them.
-
-        Parameters
-        ----------
-        values
-            One per deployment, NaN where there is none.
-        groups
-            The map of each.
-        """
+        """Return the spread of some values, or None if there is not one number among them."""
         known = values[np.isfinite(values)]
         if len(known) == 0:
             return None
@@ -213,24 +176,12 @@ class Spread:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeasureTable:
-    """The measures of one design's deployments in one field.
+    """The measures of one design's deployments in one field."""
 
-    Parameters
-    ----------
-    label
-        What the field is called: the maps given, or an environment.
-    maps
-        Name of the map of each deployment, n of them.
-    poses
-        Pose of each deployment.
-    values
-        For each measure, by its key, one value per deployment, shape (n,); NaN where there is
-        none.
-    """
-
-    label: str
-    maps: tuple[str, ...]
-    poses: tuple[Pose, ...]
+    label: str  # what the field is called: the maps given, or an environment
+    maps: tuple[str, ...]  # name of the map of each deployment, n of them
+    poses: tuple[Pose, ...]  # pose of each deployment
+    # for each measure, by its key, one value per deployment, shape (n,); NaN where there is none
     values: Mapping[str, Floats]
 
     def __post_init__(self) -> None:
@@ -256,17 +207,7 @@ STUCK_STOPS = (Stop.HEAD_ON, Stop.CORNER)
 
 
 def measure_deployment(deployment: Deployment, design: Design, ground: MapContext) -> Floats:
-    """Return the measures of a deployment, in the order of `vinefab.prediction.measures.MEASURES`.
-
-    Parameters
-    ----------
-    deployment
-        Where the robot ended.
-    design
-        The robot, for its widths.
-    ground
-        The map's free space.
-    """
+    """Return the measures of a deployment, in the order of `MEASURES`."""
     score, terms = Coverage().evaluate(deployment, ground)
     reached, _ = Reach().evaluate(deployment, ground)
     amplification, _ = _anchoring(design.build.pouch).evaluate(deployment, ground)

@@ -59,32 +59,15 @@ _SHARES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Predicted:
-    """What a design is expected to do, and how it is made.
+    """What a design is expected to do, and how it is made."""
 
-    Parameters
-    ----------
-    prepared
-        Job and check.
-    trips
-        Deployments in each field, the maps given first.
-    trials
-        How it was deployed.
-    window
-        The pressure window; None where nothing ever emerged.
-    holdings
-        Anchoring in each field.
-    heat
-        Where it goes on the first map.
-    effects, tolerance
-        Sensitivity, and scatter from making.
-    """
-
-    prepared: Prepared
-    trips: tuple[FamilyDeployments, ...]
-    trials: PredictionPlan
-    window: PressureWindow | None
-    holdings: tuple[AnchoringPrediction, ...]
-    heat: HeatMap
+    prepared: Prepared  # job and check
+    trips: tuple[FamilyDeployments, ...]  # deployments in each field, the maps given first
+    trials: PredictionPlan  # how it was deployed
+    window: PressureWindow | None  # the pressure window; None where nothing ever emerged
+    holdings: tuple[AnchoringPrediction, ...]  # anchoring in each field
+    heat: HeatMap  # where it goes on the first map
+    # effects, tolerance: sensitivity, and scatter from making
     effects: tuple[Effect, ...]
     tolerance: Tolerance
 
@@ -98,13 +81,7 @@ class Predicted:
         return self.main.outcomes.spread(measure)
 
     def sections(self, tell: Tell = silent) -> tuple[Section, ...]:
-        """Return the predictions as sections of a report.
-
-        Parameters
-        ----------
-        tell
-            Called as the drawing goes on.
-        """
+        """Return the predictions as sections of a report."""
         design, profile = self.prepared.design, self.prepared.profile
         window, effects = self.window, self.effects
         parts: tuple[Callable[[], Section], ...] = (
@@ -127,17 +104,7 @@ class Predicted:
         return tuple(drawn)
 
     def report(self, origin: Origin, more: Sequence[Section] = (), tell: Tell = silent) -> Report:
-        """Return the whole report.
-
-        Parameters
-        ----------
-        origin
-            How it came about.
-        more
-            Sections to put before the predictions.
-        tell
-            Called as the drawing goes on.
-        """
+        """Return the whole report."""
         words, tone = verdict_on(self.prepared.report, self.window)
         return Report(
             title=f"{self.prepared.design.name}: predictions and fabrication",
@@ -196,19 +163,7 @@ def predict(
     trials: PredictionPlan | None = None,
     tell: Tell = silent,
 ) -> Predicted:
-    """Deploy a design in fields of maps, measure everything, and check it with its deployments.
-
-    Parameters
-    ----------
-    design, profile
-        The robot, and what it is made with.
-    fields
-        Where to deploy it; the maps given first.
-    trials
-        How to deploy it.
-    tell
-        Called as the work goes on.
-    """
+    """Deploy a design in fields of maps, measure everything, and check it with its deployments."""
     trials = trials or PredictionPlan()
     tell(0.0, "preparing maps")
     places = [PreparedFamily.of(field, trials) for field in fields]

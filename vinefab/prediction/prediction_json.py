@@ -21,15 +21,7 @@ SCHEMA = "vinefab/prediction-1"
 
 
 def prediction_text(found: Predicted, origin: Origin) -> str:
-    """Return all predictions as JSON.
-
-    Parameters
-    ----------
-    found
-        The predictions.
-    origin
-        How they came about.
-    """
+    """Return all predictions as JSON."""
     verdict, tone = verdict_on(found.prepared.report, found.window)
     return json_text(
         SCHEMA,

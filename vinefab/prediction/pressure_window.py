@@ -16,79 +16,42 @@ from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureT
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelPressure:
-    """What one width stands.
+    """What one width stands."""
 
-    Parameters
-    ----------
-    name
-        Which part has the width.
-    level
-        Its level, for colours.
-    width_mm, inflated_mm
-        Lay-flat width and inflated diameter.
-    burst_kpa
-        Pressure at which its seam gives way.
-    allowed_kpa
-        That, less the safety factor.
-    strain_percent
-        Hoop strain at the working pressure.
-    """
-
-    name: str
-    level: int
+    name: str  # which part has the width
+    level: int  # its level, for colours
+    # width_mm, inflated_mm: lay-flat width and inflated diameter
     width_mm: float
     inflated_mm: float
-    burst_kpa: float
-    allowed_kpa: float
-    strain_percent: float
+    burst_kpa: float  # pressure at which its seam gives way
+    allowed_kpa: float  # that, less the safety factor
+    strain_percent: float  # hoop strain at the working pressure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Need:
-    """What growth to the worst tip takes, over deployments.
+    """What growth to the worst tip takes, over deployments."""
 
-    Parameters
-    ----------
-    storage
-        How the film is stored: ``loosely`` or ``tightly``.
-    p05_kpa, median_kpa, p95_kpa, greatest_kpa
-        Percentiles over deployments, and the greatest value.
-    enough_percent
-        Share of the deployments that need no more than is allowed.
-    """
-
-    storage: str
+    storage: str  # how the film is stored: ``loosely`` or ``tightly``
+    # percentiles over deployments, and the greatest value
     p05_kpa: float
     median_kpa: float
     p95_kpa: float
     greatest_kpa: float
-    enough_percent: float
+    enough_percent: float  # share of the deployments that need no more than is allowed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PressureWindow:
-    """What growth to the worst tip needs beside what the widest part may take.
+    """What growth to the worst tip needs beside what the widest part may take."""
 
-    Parameters
-    ----------
-    loose, tight
-        Need with film that nothing holds back in its store, and on a tight spool.
-    working_kpa
-        The design's working pressure.
-    levels
-        What each width stands, trunk first, pouches last.
-    safety_factor
-        Burst over allowed pressure.
-    standing
-        How far burst pressures may be trusted.
-    """
-
+    # loose, tight: need with film that nothing holds back in its store, and on a tight spool
     loose: Need
     tight: Need
-    working_kpa: float
-    levels: tuple[LevelPressure, ...]
-    safety_factor: float
-    standing: Standing
+    working_kpa: float  # the design's working pressure
+    levels: tuple[LevelPressure, ...]  # what each width stands, trunk first, pouches last
+    safety_factor: float  # burst over allowed pressure
+    standing: Standing  # how far burst pressures may be trusted
 
     @property
     def allowed_kpa(self) -> float:
@@ -126,15 +89,7 @@ class PressureWindow:
 def window_of(
     design: Design, profile: LaserProfile, fields: Sequence[MeasureTable]
 ) -> PressureWindow | None:
-    """Return the pressure window over all deployments, or None where nothing ever emerged.
-
-    Parameters
-    ----------
-    design, profile
-        The robot and its film.
-    fields
-        Outcomes of its deployments.
-    """
+    """Return the pressure window over all deployments, or None where nothing ever emerged."""
     factor = RULES["VF-P01"].limits["safety_factor"]
     levels = _levels(design, profile, factor)
     allowed_kpa = min(level.allowed_kpa for level in levels)

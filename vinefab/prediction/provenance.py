@@ -18,21 +18,11 @@ MOST_NAMED = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Origin:
-    """What it takes to get a result again.
+    """What it takes to get a result again."""
 
-    Parameters
-    ----------
-    command
-        What to type.
-    inputs
-        Fingerprints of the contents that went in, by name.
-    versions
-        Versions of what computed it.
-    """
-
-    command: str
-    inputs: Mapping[str, str]
-    versions: Mapping[str, str]
+    command: str  # what to type
+    inputs: Mapping[str, str]  # fingerprints of the contents that went in, by name
+    versions: Mapping[str, str]  # versions of what computed it
 
 
 def origin_of(
@@ -41,15 +31,7 @@ def origin_of(
     profile: LaserProfile | None,
     fields: Sequence[MapFamily],
 ) -> Origin:
-    """Return where a result comes from.
-
-    Parameters
-    ----------
-    command
-        What was typed.
-    designs, profile, fields
-        What went in.
-    """
+    """Return where a result comes from."""
     inputs = {f"design {d.name}": sha256_of(design_text(d).encode())[:12] for d in designs}
     if profile is not None:
         inputs[f"recipe {profile.recipe.name}"] = sha256_of(repr(profile).encode())[:12]
@@ -66,17 +48,7 @@ def origin_of(
 
 
 def repeat_section(command: str, inputs: Mapping[str, str], versions: Mapping[str, str]) -> Section:
-    """Return the command, the inputs' fingerprints and the versions behind a report.
-
-    Parameters
-    ----------
-    command
-        What to type.
-    inputs
-        Fingerprint of each input's content, by name.
-    versions
-        Version of each program.
-    """
+    """Return the command, the inputs' fingerprints and the versions behind a report."""
     return Section(
         title="How to reproduce",
         paragraphs=(

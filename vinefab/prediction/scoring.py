@@ -15,36 +15,19 @@ from vinefab.tasks.shipped_tasks import make_task
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScorePlan:
-    """What a design is to be tried at.
+    """What a design is to be tried at."""
 
-    Parameters
-    ----------
-    task
-        Name of the task.
-    parameters
-        The task's parameters that differ from its defaults.
-    poses
-        Poses drawn per map from the range around its starts.
-    seed
-        Seed of the poses; map ``i`` gets ``seed + i``.
-    """
-
-    task: str = "coverage"
+    task: str = "coverage"  # name of the task
+    # the task's parameters that differ from its defaults
     parameters: Mapping[str, object] = field(default_factory=dict)
-    poses: int = 1
-    seed: int = 0
+    poses: int = 1  # poses drawn per map from the range around its starts
+    seed: int = 0  # seed of the poses; map ``i`` gets ``seed + i``
 
 
 def score_design_on_task(
     design: Design, maps: Sequence[Map], trials: ScorePlan, options: GrowthOptions | None = None
 ) -> Score:
-    """Return a design's score, one evaluation per map and pose.
-
-    Raises
-    ------
-    BadInputError
-        If there is no map, a map has no start, or a parameter cannot be used.
-    """
+    """Return a design's score, one evaluation per map and pose."""
     if not maps:
         raise BadInputError("--maps", "none", "at least one map")
     task = make_task(trials.task, trials.parameters)
@@ -54,15 +37,7 @@ def score_design_on_task(
 
 
 def score_lines(result: Score, most: int = 30) -> list[str]:
-    """Return a score as lines for the user: evaluations, then composites.
-
-    Parameters
-    ----------
-    result
-        The score.
-    most
-        How many evaluations are listed at most.
-    """
+    """Return a score as lines for the user: evaluations, then composites."""
     lines = [
         f"  {evaluation.score:8.4f}  {evaluation.map_name}  {pose_text(evaluation.pose)}"
         for evaluation in result.evaluations[:most]

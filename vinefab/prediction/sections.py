@@ -29,13 +29,7 @@ _NUMBER_HEADINGS = (
 
 
 def spread_section(fields: Sequence[MeasureTable]) -> Section:
-    """Return how every measure is spread over deployments, as charts and numbers.
-
-    Parameters
-    ----------
-    fields
-        Outcomes in each field.
-    """
+    """Return how every measure is spread over deployments, as charts and numbers."""
     shown = [measure for measure in MEASURES if any(f.spread(measure) for f in fields)]
     pictures = tuple(
         Picture(
@@ -68,19 +62,7 @@ def deployment_section(
     ended: Sequence[tuple[str, Sequence[Deployment]]],
     rules: str,
 ) -> Section:
-    """Return pictures of deployments, and how all branches ended.
-
-    Parameters
-    ----------
-    design
-        The robot.
-    deployed
-        What to draw, each with what it shows.
-    ended
-        All deployments of each field.
-    rules
-        The growth model's choices, in words.
-    """
+    """Return pictures of deployments, and how all branches ended."""
     fine = design.branch_count > TOO_FINE
     pictures = []
     for words, world, deployment in deployed:
@@ -258,15 +240,7 @@ def _forces(label: str, forces: Forces) -> Table:
 
 
 def window_section(window: PressureWindow, burst_basis: str) -> Section:
-    """Return the pressure window as a chart and numbers.
-
-    Parameters
-    ----------
-    window
-        The window.
-    burst_basis
-        What burst pressures rest on, in words, with standings.
-    """
+    """Return the pressure window as a chart and numbers."""
     words = (
         "A robot can be deployed where the pressure that growth to the worst tip needs lies below "
         "what its widest part may take. Narrow branches after many turns need most; wide tubes "
@@ -329,15 +303,7 @@ def window_section(window: PressureWindow, burst_basis: str) -> Section:
 
 
 def sensitivity_section(effects: Sequence[Effect], measures: Sequence[Measure]) -> Section:
-    """Return what changes of start, lengths and model do.
-
-    Parameters
-    ----------
-    effects
-        In the order of their steps.
-    measures
-        What was measured; the first and the last are drawn.
-    """
+    """Return what changes of start, lengths and model do."""
     drawn = (measures[0], measures[-1])
     count = max(effect.count for effect in effects)
     words = (

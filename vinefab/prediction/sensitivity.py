@@ -40,22 +40,13 @@ ENOUGH_GROUPS = 6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeanDifference:
-    """A mean paired difference.
+    """A mean paired difference."""
 
-    Parameters
-    ----------
-    mean
-        Mean over deployments of value with the change less value without.
-    low, high
-        Its 95 % bootstrap interval over maps, or over poses where there is one map.
-    groups
-        How many maps (or poses) that is.
-    """
-
-    mean: float
+    mean: float  # mean over deployments of value with the change less value without
+    # low, high: its 95 % bootstrap interval over maps, or over poses where there is one map
     low: float
     high: float
-    groups: int
+    groups: int  # how many maps (or poses) that is
 
     @property
     def is_clear(self) -> bool:
@@ -65,27 +56,13 @@ class MeanDifference:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """What one change of a design, a start or the model does to the measures.
+    """What one change of a design, a start or the model does to the measures."""
 
-    Parameters
-    ----------
-    knob
-        What is turned (``heading``).
-    step
-        How far, in ``unit``.
-    unit
-        Its unit.
-    count
-        Deployments compared, each with itself without the change.
-    changes
-        By measure key.
-    """
-
-    knob: str
-    step: float
-    unit: str
-    count: int
-    changes: Mapping[str, MeanDifference]
+    knob: str  # what is turned (``heading``)
+    step: float  # how far, in ``unit``
+    unit: str  # its unit
+    count: int  # deployments compared, each with itself without the change
+    changes: Mapping[str, MeanDifference]  # by measure key
 
     @property
     def text(self) -> str:
@@ -95,48 +72,26 @@ class Effect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scatter:
-    """How robots of one design differ because none is made exactly.
+    """How robots of one design differ because none is made exactly."""
 
-    Parameters
-    ----------
-    measure
-        What is looked at.
-    exact
-        Mean over deployments of the robot as designed.
-    p05, p95
-        Percentiles over robots of that mean.
-    typical
-        Median absolute change of a single deployment.
-    """
-
-    measure: Measure
-    exact: float
+    measure: Measure  # what is looked at
+    exact: float  # mean over deployments of the robot as designed
+    # p05, p95: percentiles over robots of that mean
     p05: float
     p95: float
-    typical: float
+    typical: float  # median absolute change of a single deployment
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tolerance:
-    """Scatter from making: every branch's length and angle off by a little, each on its own.
+    """Scatter from making: every branch's length and angle off by a little, each on its own."""
 
-    Parameters
-    ----------
-    length_percent, angle_deg
-        Half-widths of the uniform ranges of the errors.
-    robots
-        How many robots were drawn.
-    launches
-        From how many poses each was deployed.
-    scatter
-        One per measure.
-    """
-
+    # length_percent, angle_deg: half-widths of the uniform ranges of the errors
     length_percent: float
     angle_deg: float
-    robots: int
-    launches: int
-    scatter: tuple[Scatter, ...]
+    robots: int  # how many robots were drawn
+    launches: int  # from how many poses each was deployed
+    scatter: tuple[Scatter, ...]  # one per measure
 
 
 QUICK = (SEEN, REACH, GROWN, STUCK, LOOSE_PRESSURE)
@@ -161,36 +116,21 @@ _STREAM = 1703
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PredictionVariant:
-    """One change, and how to grow with it.
+    """One change, and how to grow with it."""
 
-    Parameters
-    ----------
-    knob, step, unit
-        As in `Effect`.
-    design, options, poses
-        What to grow, how and from where; None stands for a pose that is not free.
-    """
-
+    # knob, step, unit: as in `Effect`
     knob: str
     step: float
     unit: str
+    # design, options, poses: what to grow, how and from where; None stands for a pose that is not
+    # free
     design: Design
     options: GrowthOptions
     poses: tuple[tuple[Pose | None, ...], ...]
 
 
 class VariantBench:
-    """A design on a few maps, to be grown again and again with changes.
-
-    Parameters
-    ----------
-    design
-        The robot.
-    place
-        Maps and poses; at most `MOST_LAUNCHES` of them are used.
-    trials
-        How it grows.
-    """
+    """A design on a few maps, to be grown again and again with changes."""
 
     def __init__(self, design: Design, place: PreparedFamily, trials: PredictionPlan) -> None:
         keep = max(1, MOST_LAUNCHES // len(place.poses[0]))
@@ -268,17 +208,7 @@ def sensitivity(bench: VariantBench, tell: Tell = silent) -> tuple[Effect, ...]:
 
 
 def tolerance(bench: VariantBench, seed: int, tell: Tell = silent) -> Tolerance:
-    """Return how robots of the same design differ when each branch is made a little off.
-
-    Parameters
-    ----------
-    bench
-        The design and where to deploy it.
-    seed
-        Seed of the errors.
-    tell
-        Called as the work goes on.
-    """
+    """Return how robots of the same design differ when each branch is made a little off."""
     options, tree = bench.trials.options, branch_tree(bench.design)
     rows = []
     for robot in range(ROBOTS):

@@ -34,15 +34,7 @@ _BINS = 24
 
 
 def spread_chart(measure: Measure, values: Mapping[str, Floats]) -> Figure:
-    """Return the distribution of a measure over deployments, a row for each field.
-
-    Parameters
-    ----------
-    measure
-        What is shown.
-    values
-        By field; NaN where a deployment has none.
-    """
+    """Return the distribution of a measure over deployments, a row for each field."""
     known = {name: column[np.isfinite(column)] for name, column in values.items()}
     everything = np.concatenate(list(known.values()))
     low, high = float(everything.min()), float(everything.max())
@@ -85,15 +77,7 @@ def _draw_spread(axes: Axes, row: int, values: Floats, span: tuple[float, float]
 
 
 def effect_panels(effects: Sequence[Effect], measures: Sequence[Measure]) -> Figure:
-    """Return what every change does: a column per knob, a row per measure.
-
-    Parameters
-    ----------
-    effects
-        In the order of their steps.
-    measures
-        What is shown.
-    """
+    """Return what every change does: a column per knob, a row per measure."""
     knobs = list(dict.fromkeys(effect.knob for effect in effects))
     with house_style():
         figure = Figure(figsize=(6.8, 0.5 + 1.75 * len(measures)), layout="constrained")

@@ -28,15 +28,7 @@ FEW_MAPS = 10
 
 
 def verdict_on(report: CheckReport, window: PressureWindow | None) -> tuple[str, Tone]:
-    """Return in one sentence whether a robot can be made and deployed, and how good that is.
-
-    Parameters
-    ----------
-    report
-        The design rules.
-    window
-        The pressure window; None where nothing ever emerged.
-    """
+    """Return in one sentence whether a robot can be made and deployed, and how good that is."""
     name = report.design
     if report.blocking:
         broken = ", ".join(sorted({finding.rule for finding in report.blocking}))
@@ -64,17 +56,7 @@ def verdict_on(report: CheckReport, window: PressureWindow | None) -> tuple[str,
 def cautions(
     prepared: Prepared, window: PressureWindow | None, outcomes: MeasureTable
 ) -> tuple[str, ...]:
-    """Return what stands between the verdict and blind trust, a sentence each.
-
-    Parameters
-    ----------
-    prepared
-        The design, its recipe and its check.
-    window
-        The pressure window.
-    outcomes
-        What the deployments came to.
-    """
+    """Return what stands between the verdict and blind trust, a sentence each."""
     said = []
     warnings = prepared.report.count(Severity.WARNING)
     skipped = len(prepared.report.skipped)
@@ -113,17 +95,7 @@ def _about_pressure(window: PressureWindow) -> list[str]:
 def headlines(
     outcomes: MeasureTable, window: PressureWindow | None, holdings: Sequence[AnchoringPrediction]
 ) -> tuple[Headline, ...]:
-    """Return the numbers to take away.
-
-    Parameters
-    ----------
-    outcomes
-        Those of the main field.
-    window
-        The pressure window.
-    holdings
-        Anchoring; that of the main field is shown.
-    """
+    """Return the numbers to take away."""
     found = [_measured(outcomes, measure) for measure in (SEEN, REACH, COVERAGE)]
     found += [_measured(outcomes, measure, MANY_PERCENT) for measure in (STUCK, UNDEPLOYED)]
     holding = next(h for h in holdings if h.label == outcomes.label)

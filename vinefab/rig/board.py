@@ -25,16 +25,6 @@ def build_board(world: Map, printer: Printer, options: RigOptions) -> tuple[Rig,
     With style ``board`` the parts are printed top down, pegs upwards, so that nothing needs
     supports; the number is engraved into the top. With style ``sheet`` nothing is printed but
     what stands beside the rig: the pieces are cut in layers.
-
-    Parameters
-    ----------
-    world, printer, options
-        As in `vinefab.rig.plate.build_rig`; ``plate_mm`` is the thickness of board and sheet.
-
-    Raises
-    ------
-    BadInputError
-        If there are more pieces than allowed, or the rig is too large for its machines.
     """
     printed = options.style == "board"
     machine = printer if printed else laser_as_printer(options)

@@ -69,20 +69,6 @@ def bridged(pieces: Pieces, within: BaseGeometry, radius_mm: float) -> tuple[Pie
 
     Two solids that share only an upright edge are no printable body, and a file of triangles
     cannot say on which side each belongs: four triangles meet at one edge.
-
-    Parameters
-    ----------
-    pieces
-        Polygons of a union made by `snapped_union`, so that they meet only in corners.
-    within
-        The octagons stay inside it.
-    radius_mm
-        Their radius.
-
-    Returns
-    -------
-    Pieces, int
-        The polygons and the number of points mended.
     """
     mended = 0
     for _ in range(_ROUNDS):
@@ -125,18 +111,6 @@ def patches_for(pieces: Pieces, width_mm: float) -> tuple[Pieces, BaseGeometry]:
     within that step, and is grown to the full width. A thin wall so becomes at least as thick as
     the width, and at most a quarter thicker. Tips of sharp corners are left as they are, see
     `thin_parts`.
-
-    Parameters
-    ----------
-    pieces
-        Polygons that do not overlap.
-    width_mm
-        Least width.
-
-    Returns
-    -------
-    Pieces, BaseGeometry
-        The thin parts, and the polygons to be joined to the pieces (empty when there are none).
     """
     thin = thin_parts(pieces, width_mm)
     step_mm = 0.5 * width_mm / _STEPS

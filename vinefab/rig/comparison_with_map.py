@@ -21,32 +21,22 @@ _RIM_MM = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigComparison:
-    """How far the walls of an assembled rig differ from the map's obstacles.
+    """How far the walls of an assembled rig differ from the map's obstacles."""
 
-    Parameters
-    ----------
-    wall_mm2
-        Area of the map's obstacles within the bounds, in map units.
-    excess_mm2, missing_mm2
-        Area of rig where the map is free, and of map where the rig is, within the bounds.
-    thickened_mm2
-        Area that was added on purpose where walls were too thin to print; it is not part of the
-        excess.
-    leaning_mm2
-        By how much the walls' area differs between mid-height and just below or above it.
-    floor_missing_mm2
-        Area within the bounds without plate below: gaps of joints, holes of entries.
-    share
-        Excess, missing and leaning together, over ``wall_mm2`` (but at least over 1 % of the
-        bounds' area, so that an almost empty map is not judged by the rounding of its border).
-    """
-
-    wall_mm2: float
+    wall_mm2: float  # area of the map's obstacles within the bounds, in map units
+    # excess_mm2, missing_mm2: area of rig where the map is free, and of map where the rig is,
+    # within the bounds
     excess_mm2: float
     missing_mm2: float
+    # area that was added on purpose where walls were too thin to print; it is not part of the
+    # excess
     thickened_mm2: float
+    # by how much the walls' area differs between mid-height and just below or above it
     leaning_mm2: float
+    # area within the bounds without plate below: gaps of joints, holes of entries
     floor_missing_mm2: float
+    # excess, missing and leaning together, over ``wall_mm2`` (but at least over 1 % of the bounds'
+    # area, so that an almost empty map is not judged by the rounding of its border)
     share: float
 
 
@@ -55,11 +45,6 @@ def compare_with_map(rig: Rig, world: Map) -> RigComparison:
 
     Works on the parts' triangles and transforms only, not on the plan that they were made from.
     Walls are upright, which two more cuts confirm; so a share of areas is one of volumes.
-
-    Raises
-    ------
-    BadInputError
-        If a part's triangles do not bound a solid.
     """
     options = rig.options
     bodies = [_body(part) for part in rig.parts]
@@ -79,15 +64,7 @@ def compare_with_map(rig: Rig, world: Map) -> RigComparison:
 
 
 def compare_walls(rig: Rig, world: Map, built: BaseGeometry) -> RigComparison:
-    """Compare the cross-section of walls that were built, in map coordinates, with the map.
-
-    Parameters
-    ----------
-    rig, world
-        The rig, which knows where it was thickened, and its map.
-    built
-        What stands.
-    """
+    """Compare the cross-section of walls that were built, in map coordinates, with the map."""
     inside = shapely.Polygon(world.bounds.exterior)
     walls = _areas(shapely.difference(inside, world.free_space))
     built = _areas(shapely.intersection(_areas(built), inside))

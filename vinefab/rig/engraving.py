@@ -30,15 +30,7 @@ _CORNERS = {
 
 
 def strokes(text: str, height_mm: float) -> list[LineString]:
-    """Return a text as lines, its lower left corner at the origin.
-
-    Parameters
-    ----------
-    text
-        Digits, ``N`` and ``-``; other characters leave a gap.
-    height_mm
-        Height of a digit.
-    """
+    """Return a text as lines, its lower left corner at the origin."""
     unit_mm, found = height_mm / _HIGH, []
     for place, sign in enumerate(text):
         for run in _CORNERS.get(sign, []):
@@ -88,15 +80,6 @@ def marks_for(number: int, plate: Polygon, *, from_below: bool = True) -> Pieces
     They lie around the middle of the largest circle in the plate and shrink to fit it; below two
     fifths of their full size there are none. Seen from above they are mirrored, so that they read
     right from below; north is +y of the map either way.
-
-    Parameters
-    ----------
-    number
-        The tile's number.
-    plate
-        Its outline.
-    from_below
-        Whether they are read from below.
     """
     circle = shapely.maximum_inscribed_circle(plate, 0.1)
     (x_mm, y_mm), _ = circle.coords
@@ -131,15 +114,7 @@ _DEPTH_MM, _STROKE_MM, _CUBE_APART_MM = 0.6, 1.0, 12.0
 def extras_of(
     plate_box_mm: tuple[float, float, float, float], to_map: Floats
 ) -> tuple[RigPart, ...]:
-    """Return the scale cube and the north arrow.
-
-    Parameters
-    ----------
-    plate_box_mm
-        Box of the rig's plate in plan: the two lie to the right of it, on the same table.
-    to_map
-        Transform from the plan, z = 0 under the plate, into map coordinates.
-    """
+    """Return the scale cube and the north arrow."""
     right_mm, top_mm = plate_box_mm[2] + _CUBE_APART_MM, plate_box_mm[3]
     wide_mm, long_mm, thick_mm = _ARROW_SIZE_MM
     outline = Polygon(

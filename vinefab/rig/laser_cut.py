@@ -27,42 +27,18 @@ _SMALLEST_DIGIT_MM = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Copy:
-    """One layer of a piece on a sheet.
+    """One layer of a piece on a sheet."""
 
-    Parameters
-    ----------
-    piece
-        The piece.
-    layer
-        From 1, the lowest.
-    sheet
-        Index of its sheet, from 0.
-    shift_mm
-        From the plan to the sheet.
-    """
-
-    piece: Loose
-    layer: int
-    sheet: int
-    shift_mm: tuple[float, float]
+    piece: Loose  # the piece
+    layer: int  # from 1, the lowest
+    sheet: int  # index of its sheet, from 0
+    shift_mm: tuple[float, float]  # from the plan to the sheet
 
 
 def board_jobs(
     name: str, plate: BaseGeometry, pieces: tuple[Loose, ...], options: RigOptions
 ) -> list[Job]:
-    """Return the jobs of the drilled board, one per sheet: outlines as marks, holes, outline.
-
-    Parameters
-    ----------
-    name
-        Of the rig.
-    plate
-        Outline of the board in plan, holes of entries left open.
-    pieces
-        What stands on it.
-    options
-        Size of the sheets, kerf, and the gap around the pegs (``clearance_mm``).
-    """
+    """Return the jobs of the drilled board, one per sheet: outlines as marks, holes, outline."""
     pegs = [peg for piece in pieces for peg in piece.pegs]
     outlines = pieces_of(*(peg.outline for peg in pegs), Polygon())
     gap_mm = 0.1 if options.clearance_mm is None else options.clearance_mm
@@ -78,13 +54,7 @@ def board_jobs(
 
 
 def lid_jobs(name: str, plate: BaseGeometry, options: RigOptions) -> list[Job]:
-    """Return the jobs of a lid: the plate's outline without its holes, and a compass.
-
-    Parameters
-    ----------
-    name, plate, options
-        As in `board_jobs`.
-    """
+    """Return the jobs of a lid: the plate's outline without its holes, and a compass."""
     whole = shapely.union_all([Polygon(piece.exterior) for piece in pieces_of(plate)])
     return [
         _job(f"{name} lid {number}", tile, (_compass(tile, number, []), [], 0.0), options)
@@ -95,19 +65,7 @@ def lid_jobs(name: str, plate: BaseGeometry, options: RigOptions) -> list[Job]:
 def layer_jobs(
     name: str, pieces: tuple[Loose, ...], layers: int, options: RigOptions
 ) -> tuple[list[Job], list[Copy]]:
-    """Return the jobs of obstacles cut in layers, and where each layer of each piece lies.
-
-    Parameters
-    ----------
-    name
-        Of the rig.
-    pieces
-        The pieces; their pegs are the holes of pins that hold the layers together.
-    layers
-        Layers of each piece.
-    options
-        Size of the sheets and kerf.
-    """
+    """Return the jobs of obstacles cut in layers, and where each layer of each piece lies."""
     kerf_mm = options.kerf_mm
     boxes = [piece.outline.bounds for piece in pieces for _ in range(layers)]
     sizes = [(box[2] - box[0] + kerf_mm, box[3] - box[1] + kerf_mm) for box in boxes]

@@ -39,13 +39,6 @@ def material_left(data: bytes, kerf_mm: float) -> BaseGeometry:
     """Return what a sheet's closed straight cuts leave as pieces, the kerf taken off.
 
     Round holes are left out; they do not reach through to a piece's outline.
-
-    Parameters
-    ----------
-    data
-        A DXF file of layers.
-    kerf_mm
-        Width that the beam removes.
     """
     layer = Operation.CUT.layer
     rings = [
@@ -61,20 +54,12 @@ def material_left(data: bytes, kerf_mm: float) -> BaseGeometry:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LaserCutFiles:
-    """Everything that a laser cuts for a rig.
+    """Everything that a laser cuts for a rig."""
 
-    Parameters
-    ----------
-    jobs
-        By file name.
-    files
-        The DXF files, read again and found right.
-    copies
-        Where each layer of each piece lies, for obstacles cut in layers.
-    """
-
-    jobs: dict[str, Job] = field(default_factory=dict)
+    jobs: dict[str, Job] = field(default_factory=dict)  # by file name
+    # the DXF files, read again and found right
     files: dict[str, bytes] = field(default_factory=dict)
+    # where each layer of each piece lies, for obstacles cut in layers
     copies: tuple[Copy, ...] = ()
 
 
@@ -90,22 +75,7 @@ def standing_mm(rig: Rig) -> float:
 
 
 def laser_cut_files(rig: Rig, world: Map, pieces: tuple[Loose, ...], *, lid: bool) -> LaserCutFiles:
-    """Return what is cut for a rig.
-
-    Parameters
-    ----------
-    rig, world
-        The rig and its map.
-    pieces
-        Its loose pieces; none when the obstacles are printed on their plate.
-    lid
-        Whether a lid is wanted.
-
-    Raises
-    ------
-    ReadBackError
-        If a file, read again, does not hold what was meant.
-    """
+    """Return what is cut for a rig."""
     options, named = rig.options, list[tuple[str, list[Job]]]()
     plate, copies = _on_plan(rig.plate, rig, world), list[Copy]()
     if rig.style != "plate":

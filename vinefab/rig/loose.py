@@ -24,19 +24,12 @@ _CIRCLE_SEGMENTS = 6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Peg:
-    """A round peg, or the hole for a pin.
+    """A round peg, or the hole for a pin."""
 
-    Parameters
-    ----------
-    x_mm, y_mm
-        Its middle, in the coordinates of the plan.
-    diameter_mm
-        Its diameter.
-    """
-
+    # x_mm, y_mm: its middle, in the coordinates of the plan
     x_mm: float
     y_mm: float
-    diameter_mm: float
+    diameter_mm: float  # its diameter
 
     @property
     def outline(self) -> Polygon:
@@ -49,46 +42,17 @@ class Peg:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Loose:
-    """A loose piece of obstacle or border.
+    """A loose piece of obstacle or border."""
 
-    Parameters
-    ----------
-    number
-        From 1.
-    outline
-        Where it stands, in the coordinates of the plan.
-    pegs
-        What holds it: two against turning, one, or none where there is no room.
-    """
-
-    number: int
-    outline: Polygon
-    pegs: tuple[Peg, ...]
+    number: int  # from 1
+    outline: Polygon  # where it stands, in the coordinates of the plan
+    pegs: tuple[Peg, ...]  # what holds it: two against turning, one, or none where there is no room
 
 
 def loose_of(
     plan: RigPlan, cuts: Cuts, options: RigOptions, peg_mm: float, most: int
 ) -> tuple[Loose, ...]:
-    """Return all pieces of a plan, numbered from the lower left, row by row.
-
-    Parameters
-    ----------
-    plan
-        What stands where.
-    cuts
-        Where pieces are divided that are larger than the machine's bed.
-    options
-        What is too thin to keep.
-    peg_mm
-        Diameter of the pegs; three fifths of it where that finds no room.
-    most
-        More pieces than this are refused.
-
-    Raises
-    ------
-    BadInputError
-        If there are too many pieces.
-    """
+    """Return all pieces of a plan, numbered from the lower left, row by row."""
     room_mm = max(np.diff(cuts.x_mm)), max(np.diff(cuts.y_mm))
     whole: list[Polygon] = []
     large: list[Polygon] = []
@@ -110,15 +74,7 @@ def loose_of(
 
 
 def pegs_in(outline: Polygon, peg_mm: float) -> tuple[Peg, ...]:
-    """Return pegs that fit into an outline: the two places farthest apart, or the one with room.
-
-    Parameters
-    ----------
-    outline
-        Where the piece stands.
-    peg_mm
-        Wanted diameter.
-    """
+    """Return pegs that fit into an outline: the two places farthest apart, or the one with room."""
     for diameter_mm in (peg_mm, _SMALLER * peg_mm):
         reach_mm = 0.5 * diameter_mm + RIM_MM
         room = shapely.buffer(outline, -reach_mm, quad_segs=2)

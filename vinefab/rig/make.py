@@ -36,30 +36,15 @@ _CONVEX = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RigFiles:
-    """A rig as files.
+    """A rig as files."""
 
-    Parameters
-    ----------
-    rig
-        The rig.
-    files
-        Content by file name, every solid read again; empty when a rule forbids the rig.
-    comparison
-        How the assembled rig differs from the map.
-    report
-        What the rules about rigs say.
-    estimate
-        What printing takes.
-    section
-        The rig's part of a report, if pictures were drawn.
-    """
-
-    rig: Rig
+    rig: Rig  # the rig
+    # content by file name, every solid read again; empty when a rule forbids the rig
     files: dict[str, bytes]
-    comparison: RigComparison
-    report: CheckReport
-    estimate: PrintEstimate
-    section: Section | None = None
+    comparison: RigComparison  # how the assembled rig differs from the map
+    report: CheckReport  # what the rules about rigs say
+    estimate: PrintEstimate  # what printing takes
+    section: Section | None = None  # the rig's part of a report, if pictures were drawn
 
     def summary(self) -> list[str]:
         """Return the rig in a few lines for the user."""
@@ -85,24 +70,13 @@ class RigFiles:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigRequest:
-    """What is wanted of a rig besides its sizes.
+    """What is wanted of a rig besides its sizes."""
 
-    Parameters
-    ----------
-    design
-        The robot that is to be tried on it, for the rules about corridors and heights.
-    allow_empty
-        Make a bare tray of a map without anything to steer around.
-    pictures
-        Draw the rig and its beds, and write a page about them.
-    lid
-        Add a lid, to be cut from a transparent sheet.
-    """
-
+    # the robot that is to be tried on it, for the rules about corridors and heights
     design: Design | None = None
-    allow_empty: bool = False
-    pictures: bool = True
-    lid: bool = False
+    allow_empty: bool = False  # make a bare tray of a map without anything to steer around
+    pictures: bool = True  # draw the rig and its beds, and write a page about them
+    lid: bool = False  # add a lid, to be cut from a transparent sheet
 
 
 def make_rig(
@@ -113,24 +87,7 @@ def make_rig(
     *,
     tell: Tell | None = None,
 ) -> RigFiles:
-    """Return the files of a map's rig.
-
-    Parameters
-    ----------
-    world, printer, options
-        What is made, on what, how large.
-    wishes
-        What else is wanted.
-    tell
-        Called as the work goes on.
-
-    Raises
-    ------
-    BadInputError
-        If the rig cannot be printed.
-    ReadBackError
-        If the assembled rig is not the map.
-    """
+    """Return the files of a map's rig."""
     wishes = wishes or RigRequest()
     if not wishes.allow_empty:
         _refuse_empty(world)
@@ -195,13 +152,7 @@ def _silent(_: float, __: str) -> None:
 
 
 def _refuse_empty(world: Map) -> None:
-    """Refuse a map that has nothing to print but a tray.
-
-    Raises
-    ------
-    BadInputError
-        If there is no obstacle in the bounds, and they are convex.
-    """
+    """Refuse a map that has nothing to print but a tray."""
     bounds = world.bounds
     hull_mm2 = bounds.convex_hull.area
     walled = bounds.area < hull_mm2 * (1.0 - _CONVEX)

@@ -113,13 +113,7 @@ class RigOptions:
         return printer.clearance_mm if self.clearance_mm is None else self.clearance_mm
 
     def fitted(self, world: Map, side_mm: float) -> "RigOptions":
-        """Return the options with the scale at which the rig's longer side has some length.
-
-        Raises
-        ------
-        BadInputError
-            If the border alone takes that length.
-        """
+        """Return the options with the scale at which the rig's longer side has some length."""
         room_mm = side_mm - 2.0 * self.border_mm
         if not room_mm > 0.0:
             allowed = f"more than the border on both sides, {2.0 * self.border_mm:g} mm"

@@ -21,16 +21,7 @@ MOST_BEDS = 24
 
 
 def rig_section(rig: Rig, printing: Printing, pictures: Mapping[str, bytes]) -> Section:
-    """Return the section about a rig.
-
-    Parameters
-    ----------
-    rig, printing
-        The rig and its beds.
-    pictures
-        ``assembled.png``, ``assembly.svg`` and one ``bed_NN.png`` per bed; what is missing is
-        left out.
-    """
+    """Return the section about a rig."""
     sheets = [name for name in pictures if name.startswith(("board", "lid", "layers"))]
     shown = [
         ("assembled.png", "The assembled rig (computed from the files' triangles).", True),
@@ -81,17 +72,7 @@ Tell = Callable[[float, str], None]
 def rig_pictures(
     rig: Rig, world: Map, outlines: dict[int, BaseGeometry], printing: Printing, tell: Tell
 ) -> dict[str, bytes]:
-    """Return every picture of a rig by file name.
-
-    Parameters
-    ----------
-    rig, world, printing
-        The rig, its map and its beds.
-    outlines
-        What the assembly drawing numbers, in map coordinates.
-    tell
-        Told what is being drawn; this is the second half of the work on a rig.
-    """
+    """Return every picture of a rig by file name."""
     tell(0.5, "drawing the plan")
     plan = assembly_plan(rig, world, outlines)
     files = {"assembly.svg": svg_bytes(plan), "assembly.pdf": pdf_bytes(plan)}
@@ -108,15 +89,7 @@ def sheet_pictures(jobs: Mapping[str, Job]) -> dict[str, bytes]:
 
 
 def rig_page(rig: Rig, section: Section, report: CheckReport, comparison: RigComparison) -> str:
-    """Return the page about a rig as HTML.
-
-    Parameters
-    ----------
-    rig, section
-        The rig, and the section about it.
-    report, comparison
-        What the rules say, and how the assembled rig compares with the map.
-    """
+    """Return the page about a rig as HTML."""
     wide_mm, deep_mm = (
         rig.options.scale * (high - low)
         for low, high in zip(rig.plate.bounds[:2], rig.plate.bounds[2:], strict=True)

@@ -16,39 +16,21 @@ from vinefab.rig.printer import Printer
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RigPart:
-    """One solid, lying as it is printed: lower corner at the origin, plate down.
+    """One solid, lying as it is printed: lower corner at the origin, plate down."""
 
-    Parameters
-    ----------
-    name
-        File name without suffix.
-    number
-        What is engraved into it and written on the assembly drawing; 0 for what has no number.
-    row, column
-        Place in the grid of tiles, from 1, row 1 lowest and column 1 leftmost on the map; 0 for
-        parts that are no tiles.
-    vertices_mm
-        Corners, shape (n, 3), each value one that single precision (STL) holds exactly.
-    faces
-        Triangles as rows of corner indices, shape (m, 3), counter-clockwise seen from outside.
-    to_map
-        Homogeneous transform, shape (4, 4): printed millimetres to map coordinates. It undoes the
-        rig's scale, z = 0 is the floor that the robot lies on.
-    volume_mm3
-        Designed volume, from the plan's areas and not from the triangles.
-
-    Raises
-    ------
-    BadInputError
-        If an array has the wrong shape, or a face names a corner that does not exist.
-    """
-
-    name: str
+    name: str  # file name without suffix
+    # corners, shape (n, 3), each value one that single precision (STL) holds exactly
     vertices_mm: Floats
+    # triangles as rows of corner indices, shape (m, 3), counter-clockwise seen from outside
     faces: Ints
+    # homogeneous transform, shape (4, 4): printed millimetres to map coordinates. It undoes the
+    # rig's scale, z = 0 is the floor that the robot lies on.
     to_map: Floats
-    volume_mm3: float
+    volume_mm3: float  # designed volume, from the plan's areas and not from the triangles
+    # what is engraved into it and written on the assembly drawing; 0 for what has no number
     number: int = 0
+    # row, column: place in the grid of tiles, from 1, row 1 lowest and column 1 leftmost on the
+    # map; 0 for parts that are no tiles
     row: int = 0
     column: int = 0
 
@@ -83,66 +65,39 @@ class RigPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThinPlace:
-    """A place where a wall is thinner than the printer can print it.
+    """A place where a wall is thinner than the printer can print it."""
 
-    Parameters
-    ----------
-    x_mm, y_mm
-        A point in it, in map coordinates.
-    area_mm2
-        Area of the thin part, as printed.
-    """
-
+    # x_mm, y_mm: A point in it, in map coordinates
     x_mm: float
     y_mm: float
-    area_mm2: float
+    area_mm2: float  # area of the thin part, as printed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rig:
-    """All parts of a map's rig.
+    """All parts of a map's rig."""
 
-    Parameters
-    ----------
-    name
-        Name of the map.
-    parts
-        Row by row from the map's lower left.
-    printer, options
-        What they were made for.
-    style
-        ``plate`` (obstacles printed on their plate) or ``board`` (loose, with pegs).
-    extras
-        What is printed and stands beside the rig: scale cube, north arrow.
-    plate
-        Outline of the base plate, in map coordinates.
-    walls
-        What stands on it, obstacles and border, in map coordinates.
-    thin_places
-        Where walls were thinner than the printer's least wall.
-    thickened
-        What was added there, in map coordinates.
-    counts
-        What was left out, mended or joined, by name; see `vinefab.rig.plate`.
-    joint_gap_mm3
-        Volume of the plate that is missing in the gaps around the joints.
-    notes
-        Sentences that the person who prints the rig should read.
-    """
-
-    name: str
-    parts: tuple[RigPart, ...]
+    name: str  # name of the map
+    parts: tuple[RigPart, ...]  # row by row from the map's lower left
+    # printer, options: what they were made for
     printer: Printer
     options: RigOptions
+    # ``plate`` (obstacles printed on their plate) or ``board`` (loose, with pegs)
     style: str = "plate"
+    # what is printed and stands beside the rig: scale cube, north arrow
     extras: tuple[RigPart, ...] = ()
+    # outline of the base plate, in map coordinates
     plate: BaseGeometry = field(default_factory=Polygon)
+    # what stands on it, obstacles and border, in map coordinates
     walls: BaseGeometry = field(default_factory=Polygon)
+    # what was added there, in map coordinates
     thickened: BaseGeometry = field(default_factory=Polygon)
+    # where walls were thinner than the printer's least wall
     thin_places: tuple[ThinPlace, ...] = ()
+    # what was left out, mended or joined, by name; see `vinefab.rig.plate`
     counts: Mapping[str, int] = field(default_factory=dict)
-    joint_gap_mm3: float = 0.0
-    notes: tuple[str, ...] = ()
+    joint_gap_mm3: float = 0.0  # volume of the plate that is missing in the gaps around the joints
+    notes: tuple[str, ...] = ()  # sentences that the person who prints the rig should read
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "counts", MappingProxyType(dict(self.counts)))

@@ -14,15 +14,7 @@ _PLACE_MM = 1e-3
 
 
 def solid_files(rig: Rig, printing: Printing) -> dict[str, bytes]:
-    """Return the STL and 3MF files of a rig by name.
-
-    Parameters
-    ----------
-    rig
-        What is printed.
-    printing
-        Its beds.
-    """
+    """Return the STL and 3MF files of a rig by name."""
     files = {
         stl_name(part): stl_bytes(part.vertices_mm, part.faces, part.name) for part in rig.printed
     }
@@ -34,20 +26,7 @@ def solid_files(rig: Rig, printing: Printing) -> dict[str, bytes]:
 def solid_problems(
     files: Mapping[str, bytes], rig: Rig, printing: Printing
 ) -> dict[str, tuple[str, ...]]:
-    """Read STL and 3MF files again and return, by part, what is wrong with them.
-
-    Parameters
-    ----------
-    files
-        As `solid_files` returns them.
-    rig, printing
-        What they were made from.
-
-    Returns
-    -------
-    dict
-        One entry per part, by name; empty tuples when all is right.
-    """
+    """Read STL and 3MF files again and return, by part, what is wrong with them."""
     problems = {part.name: list(check_stl(files[stl_name(part)], part)) for part in rig.printed}
     for bed in printing.beds:
         for name, found in _bed_problems(files[bed_name(bed)], bed, rig).items():

@@ -127,15 +127,7 @@ _THICKENED = level_colour(4)
 
 
 def assembly_plan(rig: Rig, world: Map, outlines: Mapping[int, BaseGeometry]) -> Figure:
-    """Return the numbered plan of a rig, in millimetres of the rig from its lower left corner.
-
-    Parameters
-    ----------
-    rig, world
-        The rig and its map.
-    outlines
-        Outline of every part where it stands, by number, in map coordinates.
-    """
+    """Return the numbered plan of a rig, in millimetres of the rig from its lower left corner."""
     x_mm, y_mm = rig.plate.bounds[:2]
     scale = rig.options.scale
 

@@ -32,21 +32,11 @@ _NEAR_MM = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """What one start asks to be taken away.
+    """What one start asks to be taken away."""
 
-    Parameters
-    ----------
-    from_border
-        Area of the border wall to leave open, or empty.
-    from_plate
-        Area of the plate to leave open, or empty.
-    note
-        What a person should know, or an empty string.
-    """
-
-    from_border: BaseGeometry
-    from_plate: BaseGeometry
-    note: str = ""
+    from_border: BaseGeometry  # area of the border wall to leave open, or empty
+    from_plate: BaseGeometry  # area of the plate to leave open, or empty
+    note: str = ""  # what a person should know, or an empty string
 
 
 def entry_of(
@@ -59,15 +49,6 @@ def entry_of(
     and the start's sideways spread on both sides, straight along the heading. A start further
     inside gets a round hole of the same width through the plate, so that the robot comes up from
     below; if obstacles leave no room for the hole, nothing is opened and the note says so.
-
-    Parameters
-    ----------
-    start
-        Scaled to the rig.
-    bounds, border, solids
-        Free space's outer limit, the wall around it, the obstacles.
-    options
-        Widths and reach.
     """
     nothing = Polygon()
     if options.entry_width_mm <= 0.0:
@@ -121,47 +102,24 @@ _BORDER_MITRE_LIMIT = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RigPlan:
-    """What stands where, before it is split into parts.
+    """What stands where, before it is split into parts."""
 
-    Parameters
-    ----------
-    plate
-        Outline of the base plate; polygons without holes but those of entries.
-    solids
-        Obstacles and border, polygons shape (n,) that meet nowhere, within the plate.
-    origin_mm
-        The map's point at the plan's (0, 0), the lower left corner of the bounds' box.
-    scale
-        Plan millimetres per map millimetre.
-    thin_places
-        Where solids were thinner than the printer's least wall.
-    thickened
-        What was added there.
-    slivers, slits, bridges
-        Pieces dropped, holes filled, touching corners joined.
-    notes
-        For the person who prints it.
-    """
-
-    plate: BaseGeometry
-    solids: Pieces
+    plate: BaseGeometry  # outline of the base plate; polygons without holes but those of entries
+    solids: Pieces  # obstacles and border, polygons shape (n,) that meet nowhere, within the plate
+    # the map's point at the plan's (0, 0), the lower left corner of the bounds' box
     origin_mm: tuple[float, float]
-    scale: float
+    scale: float  # plan millimetres per map millimetre
+    # where solids were thinner than the printer's least wall
     thin_places: tuple[ThinPlace, ...] = ()
-    thickened: BaseGeometry = field(default_factory=Polygon)
+    thickened: BaseGeometry = field(default_factory=Polygon)  # what was added there
+    # slivers, slits, bridges: pieces dropped, holes filled, touching corners joined
     slivers: int = 0
     slits: int = 0
     bridges: int = 0
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # for the person who prints it
 
     def to_map(self, z_mm: float = 0.0) -> Floats:
-        """Return the transform, shape (4, 4), from the plan into map coordinates.
-
-        Parameters
-        ----------
-        z_mm
-            Height above the floor at which the plan's z is 0, in millimetres of the rig.
-        """
+        """Return the transform, shape (4, 4), from the plan into map coordinates."""
         matrix = np.diag([1.0 / self.scale] * 3 + [1.0])
         matrix[:3, 3] = *self.origin_mm, z_mm / self.scale
         return matrix
@@ -176,15 +134,6 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
 
     The border stands outside the bounds. Obstacles are clipped to the bounds, then joined with
     each other and with the border wherever they overlap or touch; holes in the bounds are solid.
-
-    Parameters
-    ----------
-    world
-        The map.
-    printer
-        Its least wall is what thin walls are measured against.
-    options
-        Sizes.
     """
     origin_mm = world.bounds.bounds[0], world.bounds.bounds[1]
     bounds = _scaled_polygons([world.bounds], world, options.scale)[0]

@@ -30,25 +30,11 @@ def build_rig(world: Map, printer: Printer, options: RigOptions | None = None) -
     into tiles that dovetails in the plate hold together. Every part is one solid that prints
     without supports.
 
-    Parameters
-    ----------
-    world
-        The map; its obstacles may touch each other and reach over the bounds.
-    printer
-        Bed, height, least wall and clearance.
-    options
-        Sizes; the defaults when None.
-
     Returns
     -------
     Rig
         ``counts`` hold ``slivers`` and ``slits`` (left out or filled), ``bridges`` (corners that
         touched in a point, joined), ``joints``, ``bare_seams`` (without room for a joint).
-
-    Raises
-    ------
-    BadInputError
-        If the rig is taller than the printer, or needs more parts than allowed.
     """
     options = options or RigOptions()
     refuse_early(world, printer, options)
@@ -87,13 +73,7 @@ def build_rig(world: Map, printer: Printer, options: RigOptions | None = None) -
 
 
 def refuse_early(world: Map, printer: Printer, options: RigOptions) -> None:
-    """Refuse, before any long work, what the sizes alone show to be impossible.
-
-    Raises
-    ------
-    BadInputError
-        If the rig is taller than the printer, or the plate needs more parts than allowed.
-    """
+    """Refuse, before any long work, what the sizes alone show to be impossible."""
     _check_height(printer, options)
     border_mm = 2.0 * options.border_mm
     width_mm, depth_mm = (options.scale * side_mm + border_mm for side_mm in world.size_mm)

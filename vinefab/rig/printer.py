@@ -15,37 +15,28 @@ from vinefab.model.files.toml import Form, read_toml, validated
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Printer:
-    """A printer's limits.
+    """A printer's limits."""
 
-    Parameters
-    ----------
-    name
-        File name of its profile.
-    bed_width_mm, bed_depth_mm, height_mm
-        Build volume.
-    nozzle_mm, least_wall_mm, clearance_mm
-        Nozzle diameter, thinnest wall that prints, gap between parts that fit together.
-    layer_mm, shell_mm, infill
-        How solids are sliced: height of a layer, thickness of the skin, share of the inside that
-        is filled; for estimates only.
-    flow_mm3_s, layer_change_s
-        How fast plastic is laid down on average, and what each layer takes besides.
-    filament_mm, density_g_cm3
-        Diameter and density of the filament.
-    """
-
-    name: str
+    name: str  # file name of its profile
+    # bed_width_mm, bed_depth_mm, height_mm: build volume
     bed_width_mm: float
     bed_depth_mm: float
     height_mm: float
+    # nozzle_mm, least_wall_mm, clearance_mm: nozzle diameter, thinnest wall that prints, gap
+    # between parts that fit together
     nozzle_mm: float = 0.4
     least_wall_mm: float = 0.8
     clearance_mm: float = 0.2
+    # layer_mm, shell_mm, infill: how solids are sliced: height of a layer, thickness of the skin,
+    # share of the inside that is filled; for estimates only
     layer_mm: float = 0.2
     shell_mm: float = 0.8
     infill: float = 0.15
+    # flow_mm3_s, layer_change_s: how fast plastic is laid down on average, and what each layer
+    # takes besides
     flow_mm3_s: float = 6.0
     layer_change_s: float = 4.0
+    # filament_mm, density_g_cm3: diameter and density of the filament
     filament_mm: float = 1.75
     density_g_cm3: float = 1.24
 
@@ -85,18 +76,6 @@ def read_printer(name_or_path: str | Path) -> Printer:
 
     Every number in the file is a table of ``value``, ``standing`` (measured, paper, published,
     computed or assumed) and ``source``, so that nobody mistakes a guess for a measurement.
-
-    Parameters
-    ----------
-    name_or_path
-        A path, or the name of a shipped profile (``generic_220``).
-
-    Raises
-    ------
-    UnreadableFileError, UnknownNameError
-        If there is no such file, or it is not TOML.
-    BadInputError
-        If a key is unknown or missing, or a value cannot be used.
     """
     path = locate("printer", name_or_path)
     form = validated(PrinterForm, read_toml(path), path)

@@ -18,22 +18,13 @@ BASIS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PrintEstimate:
-    """What printing takes.
+    """What printing takes."""
 
-    Parameters
-    ----------
-    plastic_mm3
-        Volume extruded.
-    mass_g, filament_m
-        The same as mass, and as length of filament.
-    time_s
-        Printing time of all beds, without heating and without clearing the bed.
-    """
-
-    plastic_mm3: float
+    plastic_mm3: float  # volume extruded
+    # mass_g, filament_m: the same as mass, and as length of filament
     mass_g: float
     filament_m: float
-    time_s: float
+    time_s: float  # printing time of all beds, without heating and without clearing the bed
 
     def words(self) -> str:
         """Return the estimate as a few words."""
@@ -47,13 +38,6 @@ def estimate(parts: Sequence[RigPart], printer: Printer) -> PrintEstimate:
 
     A skin of thickness s around a solid of volume V and surface A holds about A s; the rest is
     filled to the share f. Thin parts are all skin, hence the lesser of the two.
-
-    Parameters
-    ----------
-    parts
-        What lies on the bed.
-    printer
-        Its settings.
     """
     plastic_mm3 = 0.0
     for part in parts:
@@ -94,17 +78,10 @@ _SLACK_MM = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacedPart:
-    """A part on a bed, or a piece on a sheet.
+    """A part on a bed, or a piece on a sheet."""
 
-    Parameters
-    ----------
-    index
-        Which one, counted from 0.
-    x_mm, y_mm
-        Where the lower left corner of its box lies.
-    """
-
-    index: int
+    index: int  # which one, counted from 0
+    # x_mm, y_mm: where the lower left corner of its box lies
     x_mm: float
     y_mm: float
 
@@ -116,20 +93,6 @@ def packed_on_beds(
 
     Boxes are taken by falling depth and set side by side on shelves; a box goes onto the first
     shelf, on the first bed, that has room.
-
-    Parameters
-    ----------
-    sizes_mm
-        Width and depth of each box.
-    room_mm
-        Width and depth of the usable bed; a larger box is put down all the same.
-    gap_mm
-        Distance between boxes.
-
-    Returns
-    -------
-    list of list of Placed
-        Bed by bed, in the order in which beds were opened.
     """
     beds: list[list[PlacedPart]] = []
     shelves: list[list[float]] = []  # bed, y, depth, next free x
@@ -161,15 +124,7 @@ def packed_on_beds(
 def beds_of(
     parts: Sequence[RigPart], printer: Printer, options: RigOptions
 ) -> tuple[tuple[PlacedPart, ...], ...]:
-    """Return the beds on which parts are printed, each part where it lies on its bed.
-
-    Parameters
-    ----------
-    parts
-        What is printed.
-    printer, options
-        Bed and its margin.
-    """
+    """Return the beds on which parts are printed, each part where it lies on its bed."""
     margin_mm = options.bed_margin_mm
     sizes = [(part.size_mm[0], part.size_mm[1]) for part in parts]
     beds = packed_on_beds(sizes, usable_mm(printer, options), GAP_MM)
@@ -184,21 +139,11 @@ def beds_of(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bed:
-    """Parts that are printed together.
+    """Parts that are printed together."""
 
-    Parameters
-    ----------
-    number
-        From 1.
-    places
-        Parts, by their index in ``Rig.printed``, and where they lie.
-    estimate
-        What the bed takes.
-    """
-
-    number: int
-    places: tuple[PlacedPart, ...]
-    estimate: PrintEstimate
+    number: int  # from 1
+    places: tuple[PlacedPart, ...]  # parts, by their index in ``Rig.printed``, and where they lie
+    estimate: PrintEstimate  # what the bed takes
 
     @property
     def name(self) -> str:
@@ -208,15 +153,9 @@ class Bed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Printing:
-    """All beds of a rig.
+    """All beds of a rig."""
 
-    Parameters
-    ----------
-    beds
-        In the order of the parts.
-    """
-
-    beds: tuple[Bed, ...]
+    beds: tuple[Bed, ...]  # in the order of the parts
 
     @property
     def total(self) -> PrintEstimate:

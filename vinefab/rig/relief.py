@@ -29,66 +29,33 @@ _LEVEL_MM = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prism:
-    """Something to draw.
+    """Something to draw."""
 
-    Parameters
-    ----------
-    vertices_mm
-        Corners where they stand, shape (n, 3), z upwards.
-    faces
-        Triangles, shape (m, 3), counter-clockwise seen from outside.
-    colour
-        Of its top; sides are darker, floors (below ``light_from_mm``) lighter.
-    light_from_mm
-        Upward faces below this height are drawn pale.
-    """
-
-    vertices_mm: Floats
-    faces: Ints
-    colour: Colour
-    light_from_mm: float = -math.inf
+    vertices_mm: Floats  # corners where they stand, shape (n, 3), z upwards
+    faces: Ints  # triangles, shape (m, 3), counter-clockwise seen from outside
+    colour: Colour  # of its top; sides are darker, floors (below ``light_from_mm``) lighter
+    light_from_mm: float = -math.inf  # upward faces below this height are drawn pale
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Label:
-    """A word at a point of the scene.
+    """A word at a point of the scene."""
 
-    Parameters
-    ----------
-    text
-        What to write.
-    at_mm
-        Where: x, y, z.
-    """
-
-    text: str
-    at_mm: tuple[float, float, float]
+    text: str  # what to write
+    at_mm: tuple[float, float, float]  # where: x, y, z
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Camera:
-    """From where a scene is seen, and how large.
+    """From where a scene is seen, and how large."""
 
-    Parameters
-    ----------
-    turn_rad
-        How far the scene is turned counter-clockwise.
-    rise_rad
-        Angle of sight above the plane.
-    px_per_mm
-        Scale.
-    left_mm, top_mm
-        What is at the picture's upper left corner, turned and slanted.
-    size_px
-        Width and height.
-    """
-
-    turn_rad: float
-    rise_rad: float
-    px_per_mm: float
+    turn_rad: float  # how far the scene is turned counter-clockwise
+    rise_rad: float  # angle of sight above the plane
+    px_per_mm: float  # scale
+    # left_mm, top_mm: what is at the picture's upper left corner, turned and slanted
     left_mm: float
     top_mm: float
-    size_px: tuple[int, int]
+    size_px: tuple[int, int]  # width and height
 
     def flat(self, points_mm: Floats) -> Floats:
         """Return where points, shape (..., 3), would be seen if their height were 0."""
@@ -111,20 +78,7 @@ def relief_png(
     turn_deg: float = 20.0,
     rise_deg: float = 52.0,
 ) -> bytes:
-    """Return a shaded picture of solids as PNG.
-
-    Parameters
-    ----------
-    solids
-        What to draw; each must be a height over the plane, without overhangs. Hollows on the
-        underside are not seen.
-    labels
-        Words to put on top.
-    width_px
-        Width of the picture; the height follows from what is drawn.
-    turn_deg, rise_deg
-        From where it is seen.
-    """
+    """Return a shaded picture of solids as PNG."""
     camera = _camera(solids, width_px * _FINE, math.radians(turn_deg), math.radians(rise_deg))
     picture = Image.new("RGB", camera.size_px, PAPER)
     tops = [_tops(solid) for solid in solids]

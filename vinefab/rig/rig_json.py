@@ -35,27 +35,15 @@ SCHEMA = "vinefab/rig-1"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RigRecord:
-    """Everything that the texts about a rig draw on.
+    """Everything that the texts about a rig draw on."""
 
-    Parameters
-    ----------
-    rig, world
-        The rig and its map.
-    printing
-        Its beds.
-    comparison
-        How the assembled rig compares with the map (`compare_with_map`).
-    report
-        What the rules say.
-    jobs, copies
-        What a laser cuts, by file name, and where layers of pieces lie.
-    """
-
+    # rig, world: the rig and its map
     rig: Rig
     world: Map
-    printing: Printing
-    comparison: RigComparison
-    report: CheckReport
+    printing: Printing  # its beds
+    comparison: RigComparison  # how the assembled rig compares with the map (`compare_with_map`)
+    report: CheckReport  # what the rules say
+    # jobs, copies: what a laser cuts, by file name, and where layers of pieces lie
     jobs: Mapping[str, Job] = field(default_factory=dict)
     copies: tuple[Copy, ...] = ()
 
@@ -65,13 +53,6 @@ def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
 
     A part's ``transform_to_map`` is a 4 x 4 matrix by rows: applied to a point of its STL file
     (x, y, z, 1) in printed millimetres it gives map coordinates, z = 0 being the floor.
-
-    Parameters
-    ----------
-    record
-        What to write about.
-    digests
-        SHA-256 by file name.
     """
     rig, world, printing = record.rig, record.world, record.printing
     x_mm, y_mm = world.bounds.bounds[:2]
@@ -278,19 +259,7 @@ class RigForm(_Known):
 
 
 def read_rig(folder: Path) -> RigFacts:
-    """Return what is to be known of a rig from its folder, every STL file read.
-
-    Parameters
-    ----------
-    folder
-        The folder, or its ``rig.json``.
-
-    Raises
-    ------
-    UnreadableFileError, BadInputError
-        If there is no ``rig.json`` that can be read. A part whose file is missing or wrong is no
-        error but a problem of that part.
-    """
+    """Return what is to be known of a rig from its folder, every STL file read."""
     path = folder if folder.name == RIG_NAME else folder / RIG_NAME
     try:
         data = json.loads(read_text(path))

@@ -13,17 +13,10 @@ from vinefab.rig.clean import Pieces
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Hollow:
-    """A prism to be taken out of a solid.
+    """A prism to be taken out of a solid."""
 
-    Parameters
-    ----------
-    pieces
-        Its outline, in plan.
-    low_mm, high_mm
-        From where to where it reaches up; below 0 to open it downwards.
-    """
-
-    pieces: Pieces
+    pieces: Pieces  # its outline, in plan
+    # low_mm, high_mm: from where to where it reaches up; below 0 to open it downwards
     low_mm: float
     high_mm: float
 
@@ -39,23 +32,6 @@ def stacked(
 
     The plate fills z from 0 to ``plate_mm``, what stands on it reaches from there up by
     ``height_mm``.
-
-    Parameters
-    ----------
-    plate, solids
-        Outlines; the solids lie within the plate.
-    plate_mm, height_mm
-        Thickness and height above the plate.
-    hollows
-        What is taken out afterwards: prisms, or bodies of manifold3d.
-
-    Returns
-    -------
-    vertices_mm
-        Shape (n, 3), rounded to what single precision holds, so that the part is what its file
-        will say.
-    faces
-        Shape (m, 3), counter-clockwise seen from outside.
     """
     body = _extruded(plate, plate_mm)
     if len(solids):

@@ -25,20 +25,12 @@ _STEP_MM = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Seam:
-    """The straight cut between two neighbouring tiles.
+    """The straight cut between two neighbouring tiles."""
 
-    Parameters
-    ----------
-    upright
-        Whether it runs along y; the tile that gets the tabs is then the left one, else the lower.
-    at_mm
-        Its x when upright, else its y.
-    low_mm, high_mm
-        Where it begins and ends along its direction.
-    """
-
+    # whether it runs along y; the tile that gets the tabs is then the left one, else the lower
     upright: bool
-    at_mm: float
+    at_mm: float  # its x when upright, else its y
+    # low_mm, high_mm: where it begins and ends along its direction
     low_mm: float
     high_mm: float
 
@@ -49,15 +41,6 @@ def tabs_of(seam: Seam, plate: BaseGeometry, solids: shapely.STRtree) -> list[Po
     A tab stands only where the plate is whole around it and nothing stands on it: a socket under
     an obstacle would have to be bridged in the air by the printer. Where there is no such place,
     there is no tab.
-
-    Parameters
-    ----------
-    seam
-        The cut.
-    plate
-        Outline of the whole plate, prepared for speed.
-    solids
-        Everything that stands on the plate.
     """
     margin_mm = TAB_DEPTH_MM + _END_HALF_MM + _FREE_MM  # clear of the joints of crossing seams
     low, high = seam.low_mm + margin_mm, seam.high_mm - margin_mm
@@ -111,14 +94,9 @@ _CORNER_COST_MM = 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edges:
-    """Edges of polygons, solid on their left.
+    """Edges of polygons, solid on their left."""
 
-    Parameters
-    ----------
-    start_mm, end_mm
-        Their ends, shape (n, 2).
-    """
-
+    # start_mm, end_mm: their ends, shape (n, 2)
     start_mm: Floats
     end_mm: Floats
 
@@ -144,8 +122,6 @@ class Edges:
         ----------
         lines_mm
             Their x, shape (m,).
-        even_mm
-            Where the tiles would be even.
         """
         near = np.sort(self.start_mm[:, 0])
         corners = np.searchsorted(near, lines_mm + _GUARD_MM, side="right")
@@ -173,19 +149,12 @@ _LEAST_TILE_MM = 5.0 * TAB_DEPTH_MM
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cuts:
-    """The lines of a grid of tiles, the plate's box included.
+    """The lines of a grid of tiles, the plate's box included."""
 
-    Parameters
-    ----------
-    x_mm, y_mm
-        Ascending; tile (row, column) lies between neighbouring values.
-    turned
-        Whether the tiles are turned by a quarter on the bed.
-    """
-
+    # x_mm, y_mm: ascending; tile (row, column) lies between neighbouring values
     x_mm: tuple[float, ...]
     y_mm: tuple[float, ...]
-    turned: bool
+    turned: bool  # whether the tiles are turned by a quarter on the bed
 
     @property
     def tiles(self) -> int:
@@ -204,20 +173,6 @@ def cuts_of(
     As few tiles as the bed allows, in the better of the two ways to lay them on it. Each line may
     wander within what the tile size allows, to cross as little obstacle as possible and to stay
     away from obstacles' corners, so that no thin tip is cut off.
-
-    Parameters
-    ----------
-    box_mm
-        The plate's box: x_min, y_min, x_max, y_max.
-    solids
-        What stands on the plate.
-    printer, options
-        Bed and margin; ``options.most_parts`` limits the number of tiles.
-
-    Raises
-    ------
-    BadInputError
-        If the bed is too small for tiles, or too many would be needed.
     """
     size_mm = box_mm[2] - box_mm[0], box_mm[3] - box_mm[1]
     columns, rows, turn = grid_of(size_mm, printer, options)
@@ -235,13 +190,7 @@ def cuts_of(
 def grid_of(
     size_mm: tuple[float, float], printer: Printer, options: RigOptions
 ) -> tuple[int, int, bool]:
-    """Return how many columns and rows of tiles a plate takes, and whether they lie turned.
-
-    Raises
-    ------
-    BadInputError
-        If the bed is too small for tiles, or too many would be needed.
-    """
+    """Return how many columns and rows of tiles a plate takes, and whether they lie turned."""
     (width_mm, depth_mm), bed_mm = size_mm, usable_mm(printer, options)
     straight = _count(width_mm, bed_mm[0]), _count(depth_mm, bed_mm[1])
     turned = _count(width_mm, bed_mm[1]), _count(depth_mm, bed_mm[0])

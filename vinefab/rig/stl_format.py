@@ -18,18 +18,10 @@ from vinefab.rig.part import RigPart
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mesh:
-    """Triangles as a file gives them.
+    """Triangles as a file gives them."""
 
-    Parameters
-    ----------
-    vertices_mm
-        Corners, shape (n, 3), all different.
-    faces
-        Corner indices, shape (m, 3).
-    """
-
-    vertices_mm: Floats
-    faces: Ints
+    vertices_mm: Floats  # corners, shape (n, 3), all different
+    faces: Ints  # corner indices, shape (m, 3)
 
     @classmethod
     def of_corners(cls, corners_mm: Floats) -> "Mesh":
@@ -84,17 +76,7 @@ _BOX_MM = 1e-3
 
 
 def stl_bytes(vertices_mm: Floats, faces: Ints, name: str) -> bytes:
-    """Return a solid as binary STL, the same bytes each time.
-
-    Parameters
-    ----------
-    vertices_mm
-        Shape (n, 3).
-    faces
-        Shape (m, 3), counter-clockwise seen from outside.
-    name
-        Put into the header together with our mark; what does not fit is cut off.
-    """
+    """Return a solid as binary STL, the same bytes each time."""
     triangles = np.asarray(vertices_mm, dtype=np.float64)[np.asarray(faces)]
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -108,20 +90,7 @@ def stl_bytes(vertices_mm: Floats, faces: Ints, name: str) -> bytes:
 
 
 def check_stl(file: Path | bytes, part: RigPart) -> tuple[str, ...]:
-    """Read an STL file again and say what is wrong with it.
-
-    Parameters
-    ----------
-    file
-        The file or its content.
-    part
-        What it should hold: volume within 0.01 %, box within 0.001 mm.
-
-    Returns
-    -------
-    tuple of str
-        Problems, one sentence each; empty when the file is right.
-    """
+    """Read an STL file again and say what is wrong with it."""
     data = file if isinstance(file, bytes) else file.read_bytes()
     problem = stl_problem(data)
     if problem:

@@ -39,49 +39,23 @@ _UNIX, _PLAIN_FILE = 3, 0o100644 << 16
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ThreeMfItem:
-    """A part as a 3MF file places it.
+    """A part as a 3MF file places it."""
 
-    Parameters
-    ----------
-    part
-        The solid.
-    at_mm
-        Where its lower corner lies on the bed.
-    """
-
-    part: RigPart
-    at_mm: tuple[float, float]
+    part: RigPart  # the solid
+    at_mm: tuple[float, float]  # where its lower corner lies on the bed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ThreeMfObject:
-    """An object of a 3MF file, read again.
+    """An object of a 3MF file, read again."""
 
-    Parameters
-    ----------
-    name
-        Its name.
-    mesh
-        Its triangles, in its own coordinates.
-    shift_mm
-        Where the build puts it.
-    """
-
-    name: str
-    mesh: Mesh
-    shift_mm: tuple[float, float, float]
+    name: str  # its name
+    mesh: Mesh  # its triangles, in its own coordinates
+    shift_mm: tuple[float, float, float]  # where the build puts it
 
 
 def threemf_bytes(items: Sequence[ThreeMfItem], title: str) -> bytes:
-    """Return parts as one 3MF file, the same bytes each time.
-
-    Parameters
-    ----------
-    items
-        Parts and their places.
-    title
-        Said in the file's metadata.
-    """
+    """Return parts as one 3MF file, the same bytes each time."""
     stream = io.BytesIO()
     files = {
         "[Content_Types].xml": _TYPES,
@@ -98,13 +72,7 @@ def threemf_bytes(items: Sequence[ThreeMfItem], title: str) -> bytes:
 
 
 def read_threemf(data: bytes) -> tuple[ThreeMfObject, ...]:
-    """Return the objects that a 3MF file of ours places.
-
-    Raises
-    ------
-    ValueError, KeyError, zipfile.BadZipFile
-        If the file is damaged or of another form.
-    """
+    """Return the objects that a 3MF file of ours places."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         if archive.testzip() is not None:
             raise ValueError("a file in the zip is damaged")

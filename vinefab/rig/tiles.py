@@ -19,36 +19,23 @@ Cell = tuple[int, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RigTile:
-    """The plan of one connected part.
+    """The plan of one connected part."""
 
-    Parameters
-    ----------
-    cell
-        Where in the grid it lies.
-    plate, solids
-        One outline, and what stands on it; both snapped, each corner of one on the other's edge
-        being a corner there too.
-    """
-
-    cell: Cell
+    cell: Cell  # where in the grid it lies
+    # plate, solids: one outline, and what stands on it; both snapped, each corner of one on the
+    # other's edge being a corner there too
     plate: Polygon
     solids: Pieces
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dovetail:
-    """A dovetail between two tiles.
+    """A dovetail between two tiles."""
 
-    Parameters
-    ----------
-    giver, taker
-        The tiles with the tab and with the socket.
-    tab, socket
-        Their outlines.
-    """
-
+    # giver, taker: the tiles with the tab and with the socket
     giver: Cell
     taker: Cell
+    # tab, socket: their outlines
     tab: Polygon
     socket: BaseGeometry
 
@@ -60,30 +47,14 @@ class Dovetail:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Dovetails:
-    """All joints of a rig.
+    """All joints of a rig."""
 
-    Parameters
-    ----------
-    joints
-        Seam by seam.
-    bare_seams
-        Number of seams without room for a joint.
-    """
-
-    joints: tuple[Dovetail, ...]
-    bare_seams: int
+    joints: tuple[Dovetail, ...]  # seam by seam
+    bare_seams: int  # number of seams without room for a joint
 
 
 def dovetails_of(plan: RigPlan, cuts: Cuts, clearance_mm: float) -> Dovetails:
-    """Return the dovetails of all seams between neighbouring tiles.
-
-    Parameters
-    ----------
-    plan, cuts
-        What is cut, and where.
-    clearance_mm
-        Gap left around each tab.
-    """
+    """Return the dovetails of all seams between neighbouring tiles."""
     plate = plan.plate
     shapely.prepare(plate)
     tree = shapely.STRtree(plan.solids)
@@ -102,16 +73,7 @@ def dovetails_of(plan: RigPlan, cuts: Cuts, clearance_mm: float) -> Dovetails:
 def rig_tiles(
     plan: RigPlan, cuts: Cuts, joints: Dovetails, least_mm: tuple[float, float]
 ) -> Iterator[RigTile]:
-    """Yield the plans of all parts, row by row.
-
-    Parameters
-    ----------
-    plan, cuts, joints
-        What is cut, where, and how the tiles hold on to each other.
-    least_mm
-        Thickness below which a piece cut off is dropped, and radius of the bridges where corners
-        touch.
-    """
+    """Yield the plans of all parts, row by row."""
     tree = shapely.STRtree(plan.solids)
     for row in range(len(cuts.y_mm) - 1):
         for column in range(len(cuts.x_mm) - 1):

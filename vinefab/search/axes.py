@@ -16,17 +16,6 @@ class SearchAxes:
     A coordinate that stands for one of k whole numbers has k equal shares of 0 to 1. A coordinate
     of a level has no effect on designs with fewer levels: it is inactive at such points.
 
-    Parameters
-    ----------
-    choices
-        How many whole numbers each coordinate stands for; 0 where it is continuous. Length d.
-    levels
-        The level that each belongs to; 0 where it always matters. Length d.
-    depth
-        The coordinate that stands for the number of levels; None when that number is fixed.
-    least_depth
-        The smallest number of levels, or the fixed one.
-
     Examples
     --------
     >>> axes = SearchAxes(choices=(3, 0, 0), levels=(0, 0, 3), depth=0, least_depth=1)
@@ -34,10 +23,12 @@ class SearchAxes:
     [[True, True, False], [True, True, True]]
     """
 
+    # how many whole numbers each coordinate stands for; 0 where it is continuous. Length d.
     choices: tuple[int, ...]
-    levels: tuple[int, ...]
+    levels: tuple[int, ...]  # the level that each belongs to; 0 where it always matters. Length d.
+    # the coordinate that stands for the number of levels; None when that number is fixed
     depth: int | None = None
-    least_depth: int = 1
+    least_depth: int = 1  # the smallest number of levels, or the fixed one
 
     def __post_init__(self) -> None:
         if len(self.choices) != len(self.levels) or not self.choices:

@@ -39,23 +39,7 @@ COSTS: Mapping[str, tuple[Callable[[Design], float], str]] = MappingProxyType(
 
 
 def check_objectives(objectives: Sequence[str], task: str, optimizer: str) -> None:
-    """Complain of objectives that make no sense together.
-
-    Parameters
-    ----------
-    objectives
-        Names; none in a run with a single objective, the task's score.
-    task
-        The run's task.
-    optimizer
-        Its optimizer.
-
-    Raises
-    ------
-    BadInputError
-        If a name is unknown or stands twice, the task's is missing, nothing is weighed against
-        it, or the optimizer cannot find fronts.
-    """
+    """Complain of objectives that make no sense together."""
     key, known = "task.objectives", (task, *COSTS)
     if not objectives:
         return
@@ -81,10 +65,6 @@ def costs_of(x: Floats, space: Space, names: Sequence[str]) -> Floats:
     ----------
     x
         The points, shape (m, d).
-    space
-        What they stand for.
-    names
-        Costs, k of them.
     """
     found = np.full((len(x), len(names)), np.inf)
     for row, point in enumerate(x):

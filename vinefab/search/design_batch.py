@@ -23,27 +23,17 @@ from vinefab.model.tree import BranchTree
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DesignBatch:
-    """Designs, m of them, with at most n levels below the trunk.
+    """Designs, m of them, with at most n levels below the trunk."""
 
-    Parameters
-    ----------
-    depth
-        Number of levels, the trunk included, shape (m,).
-    trunk_mm
-        Length of the trunk, shape (m,).
-    branches, length_mm, fan_rad, growth
-        As in `vinefab.model.design.Level`, shape (m, n); without meaning beyond a design's depth.
-    counts
-        Number of branches on each level, the trunk's first, shape (m, n + 1); at most so many that
-        it is too many.
-    """
-
-    depth: Ints
-    trunk_mm: Floats
+    depth: Ints  # number of levels, the trunk included, shape (m,)
+    trunk_mm: Floats  # length of the trunk, shape (m,)
+    # as in `vinefab.model.design.Level`, shape (m, n); without meaning beyond a design's depth
     branches: Ints
     length_mm: Floats
     fan_rad: Floats
     growth: Floats
+    # number of branches on each level, the trunk's first, shape (m, n + 1); at most so many that it
+    # is too many
     counts: Ints
 
     def __len__(self) -> int:
@@ -68,13 +58,7 @@ class DesignBatch:
 
 
 def branch_counts(depth: Ints, branches: Ints) -> Ints:
-    """Return the number of branches on each level as `Fleet.counts` has it.
-
-    Parameters
-    ----------
-    depth, branches
-        As in `Fleet`.
-    """
+    """Return the number of branches on each level as `Fleet.counts` has it."""
     below = np.arange(branches.shape[1]) < depth[:, None] - 1
     # More than any design may have is more than enough, whatever comes after.
     counts = np.ones((len(depth), 1 + branches.shape[1]))
@@ -84,29 +68,14 @@ def branch_counts(depth: Ints, branches: Ints) -> Ints:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Trees(Sequence[Plan]):
-    """The planned trees of a fleet; a plan is made when it is asked for.
+    """The planned trees of a fleet; a plan is made when it is asked for."""
 
-    Parameters
-    ----------
-    arrays
-        All trees, one after the other.
-    level
-        Level of each branch, 1 for the trunk.
-    offset_rad
-        Angle of each branch from its parent's heading.
-    counts
-        Number of branches of each tree per level, shape (m, n + 1).
-    builds
-        How designs are built, by their depth.
-    radii_mm
-        Body radius per level of the deepest designs; one 0 for bare centrelines.
-    """
-
-    arrays: TreesArrays
-    level: Ints
-    offset_rad: Floats
-    counts: Ints
-    builds: dict[int, Build]
+    arrays: TreesArrays  # all trees, one after the other
+    level: Ints  # level of each branch, 1 for the trunk
+    offset_rad: Floats  # angle of each branch from its parent's heading
+    counts: Ints  # number of branches of each tree per level, shape (m, n + 1)
+    builds: dict[int, Build]  # how designs are built, by their depth
+    # body radius per level of the deepest designs; one 0 for bare centrelines
     radii_mm: tuple[float, ...]
 
     def __len__(self) -> int:
@@ -145,17 +114,7 @@ class _Trees(Sequence[Plan]):
 def planned_batch(
     fleet: DesignBatch, builds: dict[int, Build], radii_mm: tuple[float, ...]
 ) -> Plans:
-    """Return the plans of a fleet.
-
-    Parameters
-    ----------
-    fleet
-        Designs that may be: none with too many branches.
-    builds
-        How designs are built, by their depth.
-    radii_mm
-        Body radius per level of the deepest designs; one 0 for bare centrelines.
-    """
+    """Return the plans of a fleet."""
     from vinefab.growth import batch_kernel  # noqa: PLC0415  numba takes a second to import
 
     first = np.zeros(len(fleet) + 1, dtype=np.int64)

@@ -25,10 +25,6 @@ def objective(composite: Floats, penalty: Floats, lowest: float, weight: float) 
         Composite scores, shape (m,).
     penalty
         0 for a design that can be made, else above 0; shape (m,).
-    lowest
-        A number that no composite falls below.
-    weight
-        Fitness that one unit of penalty costs.
 
     Examples
     --------
@@ -44,37 +40,18 @@ def objective(composite: Floats, penalty: Floats, lowest: float, weight: float) 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Evaluations:
-    """What m points are worth, evaluation by evaluation, k of them; NaN where there is no design.
+    """What m points are worth, for each of k evaluations; NaN where there is no design."""
 
-    Parameters
-    ----------
-    penalty
-        How far each design is from one that can be made, shape (m,); 0 where there is no design.
-    score
-        The task's scores, shape (m, k).
-    terms
-        The numbers that scores are made of, each of shape (m, k).
-    """
-
+    # how far each design is from one that can be made, shape (m,); 0 where there is no design
     penalty: Floats
-    score: Floats
-    terms: Mapping[str, Floats]
+    score: Floats  # the task's scores, shape (m, k)
+    terms: Mapping[str, Floats]  # the numbers that scores are made of, each of shape (m, k)
 
     @classmethod
     def of(
         cls, points: int, launches: int, rows: Ints, grown: TaskOutcomes | None
     ) -> "Evaluations":
-        """Return what was found of points, some of which are designs, without penalties.
-
-        Parameters
-        ----------
-        points, launches
-            Number of points and of evaluations of each.
-        rows
-            The points that are designs, in the order of their batch.
-        grown
-            What the batch's growths are worth; None if there was none.
-        """
+        """Return what was found of points, some of which are designs, without penalties."""
         if grown is None:
             gap = np.full((points, launches), np.nan)
             return cls(penalty=np.zeros(points), score=gap, terms={})

@@ -54,73 +54,35 @@ TRAINING, FINAL, MAPS = 1411, 1412, 1414
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EvaluatorSpec:
-    """What a trial is made of: little enough to be sent to another computer.
+    """What a trial is made of: little enough to be sent to another computer."""
 
-    Parameters
-    ----------
-    settings, maps
-        The run.
-    penalty
-        None in a run that does not ask for designs that can be made.
-    """
-
+    # settings, maps: the run
     settings: RunSettings
     maps: tuple[Map, ...]
-    penalty: Penalty | None
+    penalty: Penalty | None  # none in a run that does not ask for designs that can be made
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Evaluator:
-    """Everything that an evaluation needs, the same for all points of a run.
+    """Everything that an evaluation needs, the same for all points of a run."""
 
-    Parameters
-    ----------
-    sites
-        The maps.
-    atlas
-        Their walls together.
-    space
-        What points stand for.
-    task
-        What final states are worth.
-    growth
-        How robots grow.
-    evaluation
-        How scores become a fitness.
-    penalty
-        None in a run that does not ask for designs that can be made.
-    brief
-        What it was made of.
-    radii_mm
-        Body radius per level of the deepest designs; one 0 for bare centrelines.
-    idle
-        Memory for growing that nobody uses now.
-    ready
-        Launches made ready, with the poses that they are of.
-    """
-
-    sites: tuple[PreparedMap, ...]
-    atlas: TerrainSet
-    space: Space
-    task: Task
-    growth: GrowthOptions
-    evaluation: EvaluationSettings
-    penalty: Penalty | None
-    brief: EvaluatorSpec
+    sites: tuple[PreparedMap, ...]  # the maps
+    atlas: TerrainSet  # their walls together
+    space: Space  # what points stand for
+    task: Task  # what final states are worth
+    growth: GrowthOptions  # how robots grow
+    evaluation: EvaluationSettings  # how scores become a fitness
+    penalty: Penalty | None  # none in a run that does not ask for designs that can be made
+    brief: EvaluatorSpec  # what it was made of
+    # body radius per level of the deepest designs; one 0 for bare centrelines
     radii_mm: tuple[float, ...]
-    idle: list[Workspace] = field(default_factory=list)
+    idle: list[Workspace] = field(default_factory=list)  # memory for growing that nobody uses now
+    # launches made ready, with the poses that they are of
     ready: list[tuple[Poses, Launches]] = field(default_factory=list)
 
     @classmethod
     def of(cls, settings: RunSettings, maps: Sequence[Map], penalty: Penalty | None) -> "Evaluator":
-        """Return the trial of a run.
-
-        Raises
-        ------
-        BadInputError
-            If there is no map or nothing to search, or the run asks for designs that can be made
-            and nobody says which.
-        """
+        """Return the trial of a run."""
         if not maps:
             raise BadInputError("maps", "none", "at least one map")
         if settings.evaluation.fabricable and penalty is None:
@@ -188,10 +150,6 @@ class Evaluator:
         ----------
         x
             The points, shape (m, d), m at least 1.
-        poses
-            For each map, the poses to grow from.
-        crew
-            Who does the work.
 
         Returns
         -------
@@ -258,36 +216,18 @@ class Evaluator:
         return score
 
     def launches(self, poses: Poses) -> Launches:
-        """Return the places that robots grow from, at once if they were made ready.
-
-        Raises
-        ------
-        BadInputError
-            If a pose is not free.
-        """
+        """Return the places that robots grow from, at once if they were made ready."""
         for known, launches in self.ready:
             if known is poses:
                 return launches
         return Launches.of(self.atlas, poses)
 
     def make_ready(self, several: Iterable[Poses]) -> None:
-        """Make the places ready that robots grow from next, in place of those that were.
-
-        Raises
-        ------
-        BadInputError
-            If a pose is not free.
-        """
+        """Make the places ready that robots grow from next, in place of those that were."""
         self.ready[:] = [(poses, Launches.of(self.atlas, poses)) for poses in several]
 
     def composites(self, scores: Floats) -> Floats:
-        """Return the numbers that a run weighs evaluations into, shape (m,).
-
-        Parameters
-        ----------
-        scores
-            Shape (m, k); NaN where there is no design.
-        """
+        """Return the numbers that a run weighs evaluations into, shape (m,)."""
         kind = self.evaluation.composite
         return composites(scores, kind, self.evaluation.reference_deviation)
 
@@ -304,13 +244,6 @@ class Evaluator:
 
 def block_sizes(growths: int, workers: int) -> list[int]:
     """Return how many growths to do in one go, block after block, larger ones first.
-
-    Parameters
-    ----------
-    growths
-        All of them.
-    workers
-        Who shares them.
 
     Examples
     --------

@@ -29,53 +29,27 @@ _SPREAD = 0.15
 
 @dataclass(slots=True)
 class RepairBudget:
-    """What repairs have cost so far, and may cost in all.
+    """What repairs have cost so far, and may cost in all."""
 
-    Parameters
-    ----------
-    steps
-        Changes that may still be tried.
-    looks
-        Designs that may still be inspected in full.
-    """
-
-    steps: int = STEPS
-    looks: int = 2 * MOST_LOOKS
+    steps: int = STEPS  # changes that may still be tried
+    looks: int = 2 * MOST_LOOKS  # designs that may still be inspected in full
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RepairResult:
-    """What came of a repair.
+    """What came of a repair."""
 
-    Parameters
-    ----------
-    x
-        The point nearest to a design that can be made, shape (d,).
-    penalty
-        Its penalty.
-    passed
-        Whether its design can be made.
-    """
-
-    x: Floats
-    penalty: float
-    passed: bool
+    x: Floats  # the point nearest to a design that can be made, shape (d,)
+    penalty: float  # its penalty
+    passed: bool  # whether its design can be made
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RepairResults:
-    """What came of the repairs of a run, all within one effort.
+    """What came of the repairs of a run, all within one effort."""
 
-    Parameters
-    ----------
-    mended
-        Points of designs that can be made now.
-    words
-        What was done and what came of it.
-    """
-
-    mended: list[Floats] = field(default_factory=list)
-    words: str = ""
+    mended: list[Floats] = field(default_factory=list)  # points of designs that can be made now
+    words: str = ""  # what was done and what came of it
 
     @classmethod
     def of(
@@ -85,15 +59,7 @@ class RepairResults:
         penalty: Callable[[Design], float],
         passes: Callable[[Design], bool],
     ) -> "RepairResults":
-        """Return what came of repairing points, one after the other, until the effort is spent.
-
-        Parameters
-        ----------
-        points
-            At least one, the most important first.
-        space, penalty, passes
-            As for `repaired`.
-        """
+        """Return what came of repairing points, one after the other, until the effort is spent."""
         effort, found = RepairBudget(), list[RepairResult]()
         for x in points:
             if effort.steps > 0 and effort.looks > 0:
@@ -126,12 +92,6 @@ def repair_design(
     ----------
     x
         The point, shape (d,).
-    space
-        What it stands for.
-    penalty
-        How far a design is from one that can be made.
-    passes
-        Whether a design without penalty can be made indeed.
     effort
         What may be spent; what is spent is taken off. None: enough for one point.
     """

@@ -25,18 +25,10 @@ MOST_LOOKS = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FinalistChoice:
-    """The points that are judged once more at the end of a run.
+    """The points that are judged once more at the end of a run."""
 
-    Parameters
-    ----------
-    points
-        At least one.
-    repair
-        What was done to mend them, in words; empty where nothing had to be.
-    """
-
-    points: list[Floats]
-    repair: str = ""
+    points: list[Floats]  # at least one
+    repair: str = ""  # what was done to mend them, in words; empty where nothing had to be
 
 
 def choose_finalists(
@@ -47,22 +39,6 @@ def choose_finalists(
     Without a full inspection these are the best of the run. With one, they are the best that
     pass it; if none does, the best are repaired, and if that fails too they stand as they are.
     With costs, the best are those that no other beats in fitness and costs together.
-
-    Parameters
-    ----------
-    history
-        All generations.
-    trial
-        What the points stand for, and how designs are inspected.
-    count
-        Most points.
-    costs
-        Names of what fitness is weighed against.
-
-    Raises
-    ------
-    BadInputError
-        If no point of the run was a design.
     """
     if costs and (front := front_points(history, trial, count, costs)):
         return FinalistChoice(points=front)
@@ -80,19 +56,7 @@ def choose_finalists(
 def front_points(
     history: Sequence[Generation], trial: Evaluator, count: int, costs: Sequence[str]
 ) -> list[Floats]:
-    """Return points of the front of all designs of a run that can be made; none if none can.
-
-    Parameters
-    ----------
-    history
-        All generations.
-    trial
-        What the points stand for, and how designs are inspected.
-    count
-        Most points; they are spread over the front by its first cost.
-    costs
-        Names of what fitness is weighed against.
-    """
+    """Return points of the front of all designs of a run that can be made; none if none can."""
     x, fitness = archive(history, trial.lowest)
     passes = trial.penalty.passes if isinstance(trial.penalty, FullCheck) else _always
     cost, left = costs_of(x, trial.space, costs), np.ones(len(x), dtype=np.bool_)
@@ -112,22 +76,7 @@ def _always(_: Design) -> bool:
 
 
 def best_points(history: Sequence[Generation], space: Space, count: int) -> list[Floats]:
-    """Return the points of the best designs of a run, best first, each design once.
-
-    Parameters
-    ----------
-    history
-        All generations.
-    space
-        What the points stand for.
-    count
-        Most points.
-
-    Raises
-    ------
-    BadInputError
-        If no point of the run was a design.
-    """
+    """Return the points of the best designs of a run, best first, each design once."""
     found = [x for x, _ in _ranked(history, space, count)]
     if not found:
         raise BadInputError("space", "no point of it was a design", "bounds that hold designs")

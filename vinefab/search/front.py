@@ -51,8 +51,6 @@ def knee(worth: Floats, costs: Floats) -> int | None:
 
     Parameters
     ----------
-    worth
-        Shape (m,), at least one.
     costs
         The cost, shape (m,). Points that others beat in these two, as a front of more costs may
         have, are left out.
@@ -84,15 +82,7 @@ def archive(history: Sequence[Generation], lowest: float) -> tuple[Floats, Float
 
 
 def spread_out(costs: Floats, count: int) -> list[int]:
-    """Return at most so many points of a front, evenly spaced along its first cost, ends included.
-
-    Parameters
-    ----------
-    costs
-        Shape (m, k).
-    count
-        At least 1.
-    """
+    """Return so many points of a front at most, evenly spaced along its first cost, with ends."""
     order = np.argsort(costs[:, 0], kind="stable")
     if len(order) > count:
         places = np.linspace(0, len(order) - 1, count).round().astype(np.int64)

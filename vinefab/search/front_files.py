@@ -26,58 +26,28 @@ from vinefab.search.space import Space
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrontData:
-    """What the chart shows.
+    """What the chart shows."""
 
-    Parameters
-    ----------
-    seen
-        Cost and fitness of designs that the run evaluated, shape (m, 2).
-    front
-        Cost and score on fresh poses of the designs of the front, shape (k, 2), by rising cost.
-    cost, unit
-        Name of the cost and its unit.
-    task
-        Name of the score.
-    """
-
-    seen: Floats
+    seen: Floats  # cost and fitness of designs that the run evaluated, shape (m, 2)
+    # cost and score on fresh poses of the designs of the front, shape (k, 2), by rising cost
     front: Floats
+    # cost, unit: name of the cost and its unit
     cost: str
     unit: str
-    task: str
+    task: str  # name of the score
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrontRobot:
-    """One design of the front, deployed.
+    """One design of the front, deployed."""
 
-    Parameters
-    ----------
-    deployment
-        Where it ended.
-    widths_mm
-        Lay-flat width of each level.
-    title
-        What it is called.
-    """
-
-    deployment: Deployment
-    widths_mm: tuple[float, ...]
-    title: str
+    deployment: Deployment  # where it ended
+    widths_mm: tuple[float, ...]  # lay-flat width of each level
+    title: str  # what it is called
 
 
 def front_figure(data: FrontData, world: Map, robots: Mapping[int, FrontRobot]) -> Figure:
-    """Return the chart of a front with robots below it.
-
-    Parameters
-    ----------
-    data
-        The chart.
-    world
-        The map that the robots stand on.
-    robots
-        By their place on the front.
-    """
+    """Return the chart of a front with robots below it."""
     with house_style():
         columns = max(2, len(robots))
         figure = Figure(figsize=(2.6 * columns, 6.4), layout="constrained")
@@ -147,29 +117,14 @@ ROBOTS = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Member:
-    """One design of a front.
+    """One design of a front."""
 
-    Parameters
-    ----------
-    design
-        Named after the run, with its place on the front.
-    score
-        Its score on fresh poses.
-    worth
-        What the score counts for, as the run weighs it.
-    costs
-        What it costs, in the order of the run's costs.
-    penalty
-        0 for a design that can be made, and in a run that did not ask.
-    is_knee
-        Whether the front bends most there, against its first cost; a front may have no knee.
-    """
-
-    design: Design
-    score: Score
-    worth: float
-    costs: tuple[float, ...]
-    penalty: float
+    design: Design  # named after the run, with its place on the front
+    score: Score  # its score on fresh poses
+    worth: float  # what the score counts for, as the run weighs it
+    costs: tuple[float, ...]  # what it costs, in the order of the run's costs
+    penalty: float  # 0 for a design that can be made, and in a run that did not ask
+    # whether the front bends most there, against its first cost; a front may have no knee
     is_knee: bool
 
 
@@ -253,17 +208,7 @@ def front_lines(members: Sequence[Member], settings: RunSettings) -> list[str]:
 def front_picture(
     members: Sequence[Member], result: RunResult, settings: RunSettings, world: Map
 ) -> Figure:
-    """Return the front as a chart, with a few of its robots on a training map.
-
-    Parameters
-    ----------
-    members
-        The front.
-    result, settings
-        The run; all designs that it evaluated are shown as dots.
-    world
-        Where the robots are drawn, from its first start.
-    """
+    """Return the front as a chart, with a few of its robots on a training map."""
     lowest = min(finalist.fitness for finalist in result.finalists)
     x, fitness = archive(result.history, min(-1e3, lowest))
     cost = costs_of(x, Space(settings.space, settings.build), settings.costs[:1])[:, 0]

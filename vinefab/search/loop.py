@@ -32,28 +32,14 @@ AHEAD = 8
 
 
 class Schedule:
-    """Poses drawn some generations ahead, with the places on the maps that belong to them.
-
-    Parameters
-    ----------
-    trial
-        Whose maps they are on.
-    seed
-        The run's.
-    """
+    """Poses drawn some generations ahead, with the places on the maps that belong to them."""
 
     def __init__(self, trial: Evaluator, seed: int) -> None:
         self._trial, self._seed = trial, seed
         self._drawn: dict[int, Poses] = {}
 
     def poses(self, generation: int) -> Poses:
-        """Return what all points of a generation meet.
-
-        Raises
-        ------
-        BadInputError
-            If a map has no free pose within the range of a start.
-        """
+        """Return what all points of a generation meet."""
         draw = generation if self._trial.evaluation.redraw else 0
         if draw not in self._drawn:
             count = AHEAD if self._trial.evaluation.redraw else 1
@@ -80,28 +66,10 @@ def optimize(
 
     Parameters
     ----------
-    settings
-        What to search, how, and for how long.
-    maps
-        The maps to train on.
     penalty
         How far a design is from one that can be made; needed when the settings ask for designs
         that can be made, not used otherwise. When it is an `Inspector` too, only designs that pass
         its inspection can win, as long as there is one.
-    store
-        The record of the run; what it holds already is not done again.
-    progress
-        Called after every generation.
-    workers
-        Threads, or who else evaluates; no result depends on it.
-
-    Raises
-    ------
-    BadInputError
-        If the settings cannot be used, no point is a design, or the optimizer proposes points
-        outside the space.
-    CannotWriteError
-        If the record cannot be written; what it held is kept.
     """
     search = Search.of(settings, maps, penalty)
     return search.run(store=store, progress=progress, workers=workers)
@@ -109,33 +77,17 @@ def optimize(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Search:
-    """A run that is ready to go: all that it was given has been found usable.
+    """A run that is ready to go: all that it was given has been found usable."""
 
-    Parameters
-    ----------
-    settings, maps
-        The run.
-    trial
-        What a point is worth.
-    optimizer
-        Before its first generation.
-    """
-
+    # settings, maps: the run
     settings: RunSettings
     maps: tuple[Map, ...]
-    trial: Evaluator
-    optimizer: Optimizer
+    trial: Evaluator  # what a point is worth
+    optimizer: Optimizer  # before its first generation
 
     @classmethod
     def of(cls, settings: RunSettings, maps: Sequence[Map], penalty: Penalty | None) -> "Search":
-        """Return the search of a run, before anything is evaluated or written.
-
-        Raises
-        ------
-        BadInputError
-            If the settings or the maps cannot be used: no poses on a map, nothing to search, too
-            small a population, and so on.
-        """
+        """Return the search of a run, before anything is evaluated or written."""
         trial = Evaluator.of(settings, maps, penalty)
         recipe = make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
         seed, population = settings.search.seed, settings.search.population
@@ -248,14 +200,7 @@ class Search:
 
 
 def _check_room(trial: Evaluator, poses: Poses) -> None:
-    """Complain of designs that are too large, or trunks too wide, whatever a search would do.
-
-    Raises
-    ------
-    BadInputError
-        If even the design with the fewest branches has too many, or no trunk has room anywhere
-        at the poses of a generation.
-    """
+    """Complain of designs that are too large, or trunks too wide, whatever a search would do."""
     space = trial.space
     least = int(space.fleet(np.zeros((1, len(space)))).sizes[0])
     if least > MOST_BRANCHES:

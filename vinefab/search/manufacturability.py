@@ -36,15 +36,9 @@ BED_RESERVE_MM = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ManufacturabilityPenalty:
-    """How far designs are from being made with a recipe.
+    """How far designs are from being made with a recipe."""
 
-    Parameters
-    ----------
-    profile
-        The recipe with its machine and material.
-    """
-
-    profile: LaserProfile
+    profile: LaserProfile  # the recipe with its machine and material
 
     def __call__(self, design: Design) -> float:
         """Return the penalty of the cheap rules, under the recipe's limits.
@@ -89,24 +83,12 @@ _OTHERWISE = "or evaluation.fabricable = false"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpaceQuery:
-    """A run, and the limits under which its designs are to be made.
+    """A run, and the limits under which its designs are to be made."""
 
-    Parameters
-    ----------
-    settings
-        The run.
-    profile
-        Its recipe.
-    changed
-        Limits that the recipe changes.
-    sheet_mm
-        Width and height that a flat robot must fit into.
-    """
-
-    settings: RunSettings
-    profile: LaserProfile
-    changed: LimitChanges
-    sheet_mm: tuple[float, float]
+    settings: RunSettings  # the run
+    profile: LaserProfile  # its recipe
+    changed: LimitChanges  # limits that the recipe changes
+    sheet_mm: tuple[float, float]  # width and height that a flat robot must fit into
 
     @classmethod
     def of(
@@ -139,18 +121,7 @@ class SpaceQuery:
 
 
 def refuse_infeasible_space(question: SpaceQuery) -> None:
-    """Complain of a space in which every design breaks some rule.
-
-    Parameters
-    ----------
-    question
-        The run, its recipe and the bed.
-
-    Raises
-    ------
-    BadInputError
-        The first reason why no design of the run can be made.
-    """
+    """Complain of a space in which every design breaks some rule."""
     for look in (_build, _widths, _pouch, _angles, _crotches, _bed, _least):
         for reason in look(question):
             raise reason

@@ -31,15 +31,7 @@ from vinefab.search.settings import MapSettings, RunSettings
 
 
 def environment_options(maps: MapSettings) -> Any:  # noqa: ANN401 - every environment has its own
-    """Return the options of a run's environment.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such environment.
-    BadInputError
-        If an option is unknown or cannot be used.
-    """
+    """Return the options of a run's environment."""
     return with_parameters(ENVIRONMENTS[maps.environment].options, "maps.options", maps.options)
 
 
@@ -64,13 +56,7 @@ def training_maps(settings: RunSettings) -> tuple[Map, ...]:
 
 
 def penalty_of(settings: RunSettings) -> Penalty | None:
-    """Return how far designs are from being made with a run's recipe, or None if it asks not.
-
-    Raises
-    ------
-    BadInputError
-        If some rule forbids every design that the run could find.
-    """
+    """Return how far designs are from being made with a run's recipe, or None if it asks not."""
     if not settings.evaluation.fabricable:
         return None
     making = _making(settings)
@@ -92,20 +78,7 @@ def complaint_of(result: RunResult, settings: RunSettings) -> str:
 
 
 def workforce(workers: int, cluster: str | None) -> PointEvaluator:
-    """Return who evaluates: threads, or the workers of a cluster.
-
-    Parameters
-    ----------
-    workers
-        Threads; 1 beside a cluster.
-    cluster
-        Address of a cluster, or None.
-
-    Raises
-    ------
-    BadInputError
-        If both are asked for, or the address cannot be one.
-    """
+    """Return who evaluates: threads, or the workers of a cluster."""
     if cluster is None:
         return ThreadEvaluator(workers)
     if workers != 1:
@@ -124,29 +97,7 @@ def run_search(
     tell: Tell | None = None,
     source: Path | None = None,
 ) -> RunResult:
-    """Run the optimizer and keep its record in a folder.
-
-    Parameters
-    ----------
-    settings
-        The run.
-    folder
-        Where the record is, or will be.
-    resume
-        Go on with the run that the folder holds.
-    workers
-        Threads, or who else evaluates; no result depends on it.
-    tell
-        Called after every generation.
-    source
-        The file that the settings come from, for errors.
-
-    Raises
-    ------
-    BadInputError, UnreadableFileError, CannotWriteError
-        If the settings, the maps or the folder cannot be used; the record stays whole, and none
-        is begun for a run that cannot go.
-    """
+    """Run the optimizer and keep its record in a folder."""
     with located(source) if source else nullcontext():
         maps = training_maps(settings)
         penalty = penalty_of(settings)
@@ -169,15 +120,7 @@ def progress_words(progress: Progress) -> str:
 
 
 def result_lines(result: RunResult, complaint: str = "") -> list[str]:
-    """Return how a run ended as lines for the user.
-
-    Parameters
-    ----------
-    result
-        The run.
-    complaint
-        Which rules forbid to make its winner (`complaint_of`).
-    """
+    """Return how a run ended as lines for the user."""
     best, score = result.best, result.score
     weighed = ", ".join(f"{name} {value:.4f}" for name, value in score.composite.items())
     repair = [f"repair: {result.repair}"] if result.repair else []

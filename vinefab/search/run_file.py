@@ -157,19 +157,7 @@ class RunForm(Form):
 
 
 def read_run(path: Path) -> RunSettings:
-    """Return the settings of a run file.
-
-    Parameters
-    ----------
-    path
-        The file. Map files in it are found from its folder, and the run is called after it
-        unless it says otherwise.
-
-    Raises
-    ------
-    UnreadableFileError, UnknownNameError, BadInputError
-        With the file, the key, the value and what is allowed.
-    """
+    """Return the settings of a run file."""
     form = validated(RunForm, read_toml(path), path)
     with located(path):
         return _settings(form, path)

@@ -20,18 +20,10 @@ from vinefab.search.record.run_archive import RunArchive, plain_summary, records
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listing:
-    """The records below a folder.
+    """The records below a folder."""
 
-    Parameters
-    ----------
-    rows
-        What each says, in plain values.
-    broken
-        What was found but cannot be read: one line each.
-    """
-
-    rows: tuple[dict[str, Any], ...]
-    broken: tuple[str, ...]
+    rows: tuple[dict[str, Any], ...]  # what each says, in plain values
+    broken: tuple[str, ...]  # what was found but cannot be read: one line each
 
     def json(self) -> str:
         """Return the listing as JSON."""
@@ -40,15 +32,7 @@ class Listing:
 
 
 def list_runs(folder: Path) -> Listing:
-    """Return the records below a folder; one that cannot be read does not hide the others.
-
-    Raises
-    ------
-    UnreadableFileError
-        If there is no such folder.
-    BadInputError
-        If it holds no record.
-    """
+    """Return the records below a folder; one that cannot be read does not hide the others."""
     paths = records_in(folder)
     if not paths:
         raise BadInputError("DIR", str(folder), f"a folder with a {FILE_NAME} in it or below")
@@ -72,24 +56,7 @@ def run_words(row: dict[str, Any]) -> str:
 
 
 def rebuild(folder: Path, out: Path, *, force: bool = False) -> tuple[Path, ...]:
-    """Write what a run ended with anew, from its record alone.
-
-    Parameters
-    ----------
-    folder
-        Where the record is.
-    out
-        Where ``best.toml``, ``history.svg`` and the training maps' pictures go.
-    force
-        Overwrite files that vinefab did not write.
-
-    Raises
-    ------
-    BadInputError
-        If the run has not ended.
-    UnreadableFileError, CannotWriteError
-        If the record or the folder cannot be used.
-    """
+    """Write what a run ended with anew, from its record alone."""
     archive = RunArchive.read(folder / FILE_NAME)
     best = design_text(archive.result().best)
     written = [write_text(out / "best.toml", best, force=force)]

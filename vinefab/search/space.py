@@ -39,14 +39,9 @@ WHOLE = ("levels", "branches")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bounds:
-    """The range of one variable; fixed when both ends are the same.
+    """The range of one variable; fixed when both ends are the same."""
 
-    Parameters
-    ----------
-    low, high
-        Both allowed.
-    """
-
+    # low, high: both allowed
     low: float
     high: float
 
@@ -164,21 +159,11 @@ exactly what was evaluated, in digits that a person can read."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
-    """One coordinate of the search.
+    """One coordinate of the search."""
 
-    Parameters
-    ----------
-    name
-        ``levels``, or a variable of a level.
-    level
-        The level that it belongs to, the trunk being 1; 0 for ``levels``.
-    bounds
-        Its range.
-    """
-
-    name: str
-    level: int
-    bounds: Bounds
+    name: str  # ``levels``, or a variable of a level
+    level: int  # the level that it belongs to, the trunk being 1; 0 for ``levels``
+    bounds: Bounds  # its range
 
     @property
     def choices(self) -> int:
@@ -213,13 +198,6 @@ class Space:
     not have are, but have no effect: the same design then has many vectors (`Axes.settled` gives
     the one that stands for all of them).
 
-    Parameters
-    ----------
-    settings
-        Ranges.
-    build
-        How the designs are built.
-
     Examples
     --------
     >>> space = Space(SpaceSettings(), BuildSettings())
@@ -251,13 +229,7 @@ class Space:
 
     @property
     def axes(self) -> SearchAxes:
-        """What an optimizer is told about the coordinates.
-
-        Raises
-        ------
-        BadInputError
-            If every variable is fixed.
-        """
+        """What an optimizer is told about the coordinates."""
         depths = [index for index, v in enumerate(self.variables) if v.name == "levels"]
         return SearchAxes(
             choices=tuple(variable.choices for variable in self.variables),
@@ -273,13 +245,6 @@ class Space:
         ----------
         x
             Shares of the ranges, shape (len(self),), each 0 to 1.
-        name
-            The design's name.
-
-        Raises
-        ------
-        BadInputError
-            If the point stands for more branches than a design may have.
         """
         values = dict(self._fixed)
         for variable, share in zip(self.variables, x.tolist(), strict=True):

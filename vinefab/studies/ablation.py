@@ -38,33 +38,15 @@ SPECIALIZATION, REACHABILITY = "specialization", "reachability"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AblationVariant:
-    """One assumption, changed.
+    """One assumption, changed."""
 
-    Parameters
-    ----------
-    name
-        What it is called.
-    asks
-        Which conclusions it may touch.
-    growth
-        How robots grow.
-    clip
-        What the sensors see.
-    space
-        The design space.
-    loops
-        Share of the Cave's short cuts that are open.
-    buffer_mm
-        Distance from the body that counts as reached.
-    """
-
-    name: str
-    asks: tuple[str, ...] = (SPECIALIZATION, REACHABILITY)
-    growth: GrowthOptions = field(default_factory=GrowthOptions)
-    clip: str = "free"
-    space: SpaceSettings = field(default_factory=SpaceSettings)
-    loops: float = 1.0
-    buffer_mm: float = BUFFER_MM
+    name: str  # what it is called
+    asks: tuple[str, ...] = (SPECIALIZATION, REACHABILITY)  # which conclusions it may touch
+    growth: GrowthOptions = field(default_factory=GrowthOptions)  # how robots grow
+    clip: str = "free"  # what the sensors see
+    space: SpaceSettings = field(default_factory=SpaceSettings)  # the design space
+    loops: float = 1.0  # share of the Cave's short cuts that are open
+    buffer_mm: float = BUFFER_MM  # distance from the body that counts as reached
 
     def run(self, size: StudySize, environment: str, number: int) -> RunSettings:
         """Return a run of half the usual length, under this assumption."""

@@ -14,44 +14,23 @@ CLAIM_HEADINGS = ("verdict", "claim", "difference [95 %]", "p", "confidence", "k
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperNumber:
-    """A number of ours beside the paper's.
+    """A number of ours beside the paper's."""
 
-    Parameters
-    ----------
-    what
-        What was measured.
-    ours
-        Our number, in words.
-    paper
-        The paper's, in words; a dash where it gives none.
-    """
-
-    what: str
-    ours: str
-    paper: str = "-"
+    what: str  # what was measured
+    ours: str  # our number, in words
+    paper: str = "-"  # the paper's, in words; a dash where it gives none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """An ordering that the paper claims, as a difference that should be above 0.
+    """An ordering that the paper claims, as a difference that should be above 0."""
 
-    Parameters
-    ----------
-    text
-        The claim.
-    tested
-        The difference over all seeds and maps.
-    kept
-        The same for the kept designs alone, which is what the paper compares; None where there
-        is no such choice.
-    digits
-        Decimals to print.
-    """
-
-    text: str
-    tested: ConfidenceInterval
+    text: str  # the claim
+    tested: ConfidenceInterval  # the difference over all seeds and maps
+    # the same for the kept designs alone, which is what the paper compares; None where there is no
+    # such choice
     kept: ConfidenceInterval | None = None
-    digits: int = 3
+    digits: int = 3  # decimals to print
 
     def plain(self) -> dict[str, Any]:
         """Return it as it stands in JSON."""
@@ -76,33 +55,17 @@ class Claim:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyResult:
-    """An experiment, done.
+    """An experiment, done."""
 
-    Parameters
-    ----------
-    name, title
-        What it is called, and what it is about.
-    protocol
-        How it was done, a paragraph each.
-    rows
-        Numbers beside the paper's.
-    claims
-        Orderings, tested.
-    remarks
-        Where and why numbers differ from the paper's.
-    pictures
-        Figures.
-    data
-        The numbers behind it all, as plain values.
-    """
-
+    # name, title: what it is called, and what it is about
     name: str
     title: str
-    protocol: tuple[str, ...]
-    rows: tuple[PaperNumber, ...]
-    claims: tuple[Claim, ...] = ()
-    remarks: tuple[str, ...] = ()
-    pictures: tuple[Picture, ...] = ()
+    protocol: tuple[str, ...]  # how it was done, a paragraph each
+    rows: tuple[PaperNumber, ...]  # numbers beside the paper's
+    claims: tuple[Claim, ...] = ()  # orderings, tested
+    remarks: tuple[str, ...] = ()  # where and why numbers differ from the paper's
+    pictures: tuple[Picture, ...] = ()  # figures
+    # the numbers behind it all, as plain values
     data: Mapping[str, Any] = field(default_factory=dict)
 
     def plain(self) -> dict[str, Any]:

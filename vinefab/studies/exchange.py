@@ -25,42 +25,21 @@ MakeRun = Callable[[str, int], RunSettings]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Exchange:
-    """What became of the designs of both environments.
+    """What became of the designs of both environments."""
 
-    Parameters
-    ----------
-    designs
-        For each environment, the designs that trained there, as plain values.
-    best
-        For each environment, which of them is kept.
-    training
-        Scores on fresh poses on the training maps, each of shape (runs, maps, poses).
-    unseen
-        Scores by where a design trained and where it was tested, likewise.
-    """
-
+    # for each environment, the designs that trained there, as plain values
     designs: Mapping[str, list[dict[str, Any]]]
-    best: Mapping[str, int]
+    best: Mapping[str, int]  # for each environment, which of them is kept
+    # scores on fresh poses on the training maps, each of shape (runs, maps, poses)
     training: Mapping[str, Floats]
+    # scores by where a design trained and where it was tested, likewise
     unseen: Mapping[tuple[str, str], Floats]
 
     @classmethod
     def of(
         cls, lab: JobStore, make_run: MakeRun, count: int, task: PartSettings | None = None
     ) -> "Exchange":
-        """Train designs and test them, as their runs grow robots and score them.
-
-        Parameters
-        ----------
-        lab
-            Where the work is done and kept.
-        make_run
-            The run of an environment and a number.
-        count
-            Runs in each environment.
-        task
-            What counts in the tests, if it is not what counted in training.
-        """
+        """Train designs and test them, as their runs grow robots and score them."""
         runs = {home: [make_run(home, number) for number in range(count)] for home in ENVIRONMENTS}
         found = trained(lab, [run for home in ENVIRONMENTS for run in runs[home]])
         groups = {

@@ -33,22 +33,13 @@ def peak(values: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConfidenceInterval:
-    """A number with its 95 % interval.
+    """A number with its 95 % interval."""
 
-    Parameters
-    ----------
-    value
-        The number.
-    low, high
-        The interval.
-    above
-        Share of the resamples above 0.
-    """
-
-    value: float
+    value: float  # the number
+    # low, high: the interval
     low: float
     high: float
-    above: float
+    above: float  # share of the resamples above 0
 
     @property
     def held(self) -> bool:
@@ -76,8 +67,6 @@ def interval(values: Floats, statistic: Statistic = seed_mean) -> ConfidenceInte
     values
         Scores, shape (runs, maps, poses). Runs and maps are drawn with replacement; the poses on
         a map stay together, for they share its walls.
-    statistic
-        Of all scores of a run; the mean over runs is taken.
     """
     return _interval([_resampled(values, statistic, _draws(values, 0, 1))], [values], statistic)
 
@@ -96,14 +85,6 @@ def difference(
     ----------
     first, second
         Scores, each of shape (runs, maps, poses).
-    statistic
-        Of all scores of a run; the mean over runs is taken.
-    same_maps
-        Whether both met the same maps and poses: then the same maps are drawn for both, which
-        pairs them.
-    same_runs
-        Whether the runs of both are pairs, such as runs with the same seeds: then the same runs
-        are drawn for both.
     """
     one = _resampled(first, statistic, _draws(first, 0, 1))
     draws = _draws(second, 0 if same_runs else 2, 1 if same_maps else 3)
@@ -118,8 +99,6 @@ def ratio(first: Floats, second: Floats, *, beyond: float = 0.0) -> ConfidenceIn
     ----------
     first, second
         Scores of the same runs on different maps, shapes (runs, ..., ...).
-    beyond
-        What is subtracted: how far the change lies above this one.
     """
     one = _resampled(first, seed_mean, _draws(first, 0, 1))
     two = _resampled(second, seed_mean, _draws(second, 0, 3))

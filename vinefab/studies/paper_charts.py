@@ -38,34 +38,16 @@ class ChartValue(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bar:
-    """One bar of a group.
+    """One bar of a group."""
 
-    Parameters
-    ----------
-    label
-        What the legend calls it; bars with the same label have the same colour.
-    found
-        Its height, with its interval.
-    """
-
-    label: str
-    found: ChartValue
+    label: str  # what the legend calls it; bars with the same label have the same colour
+    found: ChartValue  # its height, with its interval
 
 
 def grouped_bars(
     groups: Mapping[str, Sequence[Bar]], lines: Mapping[str, float], label: str
 ) -> Figure:
-    """Return bars with intervals in groups, and a dashed line across some groups.
-
-    Parameters
-    ----------
-    groups
-        Bars by the name of their group.
-    lines
-        Heights of dashed lines, by group.
-    label
-        What the heights are.
-    """
+    """Return bars with intervals in groups, and a dashed line across some groups."""
     with house_style():
         figure, axes = blank(6.5, 3.6)
         names = list(dict.fromkeys(bar.label for bars in groups.values() for bar in bars))
@@ -96,8 +78,6 @@ def curves(lines: Mapping[str, ArrayLike], across: str, label: str) -> Figure:
     ----------
     lines
         Values by name, each of shape (runs, steps).
-    across, label
-        What the axes are.
     """
     with house_style():
         figure, axes = blank(6.5, 3.4)
@@ -125,8 +105,6 @@ def densities(groups: Mapping[str, ArrayLike], label: str) -> Figure:
     ----------
     groups
         Scores by name, each of shape (n,).
-    label
-        What the scores are.
     """
     with house_style():
         figure, axes = blank(6.5, 3.6)
@@ -161,17 +139,7 @@ class IntervalRow(ChartValue, Protocol):
 def forest(
     panels: Mapping[str, Mapping[str, IntervalRow]], variants: Sequence[str], label: str
 ) -> Figure:
-    """Return a forest plot: filled where a difference is above 0 with its whole interval.
-
-    Parameters
-    ----------
-    panels
-        Results by variant, by the title of their panel; a variant may be missing in a panel.
-    variants
-        All variants, from top to bottom.
-    label
-        What the differences are.
-    """
+    """Return a forest plot: filled where a difference is above 0 with its whole interval."""
     with house_style():
         size = (2.6 + 1.6 * len(panels), 1.3 + 0.28 * len(variants))
         figure = Figure(figsize=size, layout="constrained")
@@ -216,36 +184,16 @@ def _draw(axes: Axes, results: Mapping[str, IntervalRow], variants: Sequence[str
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Panel:
-    """One plan.
+    """One plan."""
 
-    Parameters
-    ----------
-    title
-        What it shows.
-    world
-        The map.
-    deployments
-        Robots on it, drawn together.
-    buffer_mm
-        Distance from their bodies that is shaded; 0: none.
-    """
-
-    title: str
-    world: Map
-    deployments: tuple[Deployment, ...]
-    buffer_mm: float = 0.0
+    title: str  # what it shows
+    world: Map  # the map
+    deployments: tuple[Deployment, ...]  # robots on it, drawn together
+    buffer_mm: float = 0.0  # distance from their bodies that is shaded; 0: none
 
 
 def reach_plan(panels: Sequence[Panel], columns: int = 2) -> Figure:
-    """Return plans in rows.
-
-    Parameters
-    ----------
-    panels
-        At least one.
-    columns
-        Plans in a row.
-    """
+    """Return plans in rows."""
     rows = -(-len(panels) // columns)
     with house_style():
         figure = Figure(figsize=(4.2 * columns, 4.4 * rows), layout="constrained")

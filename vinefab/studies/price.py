@@ -37,15 +37,9 @@ from vinefab.studies.study_sizes import StudySize
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FullCheckJob:
-    """The whole check of a design, as `vinefab check` makes it, without a map.
+    """The whole check of a design, as `vinefab check` makes it, without a map."""
 
-    Parameters
-    ----------
-    design
-        As `plain_design` gives it.
-    """
-
-    design: Mapping[str, Any]
+    design: Mapping[str, Any]  # as `plain_design` gives it
 
     @property
     def key(self) -> str:
@@ -67,19 +61,13 @@ POUCHED = BuildSettings(pouch=Pouch(shape="rectangle", length_mm=25.0, width_mm=
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pair:
-    """One task in one environment, both ways.
+    """One task in one environment, both ways."""
 
-    Parameters
-    ----------
-    free, made
-        Scores of the winners that need not and that must be made, shape (runs, maps, poses).
-    passes
-        How many winners of each pass the whole check.
-    """
-
+    # free, made: scores of the winners that need not and that must be made, shape (runs, maps,
+    # poses)
     free: Floats
     made: Floats
-    passes: tuple[int, int]
+    passes: tuple[int, int]  # how many winners of each pass the whole check
 
 
 def making_run(size: StudySize, environment: str, task: str, number: int) -> RunSettings:

@@ -47,27 +47,13 @@ SAME_MM = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RedeploymentJob:
-    """An unbranched robot on one map, from one place, with many headings.
+    """An unbranched robot on one map, from one place, with many headings."""
 
-    Parameters
-    ----------
-    design
-        As plain values.
-    worlds
-        The map: the first of these.
-    headings
-        How many.
-    buffer_mm
-        Distance from the body that counts as reached.
-    growth
-        How robots grow.
-    """
-
-    design: Mapping[str, Any]
-    worlds: MapSettings
-    headings: int
-    buffer_mm: float
-    growth: GrowthOptions = DEFAULT_GROWTH
+    design: Mapping[str, Any]  # as plain values
+    worlds: MapSettings  # the map: the first of these
+    headings: int  # how many
+    buffer_mm: float  # distance from the body that counts as reached
+    growth: GrowthOptions = DEFAULT_GROWTH  # how robots grow
 
     @property
     def key(self) -> str:
@@ -166,30 +152,17 @@ def reach_test(size: StudySize, design: dict[str, Any], environment: str) -> Tes
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Redeployments:
-    """What was found in one environment.
+    """What was found in one environment."""
 
-    Parameters
-    ----------
-    design
-        The kept design.
-    one
-        Share reached by one deployment of it, shape (1, maps, 1).
-    all_seeds
-        The same for all trained designs, shape (runs, maps, 1).
-    many, each, shapes
-        Share reached by all redeployments of the plain vine together, by one of them on average,
-        and the number of final shapes, each of shape (1, maps, 1).
-    stops
-        How often each reason stopped a plain vine.
-    """
-
-    design: dict[str, Any]
-    one: Floats
-    all_seeds: Floats
+    design: dict[str, Any]  # the kept design
+    one: Floats  # share reached by one deployment of it, shape (1, maps, 1)
+    all_seeds: Floats  # the same for all trained designs, shape (runs, maps, 1)
+    # many, each, shapes: share reached by all redeployments of the plain vine together, by one of
+    # them on average, and the number of final shapes, each of shape (1, maps, 1)
     many: Floats
     each: Floats
     shapes: Floats
-    stops: dict[str, int]
+    stops: dict[str, int]  # how often each reason stopped a plain vine
 
 
 def redeployment_study(lab: JobStore) -> StudyResult:

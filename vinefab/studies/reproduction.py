@@ -21,21 +21,11 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reproduction:
-    """Experiments, done.
+    """Experiments, done."""
 
-    Parameters
-    ----------
-    size
-        How large they were.
-    findings
-        In the order of the registry.
-    spent_s
-        What this session took; it is in no file, so that two runs give the same files.
-    """
-
-    size: StudySize
-    findings: tuple[StudyResult, ...]
-    spent_s: float
+    size: StudySize  # how large they were
+    findings: tuple[StudyResult, ...]  # in the order of the registry
+    spent_s: float  # what this session took; it is in no file, so that two runs give the same files
 
     @property
     def held(self) -> tuple[int, int]:
@@ -52,28 +42,7 @@ def reproduce(
     tell: Tell = lambda _, __: None,
     announce: Callable[[str], None] = lambda _: None,
 ) -> Reproduction:
-    """Do some experiments, and write all that the folder holds into one page and one JSON file.
-
-    Parameters
-    ----------
-    names
-        Which; ``all`` stands for every one.
-    folder
-        What is finished there is not done again.
-    size
-        How large; the folder must have been begun with the same.
-    workers
-        Processes. No number depends on it.
-    tell
-        Called after every job with the share of the jobs at hand that is done.
-    announce
-        Called with a line about each experiment that begins.
-
-    Raises
-    ------
-    UnknownNameError, BadInputError, ForeignFileError, CannotWriteError
-        If there is no such experiment, or the folder cannot be used.
-    """
+    """Do some experiments, and write all that the folder holds into one page and one JSON file."""
     wanted = [name for given in names for name in (EXPERIMENTS if given == ALL else [given])]
     for name in wanted:
         EXPERIMENTS[name]

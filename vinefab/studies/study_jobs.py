@@ -55,15 +55,9 @@ class StudyJob(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Training:
-    """A run of the optimizer on generated maps.
+    """A run of the optimizer on generated maps."""
 
-    Parameters
-    ----------
-    settings
-        The run.
-    """
-
-    settings: RunSettings
+    settings: RunSettings  # the run
 
     @property
     def key(self) -> str:
@@ -92,27 +86,13 @@ class Training:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Testing:
-    """A design scored over maps and poses.
+    """A design scored over maps and poses."""
 
-    Parameters
-    ----------
-    design
-        As `plain_design` gives it.
-    worlds
-        The maps; generated ones.
-    poses
-        Poses on each.
-    task
-        What counts; areas are exact unless it says otherwise.
-    growth
-        How robots grow.
-    """
-
-    design: Mapping[str, Any]
-    worlds: MapSettings
-    poses: int
-    task: PartSettings
-    growth: GrowthOptions = DEFAULT_GROWTH
+    design: Mapping[str, Any]  # as `plain_design` gives it
+    worlds: MapSettings  # the maps; generated ones
+    poses: int  # poses on each
+    task: PartSettings  # what counts; areas are exact unless it says otherwise
+    growth: GrowthOptions = DEFAULT_GROWTH  # how robots grow
 
     @property
     def key(self) -> str:
@@ -164,26 +144,7 @@ Tell = Callable[[float, str], None]
 
 
 class JobStore:
-    """A folder of finished jobs, and processes to do more; closed at the end of its block.
-
-    Parameters
-    ----------
-    folder
-        Made when missing. It must be empty, or have been begun by this class.
-    size
-        How large the experiments are.
-    workers
-        Processes; 1 works in this one. No result depends on it.
-    tell
-        Called after every job with the share of the jobs at hand that is done.
-
-    Raises
-    ------
-    ForeignFileError
-        If the folder holds something else.
-    BadInputError
-        If it was begun with another size or version.
-    """
+    """A folder of finished jobs, and processes to do more; closed at the end of its block."""
 
     def __init__(self, folder: Path, size: StudySize, workers: int, tell: Tell) -> None:
         self.folder = folder
@@ -225,15 +186,7 @@ class JobStore:
         return [np.array(found["terms"][name]) for found in self.do(jobs, "testing")]
 
     def do(self, jobs: Sequence[StudyJob], words: str) -> list[dict[str, Any]]:
-        """Return what each job gives; what is kept is not done again.
-
-        Parameters
-        ----------
-        jobs
-            What to do.
-        words
-            What to call it meanwhile.
-        """
+        """Return what each job gives; what is kept is not done again."""
         keys = [job.key for job in jobs]
         known = {key: self._kept(key) for key in keys}
         todo = {key: job for key, job in zip(keys, jobs, strict=True) if known[key] is None}

@@ -38,17 +38,7 @@ def maps_of(environment: str, first: int, count: int) -> MapSettings:
 
 
 def coverage_run(size: StudySize, environment: str, number: int) -> RunSettings:
-    """Return the run that most experiments start from: coverage, all of Table 1, no making.
-
-    Parameters
-    ----------
-    size
-        Of the search.
-    environment
-        Where to train; all runs train on the same maps.
-    number
-        Which of the repeats, from 0.
-    """
+    """Return the run that most experiments start from: coverage, all of Table 1, no making."""
     return RunSettings(
         name=f"coverage_{environment}",
         maps=maps_of(environment, FIRST_TRAINING, size.training_maps),
@@ -110,15 +100,6 @@ def judged_claim(
     lab: JobStore, names: Sequence[str], runs: list[RunSettings]
 ) -> tuple[dict[str, Floats], dict[str, Floats]]:
     """Train several kinds of runs and test their designs on the Grid's unseen maps.
-
-    Parameters
-    ----------
-    lab
-        Where the work is done and kept.
-    names
-        The kinds.
-    runs
-        As many of each kind, one kind after the other.
 
     Returns
     -------

@@ -5,52 +5,29 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudySize:
-    """Numbers of runs, maps and poses; the defaults are the paper's where it gives them.
+    """Numbers of runs, maps and poses; the defaults are the paper's where it gives them."""
 
-    Parameters
-    ----------
-    seed
-        Seed of the first run; run ``i`` has the i-th seed after it.
-    seeds
-        Runs per setting, of which the best is kept [paper: 5].
-    repeats
-        Runs of `convergence` and `search` [paper: 10].
-    ablation_seeds
-        Runs per setting of `ablation`.
-    population, generations
-        Size of a search on coverage; 100 is the size of the paper's swarm in MATLAB.
-    wide_population, wide_generations
-        The same for `reach` and `anchor`.
-    making_population, making_generations
-        The same for `price`.
-    training_maps
-        Maps that a design is trained on.
-    maps_at_once
-        How many of them, drawn anew, every generation meets.
-    unseen_maps, poses
-        Unseen maps, and poses on each [paper: 25 and 3].
-    reach_maps
-        Unseen maps of `reach`, one start on each.
-    headings
-        Redeployments of a plain vine [paper: 50].
-    """
-
-    seed: int = 1
-    seeds: int = 5
-    repeats: int = 10
-    ablation_seeds: int = 3
+    seed: int = 1  # seed of the first run; run ``i`` has the i-th seed after it
+    seeds: int = 5  # runs per setting, of which the best is kept [paper: 5]
+    repeats: int = 10  # runs of `convergence` and `search` [paper: 10]
+    ablation_seeds: int = 3  # runs per setting of `ablation`
+    # population, generations: size of a search on coverage; 100 is the size of the paper's swarm in
+    # MATLAB
     population: int = 100
     generations: int = 40
+    # wide_population, wide_generations: the same for `reach` and `anchor`
     wide_population: int = 60
     wide_generations: int = 25
+    # making_population, making_generations: the same for `price`
     making_population: int = 20
     making_generations: int = 15
-    training_maps: int = 24
-    maps_at_once: int = 6
+    training_maps: int = 24  # maps that a design is trained on
+    maps_at_once: int = 6  # how many of them, drawn anew, every generation meets
+    # unseen_maps, poses: unseen maps, and poses on each [paper: 25 and 3]
     unseen_maps: int = 25
     poses: int = 3
-    reach_maps: int = 25
-    headings: int = 50
+    reach_maps: int = 25  # unseen maps of `reach`, one start on each
+    headings: int = 50  # redeployments of a plain vine [paper: 50]
 
 
 PAPER = StudySize()

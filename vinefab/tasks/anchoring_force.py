@@ -22,38 +22,20 @@ from vinefab.tasks.task import Outcome, TaskOutcomes
 
 
 class Pouches(NamedTuple):
-    """The pouches of j robots, each of shape (j,).
+    """The pouches of j robots, each of shape (j,)."""
 
-    Parameters
-    ----------
-    length_mm, width_mm
-        Flat size, 0 where there are none.
-    press_n_mm2
-        Force per mm2 of contact on both walls together, 2 P; 0 where it is not known.
-    limit_n
-        The most that one leaf can be pulled with, infinite where that is not known.
-    """
-
+    # length_mm, width_mm: flat size, 0 where there are none
     length_mm: Floats
     width_mm: Floats
+    # force per mm2 of contact on both walls together, 2 P; 0 where it is not known
     press_n_mm2: Floats
-    limit_n: Floats
+    limit_n: Floats  # the most that one leaf can be pulled with, infinite where that is not known
 
 
 def contacts(
     leaves: Leaves, pouches: Pouches, places: Sequence[tuple[MapContext, int, int]]
 ) -> tuple[NDArray[np.bool_], Floats]:
-    """Return which leaves are engaged, and the area that each pouch presses on a wall.
-
-    Parameters
-    ----------
-    leaves
-        The leaves of some growths, m of them.
-    pouches
-        Of each growth; a leaf without one is engaged, wherever it is.
-    places
-        Each map with the growths ``one .. two - 1`` on it.
-    """
+    """Return which leaves are engaged, and the area that each pouch presses on a wall."""
     length_mm, width_mm = pouches.length_mm[leaves.growth], pouches.width_mm[leaves.growth]
     gap_mm, has_pouch = np.zeros(len(width_mm)), width_mm > 0.0
     if not has_pouch.any():
@@ -68,27 +50,13 @@ def contacts(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pull:
-    """The engaged leaves of j robots, robot by robot, those that turned least first.
+    """The engaged leaves of j robots, robot by robot, those that turned least first."""
 
-    Parameters
-    ----------
-    growths
-        Number of robots.
-    growth
-        Robot of each leaf, rising, shape (m,).
-    turns_rad
-        Turn on the way to each tip, shape (m,).
-    press_n
-        Force of each pouch on both its walls, shape (m,); 0 where it is not known.
-    limit_n
-        The most that each leaf can be pulled with, shape (m,).
-    """
-
-    growths: int
-    growth: Ints
-    turns_rad: Floats
-    press_n: Floats
-    limit_n: Floats
+    growths: int  # number of robots
+    growth: Ints  # robot of each leaf, rising, shape (m,)
+    turns_rad: Floats  # turn on the way to each tip, shape (m,)
+    press_n: Floats  # force of each pouch on both its walls, shape (m,); 0 where it is not known
+    limit_n: Floats  # the most that each leaf can be pulled with, shape (m,)
 
     def amplifications(self, friction: float) -> Floats:
         """Return what each leaf holds over what its pouch alone holds, shape (m,).
@@ -135,36 +103,27 @@ class Anchoring:
     cancel). A leaf is engaged when it deployed and its inflated pouch is wider than the gap that
     its tip ended in: free space across the branch there. The pouch is the one given here, or else
     the design's own; without any, every leaf that deployed counts, as in the paper.
-
-    Parameters
-    ----------
-    friction
-        Friction coefficient mu of film on the obstacles; the default is an assumption.
-    friction_low, friction_high
-        Its range, for the interval in the terms.
-    count_joint_angles
-        Whether the planned angles at joints count as turns too.
-    pouch_length_mm, pouch_width_mm
-        Flat size of every leaf's pouch, along and across; 0: the design's own.
-    only_full_length
-        Whether a leaf that was stopped early counts as not engaged: its pouch sits at the very
-        end of the film and has not come out.
-    film_n_mm, seam_n_mm
-        Pull per mm of circumference at which the film tears (strength times thickness) and the
-        seam opens; 0: not known. Where one is known, as are pressure and pouch, no branch holds
-        more than its weaker one.
     """
 
     name: ClassVar[str] = "anchoring"
     lowest: ClassVar[float] = 0.0
 
+    # friction coefficient mu of film on the obstacles; the default is an assumption
     friction: float = ASSUMED_FRICTION.value
+    # friction_low, friction_high: its range, for the interval in the terms
     friction_low: float = ASSUMED_FRICTION.low
     friction_high: float = ASSUMED_FRICTION.high
-    count_joint_angles: bool = False
+    count_joint_angles: bool = False  # whether the planned angles at joints count as turns too
+    # pouch_length_mm, pouch_width_mm: flat size of every leaf's pouch, along and across; 0: the
+    # design's own
     pouch_length_mm: float = 0.0
     pouch_width_mm: float = 0.0
+    # whether a leaf that was stopped early counts as not engaged: its pouch sits at the very end of
+    # the film and has not come out
     only_full_length: bool = False
+    # film_n_mm, seam_n_mm: pull per mm of circumference at which the film tears (strength times
+    # thickness) and the seam opens; 0: not known. Where one is known, as are pressure and pouch, no
+    # branch holds more than its weaker one.
     film_n_mm: float = 0.0
     seam_n_mm: float = 0.0
 
@@ -189,15 +148,7 @@ class Anchoring:
         return self._outcomes(leaves, pouches, [(ground, 0, 1)]).one(0)
 
     def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
-        """Return amplification and terms for every growth of a block, with the designs' pouches.
-
-        Parameters
-        ----------
-        block
-            Growths, map by map.
-        grounds
-            The maps.
-        """
+        """Return amplification and terms for every growth of a block, with the designs' pouches."""
         used, which = np.unique(block.plan, return_inverse=True)
         plans = [block.plans.each[index] for index in used.tolist()]
         joints_rad = None
@@ -218,15 +169,6 @@ class Anchoring:
         of the engaged leaves idle, those that turned most; ``high``, with all at the high one;
         ``force_n``, what they hold together, 0 where pouch or pressure are not known; ``capped``,
         how many are held back by film or seam.
-
-        Parameters
-        ----------
-        leaves
-            The leaves of some growths.
-        pouches
-            Of each growth.
-        places
-            Each map with the growths ``one .. two - 1`` on it.
         """
         engaged, contact_mm2 = contacts(leaves, pouches, places)
         growth, turn_rad = leaves.growth[engaged], leaves.turn_rad[engaged]
@@ -259,8 +201,6 @@ class Anchoring:
 
         Parameters
         ----------
-        builds
-            How some designs are built.
         which
             Design of each growth, shape (j,).
         """

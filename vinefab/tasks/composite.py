@@ -21,13 +21,6 @@ def composite(
 ) -> dict[str, float]:
     """Return every way of weighing scores into one number.
 
-    Parameters
-    ----------
-    scores
-        At least one.
-    reference_deviation
-        Standard deviation at which ``min_deviation`` is left with a quarter of the mean.
-
     Returns
     -------
     dict
@@ -47,17 +40,7 @@ def composite(
 def composites(
     scores: Floats, kind: str, reference_deviation: float = STANDARD_DEVIATION
 ) -> Floats:
-    """Return one of the numbers of `composite` for each of m rows of scores.
-
-    Parameters
-    ----------
-    scores
-        Shape (m, k), k at least 1.
-    kind
-        ``mean``, ``best`` or ``min_deviation``; ``single`` is the mean.
-    reference_deviation
-        As in `composite`.
-    """
+    """Return one of the numbers of `composite` for each of m rows of scores."""
     rows = np.ascontiguousarray(scores)
     if kind == "best":
         return np.asarray(rows.max(axis=1))

@@ -30,15 +30,6 @@ def disc_union(
 
     Every disc is a regular polygon of the same area, so that discs that do not meet give their
     exact area.
-
-    Parameters
-    ----------
-    centres_mm
-        Shape (n, 2).
-    radius_mm
-        Radius of the discs.
-    segments
-        Sides per quarter.
     """
     step = math.pi / (2 * segments)
     circumradius_mm = radius_mm * math.sqrt(step / math.sin(step))
@@ -56,10 +47,6 @@ def free_disc_areas_mm2(centres_mm: Floats, radius_mm: float, edges_mm: Floats) 
 
     Parameters
     ----------
-    centres_mm
-        Shape (n, 2).
-    radius_mm
-        Radius of the discs.
     edges_mm
         Directed edges with the free space on their left, shape (e, 2, 2).
     """
@@ -121,38 +108,25 @@ class Coverage:
     sensed area that is not sensed twice. N/N_max and L/L_max count as 1 beyond 1. The four terms
     are the paper's (section 2.3); weights, N_max and L_max are vinefab's, for the paper's are not
     published.
-
-    Parameters
-    ----------
-    radius_mm
-        Radius of the disc that one sensor sees.
-    most_branches
-        N_max.
-    most_diagonals
-        L_max over the diagonal of the map's bounds.
-    weight_area, weight_count, weight_length, weight_film
-        The weights of the four terms, at least 0.
-    clip
-        ``free``: only free space is seen and every area above is taken within it. ``none``:
-        whole discs, as the paper's words have it. ``sight``: free space that no wall hides from
-        the sensor.
-    area
-        ``exact``: by polygons, for a score that is reported. ``fast``: by strips of free space,
-        or lines across it in line of sight (`raster.Raster.covered_mm2` and
-        `sight_lines.SightLines.covered_mm2` say how exact), a hundred times faster, for searching;
-        taken only where the map is not too large for such discs.
     """
 
     name: ClassVar[str] = "coverage"
 
-    radius_mm: float = 50.0
-    most_branches: int = 100
-    most_diagonals: float = 20.0
+    radius_mm: float = 50.0  # radius of the disc that one sensor sees
+    most_branches: int = 100  # N_max
+    most_diagonals: float = 20.0  # L_max over the diagonal of the map's bounds
+    # the weights of the four terms, at least 0
     weight_area: float = 1.0
     weight_count: float = 0.5
     weight_length: float = 0.5
     weight_film: float = 0.1
+    # ``free``: only free space is seen and every area above is taken within it. ``none``: whole
+    # discs, as the paper's words have it. ``sight``: free space that no wall hides from the sensor.
     clip: Literal["free", "none", "sight"] = "free"
+    # ``exact``: by polygons, for a score that is reported. ``fast``: by strips of free space, or
+    # lines across it in line of sight (`raster.Raster.covered_mm2` and
+    # `sight_lines.SightLines.covered_mm2` say how exact), a hundred times faster, for searching;
+    # taken only where the map is not too large for such discs.
     area: Literal["exact", "fast"] = "exact"
 
     def __post_init__(self) -> None:
@@ -188,15 +162,7 @@ class Coverage:
         ).one(0)
 
     def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
-        """Return what `evaluate` would for every growth of a block.
-
-        Parameters
-        ----------
-        block
-            Growths, map by map.
-        grounds
-            The maps.
-        """
+        """Return what `evaluate` would for every growth of a block."""
         if self.area == "exact":
             return one_by_one(self, block, grounds)
         tips_mm, first = block.tips_mm()

@@ -25,23 +25,12 @@ Poses = tuple[tuple[Pose, ...], ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PreparedMap:
-    """A map made ready for growing and scoring.
+    """A map made ready for growing and scoring."""
 
-    Parameters
-    ----------
-    world
-        The map.
-    terrain
-        Its walls, for growth.
-    ground
-        Its free space, for tasks.
-    around_starts
-        Free space if there were only the obstacles near its starts, to draw poses in.
-    """
-
-    world: Map
-    terrain: Terrain
-    ground: MapContext
+    world: Map  # the map
+    terrain: Terrain  # its walls, for growth
+    ground: MapContext  # its free space, for tasks
+    # free space if there were only the obstacles near its starts, to draw poses in
     around_starts: BaseGeometry
 
     @classmethod
@@ -71,17 +60,7 @@ def _around_starts(world: Map) -> BaseGeometry:
 
 
 def poses_on(sites: Sequence[PreparedMap], count: int, seeds: Sequence[int]) -> Poses:
-    """Draw poses on every map.
-
-    Parameters
-    ----------
-    sites
-        The maps.
-    count
-        Poses per map.
-    seeds
-        One per map.
-    """
+    """Draw poses on every map."""
     return tuple(
         draw_poses(site.world, count, seed, free=site.around_starts)
         for site, seed in zip(sites, seeds, strict=True)
@@ -95,26 +74,7 @@ def score_design(
     task: Task,
     options: GrowthOptions | None = None,
 ) -> Score:
-    """Grow a design on every map from every pose and score each final state.
-
-    Parameters
-    ----------
-    design
-        The design.
-    sites
-        The maps.
-    poses
-        For each map, the poses to grow from; designs that meet the same ones can be compared.
-    task
-        What a final state is worth.
-    options
-        How to grow; the defaults when None.
-
-    Returns
-    -------
-    Score
-        One evaluation per map and pose, map by map, and their composites.
-    """
+    """Grow a design on every map from every pose and score each final state."""
     atlas = TerrainSet([site.terrain for site in sites])
     (score,) = score_designs([design], sites, Launches.of(atlas, poses), task, options)
     return score
@@ -128,23 +88,7 @@ def score_designs(
     options: GrowthOptions | None = None,
     over: BlockMapper = map,
 ) -> tuple[Score, ...]:
-    """Score several designs as `score_design` does, in batches.
-
-    Parameters
-    ----------
-    designs
-        The designs.
-    sites
-        The maps, those of the launches.
-    launches
-        Where to grow all designs from, map by map.
-    task
-        What a final state is worth.
-    options
-        How to grow; the defaults when None.
-    over
-        How to work off the batch: `map`, or that of a pool of threads. No result depends on it.
-    """
+    """Score several designs as `score_design` does, in batches."""
     if not designs:
         return ()
     options = options or GrowthOptions()
@@ -159,19 +103,7 @@ def score_designs(
 def scores_of(
     found: TaskOutcomes, task: Task, sites: Sequence[PreparedMap], launches: Launches
 ) -> Iterator[Score]:
-    """Give the score of each design of a batch.
-
-    Parameters
-    ----------
-    found
-        What its growths are worth, in the order of the batch.
-    task
-        The task.
-    sites
-        The maps.
-    launches
-        Where the designs grew from.
-    """
+    """Give the score of each design of a batch."""
     count = len(found.score) // len(launches)
     names = [sites[terrain].world.name for terrain in launches.terrain.tolist()]
     values, terms = found.score.tolist(), {n: v.tolist() for n, v in found.terms.items()}

@@ -16,25 +16,16 @@ STEP_BACK_MM = 1e-3
 
 
 class GrownBatch(NamedTuple):
-    """The final states of j growths, one after the other.
+    """The final states of j growths, one after the other."""
 
-    Parameters
-    ----------
-    parent, tree_first
-        Planned trees, as in `vinefab.growth.arrays.TreesArrays`.
-    tree
-        Tree of each growth, shape (j,).
-    branch, room
-        Where each growth's branches and chain points begin, shape (j + 1,) each.
-    points, first_point, stop, grown, turn
-        As in `vinefab.growth.arrays.Growth`.
-    """
-
+    # parent, tree_first: planned trees, as in `vinefab.growth.arrays.TreesArrays`
     parent: Ints
     tree_first: Ints
-    tree: Ints
+    tree: Ints  # tree of each growth, shape (j,)
+    # branch, room: where each growth's branches and chain points begin, shape (j + 1,) each
     branch: Ints
     room: Ints
+    # as in `vinefab.growth.arrays.Growth`
     points: Floats
     first_point: Ints
     stop: Ints
@@ -78,27 +69,13 @@ class GrownBatch(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Leaves:
-    """The leaves of j growths whose tips came out, growth by growth, m of them.
+    """The leaves of j growths whose tips came out, growth by growth, m of them."""
 
-    Parameters
-    ----------
-    growths
-        Number of growths.
-    growth
-        Growth of each leaf, rising, shape (m,).
-    turn_rad
-        Sum of absolute turns from the base to each tip, shape (m,).
-    points_mm
-        Chain points of all growths, shape (p, 2).
-    tip
-        Which of them each tip is, shape (m,).
-    """
-
-    growths: int
-    growth: Ints
-    turn_rad: Floats
-    points_mm: Floats
-    tip: Ints
+    growths: int  # number of growths
+    growth: Ints  # growth of each leaf, rising, shape (m,)
+    turn_rad: Floats  # sum of absolute turns from the base to each tip, shape (m,)
+    points_mm: Floats  # chain points of all growths, shape (p, 2)
+    tip: Ints  # which of them each tip is, shape (m,)
 
     @classmethod
     def of(cls, grown: GrownBatch, joints_rad: Floats | None, *, whole: bool) -> "Leaves":
@@ -106,12 +83,8 @@ class Leaves:
 
         Parameters
         ----------
-        grown
-            The growths.
         joints_rad
             Turns that count beside those of the growth, one per branch, or None.
-        whole
-            Whether only leaves count that grew to their full length.
         """
         turn_rad, is_leaf = summed_turns(grown, joints_rad)
         out = is_leaf & np.not_equal(grown.stop, Stop.NOT_DEPLOYED) & (grown.grown > 0.0)
@@ -140,8 +113,6 @@ def summed_turns(grown: GrownBatch, joints_rad: Floats | None) -> tuple[Floats, 
 
     Parameters
     ----------
-    grown
-        The growths, with n branches in all.
     joints_rad
         Turns that count beside those of the growth, shape (n,), or None.
     """
@@ -156,15 +127,7 @@ def summed_turns(grown: GrownBatch, joints_rad: Floats | None) -> tuple[Floats, 
 
 
 def path_turn_rad(deployment: Deployment, *, joints: bool = False) -> Floats:
-    """Return the sum of absolute turns from the base to each tip, shape (n,).
-
-    Parameters
-    ----------
-    deployment
-        Where the robot ended.
-    joints
-        Whether planned angles at joints count beside those at contacts and base hinges.
-    """
+    """Return the sum of absolute turns from the base to each tip, shape (n,)."""
     joints_rad = np.abs(deployment.tree.offset_rad) if joints else None
     return summed_turns(GrownBatch.of(deployment), joints_rad)[0]
 
@@ -174,12 +137,8 @@ def tip_gaps_mm(deployment: Deployment, branches: Ints, ground: MapContext) -> F
 
     Parameters
     ----------
-    deployment
-        Where the robot ended.
     branches
         Branches that have grown, shape (m,).
-    ground
-        The map.
     """
     return gaps_mm(deployment.points_mm, deployment.first_point[1:][branches] - 1, ground)
 
@@ -192,12 +151,8 @@ def gaps_mm(points_mm: Floats, tip: Ints, ground: MapContext) -> Floats:
 
     Parameters
     ----------
-    points_mm
-        Chain points.
     tip
         Which of them are tips, shape (m,); the point before each belongs to the same branch.
-    ground
-        The map.
     """
     from vinefab.tasks.kernels import tips_kernel as holding_kernel  # noqa: PLC0415  as above
 

@@ -31,8 +31,6 @@ def seen_areas(
     ----------
     centres_mm
         Sensors in free space or on its border, shape (n, 2).
-    radius_mm
-        How far they see.
     edges_mm
         Directed edges with the free space on their left, shape (e, 2, 2).
     """
@@ -176,26 +174,15 @@ class SightLines:
     """The walls of a free space, by cells of the sensors that they can hide something from.
 
     Everything is turned, so that the lines run along x.
-
-    Parameters
-    ----------
-    radius_mm
-        How far sensors see.
-    direction
-        Cosine and sine of the angle between x and the lines on the map.
-    cells
-        Walls that come within the radius of each cell, with free space on their left, turned.
-    line
-        Lower side of the lowest strip and how high each is, mm; shape (2,).
-    lines
-        How many there are, each in the middle of its strip.
     """
 
-    radius_mm: float
+    radius_mm: float  # how far sensors see
+    # cosine and sine of the angle between x and the lines on the map
     direction: tuple[float, float]
+    # walls that come within the radius of each cell, with free space on their left, turned
     cells: WallCells
-    line: Floats
-    lines: int
+    line: Floats  # lower side of the lowest strip and how high each is, mm; shape (2,)
+    lines: int  # how many there are, each in the middle of its strip
 
     @classmethod
     def of(cls, edges_mm: Floats, radius_mm: float) -> "SightLines | None":
@@ -205,8 +192,6 @@ class SightLines:
         ----------
         edges_mm
             Directed edges with the free space on their left, shape (e, 2, 2).
-        radius_mm
-            How far sensors see.
         """
         # What walls hide is as fine as the map, however far sensors see.
         side_mm = math.sqrt(np.ptp(edges_mm.reshape(-1, 2), axis=0).prod())
@@ -247,11 +232,6 @@ class SightLines:
             All sensors, in free space or on its border, set after set, shape (m, 2).
         first
             Where each set begins, with the total at the end, shape (j + 1,).
-
-        Returns
-        -------
-        seen_mm2, summed_mm2
-            Shape (j,) each.
         """
         from vinefab.tasks.kernels import sight_kernel  # noqa: PLC0415  numba takes a second to import
 

@@ -32,23 +32,12 @@ _MAKING = Lock()
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapContext:
-    """The free space of a map, ready for many evaluations.
+    """The free space of a map, ready for many evaluations."""
 
-    Parameters
-    ----------
-    free
-        Free space: Polygon or MultiPolygon.
-    area_mm2
-        Its area.
-    diagonal_mm
-        Diagonal of the bounds' box, the length that lengths are compared with.
-    edges_mm
-        Edges of the free space with solid on their right, shape (e, 2, 2): edge, end, x and y.
-    """
-
-    free: BaseGeometry
-    area_mm2: float
-    diagonal_mm: float
+    free: BaseGeometry  # free space: Polygon or MultiPolygon
+    area_mm2: float  # its area
+    diagonal_mm: float  # diagonal of the bounds' box, the length that lengths are compared with
+    # edges of the free space with solid on their right, shape (e, 2, 2): edge, end, x and y
     edges_mm: Floats
     _rasters: dict[tuple[float, bool], Raster | None] = field(default_factory=dict)
     _sight_lines: dict[float, SightLines | None] = field(default_factory=dict)
@@ -56,20 +45,7 @@ class MapContext:
 
     @classmethod
     def of(cls, world: Map, free: BaseGeometry | None = None) -> "MapContext":
-        """Return the ground of a map.
-
-        Parameters
-        ----------
-        world
-            The map.
-        free
-            Its free space if that is at hand; it takes long to find on a large map.
-
-        Raises
-        ------
-        BadInputError
-            If the map has no free space.
-        """
+        """Return the ground of a map."""
         free = world.free_space if free is None else free
         if not free.area > 0.0:
             raise BadInputError(f"map {world.name}", "no free space", "some free space")
@@ -81,15 +57,7 @@ class MapContext:
         )
 
     def raster(self, radius_mm: float, *, walls: bool = True) -> Raster | None:
-        """Return the raster for discs of some radius, made once; None if it would be too large.
-
-        Parameters
-        ----------
-        radius_mm
-            Radius of the discs.
-        walls
-            False: all of the plane that discs about points of the map can reach counts as free.
-        """
+        """Return the raster for discs of some radius, made once; None if it would be too large."""
 
         def make() -> Raster | None:
             edges_mm = self.edges_mm if walls else self._open_edges_mm(radius_mm)
@@ -98,13 +66,7 @@ class MapContext:
         return _kept(self._rasters, (radius_mm, walls), make)
 
     def sight_lines(self, radius_mm: float) -> SightLines | None:
-        """Return the lines to measure sight on, made once; None if they would be too many.
-
-        Parameters
-        ----------
-        radius_mm
-            How far sensors see.
-        """
+        """Return the lines to measure sight on, made once; None if they would be too many."""
         return _kept(self._sight_lines, radius_mm, lambda: SightLines.of(self.edges_mm, radius_mm))
 
     @property

@@ -19,47 +19,26 @@ TABLE_STEPS = 1024
 
 
 class Chains(NamedTuple):
-    """The bodies of several growths, one after the other, j of them.
+    """The bodies of several growths, one after the other, j of them."""
 
-    Parameters
-    ----------
-    points_mm
-        Chain points, shape (p, 2).
-    first_point
-        Index of each branch's first chain point within its growth, with the total at the end of
-        every growth: one entry more per growth than it has branches.
-    branch
-        Where the branches of each growth begin, with the total at the end, shape (j + 1,).
-    room
-        Where the chain points of each growth begin, shape (j + 1,) or (j,).
-    """
-
-    points_mm: Floats
+    points_mm: Floats  # chain points, shape (p, 2)
+    # index of each branch's first chain point within its growth, with the total at the end of every
+    # growth: one entry more per growth than it has branches
     first_point: Ints
+    # where the branches of each growth begin, with the total at the end, shape (j + 1,)
     branch: Ints
-    room: Ints
+    room: Ints  # where the chain points of each growth begin, shape (j + 1,) or (j,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Raster:
-    """The free area of each strip to the left of each abscissa.
+    """The free area of each strip to the left of each abscissa."""
 
-    Parameters
-    ----------
-    box
-        Lower left corner and the side of the cells, mm; shape (3,).
-    free_mm2
-        Free area of each strip to the left of each cell's sides, shape (rows, columns + 1).
-    radius_mm
-        Radius of the discs that it was made for.
-    segments
-        Area of the unit disc below heights evenly spaced from -1 to 1.
-    """
-
-    box: Floats
+    box: Floats  # lower left corner and the side of the cells, mm; shape (3,)
+    # free area of each strip to the left of each cell's sides, shape (rows, columns + 1)
     free_mm2: Floats
-    radius_mm: float
-    segments: Floats
+    radius_mm: float  # radius of the discs that it was made for
+    segments: Floats  # area of the unit disc below heights evenly spaced from -1 to 1
 
     @classmethod
     def of(cls, edges_mm: Floats, radius_mm: float) -> "Raster | None":
@@ -69,8 +48,6 @@ class Raster:
         ----------
         edges_mm
             Directed edges with the free space on their left, shape (e, 2, 2).
-        radius_mm
-            Radius of the discs.
         """
         from vinefab.tasks.kernels import areas_kernel as area_kernel  # noqa: PLC0415  numba takes a second to import
 
@@ -102,11 +79,6 @@ class Raster:
             Centres of all discs, set after set, shape (m, 2).
         first
             Where each set begins, with the total at the end, shape (j + 1,).
-
-        Returns
-        -------
-        seen_mm2, summed_mm2
-            Shape (j,) each.
         """
         from vinefab.tasks.kernels import areas_kernel as area_kernel  # noqa: PLC0415  as above
 
@@ -139,11 +111,6 @@ class Raster:
         result is therefore off by less than the free area of that band, 0.14 radii wide along the
         edge, whatever the map. That bound is far from reached: `tests/tasks/errors.py` measures
         it on random deployments.
-
-        Parameters
-        ----------
-        chains
-            The bodies' centrelines.
         """
         from vinefab.tasks.kernels import areas_kernel as area_kernel  # noqa: PLC0415  as above
 

@@ -23,22 +23,15 @@ QUARTER_SEGMENTS = 32
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """Share of the free space within a buffer of the body (paper, Fig. 4).
-
-    Parameters
-    ----------
-    buffer_mm
-        Largest distance from the body's centreline that counts as reached.
-    area
-        ``exact``: by polygons, for a score that is reported. ``fast``: on cells of free space
-        (`raster.Raster.reached_mm2` says how exact), a hundred times faster, for searching; taken
-        only where the map is not too large for such a buffer.
-    """
+    """Share of the free space within a buffer of the body (paper, Fig. 4)."""
 
     name: ClassVar[str] = "reach"
     lowest: ClassVar[float] = 0.0
 
-    buffer_mm: float = 40.0
+    buffer_mm: float = 40.0  # largest distance from the body's centreline that counts as reached
+    # ``exact``: by polygons, for a score that is reported. ``fast``: on cells of free space
+    # (`raster.Raster.reached_mm2` says how exact), a hundred times faster, for searching; taken
+    # only where the map is not too large for such a buffer.
     area: Literal["exact", "fast"] = "exact"
 
     def __post_init__(self) -> None:
@@ -65,15 +58,7 @@ class Reach:
         return _outcomes(np.array([reached_mm2]), np.array([grown_mm]), ground).one(0)
 
     def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
-        """Return what `evaluate` would for every growth of a block.
-
-        Parameters
-        ----------
-        block
-            Growths, map by map.
-        grounds
-            The maps.
-        """
+        """Return what `evaluate` would for every growth of a block."""
         if self.area == "exact":
             return one_by_one(self, block, grounds)
         growth, parts = block.growth, list[TaskOutcomes]()
@@ -101,13 +86,6 @@ class Reach:
 
 def near_chains(chains: Sequence[Sequence[Sequence[float]]], buffer_mm: float) -> BaseGeometry:
     """Return all that lies within a distance of some lines.
-
-    Parameters
-    ----------
-    chains
-        Points of each line, at least two.
-    buffer_mm
-        The distance.
 
     Notes
     -----

@@ -18,13 +18,6 @@ TASKS: Registry[Callable[..., Task]] = Registry(
 def make_task(name: str, parameters: Mapping[str, object] | None = None) -> Task:
     """Return a task with its parameters.
 
-    Raises
-    ------
-    UnknownNameError
-        If no task has that name.
-    BadInputError
-        If a parameter is unknown or cannot be used.
-
     Examples
     --------
     >>> make_task("coverage", {"radius_mm": 60}).radius_mm

@@ -20,17 +20,10 @@ class Sliding:
 
     Head-on collisions, at branching points above all, keep real robots from growing on (paper,
     3.3.2); its discussion asks for penalties that make them rarer.
-
-    Parameters
-    ----------
-    task
-        The task.
-    weight
-        What a robot would lose whose branches all stop head-on.
     """
 
-    task: Task
-    weight: float
+    task: Task  # the task
+    weight: float  # what a robot would lose whose branches all stop head-on
 
     @property
     def name(self) -> str:
@@ -49,15 +42,7 @@ class Sliding:
         return score - self.weight * share, {**terms, TERM: share}
 
     def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
-        """Return what `evaluate` would for every growth of a block.
-
-        Parameters
-        ----------
-        block
-            The growths.
-        grounds
-            The maps.
-        """
+        """Return what `evaluate` would for every growth of a block."""
         share = _shares(block.growth.stop, block.branch)
         score, terms = outcomes(self.task, block, grounds)
         return TaskOutcomes(score - self.weight * share, {**terms, TERM: share})
@@ -68,8 +53,6 @@ def _shares(stop: Ints, first: Ints) -> Floats:
 
     Parameters
     ----------
-    stop
-        Why each branch of all growths stopped.
     first
         Where the branches of each growth begin, shape (j + 1,).
     """

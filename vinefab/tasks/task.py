@@ -16,18 +16,10 @@ Outcome = tuple[float, Mapping[str, float]]
 
 
 class TaskOutcomes(NamedTuple):
-    """What j growths are worth.
+    """What j growths are worth."""
 
-    Parameters
-    ----------
-    score
-        Shape (j,).
-    terms
-        The named numbers that the scores are made of, each of shape (j,).
-    """
-
-    score: Floats
-    terms: Mapping[str, Floats]
+    score: Floats  # shape (j,)
+    terms: Mapping[str, Floats]  # the named numbers that the scores are made of, each of shape (j,)
 
     def one(self, index: int) -> Outcome:
         """Return what one of the growths is worth."""
@@ -49,15 +41,7 @@ class Task(Protocol):
         ...
 
     def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
-        """Return the score of one final state and its terms.
-
-        Parameters
-        ----------
-        deployment
-            Where the robot ended.
-        ground
-            The map that it grew on, prepared.
-        """
+        """Return the score of one final state and its terms."""
         ...
 
 
@@ -65,15 +49,7 @@ class BlockTask(Protocol):
     """A task that scores many growths at once faster than one by one."""
 
     def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
-        """Return what `Task.evaluate` would for every growth of a block.
-
-        Parameters
-        ----------
-        block
-            The growths.
-        grounds
-            The maps of the block's launches, prepared.
-        """
+        """Return what `Task.evaluate` would for every growth of a block."""
         ...
 
 
@@ -97,13 +73,7 @@ def one_by_one(task: Task, block: Block, grounds: Sequence[MapContext]) -> TaskO
 
 
 def merged_outcomes(found: Sequence[Outcome]) -> TaskOutcomes:
-    """Return several growths' scores and terms as columns.
-
-    Raises
-    ------
-    BadInputError
-        If a task gives other terms for some growths than for others.
-    """
+    """Return several growths' scores and terms as columns."""
     names = tuple(found[0][1]) if found else ()
     for _, terms in found:
         if tuple(terms) != names:
@@ -114,13 +84,7 @@ def merged_outcomes(found: Sequence[Outcome]) -> TaskOutcomes:
 
 
 def concatenated_outcomes(parts: Sequence[TaskOutcomes]) -> TaskOutcomes:
-    """Return the outcomes of several blocks, at least one, as those of one.
-
-    Raises
-    ------
-    BadInputError
-        If a task gives other terms for some blocks than for others.
-    """
+    """Return the outcomes of several blocks, at least one, as those of one."""
     if len(parts) == 1:
         return parts[0]
     names = list(parts[0].terms)

@@ -17,24 +17,14 @@ MOST_ENTRIES = 20_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WallCells:
-    """Walls, and which of them come near each cell.
+    """Walls, and which of them come near each cell."""
 
-    Parameters
-    ----------
-    walls_mm
-        Both ends of each wall, shape (e, 4).
-    grid
-        Lower left corner and side of the cells, mm, and how many columns and rows there are; shape
-        (5,).
-    first
-        Where the walls of each cell begin in ``item``, row by row, with the total at the end.
-    item
-        Walls that come near each cell, and perhaps some a little further off, in rising order.
-    """
-
-    walls_mm: Floats
+    walls_mm: Floats  # both ends of each wall, shape (e, 4)
+    # lower left corner and side of the cells, mm, and how many columns and rows there are; shape
     grid: Floats
+    # where the walls of each cell begin in ``item``, row by row, with the total at the end
     first: Ints
+    # walls that come near each cell, and perhaps some a little further off, in rising order
     item: Ints
 
     @classmethod
@@ -45,10 +35,6 @@ class WallCells:
         ----------
         walls_mm
             Both ends of each wall, at least one, shape (e, 4).
-        side_mm
-            Side of a cell.
-        reach_mm
-            How near to a cell a wall must come to be listed there.
         """
         from vinefab.tasks.kernels import sight_kernel  # noqa: PLC0415  numba takes a second to import
 
@@ -71,11 +57,6 @@ class WallCells:
         """Return how many walls are listed where some places are, shape (m,).
 
         Places outside count to the nearest cell.
-
-        Parameters
-        ----------
-        places_mm
-            Shape (m, 2).
         """
         low, side_mm, shape = self.grid[:2], self.grid[2], self.grid[3:].astype(np.int64)
         column, row = np.clip(((places_mm - low) / side_mm).astype(np.int64), 0, shape - 1).T

@@ -29,28 +29,7 @@ def calibrated_text(
     status: RecipeStatus,
     results: Path,
 ) -> str:
-    """Return a recipe file with fitted numbers, as text.
-
-    Parameters
-    ----------
-    recipe
-        Path or name of the recipe that the coupons were cut with.
-    out
-        Where it will lie; its name is the recipe's name.
-    numbers
-        Fitted numbers by their place, as in `fit_recipe.Calibration`.
-    windows
-        Line energies that came out right; none keeps those of the recipe.
-    status
-        How far it has been tried.
-    results
-        Where the readings are, for the record.
-
-    Raises
-    ------
-    BadInputError
-        If ``out`` does not end in ``.toml``.
-    """
+    """Return a recipe file with fitted numbers, as text."""
     if out.suffix != ".toml":
         raise BadInputError("--out", str(out), "a file that ends in .toml")
     document = read_toml(locate("recipe", recipe))
@@ -107,14 +86,7 @@ SCHEMA = "vinefab/calibration-1"
 def calibrated_recipe(
     calibration: Calibration, recipe: str | Path, out: Path, results: Path
 ) -> str:
-    """Return the recipe file, read again as it will lie and found to be usable.
-
-    Raises
-    ------
-    BadInputError, UnknownNameError
-        If the recipe could not be read where it is to lie: its machine and material are looked
-        for beside it, then by name.
-    """
+    """Return the recipe file, read again as it will lie and found to be usable."""
     text = calibrated_text(
         recipe,
         out,

@@ -198,27 +198,13 @@ PATH_RULES = ("VF-L01", "VF-L02", "VF-L03", "VF-X01")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Coupons:
-    """The coupons of a recipe, checked, with their laser files.
+    """The coupons of a recipe, checked, with their laser files."""
 
-    Parameters
-    ----------
-    profile
-        Machine, material and recipe.
-    sheets
-        Jobs with all pieces but the energy matrix.
-    matrix
-        The energy matrix, or None where the laser makes no seam.
-    report
-        What the rules say of pieces and sheets.
-    laser
-        Laser files by name, read again and found right.
-    """
-
-    profile: LaserProfile
-    sheets: tuple[Job, ...]
-    matrix: Matrix | None
-    report: CheckReport
-    laser: Mapping[str, bytes]
+    profile: LaserProfile  # machine, material and recipe
+    sheets: tuple[Job, ...]  # jobs with all pieces but the energy matrix
+    matrix: Matrix | None  # the energy matrix, or None where the laser makes no seam
+    report: CheckReport  # what the rules say of pieces and sheets
+    laser: Mapping[str, bytes]  # laser files by name, read again and found right
 
     @property
     def jobs(self) -> tuple[Job, ...]:
@@ -227,14 +213,7 @@ class Coupons:
 
 
 def make_coupons(profile: LaserProfile) -> Coupons:
-    """Return the coupons for a recipe, laser files written in memory and read again.
-
-    Raises
-    ------
-        If the recipe makes no seam or a piece is larger than the bed.
-    ReadBackError
-        If a laser file, read again, is not what its job says.
-    """
+    """Return the coupons for a recipe, laser files written in memory and read again."""
     pieces = coupon_pieces(profile)
     sheets = coupon_sheets(pieces, profile)
     matrix = _matrix(profile)

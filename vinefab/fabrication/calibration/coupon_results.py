@@ -47,30 +47,14 @@ OUTCOMES = ("nothing", "weld", "weldcut", "cut", "burnt")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """One row of the table.
+    """One row of the table."""
 
-    Parameters
-    ----------
-    measure
-        A key of `MEASURES`.
-    setting
-        What it was measured on: a width, an operation, a path.
-    value
-        What was read, in the measure's own unit; NaN for words.
-    sigma
-        Standard uncertainty in the same unit, or None.
-    word
-        What was seen, for a measure in words.
-    place
-        File and line, for errors.
-    """
-
-    measure: str
-    setting: str
-    value: float
-    sigma: float | None
-    word: str
-    place: str
+    measure: str  # A key of `MEASURES`
+    setting: str  # what it was measured on: a width, an operation, a path
+    value: float  # what was read, in the measure's own unit; NaN for words
+    sigma: float | None  # standard uncertainty in the same unit, or None
+    word: str  # what was seen, for a measure in words
+    place: str  # file and line, for errors
 
     def wrong(self, value: object, allowed: str) -> BadInputError:
         """Return the error that says what is wrong with this row."""
@@ -79,21 +63,11 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
-    """A table of readings, and what the coupons said about themselves.
+    """A table of readings, and what the coupons said about themselves."""
 
-    Parameters
-    ----------
-    readings
-        The rows that have a value, in order.
-    recipe
-        Name of the recipe that the coupons were cut with, or an empty string.
-    offset_mm
-        Offset of the one-pass outline on the coupons, or None.
-    """
-
-    readings: tuple[Reading, ...]
-    recipe: str
-    offset_mm: float | None
+    readings: tuple[Reading, ...]  # the rows that have a value, in order
+    recipe: str  # name of the recipe that the coupons were cut with, or an empty string
+    offset_mm: float | None  # offset of the one-pass outline on the coupons, or None
 
     def of(self, measure: str) -> tuple[Reading, ...]:
         """Return the readings of one kind."""
@@ -101,15 +75,7 @@ class Results:
 
 
 def read_results(path: Path) -> Results:
-    """Return the readings of a table; rows without a value are left out.
-
-    Raises
-    ------
-    UnreadableFileError
-        If the file cannot be read.
-    BadInputError, UnknownNameError
-        If a row cannot be used: file and line, value, what is allowed.
-    """
+    """Return the readings of a table; rows without a value are left out."""
     lines = read_text(path, 16 << 20).splitlines()
     notes = dict(_note(line) for line in lines if line.startswith("#"))
     offset = notes.get("weldcut_offset_mm")

@@ -32,21 +32,11 @@ _LADDER_LENGTH_MM, _LADDER_TAIL_MM = 40.0, 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Coupon:
-    """One coupon.
+    """One coupon."""
 
-    Parameters
-    ----------
-    name
-        What is written beside it.
-    paths
-        Its paths, label included, in process order.
-    design
-        The robot that it is, or None for a piece that is no robot.
-    """
-
-    name: str
-    paths: tuple[LaserPath, ...]
-    design: Design | None = None
+    name: str  # what is written beside it
+    paths: tuple[LaserPath, ...]  # its paths, label included, in process order
+    design: Design | None = None  # the robot that it is, or None for a piece that is no robot
 
     @property
     def box_mm(self) -> tuple[float, float, float, float]:
@@ -64,13 +54,7 @@ class Coupon:
 
 
 def coupon_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
-    """Return every coupon for a recipe but the energy matrix, each at a place of its own.
-
-    Raises
-    ------
-    BadInputError
-        If the recipe has no operation that makes a seam.
-    """
+    """Return every coupon for a recipe but the energy matrix, each at a place of its own."""
     robots = [*balloon_designs(), *crotch_designs(), *ladder_designs()]
     return (
         *(robot_piece(design, profile) for design in robots),

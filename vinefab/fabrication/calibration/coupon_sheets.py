@@ -24,20 +24,7 @@ _ORDER = tuple(Operation)
 
 
 def coupon_sheets(pieces: Sequence[Coupon], profile: LaserProfile) -> tuple[Job, ...]:
-    """Return the jobs that hold all pieces, in rows from the lower left, highest pieces first.
-
-    Parameters
-    ----------
-    pieces
-        What to lay out.
-    profile
-        Machine and recipe.
-
-    Raises
-    ------
-    BadInputError
-        If a piece is larger than the bed.
-    """
+    """Return the jobs that hold all pieces, in rows from the lower left, highest pieces first."""
     (bed_x, bed_y), margin = profile.machine.usable_mm, profile.machine.margin_mm.value
     room = min(bed_x, ROW_MM), bed_y
     sheets: list[list[Coupon]] = [[]]
@@ -104,20 +91,11 @@ _TICK_MM = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Matrix:
-    """The energy matrix of a recipe.
+    """The energy matrix of a recipe."""
 
-    Parameters
-    ----------
-    jobs
-        One per focus offset, for the lens is set by hand.
-    energies_mj_mm
-        Line energies that are drawn.
-    out_of_reach_mj_mm
-        Line energies that the machine cannot give on a line this short; not drawn.
-    """
-
-    jobs: tuple[Job, ...]
-    energies_mj_mm: tuple[float, ...]
+    jobs: tuple[Job, ...]  # one per focus offset, for the lens is set by hand
+    energies_mj_mm: tuple[float, ...]  # line energies that are drawn
+    # line energies that the machine cannot give on a line this short; not drawn
     out_of_reach_mj_mm: tuple[float, ...]
 
 
@@ -136,11 +114,6 @@ def energy_matrix(profile: LaserProfile) -> Matrix:
     The power stays at the least that the recipe's tube keeps and the speed gives the energy, so
     an energy is out of reach where the head would not come up to speed before the middle of the
     line, in which the seam is judged.
-
-    Raises
-    ------
-    BadInputError
-        If the laser makes no seam in this recipe.
     """
     operation = sealing_operation(profile)
     settings = profile.settings(operation)
@@ -154,13 +127,7 @@ def energy_matrix(profile: LaserProfile) -> Matrix:
 
 
 def sealing_operation(profile: LaserProfile) -> Operation:
-    """Return the operation by which the laser makes seams.
-
-    Raises
-    ------
-    BadInputError
-        If it makes none.
-    """
+    """Return the operation by which the laser makes seams."""
     for operation in (Operation.WELDCUT, Operation.WELD):
         found = profile.recipe.operations.get(operation)
         if found is not None and found.by_laser:

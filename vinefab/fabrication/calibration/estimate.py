@@ -15,49 +15,24 @@ _LEAST_SINGULAR = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """A fitted number.
+    """A fitted number."""
 
-    Parameters
-    ----------
-    value
-        Best value.
-    uncertainty
-        One standard deviation, in the same unit.
-    readings
-        How many readings it rests on.
-    """
-
-    value: float
-    uncertainty: float
-    readings: int
+    value: float  # best value
+    uncertainty: float  # one standard deviation, in the same unit
+    readings: int  # how many readings it rests on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Equation:
-    """One reading as an equation: the unknowns, times factors, add up to it.
+    """One reading as an equation: the unknowns, times factors, add up to it."""
 
-    Parameters
-    ----------
-    factors
-        Factor of each unknown, by name.
-    value
-        What was read.
-    sigma
-        Its standard uncertainty, or None.
-    """
-
-    factors: dict[str, float]
-    value: float
-    sigma: float | None = None
+    factors: dict[str, float]  # factor of each unknown, by name
+    value: float  # what was read
+    sigma: float | None = None  # its standard uncertainty, or None
 
 
 def mean_estimate(values: Sequence[float], sigmas: Sequence[float | None], key: str) -> Estimate:
     """Return the mean of readings of one number.
-
-    Raises
-    ------
-    BadInputError
-        If there is one reading without an uncertainty, or some have one and some have not.
 
     Examples
     --------
@@ -76,18 +51,6 @@ def solve_equations(equations: Sequence[Equation], key: str) -> dict[str, Estima
 
     Readings with stated uncertainties are weighted by them, and the result's uncertainty is never
     less than the scatter says (Birge's ratio). Readings without take theirs from the scatter.
-
-    Parameters
-    ----------
-    equations
-        The readings.
-    key
-        What they are about, for errors.
-
-    Raises
-    ------
-    BadInputError
-        If they cannot tell the unknowns apart, or say nothing of their scatter.
     """
     names = sorted({name for equation in equations for name in equation.factors})
     weights = stated_weights([e.sigma for e in equations], len(names), key)
@@ -111,14 +74,7 @@ def solve_equations(equations: Sequence[Equation], key: str) -> dict[str, Estima
 
 
 def stated_weights(sigmas: Sequence[float | None], unknowns: int, key: str) -> Floats:
-    """Return one over each reading's uncertainty, or ones where none is stated.
-
-    Raises
-    ------
-    BadInputError
-        If only some are stated, one is not above 0, or none is and too few readings are left over
-        to show their scatter.
-    """
+    """Return one over each reading's uncertainty, or ones where none is stated."""
     stated = [sigma for sigma in sigmas if sigma is not None]
     if stated and len(stated) < len(sigmas):
         words = "an uncertainty for every reading of this kind, or for none"
@@ -147,24 +103,12 @@ _LEAST_SINGULAR_OF_FIT = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GrownPath:
-    """A path along which a tube was grown, and the pressure that it took.
+    """A path along which a tube was grown, and the pressure that it took."""
 
-    Parameters
-    ----------
-    lengths_mm
-        Straight pieces, base first.
-    turns_rad
-        The turns between them.
-    pressure_kpa
-        Pressure at which it just grew at the end.
-    sigma_kpa
-        Standard uncertainty of that, or None.
-    """
-
-    lengths_mm: tuple[float, ...]
-    turns_rad: tuple[float, ...]
-    pressure_kpa: float
-    sigma_kpa: float | None = None
+    lengths_mm: tuple[float, ...]  # straight pieces, base first
+    turns_rad: tuple[float, ...]  # the turns between them
+    pressure_kpa: float  # pressure at which it just grew at the end
+    sigma_kpa: float | None = None  # standard uncertainty of that, or None
 
 
 def fit_growth(paths: Sequence[GrownPath]) -> dict[str, Estimate]:
@@ -172,16 +116,6 @@ def fit_growth(paths: Sequence[GrownPath]) -> dict[str, Estimate]:
 
     For a given mu the pressure is linear in Y, f and T; all four are fitted together, none below
     zero.
-
-    Parameters
-    ----------
-    paths
-        At least four that differ in length and in turns; five where no uncertainties are stated.
-
-    Raises
-    ------
-    BadInputError
-        If the paths cannot tell the four constants apart.
     """
     weights = stated_weights([path.sigma_kpa for path in paths], len(NAMES), "growth")
     if len(paths) < len(NAMES):

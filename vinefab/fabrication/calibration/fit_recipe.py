@@ -29,20 +29,7 @@ _SEALING = (Operation.WELDCUT, Operation.WELD)
 
 
 def fit_kerfs(results: Results, profile: LaserProfile) -> dict[str, Estimate]:
-    """Return the kerfs and seam widths that readings give, by ``OPERATION.kerf_mm`` and so on.
-
-    Parameters
-    ----------
-    results
-        The readings.
-    profile
-        The recipe that the coupons were cut with.
-
-    Raises
-    ------
-    BadInputError
-        If a reading is impossible, or the readings cannot tell kerf and seam apart.
-    """
+    """Return the kerfs and seam widths that readings give, by ``OPERATION.kerf_mm`` and so on."""
     equations = list(_equations(results, profile))
     if not equations:
         return {}
@@ -126,11 +113,6 @@ def energy_windows(results: Results, profile: LaserProfile) -> tuple[EnergyWindo
 
     They are the longest run of neighbouring lines that were right: energies between lines that
     failed are not claimed. Without such a line the window is empty, which is a result too.
-
-    Raises
-    ------
-    BadInputError
-        If a reading's setting is no line energy with a focus offset.
     """
     lines: dict[float, list[tuple[float, str]]] = {}
     for reading in results.of("matrix"):
@@ -196,35 +178,18 @@ _LARGEST_TURN_DEG = 3600.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """What coupons say of a recipe.
+    """What coupons say of a recipe."""
 
-    Parameters
-    ----------
-    numbers
-        Fitted numbers by their place in a recipe file (``weldcut.kerf_mm``,
-        ``measured.burst_kpa``, ``growth.friction``).
-    windows
-        Line energies at which the matrix came out right.
-    status
-        How far the recipe has been tried now.
-    remarks
-        What else was found, for people.
-    """
-
+    # fitted numbers by their place in a recipe file (``weldcut.kerf_mm``, ``measured.burst_kpa``,
+    # ``growth.friction``)
     numbers: Mapping[str, Estimate]
-    windows: tuple[EnergyWindow, ...]
-    status: RecipeStatus
-    remarks: tuple[str, ...]
+    windows: tuple[EnergyWindow, ...]  # line energies at which the matrix came out right
+    status: RecipeStatus  # how far the recipe has been tried now
+    remarks: tuple[str, ...]  # what else was found, for people
 
 
 def calibrate(results: Results, profile: LaserProfile) -> Calibration:
-    """Return what readings say of the recipe that the coupons were cut with.
-
-    Raises
-    ------
-    BadInputError
-        If readings are impossible, too few for what they are about, or of another recipe.
-    """
+    """Return what readings say of the recipe that the coupons were cut with."""
     name = profile.recipe.name
     if results.recipe and results.recipe != name:
         words = f"{name}, or --recipe {results.recipe}"

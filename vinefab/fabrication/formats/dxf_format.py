@@ -49,22 +49,6 @@ def dxf_text(
     Every path is one LWPOLYLINE; arcs are bulges with exactly the radius of the model. Layer and
     entity both carry the colour, since some programs read the one and some the other. There are no
     texts, splines, blocks or hatches.
-
-    Parameters
-    ----------
-    job
-        The paths, in millimetres from the sheet's lower left corner.
-    colours
-        Layers and colours.
-    polyline
-        Flatten arcs to chords at most 0.01 mm away, for programs that ignore bulges.
-    r12
-        Write release 12: POLYLINE instead of LWPOLYLINE, and no unit, for it knows none.
-
-    Returns
-    -------
-    str
-        The same bytes for the same job and the same ezdxf.
     """
     with _fixed_metadata():
         document = new(RELEASE_12) if r12 else new(VERSION, units=MILLIMETRES)
@@ -141,18 +125,7 @@ def _fixed_metadata() -> Iterator[None]:
 
 
 def read_dxf(source: Path | str) -> ReadDrawing:
-    """Return what a DXF file says.
-
-    Parameters
-    ----------
-    source
-        A path, or the text itself when it is a string.
-
-    Raises
-    ------
-    UnreadableFileError
-        If it is missing, not DXF, or holds numbers that are not finite.
-    """
+    """Return what a DXF file says."""
     name = str(source) if isinstance(source, Path) else "DXF text"
     try:
         text = source.read_text("utf-8") if isinstance(source, Path) else source

@@ -23,21 +23,11 @@ from vinefab.model.outline import Contour
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Style:
-    """How one operation is drawn.
+    """How one operation is drawn."""
 
-    Parameters
-    ----------
-    layer
-        Name of its layer.
-    rgb
-        Colour in SVG, ``#RRGGBB``.
-    aci
-        Colour in DXF: AutoCAD colour index, 1 to 255.
-    """
-
-    layer: str
-    rgb: str
-    aci: int
+    layer: str  # name of its layer
+    rgb: str  # colour in SVG, ``#RRGGBB``
+    aci: int  # colour in DXF: AutoCAD colour index, 1 to 255
 
     def __post_init__(self) -> None:
         if not 1 <= self.aci <= 255:
@@ -48,20 +38,11 @@ class Style:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Colours:
-    """A preset: one style per operation.
+    """A preset: one style per operation."""
 
-    Parameters
-    ----------
-    name
-        What machines and users call it.
-    title
-        Whom it is for, in words.
-    styles
-        Style by operation; an operation that is missing is not written.
-    """
-
-    name: str
-    title: str
+    name: str  # what machines and users call it
+    title: str  # whom it is for, in words
+    # style by operation; an operation that is missing is not written
     styles: Mapping[Operation, Style]
 
     def __post_init__(self) -> None:
@@ -131,18 +112,10 @@ PRESETS: Registry[Colours] = Registry(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StyledPath:
-    """One path with the layer and colour that it is drawn in.
+    """One path with the layer and colour that it is drawn in."""
 
-    Parameters
-    ----------
-    path
-        The path.
-    style
-        Its layer and colour.
-    """
-
-    path: LaserPath
-    style: Style
+    path: LaserPath  # the path
+    style: Style  # its layer and colour
 
 
 def styled_paths(job: Job, colours: Colours) -> tuple[StyledPath, ...]:
@@ -232,46 +205,23 @@ class Format(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DrawnPath:
-    """One path of a file.
+    """One path of a file."""
 
-    Parameters
-    ----------
-    layer
-        The layer it is on.
-    colour
-        ``#RRGGBB`` from an SVG or a LightBurn project, a colour index in digits from a DXF.
-    contour
-        Its lines and arcs, y up, in the file's unit.
-    """
-
-    layer: str
+    layer: str  # the layer it is on
+    # ``#RRGGBB`` from an SVG or a LightBurn project, a colour index in digits from a DXF
     colour: str
-    contour: Contour
+    contour: Contour  # its lines and arcs, y up, in the file's unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReadDrawing:
-    """A file as read.
+    """A file as read."""
 
-    Parameters
-    ----------
-    format
-        Which kind of file it was.
-    unit
-        ``mm``, or in words what the file says instead.
-    sheet
-        Width and height in the file's unit; None where the format has no sheet.
-    paths
-        In the order of the file.
-    layer_colours
-        Colour of each layer that has one of its own (DXF), in the form of `DrawnPath.colour`.
-    oddities
-        Whatever was found that vinefab never writes, in words.
-    """
-
-    format: Format
-    unit: str
+    format: Format  # which kind of file it was
+    unit: str  # ``mm``, or in words what the file says instead
+    # width and height in the file's unit; None where the format has no sheet
     sheet: tuple[float, float] | None
-    paths: tuple[DrawnPath, ...]
+    paths: tuple[DrawnPath, ...]  # in the order of the file
+    # colour of each layer that has one of its own (DXF), in the form of `DrawnPath.colour`
     layer_colours: dict[str, str]
-    oddities: tuple[str, ...] = ()
+    oddities: tuple[str, ...] = ()  # whatever was found that vinefab never writes, in words

@@ -45,17 +45,9 @@ def laser_files(
 
     Parameters
     ----------
-    job
-        The paths.
-    colours
-        Layers and colours.
-    hairline_mm
-        Stroke width in the SVG.
     profile
         Add a LightBurn project and material library with this recipe's settings; those have a
         layer for every operation, whatever the preset.
-    r12
-        Add a DXF of release 12, which knows no unit, for programs that read nothing newer.
     """
     files = {
         DXF_NAME: dxf_text(job, colours),
@@ -76,20 +68,7 @@ def laser_file_problems(
     colours: Colours = DEFAULT,
     profile: LaserProfile | None = None,
 ) -> dict[str, tuple[str, ...]]:
-    """Read laser files again and return, by file name, what is wrong with each.
-
-    Parameters
-    ----------
-    files
-        As `laser_files` returns them, or as found in a folder.
-    job, colours, profile
-        What they were written from.
-
-    Returns
-    -------
-    dict
-        One entry per laser file, missing ones included; empty tuples when all is right.
-    """
+    """Read laser files again and return, by file name, what is wrong with each."""
     names = [DXF_NAME, POLYLINE_NAME, SVG_NAME]
     problems = {name: _problems(name, files.get(name), job, colours) for name in names}
     if R12_NAME in files:

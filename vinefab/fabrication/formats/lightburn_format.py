@@ -43,20 +43,7 @@ _NOTES = (
 
 
 def lightburn_text(job: Job, profile: LaserProfile) -> str:
-    """Return a job as the text of a LightBurn project, to be encoded as UTF-8.
-
-    Parameters
-    ----------
-    job
-        The paths; what is only for people to read (``doc``) is left out.
-    profile
-        Whose recipe gives each layer its power, speed and passes.
-
-    Raises
-    ------
-    BadInputError
-        If the recipe lacks an operation of the job.
-    """
+    """Return a job as the text of a LightBurn project, to be encoded as UTF-8."""
     paths = project_paths(job)
     root = ET.Element(
         "LightBurnProject",
@@ -190,31 +177,16 @@ _COLOURS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Project:
-    """A LightBurn project as read.
+    """A LightBurn project as read."""
 
-    Parameters
-    ----------
-    drawing
-        Its paths; it has no sheet.
-    settings
-        Names and values of each layer's cut setting, by the layer's name, in order of priority.
-    tools
-        Layers that are never run.
-    """
-
-    drawing: ReadDrawing
+    drawing: ReadDrawing  # its paths; it has no sheet
+    # names and values of each layer's cut setting, by the layer's name, in order of priority
     settings: dict[str, dict[str, str]]
-    tools: frozenset[str]
+    tools: frozenset[str]  # layers that are never run
 
 
 def read_lightburn(text: str) -> Project:
-    """Return what a project says.
-
-    Raises
-    ------
-    UnreadableFileError
-        If it is not well formed or holds anything that vinefab does not write.
-    """
+    """Return what a project says."""
     try:
         return _project(_root(text))
     except (ET.ParseError, BadInputError, KeyError, ValueError) as error:

@@ -45,24 +45,6 @@ def drawing_differences(
     Compared are the unit, the sheet, the layers and their order, colours, and path by path:
     closed or open, number of vertices and arcs, every vertex and the middle of every segment
     against the form that the format can hold; box, area and length against the job itself.
-
-    Parameters
-    ----------
-    job
-        What was meant.
-    drawing
-        What the file says.
-    colours
-        The preset that it was written with.
-    polyline
-        Whether arcs were to be flattened.
-    tolerance_mm
-        Largest deviation of a point; by default the format's own.
-
-    Returns
-    -------
-    tuple of str
-        Empty when the file is right.
     """
     tolerance = _own_tolerance_mm(drawing) if tolerance_mm is None else tolerance_mm
     meant = styled_paths(job, colours)

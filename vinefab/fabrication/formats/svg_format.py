@@ -37,15 +37,6 @@ def svg_text(job: Job, colours: Colours = DEFAULT, *, hairline_mm: float = HAIRL
     Width and height are in millimetres with an equal view box, so that a user unit is a
     millimetre in every program; there are no transforms (y is flipped in the coordinates) and no
     path commands but M, L, A and Z.
-
-    Parameters
-    ----------
-    job
-        The paths, in millimetres from the sheet's lower left corner.
-    colours
-        Layers and colours.
-    hairline_mm
-        Stroke width; programs take a line as thin as this for a vector to be cut.
     """
     width, height = _number(job.sheet_width_mm), _number(job.sheet_height_mm)
     drawing = svgwrite.Drawing(
@@ -154,19 +145,7 @@ _ARGUMENTS = {"M": 2, "L": 2, "A": 7, "Z": 0}
 
 
 def read_svg(source: Path | str) -> ReadDrawing:
-    """Return what an SVG file says, y up again.
-
-    Parameters
-    ----------
-    source
-        A path, or the text itself when it is a string.
-
-    Raises
-    ------
-    UnreadableFileError
-        If it is missing, not well formed, declares a document type (and with it, perhaps,
-        entities that expand without end), or has paths that vinefab does not write.
-    """
+    """Return what an SVG file says, y up again."""
     name = str(source) if isinstance(source, Path) else "SVG text"
     try:
         text = source.read_text("utf-8") if isinstance(source, Path) else source
@@ -245,20 +224,7 @@ class _Pen:
 
 
 def read_commands(text: str, height_mm: float) -> Contour:
-    """Return the contour of one path's commands (absolute M, L, A and Z only), y up.
-
-    Parameters
-    ----------
-    text
-        The path's ``d``.
-    height_mm
-        The sheet's height, from which y is taken.
-
-    Raises
-    ------
-    BadInputError
-        If there is anything that vinefab does not write.
-    """
+    """Return the contour of one path's commands (absolute M, L, A and Z only), y up."""
     words = text.split()
     if words[:1] != ["M"]:
         raise BadInputError("d", text[:40], "one path that begins with M")

@@ -79,13 +79,6 @@ def text_width_mm(text: str, height_mm: float) -> float:
 def text_strokes_mm(text: str, height_mm: float) -> list[Floats]:
     """Return the strokes of one line of text that begins at the origin, each shape (k, 2).
 
-    Parameters
-    ----------
-    text
-        Letters, digits, space and ``- _ . + / : =``; anything else leaves a blank.
-    height_mm
-        Height of a capital letter.
-
     Examples
     --------
     >>> [stroke.tolist() for stroke in text_strokes_mm("l", 6.0)]
@@ -101,13 +94,6 @@ def text_strokes_mm(text: str, height_mm: float) -> list[Floats]:
 
 def lettered(text: str, corner_mm: tuple[float, float], height_mm: float) -> tuple[Contour, ...]:
     """Return a line of text as open contours, one per stroke.
-
-    Parameters
-    ----------
-    text, height_mm
-        As in `text_strokes_mm`.
-    corner_mm
-        Lower left corner of the first letter.
 
     Examples
     --------

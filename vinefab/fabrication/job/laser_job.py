@@ -28,13 +28,7 @@ MOST_BRANCHES = 5000
 
 
 def check_size(design: Design) -> None:
-    """Complain of a design with more branches than a flat robot could ever hold.
-
-    Raises
-    ------
-    BadInputError
-        If it has.
-    """
+    """Complain of a design with more branches than a flat robot could ever hold."""
     if design.branch_count > MOST_BRANCHES:
         count, allowed = design.branch_count, f"at most {MOST_BRANCHES} for checks and laser files"
         raise BadInputError(f"design {design.name}", f"{count} branches", allowed)
@@ -45,21 +39,6 @@ def laser_job(design: Design, profile: LaserProfile, sheet: SheetOptions = ONE) 
 
     A robot that does not fit the bed is placed all the same, and ``fits_bed`` in the facts says so.
     Of several robots those that find no room are left out; ``robots_placed`` counts the others.
-
-    Parameters
-    ----------
-    design
-        The design.
-    profile
-        Machine, material and recipe.
-    sheet
-        How many, and which others beside them.
-
-    Raises
-    ------
-    BadInputError
-        If the recipe lacks an operation, a design is too large for any sheet, or two different
-        designs have the same name.
     """
     for one in (design, *sheet.beside):
         check_size(one)

@@ -37,13 +37,6 @@ def fold_ticks(design: Design, reach_mm: float) -> list[Contour]:
     """Return the two ends of the line along which the tail is folded over its base.
 
     That is where the trunk begins; within the body the line is not drawn.
-
-    Parameters
-    ----------
-    design
-        The design, whose flat layout the coordinates are those of.
-    reach_mm
-        How far outside the lumen the paths of the body reach.
     """
     first = design.build.widths_mm[0] / 2.0 + reach_mm + CLEAR_MM
     ends = [[[0.0, side * first], [0.0, side * (first + TICK_MM)]] for side in (-1.0, 1.0)]
@@ -57,15 +50,7 @@ def label_lines(name: str, profile: LaserProfile, part: tuple[int, int]) -> list
 
 
 class Free:
-    """The room on a sheet that no path has taken yet.
-
-    Parameters
-    ----------
-    paths
-        What lies on the sheet.
-    within
-        The part of the sheet that marks may use.
-    """
+    """The room on a sheet that no path has taken yet."""
 
     def __init__(self, paths: Sequence[LaserPath], within: Box) -> None:
         self.within = within
@@ -103,21 +88,7 @@ class Free:
 def label_paths(
     lines: Sequence[str], free: Free, near_mm: tuple[float, float], label: str, name: str
 ) -> tuple[LaserPath, ...]:
-    """Return lines of text as strokes near a place, level or upright; none if there is no room.
-
-    Parameters
-    ----------
-    lines
-        From the top.
-    free
-        The room left; what is written is taken from it.
-    near_mm
-        Where it should be.
-    label
-        What the strokes are called.
-    name
-        The design's name.
-    """
+    """Return lines of text as strokes near a place, level or upright; none if there is no room."""
     for height in HEIGHTS_MM:
         wide = max(text_width_mm(line, height) for line in lines)
         high = height * (1.0 + _LINE * (len(lines) - 1))
@@ -174,18 +145,10 @@ def _middle(box: Box) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Marking:
-    """Marks of a sheet.
+    """Marks of a sheet."""
 
-    Parameters
-    ----------
-    paths
-        The marks.
-    left_out
-        In words, what should have been marked and was not.
-    """
-
-    paths: tuple[LaserPath, ...] = ()
-    left_out: tuple[str, ...] = ()
+    paths: tuple[LaserPath, ...] = ()  # the marks
+    left_out: tuple[str, ...] = ()  # in words, what should have been marked and was not
 
     @property
     def facts(self) -> dict[str, object]:
@@ -196,19 +159,7 @@ class Marking:
 def marks_of(
     robots: Sequence[SheetRobot], bodies: Sequence[LaserPath], profile: LaserProfile, within: Box
 ) -> Marking:
-    """Return fold lines and labels of robots, as far as there is room for them.
-
-    Parameters
-    ----------
-    robots
-        The robots; those without a place get none.
-    bodies
-        All paths that marks must stay clear of.
-    profile
-        Marks are made only where the recipe can mark.
-    within
-        The part of the sheet that marks may use.
-    """
+    """Return fold lines and labels of robots, as far as there is room for them."""
     if Operation.MARK not in profile.recipe.operations:
         return Marking()
     free = Free(bodies, within)

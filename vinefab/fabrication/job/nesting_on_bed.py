@@ -30,24 +30,12 @@ TURNS = 24
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Stamp:
-    """The cells that a robot takes in one turn.
+    """The cells that a robot takes in one turn."""
 
-    Parameters
-    ----------
-    turn_rad
-        The turn.
-    low_mm
-        Lower left corner of the turned robot's box.
-    size_mm
-        Width and height of the box.
-    cells
-        Taken cells, the box's corner ``rim`` cells from the array's corner.
-    """
-
-    turn_rad: float
-    low_mm: tuple[float, float]
-    size_mm: tuple[float, float]
-    cells: Cells
+    turn_rad: float  # the turn
+    low_mm: tuple[float, float]  # lower left corner of the turned robot's box
+    size_mm: tuple[float, float]  # width and height of the box
+    cells: Cells  # taken cells, the box's corner ``rim`` cells from the array's corner
 
 
 class _Bed:
@@ -119,17 +107,7 @@ class _Bed:
 def nest(
     robots: Sequence[tuple[Contour, ...]], room_mm: tuple[float, float], corner_mm: float
 ) -> list[BedPlacement | None]:
-    """Return where robots lie on the bed, None for those that find no room.
-
-    Parameters
-    ----------
-    robots
-        The contours of each; the first one is its outline.
-    room_mm
-        Width and height of the usable bed.
-    corner_mm
-        Where its lower left corner lies, in x and in y.
-    """
+    """Return where robots lie on the bed, None for those that find no room."""
     if len(robots) == 1:
         return [place_contours(robots[0], room_mm, corner_mm)]
     shapes = [_shape(contours) for contours in robots]

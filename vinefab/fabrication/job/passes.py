@@ -68,24 +68,12 @@ WEB_MM = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BodyPaths:
-    """The paths of one robot.
+    """The paths of one robot."""
 
-    Parameters
-    ----------
-    paths
-        In process order.
-    outline
-        The outline that forms the body, and what is wrong with it.
-    reach_mm
-        How far outside the lumen the paths reach.
-    facts
-        Offsets that were applied.
-    """
-
-    paths: tuple[LaserPath, ...]
-    outline: BodyOutline
-    reach_mm: float
-    facts: dict[str, object]
+    paths: tuple[LaserPath, ...]  # in process order
+    outline: BodyOutline  # the outline that forms the body, and what is wrong with it
+    reach_mm: float  # how far outside the lumen the paths reach
+    facts: dict[str, object]  # offsets that were applied
 
 
 def weldcut_offset_mm(profile: LaserProfile) -> float:
@@ -116,20 +104,7 @@ def in_one_pass(profile: LaserProfile) -> bool:
 
 
 def body_paths(design: Design, profile: LaserProfile, *, apart: bool = False) -> BodyPaths:
-    """Return the paths of one robot.
-
-    Parameters
-    ----------
-    design, profile
-        What is made, and with what.
-    apart
-        Weld and cut apart even if the recipe can do both at once.
-
-    Raises
-    ------
-    BadInputError
-        If the recipe lacks an operation.
-    """
+    """Return the paths of one robot."""
     if apart or not in_one_pass(profile):
         return _apart(design, profile)
     return _one_pass(design, profile)
@@ -189,15 +164,7 @@ def _apart(design: Design, profile: LaserProfile) -> BodyPaths:
 
 
 def mouth_cut(outline: Contour, overcut_mm: float) -> Contour:
-    """Return the straight cut across the mouth of an open outline.
-
-    Parameters
-    ----------
-    outline
-        Open; its two ends are the mouth's corners.
-    overcut_mm
-        How far the cut runs past each of them.
-    """
+    """Return the straight cut across the mouth of an open outline."""
     first, last = outline.points_mm[-1], outline.points_mm[0]
     along = (last - first) / math.dist(first, last)
     return Contour(
@@ -215,13 +182,6 @@ def closed_cut(outline: Contour, overcut_mm: float) -> Contour:
     It begins in the middle of the longest straight of the tail, away from crotches and tips (of
     the mouth, where nothing else is straight), and runs past its start by the overcut: a path
     without ends would leave a bridge where the laser turns on and off.
-
-    Parameters
-    ----------
-    outline
-        Open; its two ends are the mouth's corners.
-    overcut_mm
-        How far to run past the start.
     """
     segments = list(outline.segments)
     mouth = Segment(

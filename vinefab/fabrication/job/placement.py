@@ -59,26 +59,17 @@ MOST_TRIES = 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BedPlacement:
-    """Where contours lie on the bed.
+    """Where contours lie on the bed."""
 
-    Parameters
-    ----------
-    angle_rad
-        Turn about the origin, counter-clockwise, within -pi/2 to pi/2; applied before the shift.
-    dx_mm, dy_mm
-        Shift.
-    width_mm, height_mm
-        Size of the box around everything, after the turn.
-    fits
-        Whether the box fits inside the room allowed.
-    """
-
+    # turn about the origin, counter-clockwise, within -pi/2 to pi/2; applied before the shift
     angle_rad: float
+    # dx_mm, dy_mm: shift
     dx_mm: float
     dy_mm: float
+    # width_mm, height_mm: size of the box around everything, after the turn
     width_mm: float
     height_mm: float
-    fits: bool
+    fits: bool  # whether the box fits inside the room allowed
 
     def moved(self, contour: Contour) -> Contour:
         """Return a contour where it lies on the bed."""
@@ -99,17 +90,7 @@ def box_around_mm(contours: Iterable[Contour]) -> tuple[float, float, float, flo
 def place_contours(
     contours: Sequence[Contour], room_mm: tuple[float, float], corner_mm: float
 ) -> BedPlacement:
-    """Return the smallest turn that fits contours into a room, or else the one that fits best.
-
-    Parameters
-    ----------
-    contours
-        What is to lie on the bed, together.
-    room_mm
-        Width and height of the usable bed.
-    corner_mm
-        Where the lower left corner of everything comes to lie, in x and in y.
-    """
+    """Return the smallest turn that fits contours into a room, or else the one that fits best."""
     hull = _hull_mm(np.concatenate([contour.flattened_mm() for contour in contours]))
     steps, flush = _steps_rad(), _flush_rad(hull)
     turns = np.concatenate([steps, flush])
@@ -174,23 +155,12 @@ def _excess_mm(hull_mm: Floats, turns_rad: Floats, room_mm: tuple[float, float])
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SheetRobot:
-    """One robot on a sheet.
+    """One robot on a sheet."""
 
-    Parameters
-    ----------
-    design
-        What it is.
-    body
-        Its paths in the flat layout.
-    placement
-        Where it lies, or None where there was no room for it.
-    number, count
-        Which of how many robots that found room; the label beside it says so too.
-    """
-
-    design: Design
-    body: BodyPaths
-    placement: BedPlacement | None
+    design: Design  # what it is
+    body: BodyPaths  # its paths in the flat layout
+    placement: BedPlacement | None  # where it lies, or None where there was no room for it
+    # number, count: which of how many robots that found room; the label beside it says so too
     number: int = 1
     count: int = 1
 

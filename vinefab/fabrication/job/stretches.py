@@ -29,24 +29,12 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BranchAxes:
-    """The axes of the branches on the sheet; the trunk's begins at the mouth.
+    """The axes of the branches on the sheet; the trunk's begins at the mouth."""
 
-    Parameters
-    ----------
-    names
-        Ids of the branches.
-    parent
-        Index of each branch's parent, -1 for the trunk.
-    start_mm
-        Where each axis begins, shape (n, 2).
-    along
-        Unit vectors, shape (n, 2).
-    """
-
-    names: tuple[str, ...]
-    parent: tuple[int, ...]
-    start_mm: Floats
-    along: Floats
+    names: tuple[str, ...]  # ids of the branches
+    parent: tuple[int, ...]  # index of each branch's parent, -1 for the trunk
+    start_mm: Floats  # where each axis begins, shape (n, 2)
+    along: Floats  # unit vectors, shape (n, 2)
 
     def station_mm(self, branch: int, point_mm: Sequence[float]) -> float:
         """Return how far along a branch's axis a point is."""
@@ -60,21 +48,11 @@ class BranchAxes:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stretch:
-    """Part of a segment of a path, in one piece of one branch.
+    """Part of a segment of a path, in one piece of one branch."""
 
-    Parameters
-    ----------
-    segment
-        That part.
-    origin
-        Which segment of the path it is of.
-    piece
-        Branch, and which of its pieces counted from its base.
-    """
-
-    segment: Segment
-    origin: int
-    piece: tuple[int, int]
+    segment: Segment  # that part
+    origin: int  # which segment of the path it is of
+    piece: tuple[int, int]  # branch, and which of its pieces counted from its base
 
 
 def stations_mm(axes: BranchAxes, contours: Sequence[Contour]) -> list[list[float]]:

@@ -32,37 +32,17 @@ _TURNS_RAD = (0.0, math.pi / 2, math.pi / 4, -math.pi / 4)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tiled:
-    """A robot in tiles.
+    """A robot in tiles."""
 
-    Parameters
-    ----------
-    placement
-        Where the whole lies.
-    tiles
-        The tiles, in the same coordinates.
-    film_mm
-        Lower left corner of the film, in the same coordinates.
-    """
-
-    placement: BedPlacement
-    tiles: tuple[FilmTile, ...]
-    film_mm: Point = (0.0, 0.0)
+    placement: BedPlacement  # where the whole lies
+    tiles: tuple[FilmTile, ...]  # the tiles, in the same coordinates
+    film_mm: Point = (0.0, 0.0)  # lower left corner of the film, in the same coordinates
 
 
 def tiled(
     design: Design, body: BodyPaths, profile: LaserProfile, *, pass_through: bool = False
 ) -> Tiled | str:
-    """Return a robot in as few tiles as a turn of it allows, or why it cannot be tiled.
-
-    Parameters
-    ----------
-    design, body
-        The robot and its paths in the flat layout.
-    profile
-        Its machine has the bed.
-    pass_through
-        Whether the film is fed along the bed's width.
-    """
+    """Return a robot in as few tiles as a turn of it allows, or why it cannot be tiled."""
     room, margin = profile.machine.usable_mm, profile.machine.margin_mm.value
     contours = [path.contour for path in body.paths]
     best = place_contours(contours, (1e9, room[1]) if pass_through else room, margin)
@@ -105,21 +85,7 @@ def tile_jobs(
     marks: Sequence[LaserPath],
     facts: dict[str, object],
 ) -> tuple[Job, ...]:
-    """Return one job per tile, in the order in which they are cut.
-
-    Parameters
-    ----------
-    name
-        The design's name.
-    profile
-        Its machine has the bed.
-    parted
-        The tiles.
-    marks
-        Fold line and label, made with the first tile.
-    facts
-        What holds for all of them.
-    """
+    """Return one job per tile, in the order in which they are cut."""
     machine, tiles, jobs = profile.machine, parted.tiles, []
     corner = machine.margin_mm.value
     for number, tile in enumerate(tiles, start=1):

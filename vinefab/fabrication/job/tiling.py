@@ -51,29 +51,16 @@ Piece = tuple[int, int]
 
 @dataclass(slots=True)
 class FilmTile:
-    """One window onto the film.
+    """One window onto the film."""
 
-    Parameters
-    ----------
-    pieces
-        What of the robot belongs to it.
-    box_mm
-        Box around its paths.
-    paths
-        Its paths, in the coordinates of the whole robot.
-    low_mm
-        Lower left corner of its window.
-    after
-        Number of an earlier tile that it is aligned to; None for the first.
-    found_mm, made_mm
-        Middles of the targets that it is aligned to, and of those that it makes for later tiles.
-    """
-
-    pieces: set[Piece]
-    box_mm: Box
+    pieces: set[Piece]  # what of the robot belongs to it
+    box_mm: Box  # box around its paths
+    # its paths, in the coordinates of the whole robot
     paths: list[LaserPath] = field(default_factory=list)
-    low_mm: Point = (0.0, 0.0)
-    after: int | None = None
+    low_mm: Point = (0.0, 0.0)  # lower left corner of its window
+    after: int | None = None  # number of an earlier tile that it is aligned to; None for the first
+    # found_mm, made_mm: middles of the targets that it is aligned to, and of those that it makes
+    # for later tiles
     found_mm: list[Point] = field(default_factory=list)
     made_mm: list[Point] = field(default_factory=list)
 
@@ -88,22 +75,6 @@ def film_tiles(
     """Return the tiles of a robot, in the order in which they are cut, the mouth's first.
 
     They have no targets yet: see `register`.
-
-    Parameters
-    ----------
-    axes
-        Axes of the branches.
-    paths
-        Paths around the robot, in the same coordinates.
-    room_mm
-        Width and height of the usable bed.
-    pass_through
-        Whether the film is fed along the bed's width: then all windows have the same height.
-
-    Raises
-    ------
-    NoTilesError
-        If some part has no place to be parted, or there are very many.
     """
     contours = [path.contour for path in paths]
     _refuse_many(_least_tiles(contours, room_mm, pass_through=pass_through))
@@ -303,22 +274,7 @@ def _place_windows(
 
 
 def register(tiles: Sequence[FilmTile], room_mm: Point, contours: Sequence[Contour]) -> None:
-    """Find two targets for each tile after the first that an earlier tile can make.
-
-    Parameters
-    ----------
-    tiles
-        From `tiles_of`; their targets are set.
-    room_mm
-        Width and height of the usable bed.
-    contours
-        All paths of the robot, which targets stay clear of.
-
-    Raises
-    ------
-    NoTilesError
-        If two tiles have no room for shared targets.
-    """
+    """Find two targets for each tile after the first that an earlier tile can make."""
     taken = shapely.union_all([region(contour) for contour in contours])
     robot = reduce(_around, (contour.box_mm for contour in contours))
     for row, tile in enumerate(tiles):

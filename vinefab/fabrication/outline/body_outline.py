@@ -25,19 +25,12 @@ from vinefab.model.outline import Contour, Part
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BodyOutline:
-    """The outline of a design.
+    """The outline of a design."""
 
-    Parameters
-    ----------
-    contour
-        Open, from the mouth's right corner counter-clockwise around the body to its left corner.
-        Where there are problems it is a sketch for a picture, not a shape to cut.
-    problems
-        Why the contour is not exact; empty if it is.
-    """
-
+    # open, from the mouth's right corner counter-clockwise around the body to its left corner.
+    # Where there are problems it is a sketch for a picture, not a shape to cut.
     contour: Contour
-    problems: tuple[OutlineProblem, ...]
+    problems: tuple[OutlineProblem, ...]  # why the contour is not exact; empty if it is
 
 
 def body_outline(design: Design, offset_mm: float = 0.0) -> BodyOutline:
@@ -45,8 +38,6 @@ def body_outline(design: Design, offset_mm: float = 0.0) -> BodyOutline:
 
     Parameters
     ----------
-    design
-        The design.
     offset_mm
         How far outside the lumen's edge the outline runs: half widths and convex radii grow by
         it, fillet radii shrink by it. The mouth stays at the tail's end.

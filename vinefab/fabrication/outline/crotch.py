@@ -20,48 +20,24 @@ class Strip:
     A tapered branch is the hull of two discs: its sides touch the disc at the joint and lean
     against its axis. Seen from the joint, such a side is the side of an even strip of the disc's
     half width whose axis leans as the side does.
-
-    Parameters
-    ----------
-    angle_rad
-        Direction of the side away from the joint, relative to the parent's heading.
-    half_mm
-        Its distance from the joint.
-    length_mm
-        Its planned length.
-    owner
-        0 for the parent, 1, 2, ... for the children.
     """
 
-    angle_rad: float
-    half_mm: float
-    length_mm: float
-    owner: int
+    angle_rad: float  # direction of the side away from the joint, relative to the parent's heading
+    half_mm: float  # its distance from the joint
+    length_mm: float  # its planned length
+    owner: int  # 0 for the parent, 1, 2, ... for the children.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointBranch:
-    """One branch as its joint sees it.
+    """One branch as its joint sees it."""
 
-    Parameters
-    ----------
-    angle_rad
-        Direction of its axis away from the joint, relative to the parent's heading.
-    half_mm
-        Half its width at the joint.
-    length_mm
-        Its planned length.
-    owner
-        0 for the parent, 1, 2, ... for the children.
-    narrowing_rad
-        Angle by which its sides lean towards its axis, away from the joint; negative for a
-        parent that is narrower here than at its base.
-    """
-
-    angle_rad: float
-    half_mm: float
-    length_mm: float
-    owner: int
+    angle_rad: float  # direction of its axis away from the joint, relative to the parent's heading
+    half_mm: float  # half its width at the joint
+    length_mm: float  # its planned length
+    owner: int  # 0 for the parent, 1, 2, ... for the children.
+    # angle by which its sides lean towards its axis, away from the joint; negative for a parent
+    # that is narrower here than at its base
     narrowing_rad: float = 0.0
 
     def side(self, side: int) -> Strip:
@@ -87,32 +63,19 @@ def taper_rad(base_half_mm: float, end_half_mm: float, length_mm: float) -> floa
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gap:
-    """What the walk does between two neighbours.
+    """What the walk does between two neighbours."""
 
-    Parameters
-    ----------
-    first, second
-        The neighbours.
-    run
-        Pieces in the joint's frame.
-    first_used_mm, second_used_mm
-        How far from the joint each one's straight side begins.
-    radius_mm
-        Fillet radius drawn.
-    reach_mm
-        Distance from the joint to the nearest point of the outline in the gap.
-    error_mm
-        How far the pieces are from the exact shape: not 0 only where an arc too short to draw
-        became a corner.
-    """
-
+    # first, second: the neighbours
     first: Strip
     second: Strip
-    run: StrokeRun
+    run: StrokeRun  # pieces in the joint's frame
+    # first_used_mm, second_used_mm: how far from the joint each one's straight side begins
     first_used_mm: float
     second_used_mm: float
-    radius_mm: float
-    reach_mm: float
+    radius_mm: float  # fillet radius drawn
+    reach_mm: float  # distance from the joint to the nearest point of the outline in the gap
+    # how far the pieces are from the exact shape: not 0 only where an arc too short to draw became
+    # a corner
     error_mm: float = 0.0
 
     @property
@@ -122,15 +85,7 @@ class Gap:
 
 
 def crotch_reach_mm(angle_rad: float, first_half_mm: float, second_half_mm: float) -> float:
-    """Return how far from the joint the lines of two sides cross; infinite if they never do.
-
-    Parameters
-    ----------
-    angle_rad
-        Angle between the strips, 0 to pi.
-    first_half_mm, second_half_mm
-        Their half widths.
-    """
+    """Return how far from the joint the lines of two sides cross; infinite if they never do."""
     sin, cos = math.sin(angle_rad), math.cos(angle_rad)
     if sin < 1e-9:
         return math.inf
@@ -142,16 +97,6 @@ def largest_fillet_mm(angle_rad: float, halves_mm: Point, reach_mm: float) -> fl
     """Return the radius whose fillet comes to ``reach_mm`` from the joint, negative if none does.
 
     For strips of one width w this is (reach sin(a/2) - w/2) / (1 - sin(a/2)).
-
-    Parameters
-    ----------
-    angle_rad
-        Angle between the strips.
-    halves_mm
-        Their half widths.
-    reach_mm
-        Distance from the joint to the nearest point of the fillet, at least the larger half
-        width.
     """
     sin, cos = math.sin(angle_rad), math.cos(angle_rad)
     if angle_rad >= math.pi - 1e-6:

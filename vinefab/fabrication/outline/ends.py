@@ -29,39 +29,20 @@ from vinefab.model.outline import Part
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tail:
-    """The right side of a tail.
+    """The right side of a tail."""
 
-    Parameters
-    ----------
-    start_mm
-        Right corner of the mouth.
-    pieces
-        From the mouth to where the tail is as wide as the trunk; none without a collar.
-    even_mm
-        Where that is, along x; not after the trunk's base unless the collar is too long.
-    base_mm
-        Where the trunk's base ends the tail's side.
-    bend
-        From there to where a tapered trunk's side begins; none for an even trunk.
-    """
-
-    start_mm: Point
+    start_mm: Point  # right corner of the mouth
+    # from the mouth to where the tail is as wide as the trunk; none without a collar
     pieces: tuple[StrokeSegment, ...]
+    # where that is, along x; not after the trunk's base unless the collar is too long
     even_mm: float
-    base_mm: Point
+    base_mm: Point  # where the trunk's base ends the tail's side
+    # from there to where a tapered trunk's side begins; none for an even trunk
     bend: tuple[StrokeSegment, ...] = ()
 
 
 def tail_of(design: Design, offset_mm: float) -> Tail:
-    """Return the tail of a design.
-
-    Parameters
-    ----------
-    design
-        The design.
-    offset_mm
-        How far outside the lumen's edge the outline runs; the mouth stays where it is.
-    """
+    """Return the tail of a design."""
     mouth, half = -design.build.tail_mm, design.build.widths_mm[0] / 2 + offset_mm
     base, bend = _bend(half, level_tapers_rad(design, 1)[0])
     collar = design.build.collar
@@ -95,15 +76,6 @@ def _transition(collar: Collar, start_and_rise_mm: Point, offset_mm: float) -> l
 
     Arcs of one radius r that both turn by t rise 2 r (1 - cos t) over 2 r sin t. An offset keeps
     centres and turns, makes the one that bulges outward larger and the other one smaller.
-
-    Parameters
-    ----------
-    collar
-        The collar.
-    start_and_rise_mm
-        Where they begin along x; by how much the right side rises towards the axis.
-    offset_mm
-        As in `tail_of`.
     """
     start, rise = start_and_rise_mm
     if abs(rise) < 1e-9:
@@ -124,21 +96,11 @@ def _transition(collar: Collar, start_and_rise_mm: Point, offset_mm: float) -> l
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leaf:
-    """The end of a leaf, as its pouch sees it.
+    """The end of a leaf, as its pouch sees it."""
 
-    Parameters
-    ----------
-    half_mm
-        Distance of its sides from its end.
-    lean_rad
-        Angle by which they lean towards its axis.
-    fillet_mm
-        Fillet radius of the neck.
-    """
-
-    half_mm: float
-    lean_rad: float
-    fillet_mm: float
+    half_mm: float  # distance of its sides from its end
+    lean_rad: float  # angle by which they lean towards its axis
+    fillet_mm: float  # fillet radius of the neck
 
     @property
     def rise(self) -> float:
@@ -155,32 +117,14 @@ class Leaf:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TipStroke:
-    """What the walk does at the end of a leaf.
+    """What the walk does at the end of a leaf."""
 
-    Parameters
-    ----------
-    run
-        From the branch's right side to its left side.
-    used_mm
-        How far before the end of the branch its straight sides stop.
-    """
-
-    run: StrokeRun
-    used_mm: float
+    run: StrokeRun  # from the branch's right side to its left side
+    used_mm: float  # how far before the end of the branch its straight sides stop
 
 
 def tip_of(design: Design, offset_mm: float, lean_rad: float = 0.0) -> TipStroke:
-    """Return the far end of a leaf of a design.
-
-    Parameters
-    ----------
-    design
-        The design.
-    offset_mm
-        How far outside the lumen's edge the outline runs.
-    lean_rad
-        Angle by which the leaf's sides lean towards its axis.
-    """
+    """Return the far end of a leaf of a design."""
     half, pouch = design.build.end_widths_mm[-1] / 2, design.build.pouch
     # A pouch no wider than its branch is a named problem; the bare tip is what can be drawn.
     if pouch is None or pouch.flat_width_mm <= 2.0 * half:
@@ -205,17 +149,7 @@ def round_tip(half_mm: float, lean_rad: float = 0.0) -> TipStroke:
 
 
 def pouch_tip(pouch: Pouch, leaf: Leaf, offset_mm: float) -> TipStroke:
-    """Return a pouch on the end of a branch.
-
-    Parameters
-    ----------
-    pouch
-        Its flat size, wider than the branch.
-    leaf
-        The branch's end.
-    offset_mm
-        How far outside the lumen's edge the outline runs.
-    """
+    """Return a pouch on the end of a branch."""
     if pouch.shape == "round":
         return _round_pouch((pouch.radius_mm or 0.0) + offset_mm, leaf, offset_mm)
     return _rectangle(pouch, leaf, offset_mm)
@@ -257,13 +191,6 @@ def corner_radii_mm(pouch: Pouch, leaf: Leaf) -> Point:
     The shoulder between branch and pouch is shared: the neck gets its designed radius but at most
     half the shoulder, the corner the same radius as long as a quarter of the pouch's length and
     the rest of the shoulder allow.
-
-    Parameters
-    ----------
-    pouch
-        A rectangular pouch.
-    leaf
-        The branch's end, with the designed radius of the neck.
     """
     length, width = pouch.length_mm or 0.0, pouch.width_mm or 0.0
     shoulder = width / 2 - leaf.half_at_mm(-length / 2)
@@ -279,13 +206,7 @@ def corner_radii_mm(pouch: Pouch, leaf: Leaf) -> Point:
 
 
 def least_convex_radius_mm(design: Design) -> float:
-    """Return the smallest convex radius at the lumen's tips: of the pouches, or else of the tips.
-
-    Parameters
-    ----------
-    design
-        The design.
-    """
+    """Return the smallest convex radius at the lumen's tips: of pouches, else of the tips."""
     half, pouch = design.build.end_widths_mm[-1] / 2, design.build.pouch
     if pouch is None:
         return half
@@ -315,15 +236,7 @@ def _rectangle(pouch: Pouch, leaf: Leaf, offset_mm: float) -> TipStroke:
 
 
 def _shoulder(leaf: Leaf, axis: Point, radius_mm: float) -> tuple[list[StrokeSegment], Point]:
-    """Return the way from the branch's side round the back corner, and where it starts.
-
-    Parameters
-    ----------
-    leaf
-        The branch's end, as wide and with a fillet as large as drawn.
-    axis, radius_mm
-        Centre and radius of the back corner's arc.
-    """
+    """Return the way from the branch's side round the back corner, and where it starts."""
     back, lean, fillet = axis[0] - radius_mm, leaf.lean_rad, leaf.fillet_mm
     ball = back - fillet, -leaf.half_at_mm(back) - leaf.rise * fillet
     if axis[1] - ball[1] > 1e-9:

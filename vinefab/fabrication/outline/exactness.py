@@ -59,55 +59,30 @@ class ProblemKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutlineProblem:
-    """One reason why an outline is not exact.
+    """One reason why an outline is not exact."""
 
-    Parameters
-    ----------
-    kind
-        What is wrong.
-    branches
-        Ids of the branches concerned, at the first place where it happens.
-    x_mm, y_mm
-        That place in the flat layout.
-    count
-        At how many places it happens: all joints of a level are alike.
-    measured_mm, limit_mm
-        The length found and the length allowed.
-    words
-        One sentence that says what is wrong and what would mend it.
-    """
-
-    kind: ProblemKind
-    branches: tuple[str, ...]
+    kind: ProblemKind  # what is wrong
+    branches: tuple[str, ...]  # ids of the branches concerned, at the first place where it happens
+    # x_mm, y_mm: that place in the flat layout
     x_mm: float
     y_mm: float
-    count: int = 1
+    count: int = 1  # at how many places it happens: all joints of a level are alike
+    # measured_mm, limit_mm: the length found and the length allowed
     measured_mm: float
     limit_mm: float
-    words: str
+    words: str  # one sentence that says what is wrong and what would mend it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pattern:
-    """The pieces that a walk around a design is made of.
+    """The pieces that a walk around a design is made of."""
 
-    Parameters
-    ----------
-    offset_mm
-        How far outside the lumen's edge they run.
-    tail
-        From the mouth to the trunk's base.
-    joints
-        For each level that sprouts, trunk first: one kind of joint, or where the level tapers
-        one for each child of a fan.
-    tips
-        The far end of every leaf: one, or one for each child of a fan.
-    """
-
-    offset_mm: float
-    tail: Tail
+    offset_mm: float  # how far outside the lumen's edge they run
+    tail: Tail  # from the mouth to the trunk's base
+    # for each level that sprouts, trunk first: one kind of joint, or where the level tapers one for
+    # each child of a fan
     joints: tuple[tuple[Joint, ...], ...]
-    tips: tuple[TipStroke, ...]
+    tips: tuple[TipStroke, ...]  # the far end of every leaf: one, or one for each child of a fan
 
     def joint(self, level: int, sibling: int) -> Joint:
         """Return the joint at the end of a branch."""
@@ -174,19 +149,7 @@ class _Places:
     def problem(
         self, kind: ProblemKind, level: int, branches: tuple[str, ...], found: tuple[float, float]
     ) -> OutlineProblem:
-        """Return a problem that occurs at the end of every branch of one level.
-
-        Parameters
-        ----------
-        kind
-            What is wrong.
-        level
-            Level of the branches at whose ends it happens.
-        branches
-            Ids concerned at the first of them.
-        found
-            Measured and allowed length, in mm.
-        """
+        """Return a problem that occurs at the end of every branch of one level."""
         count = int(np.count_nonzero(self.layout.tree.level == level))
         x, y = self.layout.end_mm[self.first[level]].tolist()
         words = _WORDS[kind].format(names=" and ".join(branches), found=found[0], limit=found[1])
@@ -241,15 +204,7 @@ _WORDS = {
 def pattern_problems(
     design: Design, layout: FlatLayout, pattern: Pattern
 ) -> tuple[OutlineProblem, ...]:
-    """Return why the pieces of an outline do not fit together, in the order of the levels.
-
-    Parameters
-    ----------
-    design, layout
-        The design and its flat layout.
-    pattern
-        The pieces, at the offset in question.
-    """
+    """Return why the pieces of an outline do not fit together, in the order of the levels."""
     places = _Places(layout)
     found = [*_widths(design, places, pattern.offset_mm)]
     for kinds in pattern.joints:
@@ -263,15 +218,7 @@ def pattern_problems(
 def drawing_problems(
     layout: FlatLayout, pattern: Pattern, contour: Contour
 ) -> tuple[OutlineProblem, ...]:
-    """Return a problem for the shortest segment of a contour, if it is too short to draw.
-
-    Parameters
-    ----------
-    layout, pattern
-        Layout and pieces that the contour was drawn from.
-    contour
-        The finished contour.
-    """
+    """Return a problem for the shortest segment of a contour, if it is too short to draw."""
     shortest = min(contour.segments, key=lambda segment: segment.length_mm)
     # The mouth's width, the tip's arcs: anything here comes from a design of microscopic size.
     if shortest.length_mm >= LEAST_SEGMENT_MM * (1.0 - 1e-6) and pattern.tail.start_mm[1] < 0.0:

@@ -30,21 +30,11 @@ from vinefab.model.outline import Part
 
 @dataclass(frozen=True, slots=True)
 class Neck:
-    """Where a straight side meets a disc that bulges out of it.
+    """Where a straight side meets a disc that bulges out of it."""
 
-    Parameters
-    ----------
-    used_mm
-        Distance along the side from the disc's centre to where the side ends.
-    angle_rad
-        Angle, from the strip's axis, at which the disc begins.
-    radius_mm
-        Fillet radius, 0 for a bare corner or where side and disc are tangent.
-    """
-
-    used_mm: float
-    angle_rad: float
-    radius_mm: float
+    used_mm: float  # distance along the side from the disc's centre to where the side ends
+    angle_rad: float  # angle, from the strip's axis, at which the disc begins
+    radius_mm: float  # fillet radius, 0 for a bare corner or where side and disc are tangent
 
     @property
     def turn_rad(self) -> float:
@@ -72,18 +62,10 @@ DISC = 0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Core:
-    """A parent with a rounded end.
+    """A parent with a rounded end."""
 
-    Parameters
-    ----------
-    radius_mm
-        Radius of its end.
-    tilt_rad
-        Angle by which its sides lean towards its axis, along its heading.
-    """
-
-    radius_mm: float
-    tilt_rad: float = 0.0
+    radius_mm: float  # radius of its end
+    tilt_rad: float = 0.0  # angle by which its sides lean towards its axis, along its heading
 
     @property
     def side_rad(self) -> float:
@@ -102,43 +84,21 @@ class Core:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contact:
-    """Where a ball that rolls down one side of a child rests on the core.
+    """Where a ball that rolls down one side of a child rests on the core."""
 
-    Parameters
-    ----------
-    side
-        `LEFT` or `RIGHT` side of the child.
-    used_mm
-        How far from the joint, along the child, the child's straight side ends.
-    side_mm
-        The end of the child's straight side.
-    core_mm
-        The point of the core that the ball touches.
-    zone
-        What of the core that is: `LEFT` or `RIGHT` side of the parent, or `DISC`.
-    normal_rad
-        Direction out of the core at that point.
-    radius_mm
-        The ball's radius, 0 for a bare corner.
-    turn_rad
-        Angle that the walk turns clockwise around the ball, not negative.
-    along_mm
-        How far ahead of where the parent's side touches the disc the point is, along that side;
-        0 on the disc.
-    position_mm
-        How far around the core the point is: 0 where its right side touches the disc, rising
-        counter-clockwise.
-    """
-
-    side: int
-    used_mm: float
-    side_mm: Point
-    core_mm: Point
-    zone: int
-    normal_rad: float
-    radius_mm: float
-    turn_rad: float
+    side: int  # `LEFT` or `RIGHT` side of the child
+    used_mm: float  # how far from the joint, along the child, the child's straight side ends
+    side_mm: Point  # the end of the child's straight side
+    core_mm: Point  # the point of the core that the ball touches
+    zone: int  # what of the core that is: `LEFT` or `RIGHT` side of the parent, or `DISC`
+    normal_rad: float  # direction out of the core at that point
+    radius_mm: float  # the ball's radius, 0 for a bare corner
+    turn_rad: float  # angle that the walk turns clockwise around the ball, not negative
+    # how far ahead of where the parent's side touches the disc the point is, along that side; 0 on
+    # the disc
     along_mm: float
+    # how far around the core the point is: 0 where its right side touches the disc, rising counter-
+    # clockwise
     position_mm: float
 
     @property
@@ -154,12 +114,6 @@ def contact(
 
     Parameters
     ----------
-    strip, side
-        The child, and which of its sides.
-    core
-        The parent.
-    radius_mm
-        The ball's radius.
     tolerance_mm
         Where the disc ends and the parent's side begins, a ball that would touch the disc less
         than this ahead of it counts as touching the side.
@@ -238,16 +192,6 @@ def solve_gap(first: Strip, second: Strip, core: Core, fillet_mm: float) -> Gap:
     Between two fillets the core shows for at least the shortest segment, or not at all. Where it
     would show for less, one ball that rests on both sides presses into it: no radius is bent to
     make it fit, and the gap says how far off that is.
-
-    Parameters
-    ----------
-    first, second
-        Left side of one neighbour, right side of the next one counter-clockwise; the parent comes
-        first or last.
-    core
-        The parent with the joint's disc, which is at least as wide as any child.
-    fillet_mm
-        Fillet radius.
     """
     given = _Given(core=core, fillet_mm=fillet_mm)
     one, two = _contacts(first, second, given)

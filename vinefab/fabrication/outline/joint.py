@@ -24,28 +24,16 @@ from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joint:
-    """What the walk does at every joint of one level.
+    """What the walk does at every joint of one level."""
 
-    Parameters
-    ----------
-    level
-        Level of the parents, 1 for the trunk.
-    disc_mm
-        Radius of the joint's disc on the lumen.
-    gaps
-        From the parent's right side to the first child, between children, and from the last child
-        to the parent's left side.
-    fillet_mm
-        Designed fillet radius.
-    allowed_mm
-        The largest radius that the angle allows in each gap, negative if the neighbours part too
-        late for any.
-    """
-
-    level: int
-    disc_mm: float
+    level: int  # level of the parents, 1 for the trunk
+    disc_mm: float  # radius of the joint's disc on the lumen
+    # from the parent's right side to the first child, between children, and from the last child to
+    # the parent's left side
     gaps: tuple[Gap, ...]
-    fillet_mm: float
+    fillet_mm: float  # designed fillet radius
+    # the largest radius that the angle allows in each gap, negative if the neighbours part too late
+    # for any
     allowed_mm: tuple[float, ...]
 
 
@@ -53,17 +41,6 @@ def joint_of(design: Design, level: int, offset_mm: float, sibling: int = 0) -> 
     """Return the joint at the ends of the branches of one level.
 
     Fillet radii are capped on the lumen itself, so that every offset has the same fillet centres.
-
-    Parameters
-    ----------
-    design
-        The design.
-    level
-        Level of the parents, 1 for the trunk.
-    offset_mm
-        How far outside the lumen's edge the outline runs.
-    sibling
-        Which child of its fan the parent is; it matters only where the level tapers.
     """
     around = _around(design, level, sibling)
     # The joint's disc is the parent's; a child that is wider is a problem of its own, and the
@@ -101,15 +78,7 @@ def allowed_reach_mm(first: Strip, second: Strip, disc_mm: float) -> float:
 
 
 def level_tapers_rad(design: Design, level: int) -> tuple[float, ...]:
-    """Return by how much the sides of a level's branches lean, one per child of a fan.
-
-    Parameters
-    ----------
-    design
-        The design.
-    level
-        1 for the trunk, which tapers from its base on; the tail is even.
-    """
+    """Return by how much the sides of a level's branches lean, one per child of a fan."""
     base, end = design.build.widths_mm[level - 1] / 2, design.build.end_widths_mm[level - 1] / 2
     return tuple(taper_rad(base, end, length) for length in level_lengths_mm(design, level))
 

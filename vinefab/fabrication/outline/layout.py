@@ -15,35 +15,21 @@ class FlatLayout:
     """Every branch of a design as it lies on the sheet, n of them.
 
     The trunk's base is the origin, the trunk points along +x and the tail along -x.
-
-    Parameters
-    ----------
-    tree
-        The planned branches.
-    start_mm, end_mm
-        Joint where each branch begins and joint or tip where it ends, shape (n, 2).
-    heading_rad
-        Direction of each branch, counter-clockwise from +x, shape (n,).
-    width_mm, end_width_mm
-        Lay-flat lumen width where each branch begins and where it ends, shape (n,).
-    fillet_mm
-        Designed fillet radius where each branch sprouts, and of its pouch's neck, shape (n,). The
-        trunk sprouts from nothing: its value is the default radius for its width.
-    is_leaf
-        Whether each branch has no children, shape (n,).
-    tail_mm
-        Straight length below the trunk's base.
     """
 
-    tree: BranchTree
+    tree: BranchTree  # the planned branches
+    # start_mm, end_mm: joint where each branch begins and joint or tip where it ends, shape (n, 2)
     start_mm: Floats
     end_mm: Floats
-    heading_rad: Floats
+    heading_rad: Floats  # direction of each branch, counter-clockwise from +x, shape (n,)
+    # width_mm, end_width_mm: lay-flat lumen width where each branch begins and where it ends, shape
     width_mm: Floats
     end_width_mm: Floats
+    # designed fillet radius where each branch sprouts, and of its pouch's neck, shape (n,). The
+    # trunk sprouts from nothing: its value is the default radius for its width.
     fillet_mm: Floats
-    is_leaf: NDArray[np.bool_]
-    tail_mm: float
+    is_leaf: NDArray[np.bool_]  # whether each branch has no children, shape (n,)
+    tail_mm: float  # straight length below the trunk's base
 
 
 def level_fillets_mm(design: Design) -> tuple[float, ...]:

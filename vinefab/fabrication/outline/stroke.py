@@ -19,56 +19,28 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class StrokeSegment:
-    """One line or arc that begins where the piece before ended.
+    """One line or arc that begins where the piece before ended."""
 
-    Parameters
-    ----------
-    end_mm
-        Where it ends, in the frame of its run.
-    bulge
-        Tangent of a quarter of its turn, as in `Segment`.
-    part
-        What it belongs to.
-    owner
-        Which of the run's branches it belongs to.
-    """
-
-    end_mm: Point
-    bulge: float
-    part: Part
-    owner: int = 0
+    end_mm: Point  # where it ends, in the frame of its run
+    bulge: float  # tangent of a quarter of its turn, as in `Segment`
+    part: Part  # what it belongs to
+    owner: int = 0  # which of the run's branches it belongs to
 
 
 @dataclass(frozen=True, slots=True)
 class StrokeRun:
-    """Pieces one after the other, in a frame of their own.
+    """Pieces one after the other, in a frame of their own."""
 
-    Parameters
-    ----------
-    start_mm
-        Where the first piece begins.
-    pieces
-        The lines and arcs; none for a bare corner.
-    """
-
-    start_mm: Point
-    pieces: tuple[StrokeSegment, ...] = ()
+    start_mm: Point  # where the first piece begins
+    pieces: tuple[StrokeSegment, ...] = ()  # the lines and arcs; none for a bare corner
 
 
 @dataclass(frozen=True, slots=True)
 class LocalFrame:
-    """Where a run's own x axis lies on the sheet.
+    """Where a run's own x axis lies on the sheet."""
 
-    Parameters
-    ----------
-    origin_mm
-        Place of the frame's origin.
-    heading_rad
-        Direction of its x axis.
-    """
-
-    origin_mm: Point
-    heading_rad: float
+    origin_mm: Point  # place of the frame's origin
+    heading_rad: float  # direction of its x axis
 
 
 def polar(radius_mm: float, angle_rad: float) -> Point:
@@ -85,17 +57,7 @@ def turned(point: Point, angle_rad: float) -> Point:
 def arc(
     center_mm: Point, start_mm: Point, turn_rad: float, part: Part, owner: int = 0
 ) -> list[StrokeSegment]:
-    """Return an arc from its start, split into equal pieces below 175 degrees.
-
-    Parameters
-    ----------
-    center_mm, start_mm
-        Centre and first point.
-    turn_rad
-        Angle of the arc, positive counter-clockwise.
-    part, owner
-        What the pieces belong to.
-    """
+    """Return an arc from its start, split into equal pieces below 175 degrees."""
     count = max(1, math.ceil(abs(turn_rad) / MOST_TURN_RAD))
     bulge = math.tan(turn_rad / count / 4.0)
     spoke = start_mm[0] - center_mm[0], start_mm[1] - center_mm[1]
@@ -108,14 +70,9 @@ def arc(
 
 @dataclass(slots=True)
 class Pen:
-    """Collects the vertices of one contour while it walks.
+    """Collects the vertices of one contour while it walks."""
 
-    Parameters
-    ----------
-    points, bulges, parts, branches
-        What has been drawn so far, as in `Contour`.
-    """
-
+    # what has been drawn so far, as in `Contour`
     points: list[Point]
     bulges: list[float] = field(default_factory=list)
     parts: list[Part] = field(default_factory=list)
@@ -136,15 +93,7 @@ class Pen:
         self.branches.append(branch)
 
     def pieces(self, run: StrokeRun, frame: LocalFrame, owners: Sequence[str]) -> None:
-        """Draw a run's pieces; the pen stands at the run's start.
-
-        Parameters
-        ----------
-        run, frame
-            What to draw and where.
-        owners
-            Branch id for each owner number of the run.
-        """
+        """Draw a run's pieces; the pen stands at the run's start."""
         for piece in run.pieces:
             point = placed(piece.end_mm, frame)
             self.go_to(point, piece.part, owners[piece.owner], piece.bulge)

@@ -18,42 +18,19 @@ _MM3_PER_M3 = 1e9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BomLine:
-    """One number of the bill of materials.
+    """One number of the bill of materials."""
 
-    Parameters
-    ----------
-    item
-        What it counts.
-    value, unit
-        How much.
-    standing
-        How far it may be trusted: assumed as soon as one number that it rests on is.
-    basis
-        How it came about.
-    """
-
-    item: str
+    item: str  # what it counts
+    # value, unit: how much
     value: float
     unit: str
+    # how far it may be trusted: assumed as soon as one number that it rests on is
     standing: Standing
-    basis: str
+    basis: str  # how it came about
 
 
 def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
-    """Return what a job takes.
-
-    Parameters
-    ----------
-    job
-        The paths.
-    profile
-        Film, speeds and limits.
-
-    Raises
-    ------
-    BadInputError
-        If the recipe lacks an operation of the job.
-    """
+    """Return what a job takes."""
     return (
         *_film_lines(job, profile),
         *_tile_lines(job),

@@ -20,17 +20,6 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
 
     Every number of the profile keeps its standing and source; line energy and fluence are worked
     out here and say so.
-
-    Parameters
-    ----------
-    design
-        What the job makes.
-    job
-        The paths.
-    profile
-        Machine, material and recipe.
-    colours
-        The preset that the files are written with.
     """
     recipe = profile.recipe
     return json_text(

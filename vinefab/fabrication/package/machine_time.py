@@ -35,17 +35,7 @@ def move_time_s(length_mm: float, speed_mm_s: float, acceleration_mm_s2: float) 
 def segment_times_s(
     contour: Contour, speed_mm_s: float, acceleration_mm_s2: float
 ) -> tuple[float, ...]:
-    """Return the time that each line and arc of a contour takes in one pass.
-
-    Parameters
-    ----------
-    contour
-        The path.
-    speed_mm_s
-        Speed asked for.
-    acceleration_mm_s2
-        Of the machine, along the path and across it.
-    """
+    """Return the time that each line and arc of a contour takes in one pass."""
     segments = list(contour.segments)
     lengths = [segment.length_mm for segment in segments]
     tops = [min(speed_mm_s, math.sqrt(acceleration_mm_s2 * s.radius_mm)) for s in segments]
@@ -94,21 +84,11 @@ def _time_s(length: float, top: float, ends: tuple[float, float], acceleration: 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PathPass:
-    """One pass along one path.
+    """One pass along one path."""
 
-    Parameters
-    ----------
-    path
-        The path.
-    begins_s
-        When the beam goes on, from the start of the job.
-    times_s
-        How long each line and arc takes.
-    """
-
-    path: LaserPath
-    begins_s: float
-    times_s: tuple[float, ...]
+    path: LaserPath  # the path
+    begins_s: float  # when the beam goes on, from the start of the job
+    times_s: tuple[float, ...]  # how long each line and arc takes
 
     @property
     def ends_s(self) -> float:
@@ -122,18 +102,6 @@ def schedule(job: Job, profile: LaserProfile) -> tuple[PathPass, ...]:
     The head is at rest at both ends of a path and at its corners (see `move_time_s`).
     Travel is straight at the machine's top speed, in process order, from the sheet's lower left.
     What an impulse sealer does is not in it.
-
-    Parameters
-    ----------
-    job
-        The paths.
-    profile
-        Speeds and passes from its recipe, acceleration and top speed from its machine.
-
-    Raises
-    ------
-    BadInputError
-        If the recipe lacks an operation of the job.
     """
     machine = profile.machine
     acceleration, top = machine.acceleration_mm_s2.value, machine.speed_max_mm_s.value
@@ -150,13 +118,7 @@ def schedule(job: Job, profile: LaserProfile) -> tuple[PathPass, ...]:
 
 
 def laser_on_passes(job: Job, profile: LaserProfile) -> tuple[Operation, ...]:
-    """Return the operations of a job that the laser runs, in process order.
-
-    Raises
-    ------
-    BadInputError
-        If the recipe lacks an operation of the job.
-    """
+    """Return the operations of a job that the laser runs, in process order."""
     machined = (op for op in Operation if op.is_machined and job.along(op))
     return tuple(
         op for op in machined if all(p.settings_in(profile).by_laser for p in job.along(op))
@@ -172,21 +134,11 @@ def path_ends(path: LaserPath) -> tuple[tuple[float, float], tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineTime:
-    """An estimate of a job's time on the machine.
+    """An estimate of a job's time on the machine."""
 
-    Parameters
-    ----------
-    work_s
-        Time with the beam on, by operation, all passes.
-    travel_s
-        Time between paths with the beam off.
-    inputs
-        The quantities that the estimate rests on.
-    """
-
-    work_s: Mapping[Operation, float]
-    travel_s: float
-    inputs: tuple[Quantity, ...]
+    work_s: Mapping[Operation, float]  # time with the beam on, by operation, all passes
+    travel_s: float  # time between paths with the beam off
+    inputs: tuple[Quantity, ...]  # the quantities that the estimate rests on
 
     @property
     def total_s(self) -> float:
@@ -199,18 +151,6 @@ def machine_time(job: Job, profile: LaserProfile) -> MachineTime:
 
     It is the sum of `schedule` over what the machine runs. What people do
     between tiles is not in it.
-
-    Parameters
-    ----------
-    job
-        The paths.
-    profile
-        Speeds and passes from its recipe, acceleration and top speed from its machine.
-
-    Raises
-    ------
-    BadInputError
-        If the recipe lacks an operation of the job.
     """
     parts = [_sheet_time(run, profile) for run in job.runs]
     operations = dict.fromkeys(op for op in Operation if any(op in part.work_s for part in parts))

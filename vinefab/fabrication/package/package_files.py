@@ -26,13 +26,6 @@ def zip_bytes(files: Mapping[str, bytes], folder: str) -> bytes:
     """Return files as a zip whose bytes depend on nothing but them.
 
     The files are stored, not compressed: compressors differ from one build to the next.
-
-    Parameters
-    ----------
-    files
-        Content by name.
-    folder
-        Folder in the zip that holds them.
     """
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
@@ -50,56 +43,22 @@ ANIMATION_NAME = "animation.svg"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PackageContent:
-    """What a package is made of.
+    """What a package is made of."""
 
-    Parameters
-    ----------
-    design
-        What is made.
-    profile
-        Machine, material and recipe.
-    job
-        The paths.
-    checks
-        Text of checks.json (`vinefab.fabrication.rules.run_rules.checks_text`).
-    preview
-        A picture of the job, PNG.
-    report
-        The report, HTML.
-    animation
-        The laser's path in motion, SVG; empty for none.
-    colours
-        Layers and colours.
-    laser
-        Laser files that were read again and found right; None to write them here.
-    """
-
-    design: Design
-    profile: LaserProfile
-    job: Job
-    checks: str
-    preview: bytes
-    report: bytes
-    animation: bytes = b""
-    colours: Colours = DEFAULT
+    design: Design  # what is made
+    profile: LaserProfile  # machine, material and recipe
+    job: Job  # the paths
+    checks: str  # text of checks.json (`vinefab.fabrication.rules.run_rules.checks_text`)
+    preview: bytes  # A picture of the job, PNG
+    report: bytes  # the report, HTML
+    animation: bytes = b""  # the laser's path in motion, SVG; empty for none
+    colours: Colours = DEFAULT  # layers and colours
+    # laser files that were read again and found right; None to write them here
     laser: Mapping[str, bytes] | None = None
 
 
 def package_files(content: PackageContent) -> dict[str, bytes]:
-    """Return the files of a package by name, the laser files read again and found right.
-
-    Parameters
-    ----------
-    content
-        What the package is made of.
-
-    Raises
-    ------
-    ReadBackError
-        If a laser file, read again, is not what the job says.
-    BadInputError
-        If the recipe lacks an operation of the job.
-    """
+    """Return the files of a package by name, the laser files read again and found right."""
     job, profile, colours = content.job, content.profile, content.colours
     laser = _laser(content) if content.laser is None else content.laser
     files = {

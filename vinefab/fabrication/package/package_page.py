@@ -41,17 +41,7 @@ def sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
 def check_section(
     report: CheckReport, outline_mm: Floats | None = None, *, title: str = "Design rules"
 ) -> Section:
-    """Return every finding, at its place in the outline, and every rule that was run or skipped.
-
-    Parameters
-    ----------
-    report
-        The check.
-    outline_mm
-        The body's outline in the flat layout, to mark findings in.
-    title
-        Of the section.
-    """
+    """Return every finding, at its place in the outline, and every rule that was run or skipped."""
     found = tuple(
         (str(number), *_finding_row(finding))
         for number, finding in enumerate(report.findings, start=1)
@@ -139,15 +129,7 @@ def bom_section(lines: Sequence[BomLine], robots: int = 1) -> Section:
 def assumption_section(
     profile: LaserProfile, models: Sequence[tuple[str, Quantity]] = ()
 ) -> Section:
-    """Return every number behind the report with its standing, the least trusted first.
-
-    Parameters
-    ----------
-    profile
-        Machine, material and recipe.
-    models
-        Numbers of the models behind predictions, by name.
-    """
+    """Return every number behind the report with its standing, the least trusted first."""
     order = [Standing.ASSUMED, Standing.PUBLISHED, Standing.PAPER, Standing.COMPUTED]
     rank = {standing: place for place, standing in enumerate(order)}
     numbers = sorted(

@@ -40,43 +40,22 @@ from vinefab.pages.html import Report, Section, page_html
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prepared:
-    """A design with its job and a full check, laser files read back included.
+    """A design with its job and a full check, laser files read back included."""
 
-    Parameters
-    ----------
-    design, profile
-        What is made, and with what.
-    job
-        The paths for the laser.
-    report
-        Every rule's outcome.
-    laser
-        The laser files by name, empty when a rule forbids the design.
-    readback
-        What was wrong with each of them when it was read again.
-    others
-        The other designs on the sheet.
-    beside
-        Every rule's outcome for each of them.
-    """
-
+    # design, profile: what is made, and with what
     design: Design
     profile: LaserProfile
-    job: Job
-    report: CheckReport
+    job: Job  # the paths for the laser
+    report: CheckReport  # every rule's outcome
+    # the laser files by name, empty when a rule forbids the design
     laser: Mapping[str, bytes] = field(default_factory=dict)
+    # what was wrong with each of them when it was read again
     readback: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    others: tuple[Design, ...] = ()
-    beside: tuple[CheckReport, ...] = ()
+    others: tuple[Design, ...] = ()  # the other designs on the sheet
+    beside: tuple[CheckReport, ...] = ()  # every rule's outcome for each of them
 
     def refusal(self, *, allow_uncalibrated: bool) -> str:
-        """Return why no files may be written, or an empty string.
-
-        Parameters
-        ----------
-        allow_uncalibrated
-            Whether a recipe that no coupon has confirmed will do.
-        """
+        """Return why no files may be written, or an empty string."""
         blocking = [f for report in (self.report, *self.beside) for f in report.blocking]
         if blocking:
             broken = ", ".join(sorted({finding.rule for finding in blocking}))
@@ -102,17 +81,6 @@ def prepare(
 
     When no rule forbids the design, the laser files are written in memory and read back, and the
     rule about that is applied too.
-
-    Parameters
-    ----------
-    design, profile
-        What is made, and with what.
-    deployments
-        Simulated deployments, for the rules that look at paths.
-    sheet
-        How many robots, and which others beside them.
-    r12
-        Write a DXF of release 12 too.
     """
     job = laser_job(design, profile, sheet)
     subject = replace(Subject.on_sheet(design, profile, job), deployments=tuple(deployments))
@@ -165,13 +133,7 @@ def _beside(design: Design, profile: LaserProfile, job: Job) -> CheckReport:
 
 
 def package(prepared: Prepared) -> dict[str, bytes]:
-    """Return every file of the fabrication package, by name.
-
-    Raises
-    ------
-    ReadBackError
-        If a laser file, read again, is not what the job says, even where that is waived.
-    """
+    """Return every file of the fabrication package, by name."""
     ensure_right(prepared.readback)
     content = PackageContent(
         design=prepared.design,

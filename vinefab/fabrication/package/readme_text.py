@@ -48,19 +48,7 @@ _STATUS = {
 
 
 def readme_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) -> str:
-    """Return the operator's steps for one job, plain text, every number with its standing.
-
-    Parameters
-    ----------
-    design
-        What the job makes.
-    job
-        The paths.
-    profile
-        Machine, material and recipe.
-    colours
-        The preset that the files are written with.
-    """
+    """Return the operator's steps for one job, plain text, every number with its standing."""
     title = f"Fabrication package: {design.name}"
     parts = [
         f"{title}\n{'=' * len(title)}",

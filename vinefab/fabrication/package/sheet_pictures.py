@@ -40,13 +40,6 @@ def job_plan(job: Job, findings: tuple[Finding, ...] = ()) -> Figure:
 
     Where the paths take a small part of the bed, that part is shown and the title says so. Marks
     have neither arrows nor numbers: they come first, and how they are drawn matters to nobody.
-
-    Parameters
-    ----------
-    job
-        The sheet.
-    findings
-        Not used for placing anything; listed in the title when some block the export.
     """
     with house_style():
         box, cropped = _view(job)
@@ -177,8 +170,6 @@ def findings_plan(outline_mm: Floats, findings: Sequence[Finding]) -> Figure:
     ----------
     outline_mm
         Points of the body's outline in the flat layout, shape (n, 2).
-    findings
-        In the order of their numbers, the first is 1; those without a place are left out.
     """
     marks = [(f, shapely.from_wkt(f.marker_wkt)) for f in findings if f.marker_wkt]
     everything = np.concatenate([outline_mm, *(shapely.get_coordinates(m) for _, m in marks)])
@@ -239,18 +230,6 @@ def job_animation(job: Job, profile: LaserProfile) -> bytes:
     """Return a film of a job: every path is drawn as the beam runs along it, in real proportion.
 
     Where SVG does not move, the finished sheet is seen.
-
-    Parameters
-    ----------
-    job
-        The paths.
-    profile
-        Whose speeds and acceleration give the times (`vinefab.fabrication.package.machine_time`).
-
-    Raises
-    ------
-    BadInputError
-        If the recipe lacks an operation of the job.
     """
     runs = schedule(job, profile)
     total_s = runs[-1].ends_s if runs else 1.0

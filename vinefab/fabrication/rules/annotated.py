@@ -30,14 +30,9 @@ _CORNERS = {Severity.ERROR: 0, Severity.WARNING: 3, Severity.INFO: 4}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayoutPlacement:
-    """Where the flat layout lies on the sheet.
+    """Where the flat layout lies on the sheet."""
 
-    Parameters
-    ----------
-    angle_rad, dx_mm, dy_mm
-        Turn about the origin, then shift.
-    """
-
+    # angle_rad, dx_mm, dy_mm: turn about the origin, then shift
     angle_rad: float
     dx_mm: float
     dy_mm: float
@@ -58,15 +53,7 @@ class LayoutPlacement:
 
 
 def annotated_job(job: Job, findings: Sequence[Finding]) -> Job:
-    """Return a drawing of a job with its findings: numbered markers, and a legend above the bed.
-
-    Parameters
-    ----------
-    job
-        The paths of the design.
-    findings
-        What was found; waived findings are left out, of the rest the `MOST_MARKED` gravest count.
-    """
+    """Return a drawing of a job with its findings: numbered markers, and a legend above the bed."""
     ranks = list(Severity)
     open_ = [finding for finding in findings if not finding.waived]
     chosen = sorted(open_, key=lambda finding: ranks.index(finding.severity))[:MOST_MARKED]

@@ -33,15 +33,6 @@ def excesses_mm(subject: Subject, contour: Contour, offset_mm: float) -> dict[in
 
     A branch of whose sides one is gone is left out: its neighbour's crotch took it, and VF-C03
     says so.
-
-    Parameters
-    ----------
-    subject
-        The design.
-    contour
-        An outline as it lies on the sheet, open at the mouth.
-    offset_mm
-        How far outside the lumen it is meant to run.
     """
     flat = _flat(subject, contour)
     rows = {name: row for row, name in enumerate(subject.names)}

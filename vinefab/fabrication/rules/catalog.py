@@ -55,20 +55,7 @@ COMMAND_LINE = "--limit"
 def changed_limits(
     design: Design, profile: LaserProfile | None = None, given: LimitChanges | None = None
 ) -> tuple[ChangedLimit, ...]:
-    """Return every limit that is not the rule's default, with who changed it last.
-
-    Parameters
-    ----------
-    design, profile
-        What may carry limits of its own.
-    given
-        Limits of this one check; they go before all others.
-
-    Raises
-    ------
-    UnknownNameError, BadInputError
-        If any of them names a rule or a limit that does not exist; the source is named.
-    """
+    """Return every limit that is not the rule's default, with who changed it last."""
     sources: list[tuple[str, LimitChanges]] = [
         (f"design {design.name}", design.limits),
         (COMMAND_LINE, given or {}),
@@ -93,11 +80,6 @@ def by_rule(changed: Iterable[ChangedLimit]) -> dict[str, dict[str, float]]:
 
 def parsed_limits(texts: Iterable[str]) -> dict[str, dict[str, float]]:
     """Return limits from texts like ``VF-C01.warning=6``.
-
-    Raises
-    ------
-    BadInputError
-        If a text is not of this form.
 
     Examples
     --------

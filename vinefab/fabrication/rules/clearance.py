@@ -29,24 +29,12 @@ MOST_FINDINGS = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Near:
-    """Two branches and where they are nearest.
+    """Two branches and where they are nearest."""
 
-    Parameters
-    ----------
-    branches
-        Ids of both.
-    gap_mm
-        Free distance, negative where they overlap.
-    at_mm
-        Middle of the gap.
-    marker
-        Line across the gap, from centre line to centre line.
-    """
-
-    branches: tuple[str, ...]
-    gap_mm: float
-    at_mm: Point
-    marker: str
+    branches: tuple[str, ...]  # ids of both
+    gap_mm: float  # free distance, negative where they overlap
+    at_mm: Point  # middle of the gap
+    marker: str  # line across the gap, from centre line to centre line
 
 
 def near_branches(
@@ -56,32 +44,15 @@ def near_branches(
 
     Parameters
     ----------
-    subject
-        Gives the names.
-    found
-        Pairs of capsules.
     chosen
         Which of them count, shape (k,).
-
-    Returns
-    -------
-    list of Near, int
-        At most `MOST_FINDINGS` pairs, and the number of all.
     """
     rows = _tightest_of_each(subject.shapes, found, np.flatnonzero(chosen))
     return [_near(subject, found, row) for row in rows[:MOST_FINDINGS].tolist()], len(rows)
 
 
 def remaining_violations(pairs: int, words: str) -> tuple[Violation, ...]:
-    """Return one more hit for the pairs beyond `MOST_FINDINGS`, if there are any.
-
-    Parameters
-    ----------
-    pairs
-        How many pairs break the rule.
-    words
-        What they do (``overlap``).
-    """
+    """Return one more hit for the pairs beyond `MOST_FINDINGS`, if there are any."""
     if pairs <= MOST_FINDINGS:
         return ()
     rest = f"{pairs - MOST_FINDINGS} more pairs of branches {words}"
@@ -151,10 +122,6 @@ def gap_violations(
 
     Parameters
     ----------
-    subject, limits
-        As for a rule; ``error`` and ``warning`` are the least gaps.
-    found
-        Pairs of capsules.
     chosen
         Which of them count, shape (k,).
     """
@@ -197,18 +164,10 @@ CLEARANCE = Rule(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Web:
-    """The film that a fillet adds, between its arc and the sides that it joins.
+    """The film that a fillet adds, between its arc and the sides that it joins."""
 
-    Parameters
-    ----------
-    area
-        That film.
-    branch
-        Index of a branch that the fillet belongs to.
-    """
-
-    area: shapely.Polygon
-    branch: int
+    area: shapely.Polygon  # that film
+    branch: int  # index of a branch that the fillet belongs to
 
 
 def check_foreign(subject: Subject, limits: Limits) -> RuleApplied:

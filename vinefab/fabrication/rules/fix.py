@@ -31,34 +31,16 @@ _BACKWARD = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixedDesign:
-    """A design that keeps what its bench looks at.
+    """A design that keeps what its bench looks at."""
 
-    Parameters
-    ----------
-    design
-        The changed design.
-    cost
-        The weighted sum of its changes.
-    """
-
-    design: Design
-    cost: float
+    design: Design  # the changed design
+    cost: float  # the weighted sum of its changes
 
 
 def fix_design(
     design: Design, bench: FixTargets, told: Callable[[float], None] | None = None
 ) -> FixedDesign | None:
-    """Return the cheapest change found that leaves no trouble, or None if none was found.
-
-    Parameters
-    ----------
-    design
-        What is to be mended.
-    bench
-        What it has to keep.
-    told
-        Called with the share of the search that is done, 0 to 1.
-    """
+    """Return the cheapest change found that leaves no trouble, or None if none was found."""
     best: FixedDesign | None = None
     ways = _hopeful(design, bench)
     for number, way in enumerate(ways):

@@ -20,24 +20,13 @@ _DECIMALS = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FixSpace:
-    """All changes of one design with some of its branches kept.
+    """All changes of one design with some of its branches kept."""
 
-    Parameters
-    ----------
-    design
-        The design as it was.
-    branches
-        Children per parent on each level after the trunk that is kept.
-    variables
-        What each entry of a vector changes: by its logarithm, angles in radians.
-    bench
-        What settles fillets, tail and pressure.
-    """
-
-    design: Design
-    branches: tuple[int, ...]
+    design: Design  # the design as it was
+    branches: tuple[int, ...]  # children per parent on each level after the trunk that is kept
+    # what each entry of a vector changes: by its logarithm, angles in radians
     variables: tuple[Variable, ...]
-    bench: FixTargets
+    bench: FixTargets  # what settles fillets, tail and pressure
 
     @classmethod
     def of(cls, design: Design, branches: tuple[int, ...], bench: FixTargets) -> "FixSpace":

@@ -50,25 +50,14 @@ _UNCHANGED = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignChange:
-    """One value of a design that was changed.
+    """One value of a design that was changed."""
 
-    Parameters
-    ----------
-    what
-        Which value (``level 2 length``).
-    before, after
-        Its values, in ``unit``.
-    unit
-        Their unit, empty for numbers of things.
-    cost
-        Its share of the whole change.
-    """
-
-    what: str
+    what: str  # which value (``level 2 length``)
+    # before, after: its values, in ``unit``
     before: float
     after: float
-    unit: str
-    cost: float
+    unit: str  # their unit, empty for numbers of things
+    cost: float  # its share of the whole change
 
     @property
     def text(self) -> str:
@@ -80,15 +69,7 @@ class DesignChange:
 
 
 def design_changes(before: Design, after: Design) -> tuple[DesignChange, ...]:
-    """Return every value that differs between two designs, the later one pruned or not.
-
-    Parameters
-    ----------
-    before
-        The design as it was.
-    after
-        The same design changed; it may have fewer branches and fewer levels.
-    """
+    """Return every value that differs between two designs, the later one pruned or not."""
     found = [*_pruned(before, after), *_sizes(before, after), *_built(before.build, after.build)]
     return tuple(change for change in found if change.cost > _UNCHANGED)
 
@@ -109,15 +90,7 @@ def planned_length_mm(trunk_mm: float, levels: tuple[Level, ...]) -> float:
 
 
 def pruning_cost(before: Design, branches: tuple[int, ...]) -> float:
-    """Return what it costs to keep only some branches, by the planned length that is left.
-
-    Parameters
-    ----------
-    before
-        The design.
-    branches
-        Children per parent on each level after the trunk that is kept.
-    """
+    """Return what it costs to keep only some branches, by the planned length that is left."""
     kept = tuple(
         Level(
             branches=count,
@@ -202,21 +175,13 @@ _MOST = (PACKING, CROTCH, CLAMP)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixTargets:
-    """What a design is held against while it is mended.
+    """What a design is held against while it is mended."""
 
-    Parameters
-    ----------
-    profile
-        Machine, material and recipe.
-    limits
-        Limits that differ from the defaults, a little stricter than those of the check.
-    window_share
-        How much of the allowed pressure growth in free space may take: less than 1 where
-        contacts on a map add to it.
-    """
-
-    profile: LaserProfile
+    profile: LaserProfile  # machine, material and recipe
+    # limits that differ from the defaults, a little stricter than those of the check
     limits: LimitChanges
+    # how much of the allowed pressure growth in free space may take: less than 1 where contacts on
+    # a map add to it
     window_share: float = 1.0
 
     @classmethod
@@ -229,17 +194,7 @@ class FixTargets:
         margin: float = 0.0,
         window_share: float = 1.0,
     ) -> "FixTargets":
-        """Return the bench for a design.
-
-        Parameters
-        ----------
-        design, profile, given
-            As for a check.
-        margin
-            How much stricter than the check, as a share of each limit.
-        window_share
-            As in the class.
-        """
+        """Return the bench for a design."""
         limits = {
             rule: dict(v) for rule, v in by_rule(changed_limits(design, profile, given)).items()
         }

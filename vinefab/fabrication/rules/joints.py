@@ -31,29 +31,19 @@ PARALLEL_RAD = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelJoint:
-    """The joint where one level's children sprout from their parent's tip.
+    """The joint where one level's children sprout from their parent's tip."""
 
-    Parameters
-    ----------
-    level
-        Level of the children, 2 or more.
-    joints
-        How many such joints the design has.
-    parent, first_child
-        Indices in the tree of the first of these joints' parent and clockwise-most child.
-    gaps
-        The gaps around the joint on the lumen's edge, counter-clockwise, the parent's body first
-        and last. An owner of 0 in a gap is the parent, 1 the first child, and so on.
-    fillet_mm
-        Smallest fillet radius that is drawn: the designed one, or less where the angle allows
-        no more. Infinite if no gap has room for any fillet.
-    """
-
-    level: int
-    joints: int
+    level: int  # level of the children, 2 or more
+    joints: int  # how many such joints the design has
+    # parent, first_child: indices in the tree of the first of these joints' parent and clockwise-
+    # most child
     parent: int
     first_child: int
+    # the gaps around the joint on the lumen's edge, counter-clockwise, the parent's body first and
+    # last. An owner of 0 in a gap is the parent, 1 the first child, and so on.
     gaps: tuple[Gap, ...]
+    # smallest fillet radius that is drawn: the designed one, or less where the angle allows no
+    # more. Infinite if no gap has room for any fillet.
     fillet_mm: float
 
     def branch(self, owner: int) -> int:
@@ -111,11 +101,6 @@ def bare_gaps(design: Design) -> list[tuple[float, float]]:
     For each level the gap beside the parent and, between children, the one between the two
     shortest neighbours, in closed form. Fillets are drawn no larger than the crotch allows, so
     these shares are above one half exactly when those of `share_in_crotch` are.
-
-    Returns
-    -------
-    list of (float, float)
-        Angle in radians; share as in `share_in_crotch`, for crotches without fillets.
     """
     found = []
     widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm

@@ -29,11 +29,6 @@ def rooms_mm(design: Design) -> list[Pair]:
 
     Fillets count with their designed radius. The outline draws them smaller where an angle allows
     no more, so that what it leaves is never less than this.
-
-    Returns
-    -------
-    list of (float, float)
-        Room, negative where the two ends of a branch overlap, and length; trunk first.
     """
     ends = [*(_joint(design, level) for level in range(1, design.depth))]
     bases_mm = [0.0, *(child_mm for _, child_mm in ends)]
@@ -112,15 +107,6 @@ def window_penalty(
 ) -> float:
     """Return how far a design is from an open pressure window; 0 where VF-P03 finds no error.
 
-    Parameters
-    ----------
-    design
-        The design. Its paths are taken as planned, as the rule does without maps.
-    profile
-        The recipe, for seam and growth.
-    limits
-        Limits that replace the rule's defaults.
-
     Returns
     -------
     float
@@ -162,13 +148,6 @@ def fabrication_penalty(
 
     Parameters
     ----------
-    design
-        The design.
-    limits
-        Limits that replace the defaults, as for `run_rules.run_checks`. Raise the error
-        limits to keep a margin.
-    film_mm
-        Thickness of all plies together, for the packing.
     sheet_mm
         Width and height that the flat robot must fit into after a turn, or None if any size
         will do. Take off a few millimetres for seam, kerf and the overcut at the mouth.

@@ -29,13 +29,6 @@ _SLACK_MM = 0.02
 def notches(body: shapely.Polygon, width_mm: float) -> list[shapely.Polygon]:
     """Return where a disc of a diameter does not fit into the film around a body.
 
-    Parameters
-    ----------
-    body
-        A valid polygon.
-    width_mm
-        Diameter of the disc.
-
     Returns
     -------
     list of Polygon
@@ -59,12 +52,6 @@ def between(
     ----------
     subject
         Gives the branches' shapes.
-    found
-        Notches.
-    branches
-        Ids of the branches, pouches count with theirs.
-    within_mm
-        How near a notch must come to each.
     """
     shapes = subject.shapes
     near = []

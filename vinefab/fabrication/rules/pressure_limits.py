@@ -143,41 +143,22 @@ _FREE = "no map given: joints only, in free space; contacts on the way add to it
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorstBranch:
-    """The branch whose growth takes the most pressure.
+    """The branch whose growth takes the most pressure."""
 
-    Parameters
-    ----------
-    pressure_kpa
-        What it takes.
-    branch
-        Its index.
-    place
-        Where it grows, in words.
-    """
-
-    pressure_kpa: float
-    branch: int
-    place: str
+    pressure_kpa: float  # what it takes
+    branch: int  # its index
+    place: str  # where it grows, in words
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GrowthConstantsRange:
-    """Growth constants for film that is stored loosely and tightly.
+    """Growth constants for film that is stored loosely and tightly."""
 
-    Parameters
-    ----------
-    loose, tight
-        The two; the same where the tension of stored film was measured.
-    diameter_mm
-        Inflated diameter of the tube that they were fitted to.
-    words
-        Where they come from.
-    """
-
+    # loose, tight: the two; the same where the tension of stored film was measured
     loose: GrowthConstants
     tight: GrowthConstants
-    diameter_mm: float
-    words: str
+    diameter_mm: float  # inflated diameter of the tube that they were fitted to
+    words: str  # where they come from
 
     @classmethod
     def of(cls, profile: LaserProfile, limits: Limits) -> "GrowthConstantsRange":
@@ -250,17 +231,7 @@ def _too_much(
 
 
 def worst_growth(subject: Subject, constants: GrowthConstants, fitted_mm: float) -> WorstBranch:
-    """Return which branch takes the most pressure to grow, over all deployments.
-
-    Parameters
-    ----------
-    subject
-        With deployments, or without: then growth in free space alone is looked at.
-    constants
-        The fit.
-    fitted_mm
-        Inflated diameter of the tube that it belongs to.
-    """
+    """Return which branch takes the most pressure to grow, over all deployments."""
     build, tree = subject.design.build, subject.layout.tree
     riding = riding_mm(tree, build.widths_mm).tolist()
     # A tapered branch is narrowest, and needs most, at its tip.

@@ -23,31 +23,18 @@ LimitChanges = Mapping[str, Mapping[str, float]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrokenLimit:
-    """A limit that a value breaks.
+    """A limit that a value breaks."""
 
-    Parameters
-    ----------
-    severity
-        The most severe limit that is broken.
-    limit
-        Its value.
-    """
-
-    severity: Severity
-    limit: float
+    severity: Severity  # the most severe limit that is broken
+    limit: float  # its value
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """The named limits of one rule.
+    """The named limits of one rule."""
 
-    Parameters
-    ----------
-    values
-        ``error`` and ``warning``, with a name before them where a rule has several
-        (``joint_warning``), and further numbers that a rule works with.
-    """
-
+    # ``error`` and ``warning``, with a name before them where a rule has several
+    # (``joint_warning``), and further numbers that a rule works with
     values: Mapping[str, float]
 
     def __getitem__(self, name: str) -> float:
@@ -72,107 +59,55 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Violation:
-    """One place where a rule is broken; the run turns it into a Finding.
+    """One place where a rule is broken; the run turns it into a Finding."""
 
-    Parameters
-    ----------
-    message
-        One sentence: what is wrong, and what would mend it.
-    severity
-        How much it matters.
-    measured, limit
-        In the rule's unit; None where there is no number.
-    branches
-        Ids of the branches concerned; with the rule they make the fingerprint.
-    at_mm
-        The place in the flat layout, or None.
-    marker
-        Well-known text that marks the place, or empty.
-    aspect
-        Tells findings of one rule at one place apart; part of the fingerprint.
-    """
-
-    message: str
-    severity: Severity = Severity.ERROR
+    message: str  # one sentence: what is wrong, and what would mend it
+    severity: Severity = Severity.ERROR  # how much it matters
+    # measured, limit: in the rule's unit; None where there is no number
     measured: float | None = None
     limit: float | None = None
+    # ids of the branches concerned; with the rule they make the fingerprint
     branches: tuple[str, ...] = ()
-    at_mm: tuple[float, float] | None = None
-    marker: str = ""
-    aspect: str = ""
+    at_mm: tuple[float, float] | None = None  # the place in the flat layout, or None
+    marker: str = ""  # well-known text that marks the place, or empty
+    aspect: str = ""  # tells findings of one rule at one place apart; part of the fingerprint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RuleApplied:
-    """A rule was applied.
+    """A rule was applied."""
 
-    Parameters
-    ----------
-    checked
-        How many things were looked at.
-    hits
-        What was found.
-    note
-        What the rule could not take into account, or empty: the report shows it, so that no
-        finding does not look like more than it is.
-    """
-
-    checked: int
-    hits: tuple[Violation, ...] = ()
+    checked: int  # how many things were looked at
+    hits: tuple[Violation, ...] = ()  # what was found
+    # what the rule could not take into account, or empty: the report shows it, so that no finding
+    # does not look like more than it is
     note: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RuleNotApplicable:
-    """A rule could not be applied.
+    """A rule could not be applied."""
 
-    Parameters
-    ----------
-    reason
-        What was missing.
-    """
-
-    reason: str
+    reason: str  # what was missing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rule:
-    """A design rule: pure, and complete without the code around it.
+    """A design rule: pure, and complete without the code around it."""
 
-    Parameters
-    ----------
-    id
-        Fixed name, ``VF-`` and a letter with two digits.
-    title
-        What must hold.
-    unit
-        Unit of what is measured; empty for ratios and yes-or-no rules.
-    limits
-        Default limits; see `Limits`.
-    reason
-        Why the rule is there and where its limits come from.
-    look
-        Looks at a subject under limits.
-    """
-
-    id: str
-    title: str
-    unit: str = ""
-    limits: Mapping[str, float] = field(default_factory=dict)
-    reason: str
+    id: str  # fixed name, ``VF-`` and a letter with two digits
+    title: str  # what must hold
+    unit: str = ""  # unit of what is measured; empty for ratios and yes-or-no rules
+    limits: Mapping[str, float] = field(default_factory=dict)  # default limits; see `Limits`
+    reason: str  # why the rule is there and where its limits come from
+    # looks at a subject under limits
     look: Callable[[Subject, Limits], RuleApplied | RuleNotApplicable]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "limits", MappingProxyType(dict(self.limits)))
 
     def limits_with(self, changed: Mapping[str, float]) -> Limits:
-        """Return the default limits with some of them changed.
-
-        Raises
-        ------
-        BadInputError
-            If the rule has no limit of such a name or the value is no finite number.
-        """
+        """Return the default limits with some of them changed."""
         for name, value in changed.items():
             if name not in self.limits:
                 allowed = ", ".join(self.limits) or "nothing: the rule has no limits"
@@ -227,17 +162,7 @@ def _text(geometry: shapely.Geometry) -> str:
 def outline_violations(
     subject: Subject, kinds: frozenset[ProblemKind], known: tuple[Violation, ...] = ()
 ) -> tuple[Violation, ...]:
-    """Return an error for each of the outline's problems of some kinds.
-
-    Parameters
-    ----------
-    subject
-        What is looked at.
-    kinds
-        The kinds of problems that belong to the rule.
-    known
-        What the rule found by itself; a problem of the same branches is not told twice.
-    """
+    """Return an error for each of the outline's problems of some kinds."""
     named = [set(hit.branches) for hit in known]
     return tuple(
         Violation(

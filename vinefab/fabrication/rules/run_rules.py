@@ -39,23 +39,7 @@ def run_checks(
     *,
     only: Collection[str] | None = None,
 ) -> CheckReport:
-    """Return what every registered rule found, and why any of them could not look.
-
-    Parameters
-    ----------
-    subject
-        The design with all that was derived from it.
-    limits
-        Limits that replace those of the design, which replace those of the recipe, which replace
-        the defaults.
-    only
-        Ids of the rules to apply; None for all.
-
-    Raises
-    ------
-    UnknownNameError, BadInputError
-        If ``limits``, the design or the recipe name a rule or a limit that does not exist.
-    """
+    """Return what every registered rule found, and why any of them could not look."""
     RULES.load_plugins()
     changed = changed_limits(subject.design, subject.profile, limits)
     values = by_rule(changed)
@@ -77,15 +61,7 @@ def run_checks(
 
 
 def merged_reports(report: CheckReport, more: CheckReport) -> CheckReport:
-    """Return a check in which some rules were applied later, once they could look.
-
-    Parameters
-    ----------
-    report
-        Every rule's outcome so far.
-    more
-        Outcomes of some of the rules for the same design, which take the place of those.
-    """
+    """Return a check in which some rules were applied later, once they could look."""
     later = {run.rule for run in more.run} | {skipped.rule for skipped in more.skipped}
     return replace(
         report,
@@ -105,13 +81,7 @@ def _instead(old: Sequence[_Entry], new: Sequence[_Entry], rules: set[str]) -> t
 
 
 def run_rig_checks(stand: RigSubject) -> CheckReport:
-    """Return what the rules about test rigs found; the only ones that can do without a design.
-
-    Parameters
-    ----------
-    stand
-        The rig, its corridors, and the robot if there is one, whose limits count then.
-    """
+    """Return what the rules about test rigs found; the only ones that can do without a design."""
     changed = changed_limits(stand.design, None, None) if stand.design else ()
     own = tuple(limit for limit in changed if limit.rule in RIG_CHECKS)
     values = by_rule(own)
@@ -192,15 +162,7 @@ CHECKS_SCHEMA = "vinefab/checks-1"
 
 
 def checks_text(report: CheckReport, beside: Sequence[CheckReport] = ()) -> str:
-    """Return every rule that was run or skipped, and all findings, waived ones included.
-
-    Parameters
-    ----------
-    report
-        The check of the design that the document is about.
-    beside
-        Those of other designs on its sheet, which follow under ``beside``.
-    """
+    """Return every rule that was run or skipped, and all findings, waived ones included."""
     names = {"design": report.design, "recipe": report.recipe, "units": "mm"}
     others = [{"design": other.design, **checks_content(other)} for other in beside]
     more = {"beside": others} if others else {}

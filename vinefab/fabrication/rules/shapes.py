@@ -15,29 +15,17 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Shapes:
-    """Capsules of a flat robot, m of them.
+    """Capsules of a flat robot, m of them."""
 
-    Parameters
-    ----------
-    start_mm, end_mm
-        Ends of their segments, shape (m, 2). The trunk's includes the tail.
-    half_mm, end_half_mm
-        Half widths at the start and at the end, shape (m,).
-    branch
-        Index of the branch that each belongs to, shape (m,).
-    pouch
-        Whether each belongs to a pouch, shape (m,).
-    parent
-        Parent of each branch (not of each capsule), shape (n,).
-    """
-
+    # start_mm, end_mm: ends of their segments, shape (m, 2). The trunk's includes the tail.
     start_mm: Floats
     end_mm: Floats
+    # half_mm, end_half_mm: half widths at the start and at the end, shape (m,)
     half_mm: Floats
     end_half_mm: Floats
-    branch: Ints
-    pouch: NDArray[np.bool_]
-    parent: Ints
+    branch: Ints  # index of the branch that each belongs to, shape (m,)
+    pouch: NDArray[np.bool_]  # whether each belongs to a pouch, shape (m,)
+    parent: Ints  # parent of each branch (not of each capsule), shape (n,)
 
     def __len__(self) -> int:
         return len(self.branch)
@@ -136,13 +124,6 @@ _TURNS = 180
 
 def excess_mm(shapes: Shapes, sheet_mm: tuple[float, float]) -> float:
     """Return by how much the robot overshoots a sheet in its best turn; 0 or less where it fits.
-
-    Parameters
-    ----------
-    shapes
-        The flat robot; its first capsule is the trunk with the tail, whose end is cut straight.
-    sheet_mm
-        Width and height.
 
     Notes
     -----

@@ -15,17 +15,10 @@ _TINY = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Closest:
-    """Where k pairs of segments are closest.
+    """Where k pairs of segments are closest."""
 
-    Parameters
-    ----------
-    distance_mm
-        Between the closest points, shape (k,); 0 where the segments cross.
-    along_a, along_b
-        Place of the closest points on each segment, 0 at its start and 1 at its end, shape (k,).
-    """
-
-    distance_mm: Floats
+    distance_mm: Floats  # between the closest points, shape (k,); 0 where the segments cross
+    # along_a, along_b: place of the closest points on each segment, 0 at its start and 1 at its
     along_a: Floats
     along_b: Floats
 
@@ -74,24 +67,12 @@ _STEPS = 48
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Hulls:
-    """Hulls of two discs, k of them.
+    """Hulls of two discs, k of them."""
 
-    Parameters
-    ----------
-    start_mm
-        Centre of the first disc, shape (k, 2).
-    run_mm
-        From there to the centre of the second, shape (k, 2).
-    half_mm
-        Radius of the first, shape (k,).
-    growth_mm
-        Radius of the second less that of the first, shape (k,).
-    """
-
-    start_mm: Floats
-    run_mm: Floats
-    half_mm: Floats
-    growth_mm: Floats
+    start_mm: Floats  # centre of the first disc, shape (k, 2)
+    run_mm: Floats  # from there to the centre of the second, shape (k, 2)
+    half_mm: Floats  # radius of the first, shape (k,)
+    growth_mm: Floats  # radius of the second less that of the first, shape (k,)
 
     def place_mm(self, along: Floats) -> Floats:
         """Return places on the axes, 0 at the first disc and 1 at the second, shape (k, 2)."""
@@ -99,13 +80,7 @@ class Hulls:
 
 
 def hull_gap_mm(one: Hulls, two: Hulls) -> Floats:
-    """Return the free distance between pairs of hulls, shape (k,); negative where they overlap.
-
-    Parameters
-    ----------
-    one, two
-        As many of each.
-    """
+    """Return the free distance between pairs of hulls, shape (k,); negative where they overlap."""
     low, high = np.zeros(len(one.half_mm)), np.ones(len(one.half_mm))
     for _ in range(_STEPS):
         left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
@@ -149,36 +124,20 @@ _CHUNK = 512
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Spacing:
-    """Pairs of capsules of different branches that are nearer than a reach, k of them.
+    """Pairs of capsules of different branches that are nearer than a reach, k of them."""
 
-    Parameters
-    ----------
-    first, second
-        Indices of the capsules, shape (k,).
-    gap_mm
-        Free distance between them, negative where they overlap, shape (k,).
-    crossing_mm
-        Where the segments themselves cross: by how much the nearest end runs past the crossing;
-        0 elsewhere, shape (k,).
-    first_mm, second_mm
-        Closest points of the segments, shape (k, 2).
-    joined
-        Whether the two branches share a joint, shape (k,).
-    pouch
-        Whether one of the two belongs to a pouch, shape (k,).
-    complete
-        Whether all near pairs are here; False past `MOST_PAIRS`.
-    """
-
+    # first, second: indices of the capsules, shape (k,)
     first: Ints
     second: Ints
-    gap_mm: Floats
+    gap_mm: Floats  # free distance between them, negative where they overlap, shape (k,)
+    # where the segments themselves cross: by how much the nearest end runs past the crossing; 0
     crossing_mm: Floats
+    # first_mm, second_mm: closest points of the segments, shape (k, 2)
     first_mm: Floats
     second_mm: Floats
-    joined: NDArray[np.bool_]
-    pouch: NDArray[np.bool_]
-    complete: bool
+    joined: NDArray[np.bool_]  # whether the two branches share a joint, shape (k,)
+    pouch: NDArray[np.bool_]  # whether one of the two belongs to a pouch, shape (k,)
+    complete: bool  # whether all near pairs are here; False past `MOST_PAIRS`
 
 
 def spacing(shapes: Shapes, reach_mm: float) -> Spacing:
@@ -186,13 +145,6 @@ def spacing(shapes: Shapes, reach_mm: float) -> Spacing:
 
     Capsules of one branch are left out, and so are pairs of branches that share a joint unless a
     pouch is involved: such branches meet by design.
-
-    Parameters
-    ----------
-    shapes
-        The flat robot.
-    reach_mm
-        Pairs with a gap of this much or more may be left out, or not.
     """
     first, second, complete = _near(shapes, reach_mm)
     first, second = _of_different_branches(shapes, first, second)

@@ -19,48 +19,23 @@ from vinefab.model.laser import LaserProfile
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Subject:
-    """A design with everything that rules need.
+    """A design with everything that rules need."""
 
-    Parameters
-    ----------
-    design
-        The design.
-    profile
-        Machine, material and recipe, or None: rules that need them are skipped then.
-    layout
-        Straight branches on the sheet.
-    names
-        Ids of the branches, in the tree's order.
-    shapes
-        The branches and pouches as capsules.
-    outline
-        The outline of the body (lumen), and why it may not be exact.
-    job
-        The paths for the laser, or None without a profile.
-    readback
-        For each file that was written, what was wrong with it when it was read again; None when
-        no file was written.
-    deployments
-        Simulated deployments, for rules about paths.
-    places
-        What each deployment's map is called; empty if nobody said.
-    rig
-        A test rig, for the rules about its parts.
-    courses
-        Maps or rigs with their narrow corridors, for the rule about them.
-    """
-
-    design: Design
+    design: Design  # the design
+    # machine, material and recipe, or None: rules that need them are skipped then
     profile: LaserProfile | None
-    layout: FlatLayout
-    names: tuple[str, ...]
-    shapes: Shapes
-    outline: BodyOutline
-    job: Job | None
+    layout: FlatLayout  # straight branches on the sheet
+    names: tuple[str, ...]  # ids of the branches, in the tree's order
+    shapes: Shapes  # the branches and pouches as capsules
+    outline: BodyOutline  # the outline of the body (lumen), and why it may not be exact
+    job: Job | None  # the paths for the laser, or None without a profile
+    # for each file that was written, what was wrong with it when it was read again; None when no
+    # file was written
     readback: Mapping[str, tuple[str, ...]] | None = None
-    deployments: tuple[Deployment, ...] = ()
-    places: tuple[str, ...] = ()
-    rig: RigFacts | None = None
+    deployments: tuple[Deployment, ...] = ()  # simulated deployments, for rules about paths
+    places: tuple[str, ...] = ()  # what each deployment's map is called; empty if nobody said
+    rig: RigFacts | None = None  # A test rig, for the rules about its parts
+    # maps or rigs with their narrow corridors, for the rule about them
     courses: tuple[MapCorridors, ...] = ()
 
     @classmethod
@@ -74,20 +49,7 @@ class Subject:
         places: tuple[str, ...] = (),
         sheet: SheetOptions = ONE,
     ) -> "Subject":
-        """Return the subject of a design, with all that follows from it worked out.
-
-        Parameters
-        ----------
-        design, profile, readback, deployments, places
-            As in the class.
-        sheet
-            What the sheet is to hold beside the design.
-
-        Raises
-        ------
-        BadInputError
-            If the design has more branches than a flat robot could ever hold.
-        """
+        """Return the subject of a design, with all that follows from it worked out."""
         check_size(design)
         layout = flat_layout(design)
         return cls(

@@ -15,21 +15,11 @@ _SLACK_MM = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigSubject:
-    """What these rules look at; each part of it may be missing.
+    """What these rules look at; each part of it may be missing."""
 
-    Parameters
-    ----------
-    design
-        The robot.
-    rig
-        The test rig.
-    courses
-        Maps, or the rig, with their narrow corridors.
-    """
-
-    design: Design | None = None
-    rig: RigFacts | None = None
-    courses: tuple[MapCorridors, ...] = ()
+    design: Design | None = None  # the robot
+    rig: RigFacts | None = None  # the test rig
+    courses: tuple[MapCorridors, ...] = ()  # maps, or the rig, with their narrow corridors
 
 
 RigCheck = Callable[[RigSubject, Limits], RuleApplied | RuleNotApplicable]

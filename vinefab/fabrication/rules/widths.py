@@ -38,20 +38,6 @@ def occupancies(
     at the end and w_j at the beginning. The branch's own inverted wall is not
     counted. The formula is vinefab's and uncalibrated; it neglects that levels of uneven branch
     lengths overlap.
-
-    Parameters
-    ----------
-    design
-        The design.
-    film_mm
-        Thickness of all plies together.
-    packing
-        Share of solid film in crumpled film.
-
-    Returns
-    -------
-    tuple of float
-        Ratios, trunk first; one entry fewer than there are levels.
     """
     widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
     shares = []
@@ -135,19 +121,7 @@ def check_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppl
 def level_violation(
     subject: Subject, level: int, message: str, found: tuple[float, BrokenLimit]
 ) -> Violation:
-    """Return a hit about a whole level: named by its first branch, marking all of them.
-
-    Parameters
-    ----------
-    subject
-        What is looked at.
-    level
-        1 for the trunk.
-    message
-        As in `Hit`.
-    found
-        The value measured and the limit that it breaks.
-    """
+    """Return a hit about a whole level: named by its first branch, marking all of them."""
     rows = subject.level_rows(level)
     measured, breach = found
     return Violation(

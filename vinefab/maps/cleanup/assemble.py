@@ -88,25 +88,6 @@ def assemble(
     removed, the one that contains the others becomes the bounds, outlines in it obstacles and
     outlines in those holes; obstacles that overlap are merged. What is not clear is refused with
     its place, in the coordinates of the source.
-
-    Parameters
-    ----------
-    name
-        Of the map.
-    shapes
-        What was drawn, in the units of the source.
-    frame
-        How the source's positions become the map's, see `framed`.
-    options
-        Tolerances and choices.
-    facts
-        Of the source; what was changed is added.
-
-    Raises
-    ------
-    BadInputError
-        If lines stay open, an outline encloses a place twice, nothing encloses the rest, or the
-        start is not free.
     """
     changes = Changes(frame)
     solid = [*_filled(shapes, options, changes), *_outlines(shapes, options, changes)]

@@ -49,20 +49,7 @@ def feet_on_lines(points: Floats, on_line: Floats, direction: Floats) -> Floats:
 
 
 def principal_directions(centred: Floats, starts: Ints) -> Floats:
-    """Return the direction of the largest second moment of each run of centred points.
-
-    Parameters
-    ----------
-    centred
-        Shape (n, 2).
-    starts
-        Shape (m,), increasing: where each run begins.
-
-    Returns
-    -------
-    array
-        Shape (m, 2), unit vectors.
-    """
+    """Return the direction of the largest second moment of each run of centred points."""
     x, y = centred.T
     xx, yy, xy = (np.add.reduceat(values, starts) for values in (x * x, y * y, x * y))
     angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
@@ -76,8 +63,6 @@ def meeting_points(
 
     Parameters
     ----------
-    first, second
-        Points on the lines and their directions, unit vectors.
     near
         For lines within 12 degrees of parallel the answer is the middle of this point's two
         feet: where they meet says nothing then.
@@ -104,11 +89,6 @@ def boundary_loops(region: Mask) -> list[Floats]:
     is 4-connected and what is not in it 8-connected: a wall drawn one cell thick along a
     diagonal stays closed. Outside the array is outside the region.
 
-    Parameters
-    ----------
-    region
-        Shape (rows, columns), row 0 lowest.
-
     Returns
     -------
     list of arrays
@@ -130,11 +110,6 @@ def corners_between(midpoints: Floats, ahead: Floats) -> Floats:
     """Return the boundary's lattice points: one between each midpoint and the one that follows.
 
     Every corner of the exact boundary is among them.
-
-    Parameters
-    ----------
-    midpoints, ahead
-        Shape (n, 2): midpoints of cell edges, and for each the next one of its loop.
     """
     lies_flat = (midpoints[:, 0] % 1.0) != 0.0
     turns = lies_flat != ((ahead[:, 0] % 1.0) != 0.0)
@@ -304,11 +279,6 @@ class CellWalls:
         """Follow the trace more closely in some sections, by one step.
 
         The steps: hold their ends on the longer line, split them, hold their ends on the breaks.
-
-        Returns
-        -------
-        bool
-            Whether anything changed; False once these sections are the trace itself.
         """
         after = self.after
         loose = (self.holds == 0) | (self.holds == 0)[after]

@@ -39,19 +39,14 @@ class Straight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arc:
-    """A piece of an ellipse: ``middle + first cos(t) + second sin(t)``.
+    """A piece of an ellipse: ``middle + first cos(t) + second sin(t)``."""
 
-    Parameters
-    ----------
-    middle, first, second
-        Shape (2,) each; any two conjugate radii, so that it may be sheared and scaled.
-    start_rad, turn_rad
-        First t, and by how much it grows (or shrinks when negative).
-    """
-
+    # middle, first, second: shape (2,) each; any two conjugate radii, so that it may be sheared and
+    # scaled
     middle: Floats
     first: Floats
     second: Floats
+    # start_rad, turn_rad: first t, and by how much it grows (or shrinks when negative)
     start_rad: float = 0.0
     turn_rad: float = math.tau
 
@@ -114,15 +109,7 @@ def _steps(wanted: float) -> int:
 
 
 def bulge_arc(start: Floats, end: Floats, bulge: float) -> CurvePiece:
-    """Return the arc between two points of a DXF polyline.
-
-    Parameters
-    ----------
-    start, end
-        Shape (2,).
-    bulge
-        Tangent of a quarter of the arc's angle, positive counter-clockwise; 0: straight.
-    """
+    """Return the arc between two points of a DXF polyline."""
     chord = end - start
     if bulge == 0.0 or not chord.any():
         return Straight(np.array([start, end]))

@@ -19,18 +19,10 @@ from vinefab.maps.cleanup.shapes import SAME_MM, Changes
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """A piece of drawing.
+    """A piece of drawing."""
 
-    Parameters
-    ----------
-    points_mm
-        Shape (n, 2), n at least 2.
-    where
-        What messages call it.
-    """
-
-    points_mm: Floats
-    where: str
+    points_mm: Floats  # shape (n, 2), n at least 2
+    where: str  # what messages call it
 
     @property
     def closed(self) -> bool:
@@ -49,15 +41,6 @@ def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     Ends within `SAME_MM` meet. Of the ends that meet nothing, the nearest two are joined, if
     they are within ``join_mm``, then the next ones: where their lines meet if that is as near, else
     in the middle.
-
-    Parameters
-    ----------
-    lines
-        Open or closed, in any order and direction.
-    join_mm
-        The widest gap that is closed.
-    changes
-        Where gaps and repeated lines are counted.
     """
     exact = _run(_without_repeated(lines, changes), SAME_MM)
     return _run(_bridged(exact, join_mm, changes), SAME_MM)
@@ -192,18 +175,10 @@ _MOST_NAMED = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joined:
-    """What became of loose lines.
+    """What became of loose lines."""
 
-    Parameters
-    ----------
-    rings
-        Closed lines.
-    open
-        Lines that enclose nothing.
-    """
-
-    rings: list[Line]
-    open: list[Line]
+    rings: list[Line]  # closed lines
+    open: list[Line]  # lines that enclose nothing
 
 
 def join(lines: list[Line], join_mm: float, changes: Changes) -> Joined:
@@ -212,15 +187,6 @@ def join(lines: list[Line], join_mm: float, changes: Changes) -> Joined:
     Lines are chained end to end (see `chained`). What is still open then is cut at its crossings:
     ends that stop just short of a line are led onto it, pieces that reach beyond a crossing are
     trimmed, and what is enclosed gives the rings.
-
-    Parameters
-    ----------
-    lines
-        In any order and direction.
-    join_mm
-        The widest gap that is closed and the longest overshoot that is trimmed.
-    changes
-        Where they are counted.
     """
     chains = chained(lines, join_mm, changes)
     rings = [line for line in chains if line.closed]
@@ -319,17 +285,6 @@ def walls_along(
     """Return lines as walls of some thickness; walls that meet are one polygon.
 
     Walls end flat where a line ends; where three or more meet they fill the corner.
-
-    Parameters
-    ----------
-    lines
-        The middle lines of the walls.
-    wall_mm
-        Thickness.
-    join_mm
-        The widest gap between ends that is closed.
-    changes
-        Where it is counted.
     """
     chains = chained(lines, join_mm, changes)
     meeting = _ends_at_corners(chains)

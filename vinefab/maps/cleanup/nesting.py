@@ -22,15 +22,7 @@ _SHARED_EDGE = "F***1****"
 
 
 def repeats(outlines: list[Polygon], near_mm: float) -> NDArray[np.bool_]:
-    """Tell of every outline whether it repeats an earlier one.
-
-    Parameters
-    ----------
-    outlines
-        Polygons; only their outer rings count.
-    near_mm
-        An outline that is nowhere farther than this from another one repeats it.
-    """
+    """Tell of every outline whether it repeats an earlier one."""
     rings = shapely.get_exterior_ring(np.array(outlines, dtype=np.object_))
     boxes = shapely.bounds(rings).reshape(-1, 4)
     low = np.asarray(shapely.points(boxes[:, :2]), dtype=np.object_)
@@ -49,13 +41,6 @@ def solids(outlines: list[Polygon], changes: Changes) -> list[Polygon]:
     An outline in none or two or four others encloses solid matter. One in an odd number of others
     is a hole, but only if it touches none and those around it lie in one another; any other one
     says nothing and counts as solid.
-
-    Parameters
-    ----------
-    outlines
-        Polygons without holes, none repeated.
-    changes
-        Where holes are counted, and what was left solid.
     """
     nest = _Nest.of(np.array(outlines, dtype=np.object_))
     holes = np.flatnonzero(nest.is_hole)
@@ -75,11 +60,6 @@ def painted(rings: list[Polygon]) -> BaseGeometry:
 
     Unlike the outlines of `solids`, rings of one fill were drawn to be holes and islands, so those
     that touch or overlap on the same level count together.
-
-    Parameters
-    ----------
-    rings
-        Polygons without holes.
     """
     if len(rings) == 1:
         return rings[0]
@@ -96,21 +76,11 @@ def painted(rings: list[Polygon]) -> BaseGeometry:
 
 @dataclass(frozen=True, slots=True)
 class _Nest:
-    """Which outline lies in which.
+    """Which outline lies in which."""
 
-    Parameters
-    ----------
-    parent
-        Shape (n,), the smallest outline around each, -1 for none.
-    depth
-        Shape (n,), number of outlines around each.
-    unclear
-        Shape (n,), whether it may as well be a hole as not.
-    """
-
-    parent: Ints
-    depth: Ints
-    unclear: NDArray[np.bool_]
+    parent: Ints  # shape (n,), the smallest outline around each, -1 for none
+    depth: Ints  # shape (n,), number of outlines around each
+    unclear: NDArray[np.bool_]  # shape (n,), whether it may as well be a hole as not
 
     @property
     def is_hole(self) -> NDArray[np.bool_]:
@@ -157,15 +127,6 @@ def merged(polygons: list[Polygon], gap_mm: float, changes: Changes) -> list[Pol
     """Return polygons of which no two overlap, share an edge, or leave a narrower gap.
 
     Those that no other one is near to come back as they were.
-
-    Parameters
-    ----------
-    polygons
-        Valid polygons, holes allowed.
-    gap_mm
-        Gaps up to this width are closed, at least 0.
-    changes
-        Where it is counted.
     """
     if not polygons:
         return []
@@ -209,27 +170,13 @@ def _together(items: Geometries, gap_mm: float) -> list[Polygon]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolidRegion:
-    """A closed part of a drawing.
+    """A closed part of a drawing."""
 
-    Parameters
-    ----------
-    polygon
-        Without holes unless filled.
-    where
-        What messages call it.
-    role
-        What the source says that it is.
-    filled
-        Whether its inside is solid, whatever it lies in.
-    wall
-        Whether it was made of a line.
-    """
-
-    polygon: Polygon
-    where: str
-    role: Role | None = None
-    filled: bool = False
-    wall: bool = False
+    polygon: Polygon  # without holes unless filled
+    where: str  # what messages call it
+    role: Role | None = None  # what the source says that it is
+    filled: bool = False  # whether its inside is solid, whatever it lies in
+    wall: bool = False  # whether it was made of a line
 
     @property
     def shell(self) -> Polygon:
@@ -239,21 +186,11 @@ class SolidRegion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Enclosed:
-    """The geometry of a map.
+    """The geometry of a map."""
 
-    Parameters
-    ----------
-    bounds
-        Without holes.
-    obstacles
-        None overlaps another.
-    how
-        In words, which bounds were chosen.
-    """
-
-    bounds: Polygon
-    obstacles: list[Polygon]
-    how: str
+    bounds: Polygon  # without holes
+    obstacles: list[Polygon]  # none overlaps another
+    how: str  # in words, which bounds were chosen
 
 
 def enclose(
@@ -263,22 +200,9 @@ def enclose(
 
     Parameters
     ----------
-    parts
-        Everything closed.
     mode
         ``outline``, ``largest``, ``wall`` or ``box``: see `AssembleOptions`. Bounds that have
         their role from the source, and walls made of lines, go their own way.
-    margin_mm
-        Around the drawing when ``box``.
-    join_mm
-        Outlines so near to each other all along repeat each other; gaps up to this are closed.
-    changes
-        Where everything is counted.
-
-    Raises
-    ------
-    BadInputError
-        If parts lie outside of the bounds, or the source names several bounds.
     """
     parts = _without_repeats(parts, join_mm, changes)
     named = [part for part in parts if part.role == "bounds"]
@@ -356,13 +280,7 @@ def _same(one: Polygon, other: Polygon, join_mm: float) -> bool:
 def _inside(
     shell: Polygon, rest: list[SolidRegion], join_mm: float, changes: Changes
 ) -> list[SolidRegion]:
-    """Return the parts that lie in the bounds.
-
-    Raises
-    ------
-    BadInputError
-        If one lies outside or reaches out by more than ``join_mm``.
-    """
+    """Return the parts that lie in the bounds."""
     shapely.prepare(shell)
     for part in rest:
         if shell.covers(part.polygon):

@@ -25,22 +25,13 @@ LARGEST_CELL_MM = 1e6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GridPlacement:
-    """Where a grid of cells lies in the map.
+    """Where a grid of cells lies in the map."""
 
-    Parameters
-    ----------
-    cell_mm
-        Width of a cell, at least 0.01.
-    x_mm, y_mm
-        Map position of the lower left corner of the lowest left cell.
-    turn_rad
-        By how much the grid is turned about that corner, counter-clockwise.
-    """
-
-    cell_mm: float
+    cell_mm: float  # width of a cell, at least 0.01
+    # x_mm, y_mm: map position of the lower left corner of the lowest left cell
     x_mm: float = 0.0
     y_mm: float = 0.0
-    turn_rad: float = 0.0
+    turn_rad: float = 0.0  # by how much the grid is turned about that corner, counter-clockwise
 
     def __post_init__(self) -> None:
         number("cell_mm", self.cell_mm, LEAST_CELL_MM, LARGEST_CELL_MM, "mm")
@@ -107,24 +98,6 @@ def raster_map(
     bounds and every solid island in it is an obstacle. Solid cells around it are not drawn as an
     obstacle in a box: a robot cannot tell, and a printed rig needs walls around the free space,
     not a plate as large as the image.
-
-    Parameters
-    ----------
-    name
-        Of the map.
-    free
-        Shape (rows, columns), row 0 lowest; outside of it is solid.
-    placement
-        Where the cells lie in the map.
-    options
-        How they become polygons.
-    facts
-        Of the source; what was done is added.
-
-    Raises
-    ------
-    BadInputError
-        If no cell is free, the start is not, or the tolerance is below 0.75 of a cell.
     """
     tolerance_mm = placement.cell_mm if options.simplify_mm is None else options.simplify_mm
     least_mm = LEAST_TOLERANCE * placement.cell_mm

@@ -29,23 +29,6 @@ def ring_polygons(
     A ring that crosses itself is cut at the crossings. Where the even-odd and the nonzero rule
     agree on what is inside, that is the repair: both lobes of a bow-tie, a hole that is joined to
     its outline by a bridge. Spikes vanish.
-
-    Parameters
-    ----------
-    points_mm
-        Shape (n, 2); closed or not.
-    where
-        What messages call it.
-    sliver_mm2
-        Rings of less area are dropped if they are small all round, and the two rules may disagree
-        on so much.
-    changes
-        Where repairs are counted.
-
-    Raises
-    ------
-    BadInputError
-        If some area is enclosed twice, or the ring encloses nothing although it is long.
     """
     points = without_repeats(points_mm, changes)
     if len(points) >= 4 or (len(points) == 3 and (points[0] != points[-1]).any()):
@@ -99,13 +82,6 @@ def polygons_of(geometry: BaseGeometry, least_mm2: float = 0.0) -> list[Polygon]
 
 def winding_numbers(spots: NDArray[np.object_], ring: Floats) -> Ints:
     """Return how often a closed ring runs around each of some points, counter-clockwise.
-
-    Parameters
-    ----------
-    spots
-        Points, none on the ring.
-    ring
-        Shape (n, 2), the last equal to the first.
 
     Examples
     --------

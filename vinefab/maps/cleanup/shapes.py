@@ -20,51 +20,29 @@ _FAR = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shape:
-    """One thing drawn: a line, an outline, or a filled area.
+    """One thing drawn: a line, an outline, or a filled area."""
 
-    Parameters
-    ----------
-    rings
-        Points in the units of the source, each (n, 2). A line or outline has one; the rings of a
-        filled area count by even-odd among themselves.
-    where
-        What messages call it: ``LINE (handle 2F)``, ``path in line 12``.
-    closed
-        Whether the source says that it is closed; the last point need not repeat the first.
-    filled
-        Whether the inside is solid, whatever it lies in; an outline in an outline is a hole.
-    holes
-        Rings that are not part of a filled area for certain.
-    role
-        What the source says that it is.
-    """
-
+    # points in the units of the source, each (n, 2). A line or outline has one; the rings of a
+    # filled area count by even-odd among themselves.
     rings: tuple[Floats, ...]
-    where: str
+    where: str  # what messages call it: ``LINE (handle 2F)``, ``path in line 12``
+    # whether the source says that it is closed; the last point need not repeat the first
     closed: bool = True
+    # whether the inside is solid, whatever it lies in; an outline in an outline is a hole
     filled: bool = False
-    holes: tuple[Floats, ...] = ()
-    role: Role | None = None
+    holes: tuple[Floats, ...] = ()  # rings that are not part of a filled area for certain
+    role: Role | None = None  # what the source says that it is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceFrame:
-    """How positions in the source become positions in the map.
+    """How positions in the source become positions in the map."""
 
-    Parameters
-    ----------
-    scale_mm_per_unit
-        Millimetres of the map per unit of the source.
-    x, y
-        Position in the source that becomes the origin of the map.
-    down
-        Whether y points down in the source.
-    """
-
-    scale_mm_per_unit: float = 1.0
+    scale_mm_per_unit: float = 1.0  # millimetres of the map per unit of the source
+    # x, y: position in the source that becomes the origin of the map
     x: float = 0.0
     y: float = 0.0
-    down: bool = False
+    down: bool = False  # whether y points down in the source
 
     def to_map(self, points: Floats) -> Floats:
         """Return points in the map, mm."""
@@ -89,23 +67,6 @@ def framed(points: Floats, frame: SourceFrame) -> tuple[SourceFrame, float]:
 
     A drawing that is farther than ten times its own size from the origin, or farther than a map
     may be, is moved: its lower left corner becomes the map's origin. Survey coordinates come so.
-
-    Parameters
-    ----------
-    points
-        All points of the drawing, or of a hull around it, in the units of the source.
-    frame
-        Scale and direction of y.
-
-    Returns
-    -------
-    tuple
-        Frame, and size in mm.
-
-    Raises
-    ------
-    BadInputError
-        If the drawing is larger than a map may be, or so small that its unit was surely mixed up.
     """
     positive("scale_mm_per_unit", frame.scale_mm_per_unit, 1e9, "mm per unit")
     low, high = extent(points)
@@ -131,17 +92,10 @@ def framed(points: Floats, frame: SourceFrame) -> tuple[SourceFrame, float]:
 
 @dataclass(slots=True)
 class Changes:
-    """Counts of what was changed on the way from a drawing to a map.
+    """Counts of what was changed on the way from a drawing to a map."""
 
-    Parameters
-    ----------
-    frame
-        For positions in messages.
-    counts
-        Number, or largest size, by what happened.
-    """
-
-    frame: SourceFrame
+    frame: SourceFrame  # for positions in messages
+    # number, or largest size, by what happened
     counts: dict[str, object] = field(default_factory=dict)
 
     def add(self, what: str, number: int = 1) -> None:

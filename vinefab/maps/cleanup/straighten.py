@@ -27,15 +27,7 @@ _SHARP = float(np.cos(np.radians(115.0)))
 
 
 def split_loops(loops: list[Floats], tolerance: Floats) -> CellWalls:
-    """Return loops as fitted walls, freed of needless breaks.
-
-    Parameters
-    ----------
-    loops
-        From `boundary_loops`, one at least.
-    tolerance
-        Shape (r,), in cells: largest deviation from each loop.
-    """
+    """Return loops as fitted walls, freed of needless breaks."""
     rough = _split([_from_extreme(loop) for loop in loops], tolerance)
     walls = _split(_from_best_corner(rough), tolerance)
     walls.divide()
@@ -155,8 +147,6 @@ def straighten(loops: list[Floats], tolerance: float) -> Straightened:
     loops
         From `boundary_loops` of one 4-connected region: the outer boundary, which runs
         counter-clockwise, and its holes, in any order.
-    tolerance
-        Largest deviation in cells, at least `LEAST_TOLERANCE`.
     """
     rectangles = [_rectangle(loop) for loop in loops]
     fixed = [rectangle for rectangle in rectangles if rectangle is not None]

@@ -35,22 +35,6 @@ def spread_points(
     """Return points in a square, each the candidate farthest from those before it.
 
     Mitchell's best-candidate sampling: random, but neither crowded nor regular.
-
-    Parameters
-    ----------
-    rng
-        Draws the candidates.
-    count
-        How many points besides the first.
-    limits
-        Smallest and largest x and y.
-    first
-        The point to begin with.
-
-    Returns
-    -------
-    array
-        Shape (count + 1, 2).
     """
     points = [first]
     for _ in range(count):
@@ -64,15 +48,6 @@ def links(rng: np.random.Generator, points: Floats, extra: float) -> list[tuple[
     """Return pairs of points to connect: a shortest tree over all, and some short cuts.
 
     Short cuts come from the Gabriel graph: pairs with no other point in the circle between them.
-
-    Parameters
-    ----------
-    rng
-        Chooses the short cuts.
-    points
-        Shape (n, 2).
-    extra
-        Share of the possible short cuts to take, 0 to 1.
     """
     distance = np.linalg.norm(points[:, None] - points, axis=2)
     tree = _shortest_tree(distance)
@@ -115,15 +90,7 @@ def chamber(middle_mm: Floats, radii_mm: Floats) -> Polygon:
 
 
 def passage(path_mm: Floats, widths_mm: Floats) -> BaseGeometry:
-    """Return a tube along a path: discs as wide as asked at its points, joined by their hulls.
-
-    Parameters
-    ----------
-    path_mm
-        Shape (n, 2), n at least 2.
-    widths_mm
-        Shape (n,).
-    """
+    """Return a tube along a path: discs as wide as asked at its points, joined by their hulls."""
     angles = np.arange(_DISC_POINTS) * 2.0 * math.pi / _DISC_POINTS
     disc = np.column_stack([np.cos(angles), np.sin(angles)])
     # A polygon around the disc, not in it: the passage is nowhere narrower than asked.
@@ -136,19 +103,7 @@ def passage(path_mm: Floats, widths_mm: Floats) -> BaseGeometry:
 def carved(
     parts: Sequence[BaseGeometry], room: Polygon, detail_mm: float, least_rock_mm2: float
 ) -> Polygon:
-    """Return the cave that overlapping parts make together.
-
-    Parameters
-    ----------
-    parts
-        Each overlaps the rest within the room, so that all are connected.
-    room
-        Convex; what reaches out of it is not carved.
-    detail_mm
-        Corners of the walls are left out as far as the walls move by at most this.
-    least_rock_mm2
-        Smaller islands of rock are carved away too.
-    """
+    """Return the cave that overlapping parts make together."""
     grid_mm = 10.0**-DECIMALS
     solid = shapely.union_all(np.array(parts), grid_size=grid_mm)
     pieces = canonical(shapely.intersection(solid, room, grid_size=grid_mm))
@@ -307,13 +262,6 @@ def cave_map(seed: int, options: CaveOptions | None = None) -> Map:
     seed
         At least 0; the same seed and options give the same map on any machine, as far as GEOS
         finds the same crossings of lines to 1e-4 mm.
-    options
-        What to make; the defaults when None.
-
-    Returns
-    -------
-    Map
-        ``environment`` is ``cave``; ``facts`` hold the options.
 
     Examples
     --------

@@ -55,27 +55,14 @@ class Region(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FloorLimits:
-    """What walls have to respect.
+    """What walls have to respect."""
 
-    Parameters
-    ----------
-    hall_mm
-        Width of halls.
-    room_min_mm
-        Least width and depth of rooms.
-    room_max_mm
-        Longer rooms are divided where that is possible; at least twice ``room_min_mm`` and a wall.
-    wall_mm
-        Thickness of walls.
-    keep_out
-        No wall may stand in it, if there is one.
-    """
-
-    hall_mm: float
-    room_min_mm: float
+    hall_mm: float  # width of halls
+    room_min_mm: float  # least width and depth of rooms
+    # longer rooms are divided where that is possible; at least twice ``room_min_mm`` and a wall
     room_max_mm: float
-    wall_mm: float
-    keep_out: Region | None = None
+    wall_mm: float  # thickness of walls
+    keep_out: Region | None = None  # no wall may stand in it, if there is one
 
 
 def floor_plan(
@@ -85,11 +72,6 @@ def floor_plan(
 
     Neighbours are exactly a wall apart; no two overlap. The first hall runs along y from side to
     side, every other one ends on an earlier one or at a side.
-
-    Raises
-    ------
-    BadInputError
-        If the halls do not fit.
     """
     for _ in range(_PLANS):
         parts = _with_halls(rng, floor._replace(way=1), halls, limits)
@@ -154,21 +136,7 @@ def _wall_place(
     walls_at_mm: tuple[float, ...],
     limits: FloorLimits,
 ) -> float | None:
-    """Draw where the first of some walls across a part begins; None if nowhere is room.
-
-    Parameters
-    ----------
-    rng
-        Draws the place, evenly over all that are possible.
-    part
-        What the walls divide.
-    axis
-        The axis that they cross.
-    walls_at_mm
-        Where each wall begins, from the first.
-    limits
-        Thickness, keep-out and the least room at both ends.
-    """
+    """Draw where the first of some walls across a part begins; None if nowhere is room."""
     low, high = part.span(axis)
     first = low + limits.room_min_mm
     last = high - limits.room_min_mm - limits.wall_mm - walls_at_mm[-1]
@@ -207,21 +175,11 @@ _SLACK_MM = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class DoorRules:
-    """How doors are made.
+    """How doors are made."""
 
-    Parameters
-    ----------
-    wall_mm
-        Thickness of walls, and what a door keeps to the corners of a room.
-    door_mm
-        Width.
-    loops
-        Share, 0 to 1, of the doors that are not needed but open.
-    """
-
-    wall_mm: float
-    door_mm: float
-    loops: float
+    wall_mm: float  # thickness of walls, and what a door keeps to the corners of a room
+    door_mm: float  # width
+    loops: float  # share, 0 to 1, of the doors that are not needed but open
 
 
 class _Border(NamedTuple):
@@ -416,23 +374,6 @@ def corridors_map(seed: int, options: CorridorsOptions | None = None) -> Map:
     The floor is divided into halls and rooms by straight walls; doors make all of them
     reachable. No way between two rooms is narrower than a door. Every possible starting position
     has ``start_clearance_mm``, and at least half a door's width, to all walls.
-
-    Parameters
-    ----------
-    seed
-        At least 0; the same seed and options give the same map on any machine.
-    options
-        What to make; the defaults when None.
-
-    Returns
-    -------
-    Map
-        ``environment`` is ``corridors``; ``facts`` hold the options and the number of rooms.
-
-    Raises
-    ------
-    BadInputError
-        If the halls do not fit.
 
     Examples
     --------

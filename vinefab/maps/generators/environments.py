@@ -18,20 +18,11 @@ from vinefab.model.map import Map
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Environment:
-    """A generator of maps that look related.
+    """A generator of maps that look related."""
 
-    Parameters
-    ----------
-    description
-        One line for lists and help texts.
-    options
-        The options class: callable without arguments, every field documented.
-    make
-        ``make(seed, options)`` returns a Map; the same arguments give the same map.
-    """
-
-    description: str
-    options: type[Any]
+    description: str  # one line for lists and help texts
+    options: type[Any]  # the options class: callable without arguments, every field documented
+    # ``make(seed, options)`` returns a Map; the same arguments give the same map
     make: Callable[[int, Any], Map]
 
 

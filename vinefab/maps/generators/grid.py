@@ -134,18 +134,6 @@ def grid_map(seed: int, options: GridOptions | None = None) -> Map:
     all walls. An obstacle that would stand too close to a start is drawn again, and left out if
     that does not help (``facts["left_out"]`` counts these).
 
-    Parameters
-    ----------
-    seed
-        At least 0; the same seed and options give the same map on any machine.
-    options
-        What to make; the defaults when None.
-
-    Returns
-    -------
-    Map
-        ``environment`` is ``grid``; ``facts`` hold the options.
-
     Examples
     --------
     >>> world = grid_map(7)
@@ -227,17 +215,7 @@ def _polygons(
 
 
 def _corners(numbers: Floats, cells: Ints, options: GridOptions) -> Floats:
-    """Return corners on a circle, shape (n, corners, 2): strictly convex for any angles.
-
-    Parameters
-    ----------
-    numbers
-        What `_draws` yields, for n cells.
-    cells
-        Shape (n, 2).
-    options
-        What the numbers are scaled with.
-    """
+    """Return corners on a circle, shape (n, corners, 2): strictly convex for any angles."""
     rows, length = numbers.shape
     count = (length - 4) // (1 if options.concavity == 0.0 else 2)
     span = options.radius_max - options.radius_min

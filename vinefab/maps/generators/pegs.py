@@ -119,18 +119,6 @@ def pegs_map(seed: int, options: PegsOptions | None = None) -> Map:
     Pegs keep `PegsOptions.passage_mm` to each other and to the sides, so the free space is
     connected; every possible starting position has ``start_clearance_mm`` to all walls.
 
-    Parameters
-    ----------
-    seed
-        At least 0; the same seed and options give the same map on any machine.
-    options
-        What to make; the defaults when None.
-
-    Returns
-    -------
-    Map
-        ``environment`` is ``pegs``; ``facts`` hold the options.
-
     Examples
     --------
     >>> pegs_map(0).size_mm

@@ -28,36 +28,20 @@ _DEEPEST = 0.35
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlabKind:
-    """How slabs look.
+    """How slabs look."""
 
-    Parameters
-    ----------
-    thickness
-        Smallest and largest thickness, as a share of the length; at most 0.8.
-    direction_rad, direction_spread_rad
-        Slabs lie along the first, counter-clockwise from +x, give or take up to the second.
-    raggedness
-        0: straight ends; 1: ends broken off at a slant, by a third of the thickness.
-    """
-
+    # smallest and largest thickness, as a share of the length; at most 0.8
     thickness: tuple[float, float]
+    # direction_rad, direction_spread_rad: slabs lie along the first, counter-clockwise from +x,
+    # give or take up to the second
     direction_rad: float
     direction_spread_rad: float
+    # 0: straight ends; 1: ends broken off at a slant, by a third of the thickness
     raggedness: float
 
 
 def power_law(rng: np.random.Generator, limits: tuple[float, float], exponent: float) -> float:
-    """Draw a length whose density falls with a power of it, between limits.
-
-    Parameters
-    ----------
-    rng
-        Draws one number.
-    limits
-        Smallest and largest, above 0.
-    exponent
-        The density is proportional to ``length ** -exponent``.
-    """
+    """Draw a length whose density falls with a power of it, between limits."""
     low, high = limits
     share = rng.random()
     power = 1.0 - exponent
@@ -100,8 +84,6 @@ def way_to_contact(mover: Floats, host: Floats, way: Floats) -> float:
     ----------
     mover, host
         Corners, shape (n, 2); apart from each other.
-    way
-        Unit vector of the motion.
     """
     ahead = _first_hit(mover, host, way)
     return min(ahead, _first_hit(host, mover, -way))
@@ -128,34 +110,17 @@ _BITE = 0.15
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PileRules:
-    """Where slabs may lie.
+    """Where slabs may lie."""
 
-    Parameters
-    ----------
-    size_mm
-        Width and height of the bounds, from the origin.
-    passage_mm
-        Least distance between slabs that do not lean on each other, and to the sides.
-    keep_out
-        What slabs keep ``keep_out_mm`` from.
-    keep_out_mm
-        That distance.
-    """
-
-    size_mm: float
+    size_mm: float  # width and height of the bounds, from the origin
+    # least distance between slabs that do not lean on each other, and to the sides
     passage_mm: float
-    keep_out: BaseGeometry
-    keep_out_mm: float
+    keep_out: BaseGeometry  # what slabs keep ``keep_out_mm`` from
+    keep_out_mm: float  # that distance
 
 
 class Pile:
-    """Slabs that lie already, and room for more.
-
-    Parameters
-    ----------
-    rules
-        Where slabs may lie.
-    """
+    """Slabs that lie already, and room for more."""
 
     def __init__(self, rules: PileRules) -> None:
         self.rules = rules
@@ -171,17 +136,7 @@ class Pile:
         return self._polygons[: self._count]
 
     def add(self, rng: np.random.Generator, slab_mm: Floats, *, leaning: bool) -> bool:
-        """Put down a slab where there is room, and return whether a place was found.
-
-        Parameters
-        ----------
-        rng
-            Draws the places to try.
-        slab_mm
-            Corners around the origin.
-        leaning
-            Whether it leans on a slab or a side, where such a place is found.
-        """
+        """Put down a slab where there is room, and return whether a place was found."""
         for lean in (True, False) if leaning else (False,):
             for _ in range(_TRIES):
                 host, off_mm = self._place(rng, slab_mm, lean=lean)
@@ -385,19 +340,12 @@ def rubble_map(seed: int, options: RubbleOptions | None = None) -> Map:
     seed
         At least 0; the same seed and options give the same map on any machine, as far as GEOS
         finds the same distances and crossings of lines to 1e-4 mm.
-    options
-        What to make; the defaults when None.
 
     Returns
     -------
     Map
         ``environment`` is ``rubble``; ``facts`` hold the options, the number of slabs and the
         share of the bounds that they cover.
-
-    Raises
-    ------
-    BadInputError
-        If so much cover does not fit with such passages.
 
     Examples
     --------

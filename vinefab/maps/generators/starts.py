@@ -47,15 +47,7 @@ def start_zone(start: Start) -> BaseGeometry:
 
 
 def upward_start(x_mm: float, y_mm: float, spreads: tuple[float, float, float]) -> Start:
-    """Return a start that launches along +y.
-
-    Parameters
-    ----------
-    x_mm, y_mm
-        Position of the middle of the range.
-    spreads
-        Half-widths of the range of x (mm), y (mm) and heading (rad).
-    """
+    """Return a start that launches along +y."""
     return Start(
         pose=Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=math.pi / 2),
         spread_x_mm=spreads[0],
@@ -120,19 +112,7 @@ class StartRange(Protocol):
 def check_starts(
     options: StartRange, room_mm: tuple[float, float], count: int = 1, least_mm: float = 0.0
 ) -> None:
-    """Raise BadInputError unless the ranges of the starts and their clearance have room.
-
-    Parameters
-    ----------
-    options
-        What is asked for.
-    room_mm
-        Width and height of where starts with their clearance must fit.
-    count
-        Starts side by side.
-    least_mm
-        Clearance, where that is more than the one asked for.
-    """
+    """Raise BadInputError unless the ranges of the starts and their clearance have room."""
     width_mm, height_mm = room_mm
     number("start_clearance_mm", options.start_clearance_mm, 0.0, width_mm, "mm")
     number("start_spread_x_mm", options.start_spread_x_mm, 0.0, width_mm, "mm")
@@ -152,19 +132,7 @@ def check_starts(
 def lower_starts(
     options: StartRange, width_mm: float, count: int = 1, least_mm: float = 0.0
 ) -> tuple[Start, ...]:
-    """Return starts evenly spread along the lower side, launching straight up.
-
-    Parameters
-    ----------
-    options
-        Clearance and spreads.
-    width_mm
-        Length of the lower side, from the origin along +x.
-    count
-        How many; one stands in the middle.
-    least_mm
-        Clearance, where that is more than the one asked for.
-    """
+    """Return starts evenly spread along the lower side, launching straight up."""
     spreads = (
         options.start_spread_x_mm,
         options.start_spread_y_mm,

@@ -49,15 +49,7 @@ class _Polygon:
 
 
 def import_csv(path: Path, options: ImportOptions) -> Map:
-    """Return the map in a file of comma-separated polygons.
-
-    Raises
-    ------
-    UnreadableFileError
-        If it cannot be read.
-    BadInputError
-        For the first line that is wrong, or what `drawing_map` refuses.
-    """
+    """Return the map in a file of comma-separated polygons."""
     options.refuse(("layers",), "a CSV file", path)
     try:
         polygons = _polygons(read_text(path, _LARGEST_BYTES))

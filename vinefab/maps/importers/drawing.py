@@ -75,15 +75,9 @@ class ImportOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ring:
-    """Pieces that follow one another.
+    """Pieces that follow one another."""
 
-    Parameters
-    ----------
-    pieces
-        At least one.
-    """
-
-    pieces: tuple[CurvePiece, ...]
+    pieces: tuple[CurvePiece, ...]  # at least one
 
     def hull(self) -> Floats:
         """Return points whose box holds all the pieces."""
@@ -92,14 +86,9 @@ class Ring:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawingItem:
-    """A `Shape` whose curves are still curves.
+    """A `Shape` whose curves are still curves."""
 
-    Parameters
-    ----------
-    rings, holes, where, closed, filled, role
-        As there.
-    """
-
+    # as there
     rings: tuple[Ring, ...]
     where: str
     closed: bool = True
@@ -127,40 +116,18 @@ class DrawingItem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceDrawing:
-    """What a file of another program holds.
+    """What a file of another program holds."""
 
-    Parameters
-    ----------
-    items
-        Everything that can be a wall.
-    mm_per_unit
-        What the file says about its unit, or what is taken.
-    down
-        Whether y points down.
-    origin
-        Position in the file that becomes the map's origin.
-    facts
-        What was read and what was left out.
-    curved
-        Whether such files hold curves.
-    """
-
-    items: tuple[DrawingItem, ...]
-    mm_per_unit: float = 1.0
-    down: bool = False
-    origin: tuple[float, float] = (0.0, 0.0)
-    facts: Mapping[str, object] = field(default_factory=dict)
-    curved: bool = True
+    items: tuple[DrawingItem, ...]  # everything that can be a wall
+    mm_per_unit: float = 1.0  # what the file says about its unit, or what is taken
+    down: bool = False  # whether y points down
+    origin: tuple[float, float] = (0.0, 0.0)  # position in the file that becomes the map's origin
+    facts: Mapping[str, object] = field(default_factory=dict)  # what was read and what was left out
+    curved: bool = True  # whether such files hold curves
 
 
 def drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> Map:
-    """Return the map that a drawing shows, see `assemble`.
-
-    Raises
-    ------
-    BadInputError
-        If there is nothing to make walls of, or `assemble` refuses it.
-    """
+    """Return the map that a drawing shows, see `assemble`."""
     try:
         return _drawing_map(path, drawing, options)
     except BadInputError as error:

@@ -80,20 +80,7 @@ class Curve:
 
 
 def items_of(entity: DXFGraphic, where: str) -> list[DrawingItem]:
-    """Return what an entity draws, in world coordinates.
-
-    Parameters
-    ----------
-    entity
-        Of one of the types in `READERS`.
-    where
-        What messages call it.
-
-    Raises
-    ------
-    BadInputError
-        If it is not flat, or does not hold together.
-    """
+    """Return what an entity draws, in world coordinates."""
     try:
         return READERS[entity.dxftype()](entity, where)
     except BadInputError:
@@ -391,13 +378,6 @@ def import_dxf(path: Path, options: ImportOptions) -> Map:
 
     Hatches and solids are areas, everything else lines and outlines. Blocks are taken apart.
     What is frozen, off, invisible, text or not in model space is counted and left out.
-
-    Raises
-    ------
-    UnreadableFileError
-        If it cannot be read or is not DXF.
-    BadInputError, UnknownNameError
-        For the first entity that is wrong, an unknown layer, or what `drawing_map` refuses.
     """
     document, mended = _document(path)
     try:

@@ -27,20 +27,7 @@ from vinefab.model.map import Map, Start
 
 
 def scaled_map(world: Map, factor: float) -> Map:
-    """Return a map with all lengths multiplied by a factor, about the origin.
-
-    Parameters
-    ----------
-    world
-        The map.
-    factor
-        New length over old length, above 0.
-
-    Raises
-    ------
-    BadInputError
-        If the factor is not above 0, or the map becomes larger than a map may be.
-    """
+    """Return a map with all lengths multiplied by a factor, about the origin."""
     positive("scale", factor, 1e6, "new over old")
     if factor == 1.0:
         return world
@@ -82,13 +69,6 @@ def import_geojson(path: Path, options: ImportOptions) -> Map:
     largest is the bounds and its holes are obstacles), closed lines are outlines and open ones
     are joined; points and everything else are counted and left out. ``properties.role`` may say
     what is bounds and what an obstacle.
-
-    Raises
-    ------
-    UnreadableFileError
-        If it cannot be read or is not JSON.
-    BadInputError
-        For the first geometry that is wrong, or what `drawing_map` refuses.
     """
     options.refuse(("layers", "unknown"), "a GeoJSON file", path)
     document = _document(path)

@@ -18,13 +18,7 @@ _NOT_FOR_ROS = ("join_mm", "layers", "bounds", "margin_mm", "wall_mm", "open_lin
 
 
 def import_map(source: Path, options: ImportOptions) -> Map:
-    """Return the map in a file of another program, by its suffix.
-
-    Raises
-    ------
-    BadInputError, UnreadableFileError
-        If there is no importer for such files, or the file cannot be used.
-    """
+    """Return the map in a file of another program, by its suffix."""
     suffix = source.suffix.lower()
     if suffix not in IMPORTERS:
         raise BadInputError("source", str(source), f"a file ending in {', '.join(IMPORTERS)}")

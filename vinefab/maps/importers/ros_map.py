@@ -40,23 +40,11 @@ def read_values(path: Path, data: bytes) -> tuple[Values, Values | None]:
 
     Brightness is the mean of red, green and blue.
 
-    Parameters
-    ----------
-    path
-        Named in errors.
-    data
-        The file's content: PGM, PNG, BMP or another image that Pillow reads.
-
     Returns
     -------
     tuple
         Two arrays of shape (rows, columns); the second is None when the image has no
         transparency.
-
-    Raises
-    ------
-    UnreadableFileError
-        If this is no image, a damaged or a gigantic one, or has an unusual kind of pixels.
     """
     image = _open(path, data)
     if image.mode in _DEEP:
@@ -128,32 +116,19 @@ class RosOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RosMap:
-    """The YAML file: what the map_server calls the map's metadata.
+    """The YAML file: what the map_server calls the map's metadata."""
 
-    Parameters
-    ----------
-    image
-        Path of the image.
-    resolution_m
-        Width of a cell.
-    origin
-        x (m), y (m) and yaw (rad, counter-clockwise) of the lower left corner of the image's
-        lower left pixel.
-    negate
-        Whether white is occupied.
-    occupied_thresh, free_thresh
-        Cells above the first are occupied, below the second free, else unknown.
-    mode
-        How a pixel gives an occupancy, see `classify`.
-    """
-
-    image: Path
-    resolution_m: float
+    image: Path  # path of the image
+    resolution_m: float  # width of a cell
+    # x (m), y (m) and yaw (rad, counter-clockwise) of the lower left corner of the image's lower
+    # left pixel
     origin: tuple[float, float, float]
-    negate: bool
+    negate: bool  # whether white is occupied
+    # occupied_thresh, free_thresh: cells above the first are occupied, below the second free, else
+    # unknown
     occupied_thresh: float
     free_thresh: float
-    mode: str
+    mode: str  # how a pixel gives an occupancy, see `classify`
 
     def __post_init__(self) -> None:
         number("resolution", self.resolution_m, 1e-6, 1e6, "m")
@@ -171,21 +146,6 @@ def import_ros(path: Path, options: RosOptions | None = None) -> Map:
     The bounds are the outer boundary of the free region that counts (the one with the start, or
     the largest), the solid islands in it are obstacles: see `raster_map`. What was read, done
     and left out stands in the map's facts.
-
-    Parameters
-    ----------
-    path
-        The YAML file; the image's path in it is relative to its folder.
-    options
-        The defaults when None.
-
-    Raises
-    ------
-    UnreadableFileError
-        If a file is missing or not what it should be.
-    BadInputError
-        If a value in the YAML file is wrong, no cell is free, the start is not, or
-        ``simplify_mm`` is less than 0.75 of a cell.
     """
     options = options or RosOptions()
     source = read_ros_yaml(path)
@@ -243,13 +203,6 @@ def classify(values: Values, opacity: Values | None, source: RosMap) -> tuple[Ma
     - *scale*: pixels that are not opaque are unknown.
     - *raw*: the value, 0 to 100, is the occupancy in percent; larger ones are unknown and
       ``negate`` does not matter.
-
-    Parameters
-    ----------
-    values, opacity
-        From `read_values`.
-    source
-        Thresholds, mode and negate.
     """
     if values.dtype == np.uint8 and opacity is None:
         occupied, free = _classified(np.arange(256.0), None, source)
@@ -272,15 +225,7 @@ def _classified(values: Values, opacity: Values | None, source: RosMap) -> tuple
 
 
 def read_ros_yaml(path: Path) -> RosMap:
-    """Return the metadata in a map_server's YAML file.
-
-    Raises
-    ------
-    UnreadableFileError
-        If it cannot be read or is not YAML.
-    BadInputError
-        If a key is missing or a value wrong.
-    """
+    """Return the metadata in a map_server's YAML file."""
     text = read_text(path, _LARGEST_YAML_BYTES)
     try:
         data = yaml.safe_load(text)

@@ -19,27 +19,13 @@ _LONGEST_ENTITY = 500
 
 @dataclass(slots=True)
 class Node:
-    """An element.
+    """An element."""
 
-    Parameters
-    ----------
-    tag
-        Its name without namespace.
-    attributes
-        By name without namespace.
-    line
-        Where it begins.
-    children
-        In order.
-    text
-        Characters directly in it.
-    """
-
-    tag: str
-    attributes: dict[str, str]
-    line: int
-    children: list["Node"] = field(default_factory=list)
-    text: str = ""
+    tag: str  # its name without namespace
+    attributes: dict[str, str]  # by name without namespace
+    line: int  # where it begins
+    children: list["Node"] = field(default_factory=list)  # in order
+    text: str = ""  # characters directly in it
 
     @property
     def where(self) -> str:
@@ -49,14 +35,7 @@ class Node:
 
 
 def read_nodes(path: Path) -> Node:
-    """Return the root of an SVG file.
-
-    Raises
-    ------
-    UnreadableFileError
-        If it cannot be read, is not well formed, nests deeper than 256, declares entities that
-        are long, nested or outside of the file, or is not SVG.
-    """
+    """Return the root of an SVG file."""
     data = read_bytes(path, _LARGEST_BYTES)
     if not data.strip():
         raise UnreadableFileError(path, "is empty")
@@ -148,13 +127,7 @@ IDENTITY = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 def length_px(node: Node, name: str, default: float = 0.0) -> float:
-    """Return an attribute that is a length, in user units (px).
-
-    Raises
-    ------
-    BadInputError
-        If it is no length, or relative to something (percent, em).
-    """
+    """Return an attribute that is a length, in user units (px)."""
     text = node.attributes.get(name)
     if text is None or text.strip() == "auto":
         return default
@@ -220,13 +193,7 @@ def viewport(node: Node) -> Floats:
 
 
 def transform(node: Node) -> Floats:
-    """Return the map that ``transform`` says, shape (2, 3).
-
-    Raises
-    ------
-    BadInputError
-        If it is not a list of transforms, or squeezes everything onto a line.
-    """
+    """Return the map that ``transform`` says, shape (2, 3)."""
     text = node.attributes.get("transform", "")
     matrix, at = IDENTITY, 0
     while at < len(text.rstrip()):

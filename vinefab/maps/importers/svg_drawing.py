@@ -49,11 +49,6 @@ class Subpath:
 def path_outlines(data: str) -> list[Subpath]:
     """Return the subpaths of a path's ``d``.
 
-    Raises
-    ------
-    BadInputError
-        If it is not path data; the message says after how many characters.
-
     Examples
     --------
     >>> [(len(run.pieces), run.closed) for run in path_outlines("M0 0h9v9z m20 0 l5,5")]
@@ -180,17 +175,7 @@ class _Pen:
 def _end_point_arc(
     ends: tuple[Floats, Floats], shape: tuple[float, float, float], *, large: bool, sweep: bool
 ) -> CurvePiece | None:
-    """Return the elliptical arc between two points (SVG 1.1, F.6.5 and F.6.6).
-
-    Parameters
-    ----------
-    ends
-        Where it begins and ends.
-    shape
-        Both radii and the turn of the first one, rad. Radii that are too small grow.
-    large, sweep
-        The longer way round; the way of growing angles.
-    """
+    """Return the elliptical arc between two points (SVG 1.1, F.6.5 and F.6.6)."""
     start, end = ends
     wide, high, turn = shape
     if not (end - start).any():
@@ -292,13 +277,6 @@ def import_svg(path: Path, options: ImportOptions) -> Map:
     All shapes are outlines or lines, whatever their colour. With ``wall_mm`` shapes without fill
     are walls of that thickness, those with a fill outlines. The lower left corner of the page is
     the map's origin.
-
-    Raises
-    ------
-    UnreadableFileError
-        If it cannot be read or is not SVG.
-    BadInputError, UnknownNameError
-        For the first element that is wrong, an unknown group, or what `drawing_map` refuses.
     """
     root = read_nodes(path)
     try:

@@ -106,11 +106,6 @@ def read_design(name_or_path: str | Path) -> Design:
 
     Lengths in ``[trunk]`` and ``[[level]]`` are multiplied by ``scale_mm_per_unit``; everything
     in ``[build]`` is in millimetres already.
-
-    Raises
-    ------
-    UnreadableFileError, UnknownNameError, BadInputError
-        With the file, the key, the value and what is allowed.
     """
     path = locate("design", name_or_path)
     form = validated(DesignForm, read_toml(path), path)

@@ -23,15 +23,7 @@ DECIMALS = 6
 
 
 def read_features(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Return a FeatureCollection's document and its features.
-
-    Raises
-    ------
-    UnreadableFileError
-        If the file cannot be read or is not JSON.
-    BadInputError
-        If it is JSON but not a FeatureCollection.
-    """
+    """Return a FeatureCollection's document and its features."""
     text = read_text(path, LARGEST_GEOJSON_BYTES)
     try:
         document = json.loads(text)
@@ -55,14 +47,7 @@ def feature_key(index: int) -> str:
 
 
 def polygons_in(key: str, feature: dict[str, Any]) -> list[Polygon]:
-    """Return the valid polygons of a feature; a MultiPolygon gives each of its parts.
-
-    Raises
-    ------
-    BadInputError
-        If the geometry is something else, or a ring is short, crosses itself or has coordinates
-        that are not finite or too large.
-    """
+    """Return the valid polygons of a feature; a MultiPolygon gives each of its parts."""
     kind, coordinates = _geometry(key, feature)
     if kind == "Polygon":
         return [_polygon(key, coordinates)]
@@ -162,14 +147,6 @@ def read_map(path: Path) -> Map:
 
     A file of vinefab gives every feature a role. In a file without any roles the largest polygon
     must contain all others and is the bounds; the others are obstacles.
-
-    Raises
-    ------
-    UnreadableFileError
-        If the file cannot be read or is not JSON.
-    BadInputError
-        For the first thing that is wrong: which feature, what it is, what is allowed. Features
-        are counted from 1.
     """
     document, features = read_features(path)
     try:

@@ -43,26 +43,13 @@ def read_profile(recipe: str | Path) -> LaserProfile:
         Path of a recipe file, or the name of one of the user's own or a shipped one. Its machine
         and material are looked for in ``../machines`` and ``../materials`` beside it, then by
         name. What was measured of the film (table ``[measured]``) takes the material's place.
-
-    Raises
-    ------
-    UnreadableFileError, UnknownNameError, BadInputError
-        With the file, the key, the value and what is allowed.
     """
     path = locate("recipe", recipe)
     return profile_of(read_toml(path), path)
 
 
 def profile_of(document: Mapping[str, Any], path: Path) -> LaserProfile:
-    """Return the profile of a recipe file's content.
-
-    Parameters
-    ----------
-    document
-        What the file holds.
-    path
-        Where it lies or is to lie; errors as in `read_profile`.
-    """
+    """Return the profile of a recipe file's content."""
     form = _formed(RecipeForm, document, path)
     _ensure_seals(form, path)
     material = _material(_read(MaterialForm, _beside(path, "material", form.material)))

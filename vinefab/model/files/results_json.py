@@ -22,19 +22,8 @@ def deployment_text(
 
     Parameters
     ----------
-    deployment
-        What became of the robot.
-    design_name, map_name
-        Names of what was grown, and where.
-    metrics
-        Numbers worked out from it (lengths, coverage); plain values.
     history
         Earlier shapes, plain values; left out when None.
-
-    Raises
-    ------
-    ValueError
-        If a metric is NaN or infinite.
     """
     content = {} if history is None else {"history": list(history)}
     return json_text(
@@ -83,13 +72,7 @@ SCORE_SCHEMA = "vinefab/score-1"
 
 
 def score_text(score: Score) -> str:
-    """Return a score with every evaluation that it is made of.
-
-    Raises
-    ------
-    ValueError
-        If a score or term is NaN or infinite.
-    """
+    """Return a score with every evaluation that it is made of."""
     evaluations = [
         {
             "map": evaluation.map_name,

@@ -65,19 +65,10 @@ def locate(kind: str, name_or_path: str | Path) -> Path:
 
     Parameters
     ----------
-    kind
-        A key of `KINDS`.
     name_or_path
         A path, or the name of a shipped file without its suffix. Something that has a folder or
         a suffix is a path; a bare name is looked up here first, then in the user's own folder,
         then among the shipped ones.
-
-    Raises
-    ------
-    UnreadableFileError
-        If a path does not lead to a file.
-    UnknownNameError
-        If a name is neither a file here, nor the user's own, nor shipped.
     """
     path = Path(name_or_path)
     given = str(name_or_path)
@@ -104,20 +95,7 @@ def existing_file(path: Path) -> Path:
 
 
 def read_bytes(path: Path, most_bytes: int = 1 << 30) -> bytes:
-    """Return the content of a file.
-
-    Parameters
-    ----------
-    path
-        The file.
-    most_bytes
-        Larger files are refused.
-
-    Raises
-    ------
-    UnreadableFileError
-        If the file is missing, too large, or the system refuses to read it.
-    """
+    """Return the content of a file."""
     existing_file(path)
     try:
         if path.stat().st_size > most_bytes:

@@ -23,13 +23,7 @@ class Form(BaseModel):
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the content of a TOML file.
-
-    Raises
-    ------
-    UnreadableFileError
-        If it cannot be read or is not TOML.
-    """
+    """Return the content of a TOML file."""
     try:
         return tomllib.loads(read_text(path, LARGEST_TOML_BYTES))
     except tomllib.TOMLDecodeError as error:
@@ -39,23 +33,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def validated(model: type[M], data: Mapping[str, Any], source: str | Path) -> M:
-    """Return data as an instance of a schema.
-
-    Parameters
-    ----------
-    model
-        The schema; its ``schema`` key, if it has one, is checked like any other.
-    data
-        What the file holds.
-    source
-        The file, for the error.
-
-    Raises
-    ------
-    BadInputError
-        For the first thing that is wrong: file, key, value, what is allowed, and the nearest
-        known key when one was misspelt.
-    """
+    """Return data as an instance of a schema."""
     try:
         return model.model_validate(data)
     except ValidationError as error:

@@ -232,17 +232,6 @@ class CmaConfig:
 class Cma:
     """A distribution over designs that learns from the ranks of what it proposes.
 
-    Parameters
-    ----------
-    recipe
-        Parameters.
-    axes
-        The coordinates.
-    population
-        Points per generation, at least 4.
-    seed
-        At least 0.
-
     Notes
     -----
     It is told ranks instead of fitness: of the values themselves the algorithm uses only the

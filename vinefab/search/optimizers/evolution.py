@@ -42,19 +42,7 @@ class EvolutionConfig:
 
 
 class Evolution:
-    """A population that is crossed, mutated and selected.
-
-    Parameters
-    ----------
-    recipe
-        Parameters.
-    axes
-        The coordinates.
-    population
-        Survivors, and children per generation.
-    seed
-        At least 0.
-    """
+    """A population that is crossed, mutated and selected."""
 
     def __init__(
         self, recipe: EvolutionConfig, axes: SearchAxes, population: int, seed: int

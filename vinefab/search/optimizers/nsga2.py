@@ -69,10 +69,6 @@ def ranking(worth: Floats, costs: Floats, lowest: float) -> Ints:
     ----------
     worth
         Fitness, shape (m,).
-    costs
-        Shape (m, k).
-    lowest
-        Points with less fitness stand for designs that cannot be made.
     """
     from pymoo.operators.survival.rank_and_crowding.metrics import (  # noqa: PLC0415 - when used
         calc_crowding_distance,

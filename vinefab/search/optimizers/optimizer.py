@@ -46,20 +46,5 @@ class OptimizerConfig(Protocol):
     """An optimizer's own parameters: a frozen dataclass whose fields all have defaults."""
 
     def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
-        """Return an optimizer before its first generation.
-
-        Parameters
-        ----------
-        axes
-            The coordinates; ``len(axes)`` is the length of a point.
-        population
-            Points per generation, at least 1.
-        seed
-            At least 0.
-
-        Raises
-        ------
-        BadInputError
-            If it cannot work with so few points.
-        """
+        """Return an optimizer before its first generation."""
         ...

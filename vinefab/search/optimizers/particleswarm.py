@@ -68,17 +68,7 @@ class AdaptiveSwarmConfig:
 
 
 class AdaptiveSwarm:
-    """A swarm whose inertia and neighbourhoods adapt.
-
-    Parameters
-    ----------
-    recipe
-        Parameters.
-    shape
-        Particles (at least 2) and dimensions.
-    seed
-        At least 0.
-    """
+    """A swarm whose inertia and neighbourhoods adapt."""
 
     def __init__(self, recipe: AdaptiveSwarmConfig, shape: tuple[int, int], seed: int) -> None:
         self._recipe = recipe

@@ -68,17 +68,6 @@ class ParticleSwarm:
     """A swarm of particles that remember their best points and follow their neighbours'.
 
     Points that would leave the unit cube are reflected at its faces.
-
-    Parameters
-    ----------
-    recipe
-        Parameters.
-    axes
-        The coordinates.
-    population
-        Particles.
-    seed
-        At least 0.
     """
 
     def __init__(self, recipe: SwarmConfig, axes: SearchAxes, population: int, seed: int) -> None:

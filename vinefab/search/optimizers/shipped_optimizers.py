@@ -28,13 +28,5 @@ OPTIMIZERS: Registry[Callable[..., OptimizerConfig]] = Registry(
 def make_optimizer_config(
     name: str, parameters: Mapping[str, object] | None = None
 ) -> OptimizerConfig:
-    """Return an optimizer's parameters, ready to start.
-
-    Raises
-    ------
-    UnknownNameError
-        If no optimizer has that name.
-    BadInputError
-        If a parameter is unknown or cannot be used.
-    """
+    """Return an optimizer's parameters, ready to start."""
     return with_parameters(OPTIMIZERS[name], "optimizer", parameters or {})

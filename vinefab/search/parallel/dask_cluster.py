@@ -49,13 +49,7 @@ def _view(content: dict[Any, Any]) -> MappingProxyType[Any, Any]:
 
 
 def serialized(thing: object) -> bytes:
-    """Return an object as bytes.
-
-    Raises
-    ------
-    pickle.PicklingError, AttributeError, TypeError
-        If something in it cannot be sent, such as a function made in another one.
-    """
+    """Return an object as bytes."""
     stream = io.BytesIO()
     _Pickler(stream, protocol=pickle.HIGHEST_PROTOCOL).dump(thing)
     return stream.getvalue()
@@ -90,31 +84,15 @@ Sent = tuple[Evaluations, Work]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkerPayload:
-    """What every worker is sent once.
+    """What every worker is sent once."""
 
-    Parameters
-    ----------
-    name
-        The same for the same content.
-    brief
-        What the run is made of, pickled.
-    versions
-        Those that all must have.
-    """
-
-    name: str
-    brief: bytes
-    versions: Mapping[str, str]
+    name: str  # the same for the same content
+    brief: bytes  # what the run is made of, pickled
+    versions: Mapping[str, str]  # those that all must have
 
     @classmethod
     def of(cls, brief: EvaluatorSpec) -> "WorkerPayload":
-        """Return the parcel of a run.
-
-        Raises
-        ------
-        BadInputError
-            If what decides which designs can be made cannot be sent.
-        """
+        """Return the parcel of a run."""
         try:
             data = serialized(brief)
         except (pickle.PicklingError, AttributeError, TypeError) as error:
@@ -135,13 +113,6 @@ class DaskEvaluator:
     address
         ``local:N`` for N processes on this computer, else a scheduler's address
         (``tcp://host:8786``) or its file (``scheduler.json``).
-    patience_s
-        How long to wait without any worker.
-
-    Raises
-    ------
-    BadInputError
-        If the address cannot be one, or the package is missing.
     """
 
     def __init__(self, address: str, *, patience_s: float = PATIENCE_S) -> None:
@@ -298,13 +269,7 @@ def _received(parcel: WorkerPayload) -> WorkerPayload:
 
 
 def _evaluated(parcel: WorkerPayload, x: Floats, poses: Poses) -> bytes:
-    """Evaluate points on a worker and pack what they are worth.
-
-    Raises
-    ------
-    BadInputError
-        If the worker has other versions than the run, or lacks a package that the run needs.
-    """
+    """Evaluate points on a worker and pack what they are worth."""
     own = _own_versions(tuple(parcel.versions))
     if own != dict(parcel.versions):
         other = next(name for name in parcel.versions if own.get(name) != parcel.versions[name])

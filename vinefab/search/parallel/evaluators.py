@@ -33,15 +33,7 @@ class PointEvaluator(Protocol):
         ...
 
     def hired(self, trial: Evaluator, ledger: Ledger) -> AbstractContextManager[Begin]:
-        """Offer a function that evaluates points, and count in the ledger what it takes.
-
-        Parameters
-        ----------
-        trial
-            What a point is worth.
-        ledger
-            Where the work is counted.
-        """
+        """Offer a function that evaluates points, and count in the ledger what it takes."""
         ...
 
 
@@ -51,11 +43,6 @@ class ThreadEvaluator:
     Growth is compiled and geometry is in C, and both let other threads run meanwhile. Nothing
     random happens in a thread and nothing is shared that changes, so the number of threads has no
     influence on any result.
-
-    Parameters
-    ----------
-    count
-        Threads, at least 1.
     """
 
     def __init__(self, count: int) -> None:

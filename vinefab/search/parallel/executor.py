@@ -11,13 +11,7 @@ Result = TypeVar("Result")
 
 
 class WorkUnit(Generic[Result]):
-    """A piece of work, and its result once it is done.
-
-    Parameters
-    ----------
-    work
-        What to do.
-    """
+    """A piece of work, and its result once it is done."""
 
     __slots__ = ("_done", "_work")
 
@@ -50,13 +44,7 @@ class Executor(Protocol):
         ...
 
     def begin(self, pieces: Sequence[WorkUnit[Any]]) -> Callable[[], None]:
-        """Begin pieces of work in their order.
-
-        Returns
-        -------
-        Callable
-            Does what nobody has begun, and waits until all is done.
-        """
+        """Begin pieces of work in their order."""
         ...
 
 
@@ -80,13 +68,6 @@ class ThreadExecutor:
 
     One who only waited would have to be woken in the end, and would take a processor from those
     who work whenever it does something else meanwhile.
-
-    Parameters
-    ----------
-    helpers
-        A pool of ``count - 1`` threads; of none if the count is 1.
-    count
-        How many work at once.
     """
 
     def __init__(self, helpers: ThreadPoolExecutor, count: int) -> None:
@@ -134,8 +115,6 @@ def in_work_units(x: Floats, rows: int) -> Sequence[Floats]:
     ----------
     x
         The points, shape (m, d).
-    rows
-        Rows of a piece; 0 counts as 1.
     """
     size = max(1, rows)
     return [x[first : first + size] for first in range(0, len(x), size)]

@@ -18,35 +18,17 @@ from vinefab.tasks.shipped_tasks import TASKS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunIdentity:
-    """Everything that decides a run's result, as plain values.
+    """Everything that decides a run's result, as plain values."""
 
-    Parameters
-    ----------
-    settings
-        The settings.
-    maps
-        Fingerprint of each map's content.
-    versions
-        Versions of vinefab and of what it computes with.
-    """
-
-    settings: Mapping[str, Any]
-    maps: tuple[str, ...]
-    versions: Mapping[str, str]
+    settings: Mapping[str, Any]  # the settings
+    maps: tuple[str, ...]  # fingerprint of each map's content
+    versions: Mapping[str, str]  # versions of vinefab and of what it computes with
 
     @classmethod
     def of(
         cls, settings: RunSettings, maps: Sequence[Map], penalty: Penalty | None = None
     ) -> "RunIdentity":
-        """Return the identity of a run.
-
-        Parameters
-        ----------
-        settings, maps
-            The run.
-        penalty
-            What decides which designs can be made; if it is a dataclass, its content counts.
-        """
+        """Return the identity of a run."""
         plain = cast("dict[str, Any]", plain_settings(settings))
         if is_dataclass(penalty):
             plain["making"] = plain_settings(penalty)
@@ -76,13 +58,7 @@ class RunIdentity:
         ]
 
     def differs_from(self, recorded: "RunIdentity") -> BadInputError | None:
-        """Return what keeps this run from going on with a record, or None.
-
-        Parameters
-        ----------
-        recorded
-            What the record is of.
-        """
+        """Return what keeps this run from going on with a record, or None."""
         if self.versions["vinefab"] != recorded.versions["vinefab"]:
             wanted = f"vinefab {recorded.versions['vinefab']}, which began the run"
             return BadInputError("--resume", f"vinefab {self.versions['vinefab']}", wanted)

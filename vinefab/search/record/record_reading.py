@@ -162,20 +162,7 @@ SCHEMA = "vinefab/run-store-2"
 
 
 def recorded_identity(kept: Mapping[str, str], path: Path) -> RunIdentity:
-    """Return what a record is of.
-
-    Parameters
-    ----------
-    kept
-        Its table ``run``.
-    path
-        Where it lies.
-
-    Raises
-    ------
-    UnreadableFileError
-        If it has a form that this version does not read.
-    """
+    """Return what a record is of."""
     if kept.get("schema") != SCHEMA:
         raise UnreadableFileError(
             path, f"is of form {kept.get('schema')}; this vinefab reads {SCHEMA}"
@@ -254,13 +241,7 @@ _DAMAGE = (ValueError, KeyError, TypeError, IndexError, AttributeError, Overflow
 
 @contextmanager
 def damage_errors(path: Path) -> Iterator[None]:
-    """Say of whatever goes wrong while a record is read that the record is damaged.
-
-    Raises
-    ------
-    UnreadableFileError
-        In place of what SQLite and the decoding of its content raise.
-    """
+    """Say of whatever goes wrong while a record is read that the record is damaged."""
     try:
         yield
     except (sqlite3.Error, *_DAMAGE) as error:

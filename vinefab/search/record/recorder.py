@@ -18,19 +18,7 @@ PAUSE_S = 0.25
 
 
 class Recorder:
-    """Records generations and tells of them, each while the next one is evaluated.
-
-    Parameters
-    ----------
-    store
-        Where to record; None: nowhere.
-    tell
-        Called for every generation; None: nobody wants to know.
-    search
-        How long the run may be.
-    ledger
-        Where the time that it takes is counted.
-    """
+    """Records generations and tells of them, each while the next one is evaluated."""
 
     def __init__(
         self,
@@ -92,18 +80,10 @@ class Recorder:
 
 
 class _PendingGeneration(NamedTuple):
-    """What is to be recorded.
+    """What is to be recorded."""
 
-    Parameters
-    ----------
-    generations
-        Those that are not recorded yet, in order.
-    state
-        The optimizer's state after the last one.
-    """
-
-    generations: tuple[Generation, ...]
-    state: Mapping[str, object]
+    generations: tuple[Generation, ...]  # those that are not recorded yet, in order
+    state: Mapping[str, object]  # the optimizer's state after the last one
 
     def after(self, count: int) -> "_PendingGeneration":
         """Return the same without the first generations of the run."""
@@ -113,21 +93,11 @@ class _PendingGeneration(NamedTuple):
 
 
 class _RunningTotals(NamedTuple):
-    """What a run has come to so far.
+    """What a run has come to so far."""
 
-    Parameters
-    ----------
-    generations
-        How many were looked at.
-    best
-        Their best fitness.
-    elapsed_s
-        How long they took.
-    """
-
-    generations: int
-    best: float
-    elapsed_s: float
+    generations: int  # how many were looked at
+    best: float  # their best fitness
+    elapsed_s: float  # how long they took
 
     def after(self, history: Sequence[Generation]) -> "_RunningTotals":
         """Return the same after more generations."""

@@ -17,37 +17,19 @@ from vinefab.search.settings import RunSettings
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Generation:
-    """One generation: m points and what became of them.
+    """One generation: m points and what became of them."""
 
-    Parameters
-    ----------
-    number
-        0 for the first.
-    x
-        Points in the unit cube, shape (m, d).
-    fitness
-        What the optimizer was told, shape (m,).
-    composite
-        Composite scores, shape (m,); NaN for a point that is no design.
-    penalty
-        Fabrication penalties, shape (m,); 0 everywhere in a run that does not ask for designs
-        that can be made.
-    terms
-        Means of the task's terms over the evaluations, each of shape (m,).
-    seconds
-        How long it took.
-    best
-        The largest fitness.
-    """
-
-    number: int
-    x: Floats
-    fitness: Floats
-    composite: Floats
+    number: int  # 0 for the first
+    x: Floats  # points in the unit cube, shape (m, d)
+    fitness: Floats  # what the optimizer was told, shape (m,)
+    composite: Floats  # composite scores, shape (m,); NaN for a point that is no design
+    # fabrication penalties, shape (m,); 0 everywhere in a run that does not ask for designs that
+    # can be made
     penalty: Floats
+    # means of the task's terms over the evaluations, each of shape (m,)
     terms: Mapping[str, Floats]
-    seconds: float
-    best: float = field(init=False)
+    seconds: float  # how long it took
+    best: float = field(init=False)  # the largest fitness
 
     def __post_init__(self) -> None:
         # Looked at for every generation after every other one.
@@ -66,28 +48,18 @@ class Generation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """What a user sees while a run goes on.
+    """What a user sees while a run goes on."""
 
-    Parameters
-    ----------
-    generation, generations
-        How many are done, and how many there are at most.
-    best
-        Best fitness of the run so far.
-    mean, spread
-        Mean and standard deviation of the composite scores of this generation's designs.
-    fabricable_share
-        Share of this generation's designs that can be made.
-    elapsed_s, left_s
-        Time spent by all sessions together; time that the rest will take at this pace.
-    """
-
+    # generation, generations: how many are done, and how many there are at most
     generation: int
     generations: int
-    best: float
+    best: float  # best fitness of the run so far
+    # mean, spread: mean and standard deviation of the composite scores of this generation's designs
     mean: float
     spread: float
-    fabricable_share: float
+    fabricable_share: float  # share of this generation's designs that can be made
+    # elapsed_s, left_s: time spent by all sessions together; time that the rest will take at this
+    # pace
     elapsed_s: float
     left_s: float
 
@@ -97,63 +69,29 @@ _PACKAGES = ("cmaes", "numba", "numpy", "pymoo", "pyswarms", "scipy", "shapely")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Finalist:
-    """One of the best designs of a run, evaluated again on fresh poses.
+    """One of the best designs of a run, evaluated again on fresh poses."""
 
-    Parameters
-    ----------
-    x
-        Its point, shape (d,).
-    design
-        The design.
-    score
-        Its score on the fresh poses.
-    penalty
-        Its penalty; 0 in a run that does not ask for designs that can be made.
-    fitness
-        Its fitness on the fresh poses; finalists are ordered by it.
-    """
-
-    x: Floats
-    design: Design
-    score: Score
-    penalty: float
-    fitness: float
+    x: Floats  # its point, shape (d,)
+    design: Design  # the design
+    score: Score  # its score on the fresh poses
+    penalty: float  # its penalty; 0 in a run that does not ask for designs that can be made
+    fitness: float  # its fitness on the fresh poses; finalists are ordered by it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunResult:
-    """What a run found.
+    """What a run found."""
 
-    Parameters
-    ----------
-    run_id
-        Name of the run: the same for the same settings and maps.
-    best
-        The winner, with its origin.
-    finalists
-        Best first; the winner is the first.
-    history
-        Every generation.
-    stopped
-        Why it stopped: ``generations``, ``evaluations``, ``stall`` or ``wall_time``.
-    times
-        Where the time of this session went.
-    asked
-        Whether the run asked for designs that can be made.
-    repair
-        What was done because no design of the search could be made, in words; else empty.
-    drift
-        Packages that have another version now than when the run began, in words.
-    """
-
-    run_id: str
-    best: Design
-    finalists: tuple[Finalist, ...]
-    history: tuple[Generation, ...]
-    stopped: str
-    times: TimeSplit = field(default_factory=TimeSplit)
-    asked: bool = True
+    run_id: str  # name of the run: the same for the same settings and maps
+    best: Design  # the winner, with its origin
+    finalists: tuple[Finalist, ...]  # best first; the winner is the first
+    history: tuple[Generation, ...]  # every generation
+    stopped: str  # why it stopped: ``generations``, ``evaluations``, ``stall`` or ``wall_time``
+    times: TimeSplit = field(default_factory=TimeSplit)  # where the time of this session went
+    asked: bool = True  # whether the run asked for designs that can be made
+    # what was done because no design of the search could be made, in words; else empty
     repair: str = ""
+    # packages that have another version now than when the run began, in words
     drift: tuple[str, ...] = ()
 
     @property
@@ -173,13 +111,7 @@ class RunResult:
 
 
 def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
-    """Return the versions of everything that a run's numbers depend on.
-
-    Parameters
-    ----------
-    others
-        More packages, such as those of plug-ins; one that is not installed has version ``none``.
-    """
+    """Return the versions of everything that a run's numbers depend on."""
     versions = {"vinefab": __version__, "python": platform.python_version()}
     versions |= {name: version(name) for name in _PACKAGES}
     for name in others:

@@ -26,63 +26,30 @@ from vinefab.search.space import Space
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Session:
-    """One time that a run was worked on.
+    """One time that a run was worked on."""
 
-    Parameters
-    ----------
-    began_utc
-        When, as ISO 8601.
-    times
-        Where its time went.
-    """
-
-    began_utc: str
-    times: TimeSplit
+    began_utc: str  # when, as ISO 8601
+    times: TimeSplit  # where its time went
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunArchive:
-    """A record, read.
+    """A record, read."""
 
-    Parameters
-    ----------
-    path
-        The file.
-    identity, settings
-        What it is of.
-    maps
-        The training maps.
-    history
-        Every generation.
-    finalists
-        Best first; none before the run has ended.
-    stopped
-        Why it stopped; an empty string before it has.
-    sessions
-        In order.
-    repair
-        What was done because no design of the search could be made, in words.
-    """
-
-    path: Path
+    path: Path  # the file
+    # identity, settings: what it is of
     identity: RunIdentity
     settings: RunSettings
-    maps: tuple[Map, ...]
-    history: tuple[Generation, ...]
-    finalists: tuple[Finalist, ...]
-    stopped: str
-    sessions: tuple[Session, ...]
-    repair: str = ""
+    maps: tuple[Map, ...]  # the training maps
+    history: tuple[Generation, ...]  # every generation
+    finalists: tuple[Finalist, ...]  # best first; none before the run has ended
+    stopped: str  # why it stopped; an empty string before it has
+    sessions: tuple[Session, ...]  # in order
+    repair: str = ""  # what was done because no design of the search could be made, in words
 
     @classmethod
     def read(cls, path: Path) -> "RunArchive":
-        """Return what a record says; the run may be going on meanwhile.
-
-        Raises
-        ------
-        UnreadableFileError
-            If it is no record that this version reads.
-        """
+        """Return what a record says; the run may be going on meanwhile."""
         if not path.is_file():
             raise UnreadableFileError(path, "there is no such file")
         with damage_errors(path):
@@ -123,13 +90,7 @@ class RunArchive:
         return max(best) if best else None
 
     def result(self) -> RunResult:
-        """Return what the run ended with.
-
-        Raises
-        ------
-        BadInputError
-            If it has not ended.
-        """
+        """Return what the run ended with."""
         if not self.finalists:
             raise BadInputError(str(self.path), "a run that has not ended", "one that has")
         run_id = self.identity.run_id
@@ -150,13 +111,7 @@ def _session(began_utc: str, seconds: str) -> Session:
 
 
 def records_in(folder: Path) -> list[Path]:
-    """Return the records in a folder, in it directly or anywhere below, in order.
-
-    Raises
-    ------
-    UnreadableFileError
-        If there is no such folder.
-    """
+    """Return the records in a folder, in it directly or anywhere below, in order."""
     if not folder.is_dir():
         raise UnreadableFileError(folder, "there is no such folder")
     return sorted(folder.rglob(FILE_NAME))

@@ -57,15 +57,6 @@ class RunStore:
     Every generation is one transaction, together with the optimizer's state after it: whatever
     happens, the file holds whole generations and the state to go on from.
 
-    Parameters
-    ----------
-    path
-        The file.
-    connection
-        An open connection to it.
-    identity
-        What the record is of.
-
     Attributes
     ----------
     drift
@@ -90,28 +81,7 @@ class RunStore:
         maps: Sequence[Map] = (),
         resume: bool = False,
     ) -> "RunStore":
-        """Open the record in a folder, a new one unless there is one to resume.
-
-        Parameters
-        ----------
-        folder
-            Made when missing. One process at a time may go on with what it holds.
-        identity
-            What the run is; a record to resume must be of the same.
-        maps
-            What it trains on, to be kept in a new record.
-        resume
-            Go on with the run that the folder holds; when it holds none, begin one.
-
-        Raises
-        ------
-        BadInputError
-            If the folder holds a run and ``resume`` is not asked for, or holds another run.
-        UnreadableFileError
-            If what it holds is not a record that this version reads.
-        CannotWriteError
-            If the system refuses, or another process is going on with the run.
-        """
+        """Open the record in a folder, a new one unless there is one to resume."""
         path = folder / FILE_NAME
         if path.exists() and not resume:
             raise BadInputError("--out", str(folder), "a folder without a run, or --resume")
@@ -159,22 +129,7 @@ class RunStore:
         state: Mapping[str, object],
         times: TimeSplit | None = None,
     ) -> None:
-        """Record generations and the optimizer's state after the last one, all or nothing.
-
-        Parameters
-        ----------
-        generations
-            What happened, in order.
-        state
-            The optimizer's state.
-        times
-            Where the time of this session has gone so far.
-
-        Raises
-        ------
-        CannotWriteError
-            If the system refuses, or another process has recorded the same generations.
-        """
+        """Record generations and the optimizer's state after the last one, all or nothing."""
         rows = [
             (g.number, *map(to_blob, (g.x, g.fitness, g.composite, g.penalty)), g.seconds)
             for g in generations
@@ -196,19 +151,7 @@ class RunStore:
         times: TimeSplit | None = None,
         repair: str = "",
     ) -> None:
-        """Record how the run ended; doing so again changes nothing.
-
-        Parameters
-        ----------
-        finalists
-            Best first.
-        stopped
-            Why it ended.
-        times
-            Where the time of this session has gone.
-        repair
-            What was done because no design of the search could be made, in words.
-        """
+        """Record how the run ended; doing so again changes nothing."""
         rows = [
             (place, to_blob(f.x), f.penalty, f.fitness, score_to_text(f.score))
             for place, f in enumerate(finalists)
@@ -221,13 +164,7 @@ class RunStore:
             self._note(times)
 
     def finalists(self, space: Space) -> tuple[Finalist, ...]:
-        """Return the finalists of a run that has ended, best first; none before.
-
-        Parameters
-        ----------
-        space
-            What their points stand for.
-        """
+        """Return the finalists of a run that has ended, best first; none before."""
         with damage_errors(self.path):
             return read_finalists(self._connection, space)
 

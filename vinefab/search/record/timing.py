@@ -8,21 +8,12 @@ from typing import NamedTuple
 
 
 class Work(NamedTuple):
-    """Processor time that some evaluations took, s.
+    """Processor time that some evaluations took, s."""
 
-    Parameters
-    ----------
-    making_s
-        Turning points into designs, and finding how far those are from being made.
-    growth_s
-        Planning and growing.
-    scoring_s
-        What the task thinks of the final states, and composing that.
-    """
-
+    # turning points into designs, and finding how far those are from being made
     making_s: float = 0.0
-    growth_s: float = 0.0
-    scoring_s: float = 0.0
+    growth_s: float = 0.0  # planning and growing
+    scoring_s: float = 0.0  # what the task thinks of the final states, and composing that
 
     @classmethod
     def total(cls, parts: Iterable["Work"]) -> "Work":
@@ -32,34 +23,23 @@ class Work(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeSplit:
-    """Where the time of one session went, all in seconds.
+    """Where the time of one session went, all in seconds."""
 
-    Parameters
-    ----------
-    workers
-        How many evaluated at once.
-    loading_s, evaluating_s, optimizer_s, store_s, other_s
-        Parts of the session's time: loading compiled code, evaluating points, asking and telling,
-        recording while nobody evaluates, the rest.
-    beside_s
-        Time of recording while others evaluate; it is part of ``evaluating_s``.
-    making_s, growth_s, scoring_s
-        Processor time of all workers together while evaluating (see `Work`).
-    processor_s
-        Processor time of this process for everything.
-    """
-
-    workers: int = 1
+    workers: int = 1  # how many evaluated at once
+    # parts of the session's time: loading compiled code, evaluating points, asking and telling,
+    # recording while nobody evaluates, the rest
     loading_s: float = 0.0
     evaluating_s: float = 0.0
     optimizer_s: float = 0.0
     store_s: float = 0.0
     other_s: float = 0.0
-    beside_s: float = 0.0
+    beside_s: float = 0.0  # time of recording while others evaluate; it is part of ``evaluating_s``
+    # making_s, growth_s, scoring_s: processor time of all workers together while evaluating (see
+    # `Work`)
     making_s: float = 0.0
     growth_s: float = 0.0
     scoring_s: float = 0.0
-    processor_s: float = 0.0
+    processor_s: float = 0.0  # processor time of this process for everything
 
     @property
     def total_s(self) -> float:
@@ -118,13 +98,7 @@ class TimeSplit:
 
 
 class Ledger:
-    """Collects where time goes while a session runs.
-
-    Parameters
-    ----------
-    workers
-        How many evaluate at once.
-    """
+    """Collects where time goes while a session runs."""
 
     def __init__(self, workers: int) -> None:
         self.workers = workers

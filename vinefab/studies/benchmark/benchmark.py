@@ -66,17 +66,7 @@ MAPS, DESIGNS = 5, 100
 
 
 def search_split(optimizer: str, threads: int, generations: int) -> TimeSplit:
-    """Return where the time of a search goes: coverage of five Grids, Table 1, with a record.
-
-    Parameters
-    ----------
-    optimizer
-        Its name.
-    threads
-        Who evaluates.
-    generations
-        Of 100 designs each.
-    """
+    """Return where the time of a search goes: coverage of five Grids, Table 1, with a record."""
     settings = RunSettings(
         name="bench",
         maps=MapSettings(count=MAPS),
@@ -105,21 +95,11 @@ FLOOR_GROWTHS = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchSize:
-    """One map of the scaling.
+    """One map of the scaling."""
 
-    Parameters
-    ----------
-    walls
-        Number of walls.
-    prepare_s
-        Time to make walls and index out of the map.
-    ns_per_event
-        Time of one event of growth, one core.
-    """
-
-    walls: int
-    prepare_s: float
-    ns_per_event: float
+    walls: int  # number of walls
+    prepare_s: float  # time to make walls and index out of the map
+    ns_per_event: float  # time of one event of growth, one core
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,51 +107,34 @@ class BenchmarkResult:
     """Everything that was measured.
 
     Times are of one core, for poses around the start of the smallest map, if not said otherwise.
-
-    Parameters
-    ----------
-    branches_per_s, evaluations_per_s
-        Branches grown, and trees of 40 branches grown and scored for coverage.
-    reference_branches_per_s, twin_branches_per_s
-        Branches grown by the Shapely reference and by the kernel's readable twin.
-    reference_error_mm
-        Largest distance between a tip of the reference and that of the kernel.
-    evaluation_over_growth
-        Time of a full evaluation over that of growth alone.
-    events_per_branch, ns_per_event
-        Mean number of events, and the time of one.
-    sizes
-        Maps of growing size and the same density, grown on from poses anywhere on them.
-    floor
-        What the tests alone would take.
-    foreseen_ns_per_event
-        Time of one event where the same growth is done again and again, so that the processor
-        foresees every branch of the code: the rest of an event's time is wrong guesses.
-    threads
-        Evaluations per second by number of threads, by the clock.
-    batches
-        Growths per second by number of growths in one compiled call.
-    memory
-        Largest memory of the process so far (MB) after numbers of evaluations; empty where the
-        system does not tell.
-    searches
-        Where the time of searches of the paper's size went, by optimizer, on two threads.
     """
 
+    # branches_per_s, evaluations_per_s: branches grown, and trees of 40 branches grown and scored
+    # for coverage
     branches_per_s: float
     evaluations_per_s: float
+    # reference_branches_per_s, twin_branches_per_s: branches grown by the Shapely reference and by
+    # the kernel's readable twin
     reference_branches_per_s: float
+    # largest distance between a tip of the reference and that of the kernel
     reference_error_mm: float
     twin_branches_per_s: float
-    evaluation_over_growth: float
+    evaluation_over_growth: float  # time of a full evaluation over that of growth alone
+    # events_per_branch, ns_per_event: mean number of events, and the time of one
     events_per_branch: float
     ns_per_event: float
+    # maps of growing size and the same density, grown on from poses anywhere on them
     sizes: tuple[BenchSize, ...]
-    floor: Floor
+    floor: Floor  # what the tests alone would take
+    # time of one event where the same growth is done again and again, so that the processor
+    # foresees every branch of the code: the rest of an event's time is wrong guesses
     foreseen_ns_per_event: float
-    threads: dict[int, float]
-    batches: dict[int, float]
+    threads: dict[int, float]  # evaluations per second by number of threads, by the clock
+    batches: dict[int, float]  # growths per second by number of growths in one compiled call
+    # largest memory of the process so far (MB) after numbers of evaluations; empty where the system
+    # does not tell
     memory: dict[int, float]
+    # where the time of searches of the paper's size went, by optimizer, on two threads
     searches: dict[str, TimeSplit]
 
     @property
@@ -206,15 +169,7 @@ class BenchmarkResult:
 def run_benchmark(
     progress: Callable[[float, str], None], *, million: bool = False
 ) -> BenchmarkResult:
-    """Measure everything; takes about a minute.
-
-    Parameters
-    ----------
-    progress
-        Called with the share done and a few words.
-    million
-        Measure a map of a million walls too.
-    """
+    """Measure everything; takes about a minute."""
     site = PreparedMap.of(square_map(SIZES[0]))
     poses = draw_poses(site.world, GROWTHS, 1)
     progress(0.0, "memory")

@@ -43,13 +43,7 @@ class ReferenceWall(NamedTuple):
 
 
 class ReferenceWorld:
-    """Walls and corners of a free space, in trees.
-
-    Parameters
-    ----------
-    free
-        Polygon or MultiPolygon.
-    """
+    """Walls and corners of a free space, in trees."""
 
     def __init__(self, free: BaseGeometry) -> None:
         self.walls: list[ReferenceWall] = []
@@ -124,37 +118,22 @@ def _is_left_behind(
 
 @dataclass(slots=True)
 class ReferenceBranch:
-    """A growing branch: its pivots so far, and its tip.
+    """A growing branch: its pivots so far, and its tip."""
 
-    Parameters
-    ----------
-    course, length, half_angle_rad
-        Where it grows, how long it may become and what is head-on.
-    tip, u
-        Its tip and heading.
-    pivots
-        Base and contacts.
-    used
-        Length up to the last pivot, mm.
-    wall, sense
-        What it slides on and which way.
-    left
-        The corner that it has just left.
-    stop
-        Why it stopped.
-    """
-
+    # course, length, half_angle_rad: where it grows, how long it may become and what is head-on
     course: ReferenceWorld
     length: float
     half_angle_rad: float
+    # tip, u: its tip and heading
     tip: Vector
     u: Vector
-    pivots: list[Vector]
-    used: float = 0.0
+    pivots: list[Vector]  # base and contacts
+    used: float = 0.0  # length up to the last pivot, mm
+    # wall, sense: what it slides on and which way
     wall: int | None = None
     sense: float = 0.0
-    left: tuple[Vector, ...] = ()
-    stop: Stop | None = None
+    left: tuple[Vector, ...] = ()  # the corner that it has just left
+    stop: Stop | None = None  # why it stopped
 
     def grow(self) -> None:
         """Grow until it stops."""
@@ -242,19 +221,7 @@ class ReferenceBranch:
 def grow_tree(
     course: ReferenceWorld, tree: BranchTree, pose: Pose, options: GrowthOptions
 ) -> list[ReferenceBranch]:
-    """Return every branch of a tree, grown; those that never emerged are stopped at length 0.
-
-    Parameters
-    ----------
-    course
-        Where to grow.
-    tree
-        The planned branches.
-    pose
-        Where the trunk is launched.
-    options
-        Head-on half-angle and what becomes of children of a stuck branch.
-    """
+    """Return every branch of a tree, grown; those that never emerged are stopped at length 0."""
     branches: list[ReferenceBranch] = []
     headings = [pose.heading_rad]
     for parent, offset, length in zip(

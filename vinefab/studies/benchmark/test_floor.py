@@ -17,18 +17,13 @@ from vinefab.studies.benchmark.bench_cases import OPTIONS, batch_on, least_s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Floor:
-    """Tests per event, and what they take in a loop of nothing else.
+    """Tests per event, and what they take in a loop of nothing else."""
 
-    Parameters
-    ----------
-    wall_tests, corner_tests
-        Tests of a ray against a wall, and of a turning body against a corner, per event.
-    wall_ns, corner_ns
-        Time of one such test in a compiled loop over the tests of real growths.
-    """
-
+    # wall_tests, corner_tests: tests of a ray against a wall, and of a turning body against a
+    # corner, per event
     wall_tests: float
     corner_tests: float
+    # wall_ns, corner_ns: time of one such test in a compiled loop over the tests of real growths
     wall_ns: float
     corner_ns: float
 
@@ -40,17 +35,10 @@ class Floor:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Tests:
-    """All tests of some growths.
+    """All tests of some growths."""
 
-    Parameters
-    ----------
-    events
-        Number of events that they belong to.
-    rays, wall, sweeps, corner
-        What `vinefab.growth.kernel.meet_all` and ``sweep_all`` take.
-    """
-
-    events: int
+    events: int  # number of events that they belong to
+    # what `vinefab.growth.kernel.meet_all` and ``sweep_all`` take
     rays: Floats
     wall: Ints
     sweeps: Floats
@@ -58,15 +46,7 @@ class _Tests:
 
 
 def floor_on(terrain: Terrain, poses: tuple[Pose, ...]) -> Floor:
-    """Return the floor of the benchmark's growths on a map.
-
-    Parameters
-    ----------
-    terrain
-        The map.
-    poses
-        Where to grow from; the tests of these growths are taken.
-    """
+    """Return the floor of the benchmark's growths on a map."""
     tests = _tests(terrain, poses)
     walls, rules = terrain.walls(), rules_of(OPTIONS, terrain.tolerance_mm)
     wall_s = least_s(lambda: kernel.meet_all(walls, rules, tests.rays, tests.wall))

@@ -29,45 +29,26 @@ FIRST_UNSEEN = 500_001
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contender:
-    """An optimizer with parameters.
+    """An optimizer with parameters."""
 
-    Parameters
-    ----------
-    label
-        What tables call it.
-    part
-        Name and parameters.
-    """
-
-    label: str
-    part: PartSettings
+    label: str  # what tables call it
+    part: PartSettings  # name and parameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contest:
-    """How contenders are compared.
+    """How contenders are compared."""
 
-    Parameters
-    ----------
-    problems
-        Runs with generated maps; their optimizer and seeds are replaced.
-    contenders
-        The first is what the others are compared with.
-    seeds
-        Runs of each contender on each problem. With the same number, all contenders search with
-        the same seed on the same maps and meet the same poses; every number has its own maps.
-    unseen, poses
-        Maps that no run has trained on, and poses on each, to test every winner on.
-    sources
-        The problems' files, for errors; may be left out.
-    """
-
+    # runs with generated maps; their optimizer and seeds are replaced
     problems: tuple[RunSettings, ...]
-    contenders: tuple[Contender, ...]
+    contenders: tuple[Contender, ...]  # the first is what the others are compared with
+    # runs of each contender on each problem. With the same number, all contenders search with the
+    # same seed on the same maps and meet the same poses; every number has its own maps.
     seeds: int = 10
+    # unseen, poses: maps that no run has trained on, and poses on each, to test every winner on
     unseen: int = 25
     poses: int = 3
-    sources: tuple[Path, ...] = ()
+    sources: tuple[Path, ...] = ()  # the problems' files, for errors; may be left out
 
     def __post_init__(self) -> None:
         whole("--seeds", self.seeds, 1, 1000)
@@ -96,21 +77,13 @@ class Contest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContestRun:
-    """One run of a comparison.
+    """One run of a comparison."""
 
-    Parameters
-    ----------
-    contender, number
-        Who, and which of its seeds.
-    settings
-        The run.
-    unseen, poses
-        As in `Contest`.
-    """
-
+    # contender, number: who, and which of its seeds
     contender: str
     number: int
-    settings: RunSettings
+    settings: RunSettings  # the run
+    # unseen, poses: as in `Contest`
     unseen: int
     poses: int
 
@@ -141,37 +114,19 @@ class ContestRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContestRow:
-    """What came of one run.
+    """What came of one run."""
 
-    Parameters
-    ----------
-    key
-        The bout's.
-    problem, contender, number
-        What it was.
-    unseen
-        The winner's composite on unseen maps: what counts.
-    fresh
-        The same on fresh poses on the training maps, by which the winner was chosen.
-    lucky
-        The best fitness that the search ever saw.
-    penalty
-        The winner's; 0 when it can be made or nobody asked.
-    evaluations
-        Designs evaluated by the search.
-    optimizer_s, total_s
-        Time of asking and telling, and of everything.
-    """
-
-    key: str
+    key: str  # the bout's
+    # problem, contender, number: what it was
     problem: str
     contender: str
     number: int
-    unseen: float
-    fresh: float
-    lucky: float
-    penalty: float
-    evaluations: int
+    unseen: float  # the winner's composite on unseen maps: what counts
+    fresh: float  # the same on fresh poses on the training maps, by which the winner was chosen
+    lucky: float  # the best fitness that the search ever saw
+    penalty: float  # the winner's; 0 when it can be made or nobody asked
+    evaluations: int  # designs evaluated by the search
+    # optimizer_s, total_s: time of asking and telling, and of everything
     optimizer_s: float
     total_s: float
 
@@ -221,28 +176,7 @@ def contest_rows(
     tell: Callable[[float, str], None] = lambda _, __: None,
     force: bool = False,
 ) -> list[ContestRow]:
-    """Run all bouts that a record does not hold yet, and return all of them.
-
-    Parameters
-    ----------
-    contest
-        What to compare.
-    record
-        A file with one JSON line per run; what it holds is not run again.
-    jobs
-        Processes; no result but times depends on it.
-    tell
-        Called after every run with the share that is done and a few words.
-    force
-        Write to a record that vinefab did not write.
-
-    Raises
-    ------
-    ForeignFileError, UnreadableFileError
-        If the record is something else.
-    BadInputError
-        If a problem cannot be run; nothing is written then.
-    """
+    """Run all bouts that a record does not hold yet, and return all of them."""
     ensure_writable(record, force=force)
     known = _recorded(record)
     bouts = contest.bouts()

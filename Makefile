@@ -1,12 +1,13 @@
 # Two commands do everything on a fresh machine with Python 3.11 or newer:
 #   make demo    sets up, then runs the main job and puts its results into demo/
 #   make test    sets up, then runs every check that guards a change
+# make thorough runs the slow campaigns that a release must pass; docs/testing.md says what each does.
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test check format bench fuzz outlines clean constraints
+.PHONY: demo test check thorough format bench fuzz outlines clean constraints
 
 demo: $(READY)
 	$(BIN)/vinefab demo --out demo
@@ -25,6 +26,12 @@ bench: $(READY)
 
 fuzz: $(READY)
 	$(BIN)/python tests/growth/fuzz.py
+
+thorough: check fuzz outlines
+	$(BIN)/python tests/fabrication/rules/mutate.py
+	$(BIN)/python tests/fabrication/rules/fix_many.py 40
+	$(BIN)/python tests/tasks/errors.py 1000
+	$(BIN)/python tests/search/kill.py 20
 
 outlines: $(READY)
 	$(BIN)/python tests/fabrication/outline/property.py

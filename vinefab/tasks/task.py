@@ -1,4 +1,4 @@
-"""What a task is: it looks at one final state and says what it is worth."""
+"""What a task is: it scores final states, one by one or a block of growths at once."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, Protocol
@@ -28,7 +28,12 @@ class TaskOutcomes(NamedTuple):
 
 
 class Task(Protocol):
-    """Scores one deployment; a frozen dataclass whose fields are its parameters."""
+    """Scores one deployment; a frozen dataclass whose fields are its parameters.
+
+    A task may also define ``evaluate_block(block: Block, grounds: Sequence[MapContext]) ->
+    TaskOutcomes``, which returns what `evaluate` would for every growth of a block, but faster;
+    `outcomes` uses it where it exists.
+    """
 
     @property
     def name(self) -> str:
@@ -37,7 +42,7 @@ class Task(Protocol):
 
     @property
     def lowest(self) -> float:
-        """A number that no score falls below; designs that cannot be made rank below it."""
+        """A lower bound of all scores; designs that are not manufacturable rank below it."""
         ...
 
     def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
@@ -45,17 +50,9 @@ class Task(Protocol):
         ...
 
 
-class BlockTask(Protocol):
-    """A task that scores many growths at once faster than one by one."""
-
-    def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
-        """Return what `Task.evaluate` would for every growth of a block."""
-        ...
-
-
 def outcomes(task: Task, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
     """Return a task's score and terms for every growth of a block."""
-    # Asked for every block, where asking whether it is a `BlockTask` would take longer.
+    # Not a protocol check: this runs for every block, and `isinstance` would take longer.
     at_once: Callable[[Block, Sequence[MapContext]], TaskOutcomes] | None
     at_once = getattr(task, "evaluate_block", None)
     return one_by_one(task, block, grounds) if at_once is None else at_once(block, grounds)

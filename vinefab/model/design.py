@@ -1,6 +1,7 @@
 """The design of a branching vine robot: a tree of levels and how it is built."""
 
 import math
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -298,6 +299,19 @@ class Design:
         object.__setattr__(self, "origin", MappingProxyType(dict(self.origin)))
         frozen = {rule: MappingProxyType(dict(named)) for rule, named in self.limits.items()}
         object.__setattr__(self, "limits", MappingProxyType(frozen))
+
+    def __repr__(self) -> str:
+        lengths_mm = " + ".join(
+            [
+                f"{self.trunk_length_mm:.5g}",
+                *(f"{level.length_mm:.5g}" for level in self.levels[:4]),
+            ]
+        )
+        more = " + ..." if len(self.levels) > 4 else ""
+        return (
+            f"<Design {reprlib.repr(self.name)}: {self.depth} levels of {lengths_mm}{more} mm, "
+            f"{self.branch_count} branches, trunk {self.build.widths_mm[0]:.5g} mm wide>"
+        )
 
     @property
     def depth(self) -> int:

@@ -1,5 +1,6 @@
-"""What a design rule found, and the record of a whole check."""
+"""Findings of design rules, and the report of a whole check."""
 
+import reprlib
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -146,6 +147,12 @@ class CheckReport:
     findings: tuple[Finding, ...]
     stale_waivers: tuple[str, ...] = ()
     limits: tuple[ChangedLimit, ...] = ()
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{self.count(severity)} {severity}" for severity in Severity)
+        names = f"{reprlib.repr(self.design)} with {reprlib.repr(self.recipe)}"
+        rules = f"{len(self.run)} rules applied, {len(self.skipped)} skipped"
+        return f"<CheckReport {names}: {counts}; {rules}>"
 
     @property
     def blocking(self) -> tuple[Finding, ...]:

@@ -1,5 +1,7 @@
-"""What the laser is to do: contours with an operation each, on one sheet."""
+"""Laser jobs: contours with an operation each, on one sheet."""
 
+import reprlib
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -69,6 +71,9 @@ class LaserPath:
     variant: str = ""
     settings: OperationSettings | None = None
 
+    def __repr__(self) -> str:
+        return f"<LaserPath {self.operation} {reprlib.repr(self.label)}: {self.contour!r}>"
+
     def settings_in(self, profile: LaserProfile) -> OperationSettings:
         """Return how the path is run: its own settings, or else the recipe's.
 
@@ -112,6 +117,15 @@ class Job:
         positive("sheet_width_mm", self.sheet_width_mm)
         positive("sheet_height_mm", self.sheet_height_mm)
         object.__setattr__(self, "facts", MappingProxyType(dict(self.facts)))
+
+    def __repr__(self) -> str:
+        counts = Counter(path.operation for path in self.paths)
+        paths = ", ".join(f"{count} {operation}" for operation, count in counts.items())
+        tiles = f", {len(self.tiles)} tiles" if self.tiles else ""
+        return (
+            f"<Job {reprlib.repr(self.name)}: {self.sheet_width_mm:.5g} x "
+            f"{self.sheet_height_mm:.5g} mm sheet, paths: {paths or 'none'}{tiles}>"
+        )
 
     @property
     def runs(self) -> "tuple[Job, ...]":

@@ -1,5 +1,6 @@
 """A map: bounds, obstacles in them, and where robots may start."""
 
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -95,6 +96,13 @@ class Map:
         for index, obstacle in enumerate(self.obstacles):
             _check_polygon(f"obstacle {index}", obstacle)
         object.__setattr__(self, "facts", MappingProxyType(dict(self.facts)))
+
+    def __repr__(self) -> str:
+        width_mm, height_mm = self.size_mm
+        return (
+            f"<Map {reprlib.repr(self.name)}: {width_mm:.5g} x {height_mm:.5g} mm, "
+            f"{len(self.obstacles)} obstacles, {self.wall_count} walls, {len(self.starts)} starts>"
+        )
 
     @property
     def free_space(self) -> BaseGeometry:

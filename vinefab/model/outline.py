@@ -161,6 +161,14 @@ class Contour:
         object.__setattr__(self, "points_mm", points)
         object.__setattr__(self, "bulges", bulges)
 
+    def __repr__(self) -> str:
+        x0, y0, x1, y1 = self.box_mm
+        kind = "closed" if self.closed else "open"
+        return (
+            f"<Contour: {kind}, {len(self)} segments ({self.arc_count} arcs), "
+            f"{self.length_mm:.5g} mm long, {x1 - x0:.5g} x {y1 - y0:.5g} mm>"
+        )
+
     @classmethod
     def from_segments(cls, segments: list[Segment], *, closed: bool) -> "Contour":
         """Return the contour that runs through segments in order (each from the last's end)."""

@@ -1,4 +1,4 @@
-"""What a design is worth on a task, evaluation by evaluation."""
+"""Scores of a design on a task, evaluation by evaluation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -49,6 +49,10 @@ class Score:
     task: str
     evaluations: tuple[Evaluation, ...]
     composite: Mapping[str, float]
+
+    def __repr__(self) -> str:
+        weighed = ", ".join(f"{kind} {value:.4g}" for kind, value in self.composite.items())
+        return f"<Score {self.task}: {weighed}; {len(self.evaluations)} evaluations>"
 
     @property
     def scores(self) -> Floats:

@@ -37,6 +37,12 @@ class BranchTree:
     def __len__(self) -> int:
         return len(self.parent)
 
+    def __repr__(self) -> str:
+        return (
+            f"<BranchTree: {len(self)} branches on {int(self.level.max())} levels, "
+            f"{self.total_length_mm:.5g} mm>"
+        )
+
     @property
     def ids(self) -> tuple[str, ...]:
         """The branches' names as paths: ``0``, ``0.0``, ``0.2``, ``0.2.1``."""

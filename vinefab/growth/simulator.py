@@ -109,7 +109,7 @@ def grow_branches_of(engine: Engine) -> GrowBranches:
     if engine == "reference":
         from vinefab.growth import reference  # noqa: PLC0415  as above: one engine at a time
 
-        return reference.grow_branches
+        return reference.grow_reference_branches
     raise UnknownNameError("growth engine", engine, ("kernel", "reference"))
 
 

@@ -1,4 +1,4 @@
-"""A map made ready for growth: its walls, for the body radii that are asked for."""
+"""Terrain: the free space of a map as walls, for each body radius."""
 
 import math
 from collections.abc import Sequence
@@ -14,8 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.growth.arrays import WallArrays
-from vinefab.growth.free_space import free_space, walls_of
-from vinefab.growth.index import indexed
+from vinefab.growth.free_space import free_space, indexed, walls_of
 from vinefab.model.map import Map, Pose
 
 T = TypeVar("T")
@@ -35,11 +34,11 @@ CROWDED = 8.0
 """Walls nearer to each other than this many steps of the coordinates' grid are crowded: far more
 than rounding, than the tolerance of touching, and than leaving out flat corners can move a wall."""
 
-FIRST_LOOKS = 64
-"""So many looks into prepared polygons make their index (one is not enough for GEOS 3.14)."""
+WARM_UP_QUERIES = 64
+"""So many queries of prepared polygons build their index (one is not enough for GEOS 3.14)."""
 
-_MAKING = RLock()
-"""Threads share terrains, and what one makes another must not make again or drop meanwhile."""
+_BUILD_LOCK = RLock()
+"""Threads share terrains, and what one builds another must not build again or drop meanwhile."""
 
 MOST_RADII = 64
 """Walls are kept for so many radii, then the oldest are dropped: memory stays bounded."""
@@ -77,7 +76,7 @@ class Terrain:
 
     def free_space(self, radius_mm: float = 0.0) -> BaseGeometry:
         """Return where the centreline of a body of some radius may be, as polygons."""
-        with _MAKING:
+        with _BUILD_LOCK:
             if radius_mm not in self._free:
                 whole, finely = self._free[0.0], ARC_SEGMENTS_PER_QUARTER
                 shrunk = shapely.buffer(whole, -radius_mm, quad_segs=finely)
@@ -87,7 +86,7 @@ class Terrain:
 
     def walls(self, radius_mm: float = 0.0) -> WallArrays:
         """Return the walls that a body of some radius meets, indexed, read-only."""
-        with _MAKING:
+        with _BUILD_LOCK:
             if radius_mm not in self._walls:
                 _make_room(self._walls)
                 walls = walls_of(self.free_space(radius_mm), self.grid_mm)
@@ -172,12 +171,12 @@ def _make_room(kept: dict[float, T]) -> None:
 
 
 def _prepared(free: BaseGeometry) -> BaseGeometry:
-    """Return the polygons with an index that makes looking up points fast."""
+    """Return the polygons with an index for fast point queries."""
     shapely.prepare(free)
     if not free.is_empty:
-        # GEOS makes its indices not here but after some looks within the box around the polygons.
-        # Two threads that come first at the same time both make them, and free each other's memory.
-        corners = np.resize(shapely.get_coordinates(free), (FIRST_LOOKS, 2))
+        # GEOS builds its indices not here but after some queries within the polygons' box. Two
+        # threads that come first at the same time both build them, and free each other's memory.
+        corners = np.resize(shapely.get_coordinates(free), (WARM_UP_QUERIES, 2))
         shapely.contains_xy(free, corners)
         shapely.shortest_line(free, shapely.points(corners))
     return free

@@ -20,7 +20,7 @@ from vinefab.physics.anchoring import (
 from vinefab.physics.seam import allowed_line_load_n_mm
 from vinefab.prediction.deployments import FamilyDeployments
 from vinefab.prediction.measures import pouch_size_mm
-from vinefab.tasks.leaves import path_turn_rad, tip_gaps_mm
+from vinefab.tasks.anchoring_force import path_turn_rad, tip_gaps_mm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

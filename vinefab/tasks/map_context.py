@@ -13,9 +13,8 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.model.map import Map
-from vinefab.tasks.line_of_sight import SightLines
-from vinefab.tasks.raster_areas import Raster
-from vinefab.tasks.wall_cells import TOUCHING_MM, WallCells
+from vinefab.tasks.exact_areas import TOUCHING_MM
+from vinefab.tasks.fast_areas import Raster, SightLines, WallCells
 
 Key = TypeVar("Key")
 Made = TypeVar("Made")

@@ -13,8 +13,8 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints, positive
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment
+from vinefab.tasks.fast_areas import Chains
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.raster_areas import Chains
 from vinefab.tasks.task import Outcome, TaskOutcomes, concatenated_outcomes, one_by_one
 
 QUARTER_SEGMENTS = 32
@@ -30,7 +30,7 @@ class Reach:
 
     buffer_mm: float = 40.0  # largest distance from the body's centreline that counts as reached
     # ``exact``: by polygons, for a score that is reported. ``fast``: on cells of free space
-    # (`raster.Raster.reached_mm2` says how exact), a hundred times faster, for searching; taken
+    # (`Raster.reached_mm2` says how exact), a hundred times faster, for searching; taken
     # only where the map is not too large for such a buffer.
     area: Literal["exact", "fast"] = "exact"
 

@@ -1,21 +1,85 @@
-"""What a sensor sees that walls can hide things from: exactly, and fast along lines."""
+"""Exact areas that sensors see: discs, discs within free space, and lines of sight past walls."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats, Ints
-from vinefab.tasks.wall_cells import TOUCHING_MM, WallCells
+
+TOUCHING_MM = 1e-6
+"""A wall this close to a tip or sensor is one that it lies on; tips are right to about 1e-9 mm."""
 
 NUDGE_MM = 1e-5
-"""How far off such a wall it is taken to be."""
+"""A sensor on a wall is moved this far off it."""
 
 _ARC_STEP_RAD = math.pi / 32.0
 _SLACK = 1e-9
+
+QUARTER_SEGMENTS = 16
+"""Sides of the polygon that stands for a quarter of a disc in a union. At 16 a disc and its
+polygon, equal in area, differ on less than 0.07 % of the disc's area, so the union is off by less
+than 0.07 % of the discs' summed area; opposite signs make it some thousand times less."""
+
+
+def disc_union(
+    centres_mm: Floats, radius_mm: float, segments: int = QUARTER_SEGMENTS
+) -> BaseGeometry:
+    """Return the union of equal discs as polygons.
+
+    Every disc is a regular polygon of the same area, so that discs that do not meet give their
+    exact area.
+    """
+    step = math.pi / (2 * segments)
+    circumradius_mm = radius_mm * math.sqrt(step / math.sin(step))
+    return shapely.union_all(
+        shapely.buffer(shapely.points(centres_mm), circumradius_mm, quad_segs=segments)
+    )
+
+
+def free_disc_areas_mm2(centres_mm: Floats, radius_mm: float, edges_mm: Floats) -> Floats:
+    """Return the exact area of each disc within a free space, shape (n,).
+
+    The area of a disc within a polygon is the sum over the polygon's edges of the signed area
+    that the disc shares with the triangle from its centre to the edge: chords where the edge is
+    inside the disc, sectors where it is outside.
+
+    Parameters
+    ----------
+    edges_mm
+        Directed edges with the free space on their left, shape (e, 2, 2).
+    """
+    start = edges_mm[None, :, 0] - centres_mm[:, None]
+    along = (edges_mm[:, 1] - edges_mm[:, 0])[None]
+    enter, leave = _within(start, along, radius_mm)
+    sectors = _turn(start, start + along)
+    chords = np.zeros_like(sectors)
+    near = leave > enter
+    if near.any():
+        base, step = start[near], np.broadcast_to(along, start.shape)[near]
+        first = base + enter[near][:, None] * step
+        last = base + leave[near][:, None] * step
+        sectors[near] = _turn(base, first) + _turn(last, base + step)
+        chords[near] = _cross(first, last)
+    areas: Floats = 0.5 * (radius_mm**2 * sectors + chords).sum(axis=1)
+    return areas
+
+
+def _within(start: Floats, along: Floats, radius_mm: float) -> tuple[Floats, Floats]:
+    """Return the share of each edge at which it enters and leaves the disc about the origin."""
+    square = (along * along).sum(axis=-1)
+    half = (start * along).sum(axis=-1)
+    rest = (start * start).sum(axis=-1) - radius_mm**2
+    root = np.sqrt(np.maximum(half * half - square * rest, 0.0))
+    return np.clip((-half - root) / square, 0.0, 1.0), np.clip((-half + root) / square, 0.0, 1.0)
+
+
+def _turn(first: Floats, last: Floats) -> Floats:
+    """Return the angle from one vector to another, -pi to pi, 0 when either has no length."""
+    turn: Floats = np.arctan2(_cross(first, last), (first * last).sum(axis=-1))
+    return turn
 
 
 def seen_areas(
@@ -79,15 +143,10 @@ def _walls(centre_mm: Floats, radius_mm: float, edges_mm: Floats) -> tuple[Float
     first, last = near[:, 0] - centre, near[:, 1] - centre
     faces = _cross(first, last) > 0.0
     first, along = first[faces], (last - first)[faces]
-    square, half = (along * along).sum(axis=1), (first * along).sum(axis=1)
-    room = half * half - square * ((first * first).sum(axis=1) - radius_mm**2)
-    within = room > 0.0
-    first, along, square, half = first[within], along[within], square[within], half[within]
-    root = np.sqrt(room[within])
-    begin = np.clip((-half - root) / square, 0.0, 1.0)[:, None]
-    end = np.clip((-half + root) / square, 0.0, 1.0)[:, None]
-    some = (end > begin)[:, 0]
-    return (first + begin * along)[some], (first + end * along)[some], centre
+    begin, end = _within(first, along, radius_mm)
+    some = end > begin
+    first, along, begin, end = first[some], along[some], begin[some, None], end[some, None]
+    return first + begin * along, first + end * along, centre
 
 
 def _off(touched: Floats) -> Floats:
@@ -154,130 +213,3 @@ def _distances(edges: Floats) -> Floats:
 def _cross(first: Floats, last: Floats) -> Floats:
     cross: Floats = first[..., 0] * last[..., 1] - first[..., 1] * last[..., 0]
     return cross
-
-
-LINES_PER_RADIUS = 40
-"""Lines per radius of the discs of sight."""
-
-LEAST_LINES = 160
-"""Lines across a square map that is smaller than the discs."""
-
-DIRECTIONS = 16
-"""Directions between which that of the lines is chosen."""
-
-MOST_LINES = 1_000_000
-"""More would not pay: every growth looks at all of them."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SightLines:
-    """The walls of a free space, by cells of the sensors that they can hide something from.
-
-    Everything is turned, so that the lines run along x.
-    """
-
-    radius_mm: float  # how far sensors see
-    # cosine and sine of the angle between x and the lines on the map
-    direction: tuple[float, float]
-    # walls that come within the radius of each cell, with free space on their left, turned
-    cells: WallCells
-    line: Floats  # lower side of the lowest strip and how high each is, mm; shape (2,)
-    lines: int  # how many there are, each in the middle of its strip
-
-    @classmethod
-    def of(cls, edges_mm: Floats, radius_mm: float) -> "SightLines | None":
-        """Return the lines on a free space, or None if it is too large for such discs.
-
-        Parameters
-        ----------
-        edges_mm
-            Directed edges with the free space on their left, shape (e, 2, 2).
-        """
-        # What walls hide is as fine as the map, however far sensors see.
-        side_mm = math.sqrt(np.ptp(edges_mm.reshape(-1, 2), axis=0).prod())
-        step_mm = min(radius_mm / LINES_PER_RADIUS, side_mm / LEAST_LINES)
-        direction = _direction(edges_mm, step_mm)
-        walls_mm = _turned(edges_mm, direction)
-        low_mm, high_mm = float(walls_mm[..., 1].min()), float(walls_mm[..., 1].max())
-        lines = max(1, math.ceil((high_mm - low_mm) / step_mm))
-        if lines > MOST_LINES:
-            return None
-        # Sensors that lie outside by rounding have the walls of the nearest cell.
-        reach_mm = radius_mm + 2.0 * TOUCHING_MM
-        cells = WallCells.of(walls_mm.reshape(-1, 4), radius_mm, reach_mm)
-        if cells is None:
-            return None
-        return cls(
-            radius_mm=radius_mm,
-            direction=direction,
-            cells=cells,
-            line=np.array([low_mm, step_mm]),
-            lines=lines,
-        )
-
-    def covered_mm2(self, tips_mm: Floats, first: Ints) -> tuple[Floats, Floats]:
-        """Return the area that sensors see together, and the sum of what each sees.
-
-        On every line, what is seen is exact; its length stands for the strip about the line. In a
-        strip, the seen length differs from that on its line by no more than the outline of what is
-        seen runs along the lines in between. The result is therefore off by less than half a
-        strip, at most an eightieth of the radius, times the length of the outline. That bound is
-        far from reached, because errors have either sign and arise only where the outline runs
-        along the lines, whose direction is the one that the walls run along the least:
-        `tests/tasks/errors.py` measures it on random deployments.
-
-        Parameters
-        ----------
-        tips_mm
-            All sensors, in free space or on its border, set after set, shape (m, 2).
-        first
-            Where each set begins, with the total at the end, shape (j + 1,).
-        """
-        from vinefab.tasks.kernels import sight_kernel  # noqa: PLC0415  numba takes a second to import
-
-        tips_mm = _turned(tips_mm, self.direction)
-        sensors = int(np.diff(first).max(initial=0))
-        number = np.concatenate([[0], np.cumsum(self.cells.numbers_at(tips_mm))])
-        walls = int(np.diff(number[first]).max(initial=0))
-        seen, summed = np.zeros((2, len(first) - 1))
-        sight_kernel.seen_areas_by_lines(
-            tips_mm,
-            first,
-            np.array([self.radius_mm, TOUCHING_MM, NUDGE_MM]),
-            self.cells.walls_mm,
-            self.cells.grid,
-            self.cells.first,
-            self.cells.item,
-            self.line,
-            np.empty((walls, 4)),
-            np.empty((4, sensors + 1), dtype=np.int64),
-            np.empty(self.lines, dtype=np.int64),
-            np.empty((2, walls + sensors)),
-            seen,
-            summed,
-        )
-        return seen, summed
-
-
-def _turned(points_mm: Floats, direction: tuple[float, float]) -> Floats:
-    """Return points in a frame whose x runs in a direction, shape (..., 2)."""
-    x, y = points_mm[..., 0], points_mm[..., 1]
-    cosine, sine = direction
-    return np.stack([x * cosine + y * sine, y * cosine - x * sine], axis=-1)
-
-
-def _direction(edges_mm: Floats, step_mm: float) -> tuple[float, float]:
-    """Return the direction for lines in which walls run along them the least.
-
-    How far a wall runs between two neighbouring lines is what the result can be wrong by.
-    """
-    runs = edges_mm[:, 1] - edges_mm[:, 0]
-    best, least = (1.0, 0.0), math.inf
-    for k in range(DIRECTIONS):
-        direction = math.cos(math.pi * k / DIRECTIONS), math.sin(math.pi * k / DIRECTIONS)
-        along, across = np.abs(_turned(runs, direction)).T
-        flat = across <= step_mm
-        cost = along[flat].sum() + (along[~flat] * step_mm / across[~flat]).sum()
-        if cost < least:
-            best, least = direction, float(cost)
-    return best

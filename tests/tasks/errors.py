@@ -51,7 +51,7 @@ def pairs(number: int, task: Task, term: str) -> tuple[np.ndarray, float, float]
 
     def scored(way: Task) -> tuple[np.ndarray, float]:
         began = time.process_time()
-        blocks = list(batch.each(lambda block: outcomes(way, block, [site.ground])))
+        blocks = list(batch.each(lambda block: outcomes(way, block, [site.context])))
         spent = time.process_time() - began
         found = concatenated_outcomes(blocks)
         return np.column_stack([found.terms[term], found.score]), spent

@@ -48,29 +48,31 @@ def corridor() -> MapContext:
 
 
 def test_turns_add_up_along_each_path_and_leaves_add_up(
-    fork: Design, ended: Ended, room_ground: MapContext
+    fork: Design, ended: Ended, room_context: MapContext
 ) -> None:
     end = ended(fork, [LINE] * 3, turns=[1.0, 0.5, 2.0])
-    score, terms = Anchoring(friction=0.3).evaluate(end, room_ground)
+    score, terms = Anchoring(friction=0.3).evaluate(end, room_context)
     assert score == pytest.approx(math.exp(0.3 * 1.5) + math.exp(0.3 * 3.0))
     assert terms["engaged"] == 2
     assert terms["largest_turn_rad"] == pytest.approx(3.0)
 
 
-def test_joint_angles_count_on_request(fork: Design, ended: Ended, room_ground: MapContext) -> None:
+def test_joint_angles_count_on_request(
+    fork: Design, ended: Ended, room_context: MapContext
+) -> None:
     end = ended(fork, [LINE] * 3, turns=[1.0, 0.5, 2.0])
-    score, _ = Anchoring(friction=0.3, count_joint_angles=True).evaluate(end, room_ground)
+    score, _ = Anchoring(friction=0.3, count_joint_angles=True).evaluate(end, room_context)
     assert score == pytest.approx(math.exp(0.3 * (1.5 + 0.5)) + math.exp(0.3 * (3.0 + 0.5)))
 
 
 def test_a_leaf_that_did_not_emerge_holds_nothing(
-    fork: Design, ended: Ended, room_ground: MapContext
+    fork: Design, ended: Ended, room_context: MapContext
 ) -> None:
     end = ended(fork, [LINE, LINE, None], turns=[0.0, 0.0, 0.0])
-    assert Anchoring().evaluate(end, room_ground)[0] == pytest.approx(1.0)
+    assert Anchoring().evaluate(end, room_context)[0] == pytest.approx(1.0)
     nothing = ended(fork, [LINE, None, None])
-    assert Anchoring().evaluate(nothing, room_ground)[0] == 0.0
-    assert POUCH.evaluate(nothing, room_ground)[0] == 0.0
+    assert Anchoring().evaluate(nothing, room_context)[0] == 0.0
+    assert POUCH.evaluate(nothing, room_context)[0] == 0.0
 
 
 def six(ended: Ended, turns: Sequence[float]) -> Deployment:
@@ -80,23 +82,23 @@ def six(ended: Ended, turns: Sequence[float]) -> Deployment:
 
 
 def test_six_branches_without_turns_hold_six_times_one(
-    ended: Ended, room_ground: MapContext
+    ended: Ended, room_context: MapContext
 ) -> None:
-    assert Anchoring().evaluate(six(ended, [0.0] * 6), room_ground)[0] == pytest.approx(6.0)
+    assert Anchoring().evaluate(six(ended, [0.0] * 6), room_context)[0] == pytest.approx(6.0)
 
 
-def test_the_papers_figures_come_out(ended: Ended, room_ground: MapContext) -> None:
+def test_the_papers_figures_come_out(ended: Ended, room_context: MapContext) -> None:
     """6.86 for six branches alike; 5.72 and 4.57 for five and four of them."""
     turn = math.log(6.86 / 6.0) / 0.3
-    score, terms = Anchoring(friction=0.3).evaluate(six(ended, [turn] * 6), room_ground)
+    score, terms = Anchoring(friction=0.3).evaluate(six(ended, [turn] * 6), room_context)
     assert score == pytest.approx(6.86)
     assert terms["low"] == pytest.approx(4.0 * math.exp(0.2 * turn))
     assert 4.0 < terms["low"] < 4.57 < score < terms["high"]
 
 
-def test_the_interval_is_that_of_the_physics(ended: Ended, room_ground: MapContext) -> None:
+def test_the_interval_is_that_of_the_physics(ended: Ended, room_context: MapContext) -> None:
     turns = [0.1, 2.0, 0.7, 3.0, 0.0, 1.5]
-    _, terms = Anchoring().evaluate(six(ended, turns), room_ground)
+    _, terms = Anchoring().evaluate(six(ended, turns), room_context)
     interval = amplification_interval(turns, 4)
     assert terms["low"] == pytest.approx(interval.low)
     assert terms["high"] == pytest.approx(interval.high)
@@ -111,7 +113,7 @@ def test_turns_reach_the_third_level(ended: Ended) -> None:
 
 
 def test_only_pouches_wider_than_their_gap_are_engaged(
-    fork: Design, ended: Ended, corridor: MapContext, room_ground: MapContext
+    fork: Design, ended: Ended, corridor: MapContext, room_context: MapContext
 ) -> None:
     chains = [[(10, 10), (100, 10)], [(100, 10), (200, 10)], [(100, 10), (150, 0), (300, 0)]]
     end = ended(fork, chains)
@@ -121,7 +123,7 @@ def test_only_pouches_wider_than_their_gap_are_engaged(
     for width, engaged in ((31.3, 0.0), (31.5, 2.0)):
         task = replace(POUCH, pouch_width_mm=width)
         assert task.evaluate(end, corridor)[0] == engaged
-    assert POUCH.evaluate(end, room_ground)[1] == terms | {"engaged": 0.0, "low": 0.0, "high": 0.0}
+    assert POUCH.evaluate(end, room_context)[1] == terms | {"engaged": 0.0, "low": 0.0, "high": 0.0}
 
 
 def test_a_leaf_that_was_stopped_counts_unless_its_pouch_must_have_come_out(
@@ -137,7 +139,7 @@ def test_a_leaf_that_was_stopped_counts_unless_its_pouch_must_have_come_out(
 def test_a_tip_on_a_wall_has_its_gap_on_the_free_side(
     fork: Design, ended: Ended, pillar_room: Map
 ) -> None:
-    ground = MapContext.of(pillar_room)
+    context = MapContext.of(pillar_room)
     # Along the pillar's lower side; towards it; in the open under it; past its lower right corner.
     for chain, gap in (
         ([(100, 100), (200, 100)], 100.0),
@@ -147,7 +149,7 @@ def test_a_tip_on_a_wall_has_its_gap_on_the_free_side(
         ([(250, 150), (250, 180)], 150.0 - 0.0),
     ):
         end = ended(fork, [chain, None, None])
-        assert tip_gaps_mm(end, np.array([0]), ground)[0] == pytest.approx(gap, abs=2e-3)
+        assert tip_gaps_mm(end, np.array([0]), context)[0] == pytest.approx(gap, abs=2e-3)
 
 
 @pytest.mark.parametrize("body", ["centerline", "inflated"])
@@ -160,21 +162,21 @@ def test_gaps_of_grown_robots_agree_with_polygons(body: str) -> None:
         for pose in draw_poses(world, 3, 1, clearance_mm=8.0):
             end = grow(tree, site.terrain, pose, GrowthOptions(body=body))
             leaves = np.flatnonzero(end.tree.is_leaf & end.deployed & (end.grown_mm > 1.0))
-            gaps = tip_gaps_mm(end, leaves, site.ground)
+            gaps = tip_gaps_mm(end, leaves, site.context)
             for leaf, gap in zip(leaves.tolist(), gaps.tolist(), strict=True):
-                assert gap == pytest.approx(by_polygons(end, leaf, site.ground), abs=1e-5)
+                assert gap == pytest.approx(by_polygons(end, leaf, site.context), abs=1e-5)
                 checked += 1
     assert checked > 40
 
 
-def by_polygons(end: Deployment, leaf: int, ground: MapContext) -> float:
+def by_polygons(end: Deployment, leaf: int, context: MapContext) -> float:
     """The same gap from the free space cut by a long line."""
     before, tip = end.chain_mm(leaf)[-2:]
     along = (tip - before) / np.hypot(*(tip - before))
     tip = tip - 1e-3 * along
     across = 5000.0 * np.array([-along[1], along[0]])
     line = shapely.LineString([tip - across, tip + across])
-    parts = shapely.get_parts(shapely.intersection(ground.free, line))
+    parts = shapely.get_parts(shapely.intersection(context.free, line))
     near = parts[shapely.distance(parts, shapely.Point(tip)) < 1e-6]
     return float(shapely.length(near).max(initial=0.0))
 
@@ -229,7 +231,7 @@ RECTANGLE = Pouch(shape="rectangle", length_mm=30.0, width_mm=45.0)
 ROUND = Pouch(shape="round", radius_mm=20.0)
 
 
-def plain_gap(chain: np.ndarray, ground: MapContext) -> float:
+def plain_gap(chain: np.ndarray, context: MapContext) -> float:
     """The gap at the end of a chain, from every edge of the map."""
     (bx, by), (x, y) = chain[-2:]
     length = math.hypot(x - bx, y - by)
@@ -237,7 +239,7 @@ def plain_gap(chain: np.ndarray, ground: MapContext) -> float:
     back = min(STEP_BACK_MM, 0.5 * length)
     x, y, ux, uy = x - back * ux, y - back * uy, -uy, ux
     before, after, turned = math.inf, math.inf, 0
-    for (ax, ay), (cx, cy) in (ground.edges_mm - (x, y)).tolist():
+    for (ax, ay), (cx, cy) in (context.edges_mm - (x, y)).tolist():
         one, two = ux * ay - uy * ax, ux * cy - uy * cx
         if (one > 0.0) == (two > 0.0):
             continue
@@ -252,7 +254,9 @@ def plain_gap(chain: np.ndarray, ground: MapContext) -> float:
     return after if turned > 0 else before if turned < 0 else before + after
 
 
-def plainly(task: Anchoring, end: Deployment, ground: MapContext, build: Build) -> dict[str, float]:
+def plainly(
+    task: Anchoring, end: Deployment, context: MapContext, build: Build
+) -> dict[str, float]:
     """Score and terms as the docstrings have them, leaf by leaf."""
     length, width = task.pouch_length_mm, task.pouch_width_mm
     if width == 0.0 and build.pouch:
@@ -270,7 +274,7 @@ def plainly(task: Anchoring, end: Deployment, ground: MapContext, build: Build) 
             turn += end.contact_turn_rad[branch]
             turn += abs(end.tree.offset_rad[branch]) if task.count_joint_angles else 0.0
             branch = end.tree.parent[branch]
-        gap = plain_gap(end.chain_mm(leaf), ground) if width else 0.0
+        gap = plain_gap(end.chain_mm(leaf), context) if width else 0.0
         if width and 2.0 * width / math.pi <= gap:
             continue
         press = 2e-3 * build.pressure_kpa * pouch_contact_mm2(length, width, gap) if width else 0.0
@@ -333,17 +337,17 @@ def batch_of(body: str, pouch: Pouch | None) -> tuple[Batch, list[PreparedMap]]:
 )
 def test_blocks_are_scored_as_leaf_by_leaf(task: Anchoring, pouch: Pouch | None, body: str) -> None:
     batch, sites = batch_of(body, pouch)
-    grounds = [site.ground for site in sites]
+    contexts = [site.context for site in sites]
     seen = dict.fromkeys(("engaged", "leaves", "capped", "force_n"), 0.0)
     for size in (100, 5):
         for score, terms, plain in batch.each(
             lambda block: (
-                *task.evaluate_block(block, grounds),
+                *task.evaluate_block(block, contexts),
                 [
                     plainly(
                         task,
                         block.deployment(index),
-                        grounds[block.terrain[index]],
+                        contexts[block.terrain[index]],
                         block.plans.each[block.plan[index]].build,
                     )
                     for index in range(len(block))
@@ -365,13 +369,14 @@ def test_blocks_are_scored_as_leaf_by_leaf(task: Anchoring, pouch: Pouch | None,
 def test_a_growth_is_worth_the_same_alone_and_among_others() -> None:
     task = Anchoring(pouch_length_mm=20.0, pouch_width_mm=60.0, count_joint_angles=True)
     batch, sites = batch_of("centerline", None)
-    grounds = [site.ground for site in sites]
+    contexts = [site.context for site in sites]
 
     def work(block):
         alone = [
-            task.evaluate(block.deployment(k), grounds[block.terrain[k]]) for k in range(len(block))
+            task.evaluate(block.deployment(k), contexts[block.terrain[k]])
+            for k in range(len(block))
         ]
-        return task.evaluate_block(block, grounds), alone
+        return task.evaluate_block(block, contexts), alone
 
     for together, alone in batch.each(work, size=7):
         for index, (score, terms) in enumerate(alone):
@@ -385,9 +390,9 @@ def test_gaps_by_cells_are_those_of_all_edges(pillar_room: Map) -> None:
     """Tips inside, on walls and corners, of bodies along walls, across them and anyhow."""
     rng = np.random.default_rng(8)
     for world in (pillar_room, grid_map(1), cave_map(1)):
-        ground = MapContext.of(world)
-        low, high = ground.edges_mm.min(axis=(0, 1)), ground.edges_mm.max(axis=(0, 1))
-        edges = ground.edges_mm[rng.choice(len(ground.edges_mm), 25)]
+        context = MapContext.of(world)
+        low, high = context.edges_mm.min(axis=(0, 1)), context.edges_mm.max(axis=(0, 1))
+        edges = context.edges_mm[rng.choice(len(context.edges_mm), 25)]
         on_walls = edges[:, 0] + rng.random((25, 1)) * (edges[:, 1] - edges[:, 0])
         tips = np.concatenate([rng.uniform(low, high, (50, 2)), on_walls, edges[:, 1]])
         along = edges[:, 1] - edges[:, 0]
@@ -395,9 +400,9 @@ def test_gaps_by_cells_are_those_of_all_edges(pillar_room: Map) -> None:
         steps = np.concatenate([rng.normal(size=(25, 2)), np.tile([[1.0, 0.0]], (25, 1))])
         bases = tips - np.concatenate([steps, along, normal])
         points = np.stack([bases, tips], axis=1).reshape(-1, 2)
-        gaps = gaps_mm(points, np.arange(1, len(points), 2), ground)
+        gaps = gaps_mm(points, np.arange(1, len(points), 2), context)
         for chain, gap in zip(points.reshape(-1, 2, 2), gaps.tolist(), strict=True):
-            assert gap == pytest.approx(plain_gap(chain, ground), abs=1e-9)
+            assert gap == pytest.approx(plain_gap(chain, context), abs=1e-9)
 
 
 # --- Leaves that hold ------------------------------------------------------------------------

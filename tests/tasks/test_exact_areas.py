@@ -22,8 +22,8 @@ def fine_discs(centres: np.ndarray, radius: float) -> np.ndarray:
     return shapely.buffer(shapely.points(centres), radius * scale, quad_segs=1024)
 
 
-def test_a_disc_in_the_open_has_its_own_area(room_ground: MapContext) -> None:
-    areas = free_disc_areas_mm2(np.array([[500.0, 500.0]]), 80.0, room_ground.edges_mm)
+def test_a_disc_in_the_open_has_its_own_area(room_context: MapContext) -> None:
+    areas = free_disc_areas_mm2(np.array([[500.0, 500.0]]), 80.0, room_context.edges_mm)
     assert areas == pytest.approx(math.pi * 80.0**2, rel=1e-14)
 
 
@@ -31,25 +31,25 @@ def test_a_disc_in_the_open_has_its_own_area(room_ground: MapContext) -> None:
     ("centre", "share"), [((0, 500), 0.5), ((0, 0), 0.25), ((1000, 1000), 0.25)]
 )
 def test_a_disc_on_a_wall_or_in_a_corner(
-    room_ground: MapContext, centre: tuple[float, float], share: float
+    room_context: MapContext, centre: tuple[float, float], share: float
 ) -> None:
-    areas = free_disc_areas_mm2(np.array([centre], dtype=float), 80.0, room_ground.edges_mm)
+    areas = free_disc_areas_mm2(np.array([centre], dtype=float), 80.0, room_context.edges_mm)
     assert areas == pytest.approx(share * math.pi * 80.0**2, rel=1e-13)
 
 
-def test_a_disc_larger_than_the_map_sees_the_map(room_ground: MapContext) -> None:
-    areas = free_disc_areas_mm2(np.array([[300.0, 10.0]]), 3000.0, room_ground.edges_mm)
+def test_a_disc_larger_than_the_map_sees_the_map(room_context: MapContext) -> None:
+    areas = free_disc_areas_mm2(np.array([[300.0, 10.0]]), 3000.0, room_context.edges_mm)
     assert areas == pytest.approx(1e6, rel=1e-12)
 
 
 def test_discs_among_obstacles_agree_with_polygons(pillar_room: Map) -> None:
-    ground = MapContext.of(pillar_room)
+    context = MapContext.of(pillar_room)
     centres = np.random.default_rng(3).uniform((0, 0), (400, 300), (200, 2))
-    corners = shapely.get_coordinates(ground.free)
+    corners = shapely.get_coordinates(context.free)
     centres = np.concatenate([centres, corners, 0.5 * (corners[1:] + corners[:-1])])
     for radius in (5.0, 50.0, 120.0):
-        areas = free_disc_areas_mm2(centres, radius, ground.edges_mm)
-        expected = shapely.area(shapely.intersection(fine_discs(centres, radius), ground.free))
+        areas = free_disc_areas_mm2(centres, radius, context.edges_mm)
+        expected = shapely.area(shapely.intersection(fine_discs(centres, radius), context.free))
         np.testing.assert_allclose(areas, expected, atol=3e-6 * math.pi * radius**2)
 
 
@@ -76,8 +76,8 @@ def test_a_polygon_and_its_disc_differ_on_less_than_stated() -> None:
 DISC = math.pi * 80.0**2
 
 
-def area(ground: MapContext, x: float, y: float, radius: float = 80.0) -> float:
-    areas, union = seen_areas(np.array([[x, y]]), radius, ground.edges_mm)
+def area(context: MapContext, x: float, y: float, radius: float = 80.0) -> float:
+    areas, union = seen_areas(np.array([[x, y]]), radius, context.edges_mm)
     assert union.area == pytest.approx(areas[0], rel=1e-6)
     return float(areas[0])
 
@@ -86,16 +86,16 @@ def area(ground: MapContext, x: float, y: float, radius: float = 80.0) -> float:
     ("place", "share"), [((500, 500), 1.0), ((0, 500), 0.5), ((0, 0), 0.25), ((1000, 1000), 0.25)]
 )
 def test_open_rooms_walls_and_corners(
-    room_ground: MapContext, place: tuple[float, float], share: float
+    room_context: MapContext, place: tuple[float, float], share: float
 ) -> None:
-    assert area(room_ground, *place) == pytest.approx(share * DISC, rel=1e-5)
+    assert area(room_context, *place) == pytest.approx(share * DISC, rel=1e-5)
 
 
 def test_a_pillar_hides_what_is_behind_it(pillar_room: Map) -> None:
-    ground = MapContext.of(pillar_room)
+    context = MapContext.of(pillar_room)
     # On the corner of the pillar: three quarters of the disc. In front of it: the disc, less what
     # is beyond the pillar's lower side.
-    assert area(ground, 150.0, 100.0) == pytest.approx(0.75 * DISC, rel=1e-5)
+    assert area(context, 150.0, 100.0) == pytest.approx(0.75 * DISC, rel=1e-5)
     depth = 100.0 - 60.0
     segment = 80.0**2 * math.acos(depth / 80.0) - depth * math.sqrt(80.0**2 - depth**2)
     below = 20.0
@@ -106,7 +106,7 @@ def test_a_pillar_hides_what_is_behind_it(pillar_room: Map) -> None:
     # is there is seen up to the lines from the sensor past the pillar's corners.
     expected = DISC - segment - floor
     past = 2.0 * sum_past_corner(50.0, 40.0, 80.0)
-    assert area(ground, 200.0, 60.0) == pytest.approx(expected + past, rel=1e-6)
+    assert area(context, 200.0, 60.0) == pytest.approx(expected + past, rel=1e-6)
 
 
 def sum_past_corner(across: float, ahead: float, radius: float) -> float:
@@ -134,24 +134,24 @@ def by_rays(free, x: float, y: float, radius: float, count: int = 3600) -> float
 
 def test_generated_maps_agree_with_many_rays() -> None:
     for world in (grid_map(2), cave_map(2)):
-        ground = MapContext.of(world)
+        context = MapContext.of(world)
         rng = np.random.default_rng(1)
         places = rng.uniform(0.0, 500.0, (400, 2))
-        inside = shapely.contains_xy(ground.free.buffer(-1.0), places[:, 0], places[:, 1])
+        inside = shapely.contains_xy(context.free.buffer(-1.0), places[:, 0], places[:, 1])
         for x, y in places[inside][:4].tolist():
-            expected = by_rays(ground.free, x, y, 50.0)
-            assert area(ground, x, y, 50.0) == pytest.approx(expected, rel=5e-3)
+            expected = by_rays(context.free, x, y, 50.0)
+            assert area(context, x, y, 50.0) == pytest.approx(expected, rel=5e-3)
 
 
 def test_what_is_seen_lies_in_free_space_and_overlaps_once() -> None:
-    ground = MapContext.of(grid_map(4))
+    context = MapContext.of(grid_map(4))
     rng = np.random.default_rng(3)
     places = rng.uniform(0.0, 500.0, (300, 2))
-    places = places[shapely.contains_xy(ground.free, places[:, 0], places[:, 1])][:30]
-    areas, union = seen_areas(places, 60.0, ground.edges_mm)
+    places = places[shapely.contains_xy(context.free, places[:, 0], places[:, 1])][:30]
+    areas, union = seen_areas(places, 60.0, context.edges_mm)
     assert union.is_valid
     assert union.area < areas.sum()
-    assert union.difference(ground.free).area < 1e-3 * union.area
+    assert union.difference(context.free).area < 1e-3 * union.area
     discs = shapely.union_all(shapely.buffer(shapely.points(places), 60.0, quad_segs=64))
     assert union.difference(discs.buffer(0.1)).area < 1e-6
 
@@ -159,15 +159,15 @@ def test_what_is_seen_lies_in_free_space_and_overlaps_once() -> None:
 def test_walls_seen_edge_on_hide_nothing_and_stop_nothing() -> None:
     """Tips slide along walls: sensors lie on lines of walls, to the last digit or nearly."""
     hole = shapely.box(400, 400, 600, 600)
-    ground = MapContext.of(
+    context = MapContext.of(
         Map(name="edge", bounds=shapely.box(0, 0, 1000, 1000), obstacles=(hole,))
     )
     for below in (0.0, 1e-13, 1e-9, 3e-6):
         for x, away in ((350.0, 50.0), (400.0, 0.0), (600.0, 0.0), (620.0, 20.0)):
             segment = 80.0**2 * math.acos(away / 80.0) - away * math.sqrt(80.0**2 - away**2)
             expected = DISC - 0.5 * segment
-            assert area(ground, x, 400.0 - below) == pytest.approx(expected, rel=1e-5)
-        assert area(ground, 450.0, 400.0 - below) == pytest.approx(0.5 * DISC, rel=1e-5)
+            assert area(context, x, 400.0 - below) == pytest.approx(expected, rel=1e-5)
+        assert area(context, 450.0, 400.0 - below) == pytest.approx(0.5 * DISC, rel=1e-5)
 
 
 def test_a_ray_along_a_wall_meets_it_between_its_ends() -> None:

@@ -30,16 +30,16 @@ from vinefab.tasks.task import one_by_one
 FAST = Coverage(area="fast")
 
 
-def exact_mm2(ground: MapContext, tips: np.ndarray, radius: float) -> float:
+def exact_mm2(context: MapContext, tips: np.ndarray, radius: float) -> float:
     step = math.pi / 512
     discs = shapely.buffer(
         shapely.points(tips), radius * math.sqrt(step / math.sin(step)), quad_segs=256
     )
-    return shapely.intersection(shapely.union_all(discs), ground.free).area
+    return shapely.intersection(shapely.union_all(discs), context.free).area
 
 
-def covered(ground: MapContext, tips: np.ndarray, radius: float) -> tuple[float, float]:
-    raster = ground.raster(radius)
+def covered(context: MapContext, tips: np.ndarray, radius: float) -> tuple[float, float]:
+    raster = context.raster(radius)
     assert raster is not None
     seen, summed = raster.covered_mm2(tips, np.array([0, len(tips)]))
     return float(seen[0]), float(summed[0])
@@ -47,18 +47,18 @@ def covered(ground: MapContext, tips: np.ndarray, radius: float) -> tuple[float,
 
 def test_strips_hold_the_free_area(pillar_room: Map) -> None:
     for world in (pillar_room, grid_map(3)):
-        ground = MapContext.of(world)
+        context = MapContext.of(world)
         for radius in (7.0, 50.0, 3000.0):
-            raster = ground.raster(radius)
-            assert raster.free_mm2[:, -1].sum() == pytest.approx(ground.area_mm2, rel=1e-12)
+            raster = context.raster(radius)
+            assert raster.free_mm2[:, -1].sum() == pytest.approx(context.area_mm2, rel=1e-12)
             assert (np.diff(raster.free_mm2, axis=1) > -1e-9).all()
 
 
-def test_discs_in_the_open_are_exact_however_they_lie(room_ground: MapContext) -> None:
+def test_discs_in_the_open_are_exact_however_they_lie(room_context: MapContext) -> None:
     rng = np.random.default_rng(1)
     for radius in (13.0, 50.0):
         for centre in rng.uniform(60.0, 940.0, (20, 2)):
-            seen, summed = covered(room_ground, centre[None], radius)
+            seen, summed = covered(room_context, centre[None], radius)
             assert seen == summed == pytest.approx(math.pi * radius**2, rel=1e-9)
 
 
@@ -72,27 +72,27 @@ def test_trees_on_grid_maps_are_within_the_stated_error(radius: float) -> None:
         options = GrowthOptions(children_of_stuck="deploy")
         launches = Launches.of(TerrainSet([site.terrain]), [draw_poses(site.world, 4, seed)])
         for grown in Batch(Plans.of([tree], options), launches, options).deployments():
-            seen, summed = covered(site.ground, grown.tips_mm, radius)
-            each = free_disc_areas_mm2(grown.tips_mm, radius, site.ground.edges_mm)
+            seen, summed = covered(site.context, grown.tips_mm, radius)
+            each = free_disc_areas_mm2(grown.tips_mm, radius, site.context.edges_mm)
             assert summed == pytest.approx(each.sum(), rel=5e-3)
-            errors.append(seen / exact_mm2(site.ground, grown.tips_mm, radius) - 1.0)
+            errors.append(seen / exact_mm2(site.context, grown.tips_mm, radius) - 1.0)
     assert np.abs(errors).max() < 3e-3
     assert np.sqrt(np.mean(np.square(errors))) < 2e-3
 
 
 def test_the_worst_case_bound_holds_for_any_discs(pillar_room: Map) -> None:
     rng = np.random.default_rng(2)
-    ground = MapContext.of(pillar_room)
+    context = MapContext.of(pillar_room)
     for radius in (3.0, 40.0, 150.0):
         for count in (1, 3, 60):
             tips = rng.uniform((-20, -20), (420, 320), (count, 2))
             if count == 3:
                 # One on the other, and beside walls.
                 tips = np.array([[150.0, 100.0], [150.0, 100.0], [150.0, 100.0 - radius]])
-            seen, summed = covered(ground, tips, radius)
+            seen, summed = covered(context, tips, radius)
             assert seen <= summed * (1.0 + 1e-12)
             bound = 0.08 * count * math.pi * radius**2
-            assert abs(seen - exact_mm2(ground, tips, radius)) < bound
+            assert abs(seen - exact_mm2(context, tips, radius)) < bound
 
 
 def test_sets_of_discs_do_not_depend_on_each_other(pillar_room: Map) -> None:
@@ -107,22 +107,24 @@ def test_sets_of_discs_do_not_depend_on_each_other(pillar_room: Map) -> None:
         assert (seen[index], summed[index]) == (alone[0][0], alone[1][0])
 
 
-def test_a_raster_that_would_be_too_large_is_not_made(room_ground: MapContext) -> None:
-    assert Raster.of(room_ground.edges_mm, 0.5) is None
-    assert room_ground.raster(50.0) is room_ground.raster(50.0)
+def test_a_raster_that_would_be_too_large_is_not_made(room_context: MapContext) -> None:
+    assert Raster.of(room_context.edges_mm, 0.5) is None
+    assert room_context.raster(50.0) is room_context.raster(50.0)
 
 
 def test_fast_scores_are_those_of_blocks_and_near_the_exact_ones(
-    fork: Design, ended: Callable[..., Deployment], room_ground: MapContext
+    fork: Design, ended: Callable[..., Deployment], room_context: MapContext
 ) -> None:
     end = ended(fork, [[(0, 0), (200, 200)], [(200, 200), (230, 200)], None])
-    score, terms = FAST.evaluate(end, room_ground)
-    exact, exact_terms = Coverage().evaluate(end, room_ground)
+    score, terms = FAST.evaluate(end, room_context)
+    exact, exact_terms = Coverage().evaluate(end, room_context)
     assert score == pytest.approx(exact, abs=1e-4)
     assert terms == pytest.approx(exact_terms, abs=5e-3)
     # Too fine for a raster: measured exactly after all.
     fine = replace(FAST, radius_mm=0.5)
-    assert fine.evaluate(end, room_ground) == replace(fine, area="exact").evaluate(end, room_ground)
+    assert fine.evaluate(end, room_context) == replace(fine, area="exact").evaluate(
+        end, room_context
+    )
 
 
 @pytest.mark.parametrize("body", ["centerline", "inflated"])
@@ -138,10 +140,10 @@ def test_blocks_score_as_single_deployments_do(body: str, same: Callable[..., bo
     poses = [draw_poses(site.world, 3, 5, clearance_mm=14.0) for site in sites]
     launches = Launches.of(TerrainSet([site.terrain for site in sites]), poses)
     batch = Batch(Plans.of(plans, options), launches, options)
-    grounds = [site.ground for site in sites]
+    contexts = [site.context for site in sites]
     for size in (1, 4, 7, 100):
         pairs = batch.each(
-            lambda b: (FAST.evaluate_block(b, grounds), one_by_one(FAST, b, grounds)), size=size
+            lambda b: (FAST.evaluate_block(b, contexts), one_by_one(FAST, b, contexts)), size=size
         )
         for together, alone in pairs:
             assert same(together, alone)
@@ -205,15 +207,15 @@ def test_an_index_that_would_be_too_large_is_not_made(monkeypatch: pytest.Monkey
     monkeypatch.setattr(fast_areas, "MOST_ENTRIES", 5)
     assert WallCells.of(walls, 10.0, 0.0) is None
     # A map context takes larger cells then, at last one with everything.
-    ground = MapContext.of(grid_map(1))
-    assert len(ground.cells.item) == len(ground.edges_mm)
+    context = MapContext.of(grid_map(1))
+    assert len(context.cells.item) == len(context.edges_mm)
 
 
 def test_the_cells_of_a_map_hold_every_edge_and_not_all_of_them_everywhere() -> None:
-    ground = MapContext.of(grid_map(1))
-    assert ground.cells is ground.cells
-    assert set(ground.cells.item.tolist()) == set(range(len(ground.edges_mm)))
-    assert np.diff(ground.cells.first).max() < 0.1 * len(ground.edges_mm)
+    context = MapContext.of(grid_map(1))
+    assert context.cells is context.cells
+    assert set(context.cells.item.tolist()) == set(range(len(context.edges_mm)))
+    assert np.diff(context.cells.first).max() < 0.1 * len(context.edges_mm)
 
 
 # --- Lines of sight --------------------------------------------------------------------------
@@ -232,14 +234,14 @@ def sight_covered(lines: SightLines, sensors: np.ndarray) -> tuple[float, float]
     return float(seen[0]), float(summed[0])
 
 
-def hold_the_bound(ground: MapContext, lines: SightLines, sensors: np.ndarray) -> None:
+def hold_the_bound(context: MapContext, lines: SightLines, sensors: np.ndarray) -> None:
     """Union and sum are off by less than half a strip times the exact outlines."""
     radius = lines.radius_mm
     half_strip = 0.5 * radius / LINES_PER_RADIUS
     # The exact outlines' arcs are chords: within 2e-3 of the arcs.
     rounding = 1e-6 * math.pi * radius**2
-    _, union = seen_areas(sensors, radius, ground.edges_mm)
-    alone = [seen_areas(sensor[None], radius, ground.edges_mm) for sensor in sensors]
+    _, union = seen_areas(sensors, radius, context.edges_mm)
+    alone = [seen_areas(sensor[None], radius, context.edges_mm) for sensor in sensors]
     outline = 1.002 * sum(region.length for _, region in alone)
     seen, summed = sight_covered(lines, sensors)
     assert seen <= summed * (1.0 + 1e-12)
@@ -247,13 +249,13 @@ def hold_the_bound(ground: MapContext, lines: SightLines, sensors: np.ndarray) -
     assert abs(summed - sum(float(area[0]) for area, _ in alone)) <= half_strip * outline + rounding
 
 
-def nasty_sensors(ground: MapContext) -> np.ndarray:
+def nasty_sensors(context: MapContext) -> np.ndarray:
     """Inside, twice in one place, on, behind and beside walls, on corners, outside by rounding."""
     rng = np.random.default_rng(5)
-    x_min, y_min, x_max, y_max = ground.free.bounds
+    x_min, y_min, x_max, y_max = context.free.bounds
     inside = rng.uniform((x_min, y_min), (x_max, y_max), (60, 2))
-    inside = inside[shapely.contains_xy(ground.free, inside[:, 0], inside[:, 1])][:8]
-    edges = ground.edges_mm[rng.choice(len(ground.edges_mm), 6)]
+    inside = inside[shapely.contains_xy(context.free, inside[:, 0], inside[:, 1])][:8]
+    edges = context.edges_mm[rng.choice(len(context.edges_mm), 6)]
     on_walls = edges[:, 0] + rng.random((6, 1)) * (edges[:, 1] - edges[:, 0])
     along = (edges[:, 1] - edges[:, 0]) / np.hypot(*(edges[:, 1] - edges[:, 0]).T)[:, None]
     edge_on = edges[:, 1] + rng.choice([1e-7, 1e-3, 5.0], (6, 1)) * along
@@ -262,19 +264,19 @@ def nasty_sensors(ground: MapContext) -> np.ndarray:
     places = np.concatenate(
         [inside, inside[:2], on_walls, edges[:, 0], edge_on, beside, rounded_out]
     )
-    return places[shapely.distance(shapely.points(places), ground.free) < 1e-9]
+    return places[shapely.distance(shapely.points(places), context.free) < 1e-9]
 
 
 @pytest.mark.parametrize("radius", [4.0, 45.0, 1500.0])
 def test_the_bound_holds_for_any_sensors_on_any_map(pillar_room: Map, radius: float) -> None:
     for world in (pillar_room, TOUCHING, cave_map(1), grid_map(3)):
-        ground = MapContext.of(world)
-        sensors = nasty_sensors(ground)
-        lines = ground.sight_lines(radius)
+        context = MapContext.of(world)
+        sensors = nasty_sensors(context)
+        lines = context.sight_lines(radius)
         assert lines is not None
-        hold_the_bound(ground, lines, sensors)
+        hold_the_bound(context, lines, sensors)
         for sensor in sensors:
-            hold_the_bound(ground, lines, sensor[None])
+            hold_the_bound(context, lines, sensor[None])
 
 
 def test_walls_and_sensors_may_lie_on_the_lines(
@@ -282,11 +284,11 @@ def test_walls_and_sensors_may_lie_on_the_lines(
 ) -> None:
     """Lines along x at whole multiples of 2 mm, where a wall and sensors lie too."""
     monkeypatch.setattr(fast_areas, "_direction", lambda *_: (1.0, 0.0))
-    ground = MapContext.of(pillar_room)
-    lines = SightLines.of(ground.edges_mm, 80.0)
+    context = MapContext.of(pillar_room)
+    lines = SightLines.of(context.edges_mm, 80.0)
     lines = replace(lines, line=np.array([-1.0, 2.0]))
     for x, y in ((200.0, 60.0), (100.0, 100.0), (120.0, 200.0), (200.0, 100.0), (150.0, 100.0)):
-        hold_the_bound(ground, lines, np.array([[x, y]]))
+        hold_the_bound(context, lines, np.array([[x, y]]))
     # A wall on a line leaves its strip to one side or the other, none of them to both.
     before, _ = sight_covered(lines, np.array([[200.0, 60.0]]))
     behind, _ = sight_covered(
@@ -295,8 +297,8 @@ def test_walls_and_sensors_may_lie_on_the_lines(
     assert abs(before - behind) < 2.0 * 110.0
 
 
-def test_sensors_that_no_wall_is_near_see_their_discs(room_ground: MapContext) -> None:
-    lines = room_ground.sight_lines(50.0)
+def test_sensors_that_no_wall_is_near_see_their_discs(room_context: MapContext) -> None:
+    lines = room_context.sight_lines(50.0)
     rng = np.random.default_rng(1)
     for centre in rng.uniform(60.0, 940.0, (20, 2)):
         seen, summed = sight_covered(lines, centre[None])
@@ -306,8 +308,8 @@ def test_sensors_that_no_wall_is_near_see_their_discs(room_ground: MapContext) -
     )
 
 
-def test_a_sensor_that_sees_further_than_the_room_sees_all_of_it(room_ground: MapContext) -> None:
-    lines = room_ground.sight_lines(1500.0)
+def test_a_sensor_that_sees_further_than_the_room_sees_all_of_it(room_context: MapContext) -> None:
+    lines = room_context.sight_lines(1500.0)
     for place in ((500.0, 500.0), (0.0, 0.0), (1000.0, 300.0), (3.0, 999.0)):
         seen, _ = sight_covered(lines, np.array([place]))
         assert seen == pytest.approx(1e6, rel=2e-3)
@@ -318,20 +320,20 @@ def test_a_sensor_that_sees_further_than_the_room_sees_all_of_it(room_ground: Ma
 def test_what_walls_hide_is_as_fine_as_the_map_however_far_sensors_see(
     world: Map, radius: float
 ) -> None:
-    ground = MapContext.of(world)
-    inside = np.random.default_rng(3).uniform(*np.reshape(ground.free.bounds, (2, 2)), (60, 2))
-    sensors = inside[shapely.contains_xy(ground.free, inside[:, 0], inside[:, 1])][:6]
-    lines = ground.sight_lines(radius)
+    context = MapContext.of(world)
+    inside = np.random.default_rng(3).uniform(*np.reshape(context.free.bounds, (2, 2)), (60, 2))
+    sensors = inside[shapely.contains_xy(context.free, inside[:, 0], inside[:, 1])][:6]
+    lines = context.sight_lines(radius)
     for count in (1, 6):
-        _, union = seen_areas(sensors[:count], radius, ground.edges_mm)
+        _, union = seen_areas(sensors[:count], radius, context.edges_mm)
         seen, _ = sight_covered(lines, sensors[:count])
         assert seen == pytest.approx(union.area, rel=0.01)
 
 
 def test_nothing_is_seen_behind_a_wall_that_fills_the_disc() -> None:
     wall = shapely.box(100, 0, 101, 200)
-    ground = MapContext.of(Map(name="wall", bounds=shapely.box(0, 0, 200, 200), obstacles=(wall,)))
-    lines = ground.sight_lines(40.0)
+    context = MapContext.of(Map(name="wall", bounds=shapely.box(0, 0, 200, 200), obstacles=(wall,)))
+    lines = context.sight_lines(40.0)
     half, _ = sight_covered(lines, np.array([[100.0, 100.0]]))
     assert half == pytest.approx(0.5 * math.pi * 40.0**2, rel=5e-3)
     both, summed = sight_covered(lines, np.array([[100.0, 100.0], [101.0, 100.0]]))
@@ -339,11 +341,11 @@ def test_nothing_is_seen_behind_a_wall_that_fills_the_disc() -> None:
 
 
 def test_where_two_obstacles_touch_one_side_is_seen_and_nothing_solid() -> None:
-    ground = MapContext.of(TOUCHING)
+    context = MapContext.of(TOUCHING)
     place = np.array([[100.0, 100.0]])
     quarter = 0.25 * math.pi * 30.0**2
-    assert seen_areas(place, 30.0, ground.edges_mm)[0][0] == pytest.approx(quarter, rel=1e-5)
-    assert sight_covered(ground.sight_lines(30.0), place)[0] == pytest.approx(quarter, rel=5e-3)
+    assert seen_areas(place, 30.0, context.edges_mm)[0][0] == pytest.approx(quarter, rel=1e-5)
+    assert sight_covered(context.sight_lines(30.0), place)[0] == pytest.approx(quarter, rel=5e-3)
 
 
 def test_sets_of_sensors_do_not_depend_on_each_other(pillar_room: Map) -> None:
@@ -373,13 +375,15 @@ def test_lines_keep_away_from_the_directions_of_walls() -> None:
 
 
 def test_lines_that_would_be_too_many_are_not_made(
-    fork: Design, ended: Callable[..., Deployment], room_ground: MapContext
+    fork: Design, ended: Callable[..., Deployment], room_context: MapContext
 ) -> None:
-    assert room_ground.sight_lines(50.0) is room_ground.sight_lines(50.0)
-    assert room_ground.sight_lines(0.01) is None
+    assert room_context.sight_lines(50.0) is room_context.sight_lines(50.0)
+    assert room_context.sight_lines(0.01) is None
     end = ended(fork, [[(0, 0), (200, 200)], [(200, 200), (230, 200)], None])
     fine = replace(FAST_SIGHT, radius_mm=0.01)
-    assert fine.evaluate(end, room_ground) == replace(fine, area="exact").evaluate(end, room_ground)
+    assert fine.evaluate(end, room_context) == replace(fine, area="exact").evaluate(
+        end, room_context
+    )
 
 
 def test_blocks_with_line_of_sight_score_as_single_deployments_do(
@@ -395,10 +399,10 @@ def test_blocks_with_line_of_sight_score_as_single_deployments_do(
     poses = [draw_poses(site.world, 3, 5) for site in sites]
     launches = Launches.of(TerrainSet([site.terrain for site in sites]), poses)
     batch = Batch(Plans.of(designs, options), launches, options)
-    grounds = [site.ground for site in sites]
+    contexts = [site.context for site in sites]
     for size in (1, 5, 100):
         pairs = batch.each(
-            lambda b: (FAST_SIGHT.evaluate_block(b, grounds), one_by_one(FAST_SIGHT, b, grounds)),
+            lambda b: (FAST_SIGHT.evaluate_block(b, contexts), one_by_one(FAST_SIGHT, b, contexts)),
             size=size,
         )
         for together, alone in pairs:

@@ -44,13 +44,13 @@ TASK = HeadOnPenalty(task=Coverage(area="fast"), weight=0.4)
 
 
 def test_the_share_of_deployed_branches_that_stopped_head_on_costs(
-    fork: Design, ended: Callable[..., Deployment], room_ground: MapContext
+    fork: Design, ended: Callable[..., Deployment], room_context: MapContext
 ) -> None:
     end = ended(fork, [[(0, 0), (200, 200)], [(200, 200), (300, 200)], None])
     stop = np.array([Stop.FULL_LENGTH, Stop.HEAD_ON, Stop.NOT_DEPLOYED])
     end = replace(end, stop=stop)
-    score, terms = TASK.evaluate(end, room_ground)
-    free, _ = TASK.task.evaluate(end, room_ground)
+    score, terms = TASK.evaluate(end, room_context)
+    free, _ = TASK.task.evaluate(end, room_context)
     assert terms["head_on"] == 0.5
     assert score == pytest.approx(free - 0.2)
     assert TASK.name == "coverage"
@@ -58,9 +58,9 @@ def test_the_share_of_deployed_branches_that_stopped_head_on_costs(
 
 
 def test_a_robot_that_never_came_out_did_not_stop_head_on(
-    fork: Design, ended: Callable[..., Deployment], room_ground: MapContext
+    fork: Design, ended: Callable[..., Deployment], room_context: MapContext
 ) -> None:
-    assert TASK.evaluate(ended(fork, [None] * 3), room_ground)[1]["head_on"] == 0.0
+    assert TASK.evaluate(ended(fork, [None] * 3), room_context)[1]["head_on"] == 0.0
 
 
 def test_blocks_score_as_single_deployments_do(same: Callable[..., bool]) -> None:
@@ -72,7 +72,7 @@ def test_blocks_score_as_single_deployments_do(same: Callable[..., bool]) -> Non
     batch = Batch(Plans.of([tree], options), launches, options)
     seen = set()
     for block in batch.each(
-        lambda b: (TASK.evaluate_block(b, [site.ground]), one_by_one(TASK, b, [site.ground])),
+        lambda b: (TASK.evaluate_block(b, [site.context]), one_by_one(TASK, b, [site.context])),
         size=4,
     ):
         assert same(*block)

@@ -124,7 +124,7 @@ def _forces(
     leaves = engaged = limited = 0
     for index, deployment in enumerate(trip.deployments):
         rows = _leaves(deployment)
-        gaps = tip_gaps_mm(deployment, rows, trip.site(index).ground)
+        gaps = tip_gaps_mm(deployment, rows, trip.site(index).context)
         contact = [pouch_contact_mm2(length_mm, width_mm, gap_mm) for gap_mm in gaps.tolist()]
         turns = path_turn_rad(deployment)[rows]
         forces = np.array(

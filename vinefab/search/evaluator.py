@@ -192,7 +192,7 @@ class Evaluator:
         builds = {depth: self.space.build_of(depth) for depth in set(fleet.depth.tolist())}
         plans = planned_batch(fleet, builds, self.radii_mm)
         batch = Batch(plans, launches, self.growth, self.idle)
-        grounds = [site.ground for site in self.sites]
+        grounds = [site.context for site in self.sites]
 
         def grown(first: int, size: int) -> tuple[TaskOutcomes, Work]:
             watch = Stopwatch()

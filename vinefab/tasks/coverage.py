@@ -1,4 +1,4 @@
-"""Sensor coverage: as much seen area as possible from as simple a robot as possible."""
+"""The coverage task: as much seen area as possible from as simple a robot as possible."""
 
 import math
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ TERMS = ("area", "count", "length", "film", "eta")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coverage:
-    """Every deployed branch leaves a disc of sight at its tip; what is seen counts, film costs.
+    """Every deployed branch has a sensor at its tip; seen area counts, branches and film cost.
 
     ``score = w_area A/A_free - w_count N/N_max (1 - eta) - w_length L/L_max (1 - eta)
     - w_film L/L_max`` with A the area of the union of the discs, N their number, L the planned
@@ -65,41 +65,41 @@ class Coverage:
 
     @property
     def lowest(self) -> float:
-        """The score of a robot that sees nothing and costs everything."""
+        """The score of a robot that sees nothing at the highest cost."""
         return -(self.weight_count + self.weight_length + self.weight_film)
 
-    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
+    def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
         """Return the score and its terms: ``area``, ``count``, ``length``, ``film``, ``eta``.
 
         The first four are the numbers from 0 to 1 that the weights multiply, ``count`` and
         ``length`` with their (1 - eta). The area's error is that of `exact_areas.disc_union`.
         """
         tips_mm = deployment.tips_mm
-        seen_mm2, summed_mm2 = self._areas_mm2(tips_mm, ground)
+        seen_mm2, summed_mm2 = self._areas_mm2(tips_mm, context)
         return self._outcomes(
             np.array([seen_mm2]),
             np.array([summed_mm2]),
             np.array([len(tips_mm)]),
             np.array([deployment.tree.total_length_mm]),
-            ground,
+            context,
         ).one(0)
 
-    def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
+    def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
         if self.area == "exact":
-            return one_by_one(self, block, grounds)
+            return one_by_one(self, block, contexts)
         tips_mm, first = block.tips_mm()
         lengths_mm = block.planned_mm()
         parts: list[TaskOutcomes] = []
         for terrain, one, two in block.by_terrain():
-            strips = self._strips(grounds[terrain])
+            strips = self._strips(contexts[terrain])
             if strips is None:
-                return one_by_one(self, block, grounds)
+                return one_by_one(self, block, contexts)
             begins = first[one : two + 1] - first[one]
             seen, summed = strips.covered_mm2(tips_mm[first[one] : first[two]], begins)
             counts = np.diff(begins)
             parts.append(
-                self._outcomes(seen, summed, counts, lengths_mm[one:two], grounds[terrain])
+                self._outcomes(seen, summed, counts, lengths_mm[one:two], contexts[terrain])
             )
         return concatenated_outcomes(parts)
 
@@ -109,16 +109,16 @@ class Coverage:
         summed_mm2: Floats,
         tips: Ints,
         length_mm: Floats,
-        ground: MapContext,
+        context: MapContext,
     ) -> TaskOutcomes:
         """Return score and terms for several final states on one map."""
         overlap = np.zeros_like(seen_mm2)
         sees = summed_mm2 > 0.0
         overlap[sees] = np.clip(1.0 - seen_mm2[sees] / summed_mm2[sees], 0.0, 1.0)
-        # A union of polygons beside a sum of true discs: what is left at this size is rounding.
+        # A union of polygons beside a sum of true discs: a remainder this small is rounding.
         overlap[overlap <= ROUNDING] = 0.0
-        film = np.minimum(1.0, length_mm / (self.most_diagonals * ground.diagonal_mm))
-        area = np.minimum(1.0, seen_mm2 / ground.area_mm2)
+        film = np.minimum(1.0, length_mm / (self.most_diagonals * context.diagonal_mm))
+        area = np.minimum(1.0, seen_mm2 / context.area_mm2)
         count = np.minimum(1.0, tips / self.most_branches) * overlap
         length = film * overlap
         score = (
@@ -130,25 +130,25 @@ class Coverage:
         columns = (area, count, length, film, 1.0 - overlap)
         return TaskOutcomes(score, dict(zip(TERMS, columns, strict=True)))
 
-    def _areas_mm2(self, tips_mm: Floats, ground: MapContext) -> tuple[float, float]:
+    def _areas_mm2(self, tips_mm: Floats, context: MapContext) -> tuple[float, float]:
         """Return the area of the union of the discs and the sum of their areas."""
         if len(tips_mm) == 0:
             return 0.0, 0.0
-        strips = self._strips(ground) if self.area == "fast" else None
+        strips = self._strips(context) if self.area == "fast" else None
         if strips is not None:
             seen, summed = strips.covered_mm2(tips_mm, np.array([0, len(tips_mm)]))
             return float(seen[0]), float(summed[0])
         if self.clip == "sight":
-            each_mm2, union = seen_areas(tips_mm, self.radius_mm, ground.edges_mm)
+            each_mm2, union = seen_areas(tips_mm, self.radius_mm, context.edges_mm)
             return union.area, float(each_mm2.sum())
         union = disc_union(tips_mm, self.radius_mm)
         if self.clip == "none":
             return union.area, len(tips_mm) * math.pi * self.radius_mm**2
-        each_mm2 = free_disc_areas_mm2(tips_mm, self.radius_mm, ground.edges_mm)
-        return shapely.intersection(union, ground.free).area, float(each_mm2.sum())
+        each_mm2 = free_disc_areas_mm2(tips_mm, self.radius_mm, context.edges_mm)
+        return shapely.intersection(union, context.free).area, float(each_mm2.sum())
 
-    def _strips(self, ground: MapContext) -> Raster | SightLines | None:
+    def _strips(self, context: MapContext) -> Raster | SightLines | None:
         """Return the strips or lines for fast areas; None where the map is too large for them."""
         if self.clip == "sight":
-            return ground.sight_lines(self.radius_mm)
-        return ground.raster(self.radius_mm, walls=self.clip == "free")
+            return context.sight_lines(self.radius_mm)
+        return context.raster(self.radius_mm, walls=self.clip == "free")

@@ -1,4 +1,4 @@
-"""Score designs over maps and poses."""
+"""Scores of designs over maps and poses, and their composition into one number."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -25,28 +25,27 @@ Poses = tuple[tuple[Pose, ...], ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PreparedMap:
-    """A map made ready for growing and scoring."""
+    """A map prepared for growth and scoring."""
 
-    world: Map  # the map
+    world: Map
     terrain: Terrain  # its walls, for growth
-    ground: MapContext  # its free space, for tasks
-    # free space if there were only the obstacles near its starts, to draw poses in
-    around_starts: BaseGeometry
+    context: MapContext  # its free space, for tasks
+    around_starts: BaseGeometry  # bounds minus the obstacles near its starts, to draw poses in
 
     @classmethod
     def of(cls, world: Map) -> "PreparedMap":
-        """Return the site of a map."""
+        """Return a map with all that growth and tasks need of it."""
         terrain = Terrain.of(world)
         return cls(
             world=world,
             terrain=terrain,
-            ground=MapContext.of(world, terrain.free_space()),
+            context=MapContext.of(world, terrain.free_space()),
             around_starts=_around_starts(world),
         )
 
 
 def _around_starts(world: Map) -> BaseGeometry:
-    """Return free space beside the obstacles that a pose drawn from a map's starts could lie in."""
+    """Return the bounds minus the obstacles that a pose drawn from a map's starts could lie in."""
     boxes = shapely.box(
         [start.pose.x_mm - start.spread_x_mm for start in world.starts],
         [start.pose.y_mm - start.spread_y_mm for start in world.starts],
@@ -59,54 +58,54 @@ def _around_starts(world: Map) -> BaseGeometry:
     return free
 
 
-def poses_on(sites: Sequence[PreparedMap], count: int, seeds: Sequence[int]) -> Poses:
+def poses_on(maps: Sequence[PreparedMap], count: int, seeds: Sequence[int]) -> Poses:
     """Draw poses on every map."""
     return tuple(
-        draw_poses(site.world, count, seed, free=site.around_starts)
-        for site, seed in zip(sites, seeds, strict=True)
+        draw_poses(prepared.world, count, seed, free=prepared.around_starts)
+        for prepared, seed in zip(maps, seeds, strict=True)
     )
 
 
 def score_design(
     design: Design,
-    sites: Sequence[PreparedMap],
+    maps: Sequence[PreparedMap],
     poses: Poses,
     task: Task,
     options: GrowthOptions | None = None,
 ) -> Score:
     """Grow a design on every map from every pose and score each final state."""
-    atlas = TerrainSet([site.terrain for site in sites])
-    (score,) = score_designs([design], sites, Launches.of(atlas, poses), task, options)
+    terrains = TerrainSet([prepared.terrain for prepared in maps])
+    (score,) = score_designs([design], maps, Launches.of(terrains, poses), task, options)
     return score
 
 
 def score_designs(
     designs: Sequence[Design],
-    sites: Sequence[PreparedMap],
+    maps: Sequence[PreparedMap],
     launches: Launches,
     task: Task,
     options: GrowthOptions | None = None,
     over: BlockMapper = map,
 ) -> tuple[Score, ...]:
-    """Score several designs as `score_design` does, in batches."""
+    """Score several designs as `score_design` does, in blocks."""
     if not designs:
         return ()
     options = options or GrowthOptions()
     batch = Batch(Plans.of(designs, options), launches, options)
-    grounds = [site.ground for site in sites]
-    found = concatenated_outcomes(
-        list(batch.each(lambda block: outcomes(task, block, grounds), over))
+    contexts = [prepared.context for prepared in maps]
+    evaluated = concatenated_outcomes(
+        list(batch.each(lambda block: outcomes(task, block, contexts), over))
     )
-    return tuple(scores_of(found, task, sites, launches))
+    return tuple(scores_of(evaluated, task, maps, launches))
 
 
 def scores_of(
-    found: TaskOutcomes, task: Task, sites: Sequence[PreparedMap], launches: Launches
+    evaluated: TaskOutcomes, task: Task, maps: Sequence[PreparedMap], launches: Launches
 ) -> Iterator[Score]:
     """Give the score of each design of a batch."""
-    count = len(found.score) // len(launches)
-    names = [sites[terrain].world.name for terrain in launches.terrain.tolist()]
-    values, terms = found.score.tolist(), {n: v.tolist() for n, v in found.terms.items()}
+    count = len(evaluated.score) // len(launches)
+    names = [maps[terrain].world.name for terrain in launches.terrain.tolist()]
+    values, terms = evaluated.score.tolist(), {n: v.tolist() for n, v in evaluated.terms.items()}
     for design in range(count):
         evaluations = tuple(
             Evaluation(
@@ -123,22 +122,22 @@ def scores_of(
         yield Score(task=task.name, evaluations=evaluations, composite=weighed)
 
 
-# --- One number for a design -----------------------------------------------------------------
+# --- Composition ------------------------------------------------------------------------------
 
 MEAN_SHARE = 0.25
 """Share of the mean in ``min_deviation`` [paper]; its form is vinefab's."""
 
 STANDARD_DEVIATION = 0.5
-"""The deviation that earns nothing: the largest that scores between 0 and 1 can have."""
+"""The reference deviation: the largest that scores between 0 and 1 can have."""
 
 COMPOSITES = ("mean", "best", "min_deviation", "single")
-"""Ways to weigh scores in a search; ``single`` takes one evaluation for what it is."""
+"""Composites of scores in a search; ``single`` is the score of one evaluation."""
 
 
 def composite(
     scores: Sequence[float] | Floats, reference_deviation: float = STANDARD_DEVIATION
 ) -> dict[str, float]:
-    """Return every way of weighing scores into one number.
+    """Return every composite of some scores.
 
     Returns
     -------
@@ -159,7 +158,7 @@ def composite(
 def composites(
     scores: Floats, kind: str, reference_deviation: float = STANDARD_DEVIATION
 ) -> Floats:
-    """Return one of the numbers of `composite` for each of m rows of scores."""
+    """Return one kind of composite for each of m rows of scores, shape (m,)."""
     rows = np.ascontiguousarray(scores)
     if kind == "best":
         return np.asarray(rows.max(axis=1))

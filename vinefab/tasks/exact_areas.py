@@ -21,7 +21,7 @@ _SLACK = 1e-9
 QUARTER_SEGMENTS = 16
 """Sides of the polygon that stands for a quarter of a disc in a union. At 16 a disc and its
 polygon, equal in area, differ on less than 0.07 % of the disc's area, so the union is off by less
-than 0.07 % of the discs' summed area; opposite signs make it some thousand times less."""
+than 0.07 % of the discs' summed area; errors of either sign make it about a thousand times less."""
 
 
 def disc_union(
@@ -133,9 +133,9 @@ def _region(centre_mm: Floats, radius_mm: float, edges_mm: Floats) -> tuple[floa
 
 
 def _walls(centre_mm: Floats, radius_mm: float, edges_mm: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return ends of the walls that can hide something, within the disc about the sensor.
+    """Return both ends of the walls that can hide something within the disc, and the sensor.
 
-    Only walls that face the sensor can: it is on their free side. The third is the sensor's place.
+    Only walls that face the sensor can hide anything: it is on their free side.
     """
     near = edges_mm[_distances(edges_mm - centre_mm) < radius_mm]
     touched = near[_distances(near - centre_mm) < TOUCHING_MM]

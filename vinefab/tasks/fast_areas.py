@@ -19,7 +19,7 @@ STRIPS_PER_RADIUS = 10
 """Strips, and cells along them, per radius of the discs."""
 
 MOST_RASTER_CELLS = 4_000_000
-"""Larger rasters would not pay: 32 MB."""
+"""Limit of a raster's size: 32 MB; polygons are used beyond it."""
 
 TABLE_STEPS = 1024
 """Entries of the table of circular segments: linear in between, within 1e-5 of the disc's area."""
@@ -44,12 +44,12 @@ class Raster:
     box: Floats  # lower left corner and the side of the cells, mm; shape (3,)
     # free area of each strip to the left of each cell's sides, shape (rows, columns + 1)
     free_mm2: Floats
-    radius_mm: float  # radius of the discs that it was made for
+    radius_mm: float  # radius of the discs
     segments: Floats  # area of the unit disc below heights evenly spaced from -1 to 1
 
     @classmethod
     def of(cls, edges_mm: Floats, radius_mm: float) -> "Raster | None":
-        """Return the raster of a free space, or None if it would take too many cells.
+        """Return the raster of a free space, None above `MOST_RASTER_CELLS`.
 
         Parameters
         ----------
@@ -70,15 +70,14 @@ class Raster:
         return cls(box=box, free_mm2=free, radius_mm=radius_mm, segments=segment_table())
 
     def covered_mm2(self, tips_mm: Floats, first: Ints) -> tuple[Floats, Floats]:
-        """Return the free area that discs cover together, and the sum of what each covers.
+        """Return the free area that discs cover together, and the sum of each disc's free area.
 
         In each strip a rectangle of the same area stands for a disc. The two differ on less than
         4 % of the disc, and free area between two sides of a cell is taken as evenly spread, which
-        moves less than 4 %: the result is off by less than 8 % of the sum, whatever the map. That
-        bound is far from reached, because whole discs are exact and errors arise, with either
-        sign, only where an outline meets a wall or another disc: over 1000 random deployments in
-        four environments the area is within 0.6 % (0.05 to 0.09 % in the mean square) of the exact
-        one, as `tests/tasks/errors.py` measures.
+        moves less than 4 %: the error is below 8 % of the sum, whatever the map. In practice it is
+        far smaller, because whole discs are exact and errors arise, with either sign, only where an
+        outline meets a wall or another disc: over 1000 random deployments in four environments the
+        area is within 0.6 % (0.05 to 0.09 % RMS) of the exact one (`tests/tasks/errors.py`).
 
         Parameters
         ----------
@@ -112,12 +111,11 @@ class Raster:
     def reached_mm2(self, chains: Chains) -> Floats:
         """Return the free area within the radius of each body, shape (j,).
 
-        Every cell stands with its free area for its centre: a cell whose centre lies half a
-        diagonal inside the edge of what is reached is reached as a whole, one half a diagonal
-        outside not at all, and only cells between the two can be wrong, with either sign. The
-        result is therefore off by less than the free area of that band, 0.14 radii wide along the
-        edge, whatever the map. That bound is far from reached: `tests/tasks/errors.py` measures
-        it on random deployments.
+        A cell's free area counts as if it lay at the cell's centre: a cell whose centre lies half
+        a diagonal inside the edge of the reached area counts in full, one half a diagonal outside
+        not at all, and only cells in between can be wrong, with either sign. The error is
+        therefore below the free area of that band, 0.14 radii wide along the edge, whatever the
+        map; `tests/tasks/errors.py` measures how far below.
         """
         from vinefab.tasks.kernels import areas_kernel  # noqa: PLC0415  as above
 
@@ -139,29 +137,33 @@ def segment_table() -> Floats:
 
 MOST_WALL_CELLS = 1_000_000
 MOST_ENTRIES = 20_000_000
-"""Larger indexes would not pay: 160 MB. One cell with all the walls is never too large."""
+"""Limits of an index's size: 160 MB. One cell with all the walls is never too large."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WallCells:
-    """Walls, and which of them come near each cell."""
+    """A uniform grid over walls that lists the walls near each cell."""
 
     walls_mm: Floats  # both ends of each wall, shape (e, 4)
-    # lower left corner and side of the cells, mm, and how many columns and rows there are; shape
+    # lower left corner and side of the cells, mm, then columns and rows; shape (5,)
     grid: Floats
     # where the walls of each cell begin in ``item``, row by row, with the total at the end
     first: Ints
-    # walls that come near each cell, and perhaps some a little further off, in rising order
+    # walls within reach of each cell, and perhaps some a little further off, in rising order
     item: Ints
 
     @classmethod
     def of(cls, walls_mm: Floats, side_mm: float, reach_mm: float) -> "WallCells | None":
-        """Return the index of some walls, or None if it would take too much memory.
+        """Return the index of some walls, None if it would take too much memory.
 
         Parameters
         ----------
         walls_mm
             Both ends of each wall, at least one, shape (e, 4).
+        side_mm
+            Side of the cells.
+        reach_mm
+            Walls within this distance of a cell are listed in it.
         """
         from vinefab.tasks.kernels import sight_kernel  # noqa: PLC0415  as above
 
@@ -181,9 +183,9 @@ class WallCells:
         return cls(walls_mm=walls_mm, grid=grid, first=first, item=item)
 
     def numbers_at(self, places_mm: Floats) -> Ints:
-        """Return how many walls are listed where some places are, shape (m,).
+        """Return how many walls the cells of some places list, shape (m,).
 
-        Places outside count to the nearest cell.
+        Places outside the grid belong to the nearest cell.
         """
         low, side_mm, shape = self.grid[:2], self.grid[2], self.grid[3:].astype(np.int64)
         column, row = np.clip(((places_mm - low) / side_mm).astype(np.int64), 0, shape - 1).T
@@ -200,46 +202,46 @@ LEAST_LINES = 160
 """Lines across a square map that is smaller than the discs."""
 
 DIRECTIONS = 16
-"""Directions between which that of the lines is chosen."""
+"""Candidate directions of the lines."""
 
 MOST_LINES = 1_000_000
-"""More would not pay: every growth looks at all of them."""
+"""Limit of their number: every growth visits all of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SightLines:
-    """The walls of a free space, by cells of the sensors that they can hide something from.
+    """Parallel lines across a free space, and the walls that can hide something from each cell.
 
-    Everything is turned, so that the lines run along x.
+    All coordinates are rotated so that the lines run along x.
     """
 
     radius_mm: float  # how far sensors see
     # cosine and sine of the angle between x and the lines on the map
     direction: tuple[float, float]
-    # walls that come within the radius of each cell, with free space on their left, turned
+    # walls within the radius of each cell, with free space on their left, rotated
     cells: WallCells
     line: Floats  # lower side of the lowest strip and how high each is, mm; shape (2,)
     lines: int  # how many there are, each in the middle of its strip
 
     @classmethod
     def of(cls, edges_mm: Floats, radius_mm: float) -> "SightLines | None":
-        """Return the lines on a free space, or None if it is too large for such discs.
+        """Return the lines across a free space, None if they would be too many.
 
         Parameters
         ----------
         edges_mm
             Directed edges with the free space on their left, shape (e, 2, 2).
         """
-        # What walls hide is as fine as the map, however far sensors see.
+        # Shadows of walls are as fine as the map, however far sensors see.
         side_mm = math.sqrt(np.ptp(edges_mm.reshape(-1, 2), axis=0).prod())
         step_mm = min(radius_mm / LINES_PER_RADIUS, side_mm / LEAST_LINES)
         direction = _direction(edges_mm, step_mm)
-        walls_mm = _turned(edges_mm, direction)
+        walls_mm = _rotated(edges_mm, direction)
         low_mm, high_mm = float(walls_mm[..., 1].min()), float(walls_mm[..., 1].max())
         lines = max(1, math.ceil((high_mm - low_mm) / step_mm))
         if lines > MOST_LINES:
             return None
-        # Sensors that lie outside by rounding have the walls of the nearest cell.
+        # Sensors outside by rounding use the walls of the nearest cell.
         reach_mm = radius_mm + 2.0 * TOUCHING_MM
         cells = WallCells.of(walls_mm.reshape(-1, 4), radius_mm, reach_mm)
         if cells is None:
@@ -253,15 +255,14 @@ class SightLines:
         )
 
     def covered_mm2(self, tips_mm: Floats, first: Ints) -> tuple[Floats, Floats]:
-        """Return the area that sensors see together, and the sum of what each sees.
+        """Return the area that sensors see together, and the sum of the areas that each sees.
 
-        On every line, what is seen is exact; its length stands for the strip about the line. In a
-        strip, the seen length differs from that on its line by no more than the outline of what is
-        seen runs along the lines in between. The result is therefore off by less than half a
-        strip, at most an eightieth of the radius, times the length of the outline. That bound is
-        far from reached, because errors have either sign and arise only where the outline runs
-        along the lines, whose direction is the one that the walls run along the least:
-        `tests/tasks/errors.py` measures it on random deployments.
+        The seen length on every line is exact, and stands for the strip about the line. Within a
+        strip, the seen length changes by no more than the outline of the seen area runs along the
+        lines there. The error is therefore below half a strip, at most an eightieth of the radius,
+        times the length of the outline. It is far smaller in practice, because errors have either
+        sign and arise only where the outline runs along the lines, whose direction is the one
+        least followed by walls (`tests/tasks/errors.py`).
 
         Parameters
         ----------
@@ -272,7 +273,7 @@ class SightLines:
         """
         from vinefab.tasks.kernels import sight_kernel  # noqa: PLC0415  as above
 
-        tips_mm = _turned(tips_mm, self.direction)
+        tips_mm = _rotated(tips_mm, self.direction)
         sensors = int(np.diff(first).max(initial=0))
         number = np.concatenate([[0], np.cumsum(self.cells.numbers_at(tips_mm))])
         walls = int(np.diff(number[first]).max(initial=0))
@@ -296,23 +297,23 @@ class SightLines:
         return seen, summed
 
 
-def _turned(points_mm: Floats, direction: tuple[float, float]) -> Floats:
-    """Return points in a frame whose x runs in a direction, shape (..., 2)."""
+def _rotated(points_mm: Floats, direction: tuple[float, float]) -> Floats:
+    """Return points in a frame whose x axis has a direction, shape (..., 2)."""
     x, y = points_mm[..., 0], points_mm[..., 1]
     cosine, sine = direction
     return np.stack([x * cosine + y * sine, y * cosine - x * sine], axis=-1)
 
 
 def _direction(edges_mm: Floats, step_mm: float) -> tuple[float, float]:
-    """Return the direction for lines in which walls run along them the least.
+    """Return the direction of lines that walls follow the least.
 
-    How far a wall runs between two neighbouring lines is what the result can be wrong by.
+    The length that walls run between two neighbouring lines bounds the error.
     """
     runs = edges_mm[:, 1] - edges_mm[:, 0]
     best, least = (1.0, 0.0), math.inf
     for k in range(DIRECTIONS):
         direction = math.cos(math.pi * k / DIRECTIONS), math.sin(math.pi * k / DIRECTIONS)
-        along, across = np.abs(_turned(runs, direction)).T
+        along, across = np.abs(_rotated(runs, direction)).T
         flat = across <= step_mm
         cost = along[flat].sum() + (along[~flat] * step_mm / across[~flat]).sum()
         if cost < least:

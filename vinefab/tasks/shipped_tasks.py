@@ -1,4 +1,4 @@
-"""The tasks that come with vinefab."""
+"""The registry of tasks."""
 
 from collections.abc import Callable, Mapping
 

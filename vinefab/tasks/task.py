@@ -1,4 +1,4 @@
-"""What a task is: it scores final states, one by one or a block of growths at once."""
+"""The task protocol: scores of final states, one by one or for a whole block of growths."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,17 +13,17 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.tasks.map_context import MapContext
 
 Outcome = tuple[float, Mapping[str, float]]
-"""A score, higher is better, and the named numbers that it is made of."""
+"""A score, higher is better, and its terms: the named numbers that make it up."""
 
 
 class TaskOutcomes(NamedTuple):
-    """What j growths are worth."""
+    """Scores and terms of j growths."""
 
     score: Floats  # shape (j,)
-    terms: Mapping[str, Floats]  # the named numbers that the scores are made of, each of shape (j,)
+    terms: Mapping[str, Floats]  # the named numbers that make up the scores, each of shape (j,)
 
     def one(self, index: int) -> Outcome:
-        """Return what one of the growths is worth."""
+        """Return the score and the terms of one growth."""
         terms = {name: float(values[index]) for name, values in self.terms.items()}
         return float(self.score[index]), terms
 
@@ -31,7 +31,7 @@ class TaskOutcomes(NamedTuple):
 class Task(Protocol):
     """Scores one deployment; a frozen dataclass whose fields are its parameters.
 
-    A task may also define ``evaluate_block(block: Block, grounds: Sequence[MapContext]) ->
+    A task may also define ``evaluate_block(block: Block, contexts: Sequence[MapContext]) ->
     TaskOutcomes``, which returns what `evaluate` would for every growth of a block, but faster;
     `outcomes` uses it where it exists.
     """
@@ -46,38 +46,38 @@ class Task(Protocol):
         """A lower bound of all scores; designs that are not manufacturable rank below it."""
         ...
 
-    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
+    def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
         """Return the score of one final state and its terms."""
         ...
 
 
-def outcomes(task: Task, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
+def outcomes(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
     """Return a task's score and terms for every growth of a block."""
     # Not a protocol check: this runs for every block, and `isinstance` would take longer.
     at_once: Callable[[Block, Sequence[MapContext]], TaskOutcomes] | None
     at_once = getattr(task, "evaluate_block", None)
-    return one_by_one(task, block, grounds) if at_once is None else at_once(block, grounds)
+    return one_by_one(task, block, contexts) if at_once is None else at_once(block, contexts)
 
 
-def one_by_one(task: Task, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
+def one_by_one(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
     """Return a task's score and terms for every growth of a block, each from its deployment."""
     terrain = block.terrain.tolist()
-    return merged_outcomes(
+    return stacked_outcomes(
         [
-            task.evaluate(block.deployment(index), grounds[terrain[index]])
+            task.evaluate(block.deployment(index), contexts[terrain[index]])
             for index in range(len(block))
         ]
     )
 
 
-def merged_outcomes(found: Sequence[Outcome]) -> TaskOutcomes:
+def stacked_outcomes(single: Sequence[Outcome]) -> TaskOutcomes:
     """Return several growths' scores and terms as columns."""
-    names = tuple(found[0][1]) if found else ()
-    for _, terms in found:
+    names = tuple(single[0][1]) if single else ()
+    for _, terms in single:
         if tuple(terms) != names:
             raise BadInputError("a task's terms", list(terms), f"always the same: {list(names)}")
-    rows = np.array([(score, *terms.values()) for score, terms in found], dtype=np.float64)
-    columns = np.ascontiguousarray(rows.reshape(len(found), 1 + len(names)).T)
+    rows = np.array([(score, *terms.values()) for score, terms in single], dtype=np.float64)
+    columns = np.ascontiguousarray(rows.reshape(len(single), 1 + len(names)).T)
     return TaskOutcomes(columns[0], dict(zip(names, columns[1:], strict=True)))
 
 
@@ -93,19 +93,16 @@ def concatenated_outcomes(parts: Sequence[TaskOutcomes]) -> TaskOutcomes:
     return TaskOutcomes(np.concatenate([part.score for part in parts]), terms)
 
 
-TERM = "head_on"
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadOnPenalty:
-    """Another task, less a weight times the share of deployed branches that stopped head-on.
+    """Another task minus a weight times the share of deployed branches that stopped head-on.
 
     Head-on collisions, at branching points above all, keep real robots from growing on (paper,
     3.3.2); its discussion asks for penalties that make them rarer.
     """
 
-    task: Task  # the task
-    weight: float  # what a robot would lose whose branches all stop head-on
+    task: Task
+    weight: float  # penalty of a robot whose branches all stop head-on
 
     @property
     def name(self) -> str:
@@ -117,17 +114,17 @@ class HeadOnPenalty:
         """The task's lowest score, with all branches stopped head-on."""
         return self.task.lowest - self.weight
 
-    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
-        """Return the task's score less the price, and its terms with ``head_on``, the share."""
-        score, terms = self.task.evaluate(deployment, ground)
+    def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
+        """Return the task's score minus the penalty, and its terms with ``head_on``, the share."""
+        score, terms = self.task.evaluate(deployment, context)
         share = float(_shares(deployment.stop, np.array([0, len(deployment.stop)]))[0])
-        return score - self.weight * share, {**terms, TERM: share}
+        return score - self.weight * share, {**terms, "head_on": share}
 
-    def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
+    def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
         share = _shares(block.growth.stop, block.branch)
-        score, terms = outcomes(self.task, block, grounds)
-        return TaskOutcomes(score - self.weight * share, {**terms, TERM: share})
+        score, terms = outcomes(self.task, block, contexts)
+        return TaskOutcomes(score - self.weight * share, {**terms, "head_on": share})
 
 
 def _shares(stop: Ints, first: Ints) -> Floats:

@@ -22,7 +22,7 @@ class Evaluation:
     score
         The task's score, higher is better.
     terms
-        The numbers that the score is made of.
+        The named numbers that make up the score.
     """
 
     map_name: str
@@ -42,8 +42,7 @@ class Score:
     evaluations
         At least one.
     composite
-        Each way of weighing the evaluations into one number: ``mean``, ``best``,
-        ``min_deviation``.
+        Composites of the scores: ``mean``, ``best``, ``min_deviation``.
     """
 
     task: str

@@ -1,4 +1,4 @@
-"""The planned tree of a design: every branch with its parent, angle and length."""
+"""The planned branches of a design, with parent, angle and length."""
 
 from dataclasses import dataclass
 
@@ -85,7 +85,7 @@ def child_lengths_mm(level: Level) -> Floats:
 
 
 def _evenly(first: float, last: float, count: int) -> Floats:
-    """Return what `numpy.linspace` does, in a third of the time."""
+    """Return `numpy.linspace` of three numbers, in a third of the time."""
     if count == 1:
         return np.array([first])
     values: Floats = np.arange(count, dtype=np.float64)
@@ -96,7 +96,7 @@ def _evenly(first: float, last: float, count: int) -> Floats:
 
 
 def _repeated(values: Floats, count: int) -> Floats:
-    """Return values over and over, as `numpy.tile` does."""
+    """Return values repeated ``count`` times, as `numpy.tile` does."""
     return np.broadcast_to(values, (count, len(values))).ravel()
 
 

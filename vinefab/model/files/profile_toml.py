@@ -64,7 +64,7 @@ FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_len
 
 
 class NamedForm(Form):
-    """What every profile file has."""
+    """Keys of every profile file."""
 
     name: FileName
     title: str
@@ -139,7 +139,7 @@ class SealerForm(Form):
 
 
 class MeasuredForm(Form):
-    """The table ``[measured]`` of a recipe: measured numbers that take its film's place."""
+    """The table ``[measured]`` of a recipe: measured values that replace the material's."""
 
     burst_kpa: Positive | None = None
     burst_width_mm: Positive | None = None
@@ -157,7 +157,7 @@ class GrowthForm(Form):
 
 
 class WindowForm(Form):
-    """A table ``[[coupons.windows]]``: line energies at which coupons came out right."""
+    """A table ``[[coupons.windows]]``: line energies at which coupons passed."""
 
     operation: Literal["weld", "weldcut"]
     focus_mm: Annotated[float, Field(ge=-1000, le=1000)]
@@ -166,7 +166,7 @@ class WindowForm(Form):
 
 
 class CouponsForm(Form):
-    """The table ``[coupons]`` of a recipe: what coupons said that no other table holds."""
+    """The table ``[coupons]`` of a recipe: coupon results that no other table holds."""
 
     peel_n_mm: NotNegative | None = None
     crotch_burst_kpa: Positive | None = None
@@ -200,8 +200,8 @@ def read_profile(recipe: str | Path) -> LaserProfile:
     ----------
     recipe
         Path of a recipe file, or the name of one of the user's own or a shipped one. Its machine
-        and material are looked for in ``../machines`` and ``../materials`` beside it, then by
-        name. What was measured of the film (table ``[measured]``) takes the material's place.
+        and material are searched in ``../machines`` and ``../materials`` beside it, then by name.
+        Measured values of the film (table ``[measured]``) replace the material's.
     """
     path = locate("recipe", recipe)
     return profile_of(read_toml(path), path)
@@ -230,7 +230,7 @@ def profile_of(document: Mapping[str, Any], path: Path) -> LaserProfile:
 
 
 def _with_measured(material: Material, form: MeasuredForm | None) -> Material:
-    """Return a material with the numbers that were measured of it, all others as they are."""
+    """Return a material with its measured values replaced."""
     found = _nouns(form) if form else {}
     return replace(
         material,
@@ -263,7 +263,7 @@ def read_material(name_or_path: str | Path) -> Material:
 
 
 def _ensure_seals(form: RecipeForm, path: Path) -> None:
-    """Refuse a recipe that makes no seam, or the same seam with two tools."""
+    """Refuse a recipe without a seam, or with two tools for the same seam."""
     welded = form.operations.weld is not None
     if form.sealer is None and not welded and form.operations.weldcut is None:
         raise BadInputError(
@@ -274,7 +274,7 @@ def _ensure_seals(form: RecipeForm, path: Path) -> None:
 
 
 def _operations(form: RecipeForm) -> dict[str, OperationSettings]:
-    """Return the settings by operation; what a sealer does is the ``weld``."""
+    """Return the settings by operation; the sealer's is the ``weld``."""
     found = {name: _operation(given) for name, given in form.operations if given}
     if form.sealer is None:
         return found

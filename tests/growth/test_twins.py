@@ -20,15 +20,15 @@ GROWTHS_PER_MAP = 4
 def test_twins_agree(random_map, random_pose, random_tree, kind):
     for number in range(MAPS):
         rng = np.random.default_rng([5, number])
-        ground = Terrain.of(random_map(rng, kind))
+        terrain = Terrain.of(random_map(rng, kind))
         for _ in range(GROWTHS_PER_MAP):
-            robot, pose = random_tree(rng), random_pose(rng, ground)
+            robot, pose = random_tree(rng), random_pose(rng, terrain)
             options = GrowthOptions(
                 head_on_half_angle_rad=math.radians(rng.choice([0.0, 1.0, 15.0])),
                 children_of_stuck=str(rng.choice(["stop", "deploy"])),
             )
-            fast = grow(robot, ground, pose, options, "kernel")
-            plain = grow(robot, ground, pose, options, "reference")
+            fast = grow(robot, terrain, pose, options, "kernel")
+            plain = grow(robot, terrain, pose, options, "reference")
             assert fast.stop.tolist() == plain.stop.tolist(), number
             assert fast.first_point.tolist() == plain.first_point.tolist(), number
             assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
@@ -43,10 +43,10 @@ def test_twins_agree_on_inflated_bodies(random_map, random_pose, random_tree, ki
     deployed = 0
     for number in range(12):
         rng = np.random.default_rng([6, number])
-        ground = Terrain.of(random_map(rng, kind))
-        robot, pose = random_tree(rng), random_pose(rng, ground)
-        fast = grow(robot, ground, pose, options, "kernel")
-        plain = grow(robot, ground, pose, options, "reference")
+        terrain = Terrain.of(random_map(rng, kind))
+        robot, pose = random_tree(rng), random_pose(rng, terrain)
+        fast = grow(robot, terrain, pose, options, "kernel")
+        plain = grow(robot, terrain, pose, options, "reference")
         assert fast.stop.tolist() == plain.stop.tolist(), number
         assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
         deployed += int(fast.deployed.sum())

@@ -535,7 +535,7 @@ def _turning(growth, first, last, ux, uy):
 
 @inlined
 def _record(growth, branch, tip, length):
-    """Write down how a branch ended."""
+    """Write how a branch ended."""
     last = tip.pivot + 1
     px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
     step = math.sqrt((tip.x - px) ** 2 + (tip.y - py) ** 2)
@@ -564,7 +564,7 @@ def _launch(tree, start, growth, branch):
 
 @inlined
 def _grow_branch(walls, tree, rules, start, growth, branch):
-    """Grow one branch and write it down; return False if the chain points need more room."""
+    """Grow and record one branch; return False if the chain points need more room."""
     base, length = growth.first_point[branch], tree.length[branch]
     room = len(growth.points)
     if base + 2 > room:

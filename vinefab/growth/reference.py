@@ -29,7 +29,7 @@ def _cross(a: complex, b: complex) -> float:
 class Wall:
     """One straight wall with free space on its left."""
 
-    # its geometry; the tangent is a unit vector from start to end
+    # the tangent is a unit vector from start to end
     start: complex
     end: complex
     tangent: complex
@@ -66,7 +66,6 @@ class Meeting(NamedTuple):
 class World:
     """Walls and vertices as objects, with the tolerances."""
 
-    # walls, vertices: all of them
     walls: list[Wall]
     vertices: list[Vertex]
     # the walls before and after each wall, in the same wedge of free space
@@ -191,19 +190,18 @@ class World:
 class GrowingBranch:
     """A growing branch."""
 
-    # world, length: where it grows and how long it may become
+    # where it grows, and its planned length
     world: World
     length: float
-    # tip, u: its tip and its heading from the pivot to the tip
+    # tip, and heading from the pivot to the tip
     tip: complex
     u: complex
-    # pivots, senses: base and contacts, and the sense in which each was wrapped (0 for the base)
+    # base and contacts, and the sense in which each was wrapped (0 for the base)
     pivots: list[complex]
     senses: list[int] = field(default_factory=lambda: [0])
     # length of the chain up to each of them
     lengths: list[float] = field(default_factory=lambda: [0.0])
-    # wall, place, sense: the wall that the tip slides on, how far along it, which way; None for
-    # free growth
+    # the wall that the tip slides on (None in free growth), how far along it, and which way
     wall: int | None = None
     place: float = 0.0
     sense: int = 0
@@ -407,7 +405,7 @@ def _turning(launch: complex, chain: list[complex]) -> float:
 
 
 def _record(growth: Growth, number: int, branch: GrowingBranch, launch: complex) -> bool:
-    """Write down how a branch ended; return False if the chain points need more room."""
+    """Write how a branch ended; return False if the chain points need more room."""
     chain = [*branch.pivots, branch.tip]
     first = growth.first_point[number]
     last = first + len(chain)

@@ -28,7 +28,7 @@ after it, and touching has one meaning everywhere.
 """
 
 SNAP = 1e-9
-"""A start outside by up to this share of the map's size is put on the wall it was meant for."""
+"""A start outside by up to this share of the map's size is moved onto the nearest wall."""
 
 CROWDED = 8.0
 """Walls nearer to each other than this many steps of the coordinates' grid are crowded: far more
@@ -48,12 +48,12 @@ ARC_SEGMENTS_PER_QUARTER = 16
 
 
 class Terrain:
-    """The free space of one map as walls; nothing in it ever changes.
+    """The free space of one map as walls; immutable.
 
     Notes
     -----
     Build it once per map with `Terrain.of` and use it for all growths on that map. Walls for
-    another body radius are made when first asked for, and kept.
+    another body radius are built when first needed, and kept.
     """
 
     __slots__ = ("_free", "_walls", "grid_mm", "world")
@@ -75,7 +75,7 @@ class Terrain:
         return 0.25 * self.grid_mm
 
     def free_space(self, radius_mm: float = 0.0) -> BaseGeometry:
-        """Return where the centreline of a body of some radius may be, as polygons."""
+        """Return the free space of the centreline of a body of some radius, as polygons."""
         with _BUILD_LOCK:
             if radius_mm not in self._free:
                 whole, finely = self._free[0.0], ARC_SEGMENTS_PER_QUARTER
@@ -117,7 +117,7 @@ class Terrain:
         return self.contains(pose.x_mm, pose.y_mm, radius_mm)
 
     def start_mm(self, pose: Pose) -> tuple[float, float]:
-        """Return where a robot started at a pose stands: there, or on the wall just beside it."""
+        """Return the base of a robot started at a pose: there, or on the wall just beside it."""
         x_mm, y_mm = pose.x_mm, pose.y_mm
         snapped = self._snapped(x_mm, y_mm, 0.0, self._snap_mm)
         if snapped is None:
@@ -131,7 +131,7 @@ class Terrain:
         return snapped
 
     def starts_mm(self, poses: Sequence[Pose]) -> Floats:
-        """Return where robots started at some poses stand, shape (n, 2); see `start_mm`."""
+        """Return the bases of robots started at some poses, shape (n, 2); see `start_mm`."""
         points = np.array([(pose.x_mm, pose.y_mm) for pose in poses]).reshape(-1, 2)
         inside = shapely.contains_xy(self.free_space(), points)
         for index in np.flatnonzero(~inside).tolist():
@@ -145,7 +145,7 @@ class Terrain:
     def _snapped(
         self, x_mm: float, y_mm: float, radius_mm: float, within_mm: float
     ) -> tuple[float, float] | None:
-        """Return a point if it is free, the nearest free one if it is a trifle outside, or None."""
+        """Return a point if it is free, the nearest free one if within a distance, or None."""
         free = self.free_space(radius_mm)
         if shapely.contains_xy(free, x_mm, y_mm):
             return x_mm, y_mm
@@ -165,7 +165,7 @@ def _grid_mm(world: Map) -> float:
 
 
 def _make_room(kept: dict[float, T]) -> None:
-    """Drop the radius that was made first, but never the bare centreline."""
+    """Drop the oldest radius, but never the bare centreline."""
     while len(kept) >= MOST_RADII:
         del kept[next(radius_mm for radius_mm in kept if radius_mm > 0.0)]
 

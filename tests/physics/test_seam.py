@@ -1,4 +1,4 @@
-"""Seams under pressure, and the energy that makes them."""
+"""Seams under pressure, and the spot that welds them."""
 
 import math
 
@@ -35,18 +35,6 @@ def test_thin_tpu_stretches_by_forty_percent() -> None:
 
 
 # --- Beam ------------------------------------------------------------------------------------
-
-
-def test_energy_grows_with_power_and_passes_and_falls_with_speed() -> None:
-    once = seam.line_energy_mj_mm(12.0, 60.0)
-    assert once == pytest.approx(200.0)
-    assert seam.line_energy_mj_mm(12.0, 60.0, 3) == pytest.approx(3 * once)
-    assert seam.line_energy_mj_mm(12.0, 120.0) == pytest.approx(once / 2)
-
-
-def test_fluence_converts_mj_per_mm2_to_j_per_cm2() -> None:
-    # 46 mJ along 1 mm, 0.2 mm wide: 230 mJ/mm^2 = 23 J/cm^2
-    assert seam.fluence_j_cm2(46.0, 0.2) == pytest.approx(23.0)
 
 
 def test_spot_is_root_two_wider_one_rayleigh_length_away() -> None:

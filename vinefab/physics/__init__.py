@@ -1,6 +1,6 @@
 """Physics of inflated film tubes: small pure functions, each with its source and standing.
 
-Other rooms use ``tube`` (inflated size), ``seam`` (line energy, line load, burst pressure),
+Other rooms use ``tube`` (inflated size), ``seam`` (spot, line load, burst pressure),
 ``growth_pressure`` (capstan, paths through a tree, growth pressure) and ``anchoring`` (pouch
-force, amplification, film mass). Pressures are gauge pressures.
+force, amplification, payload). Pressures are gauge pressures.
 """

@@ -149,17 +149,6 @@ def amplification_interval(
     )
 
 
-def film_mass_g(area_mm2: float, ply_mm: float, plies: int, density_kg_m3: float) -> float:
-    """Return the mass of a flat robot, all plies together.
-
-    Examples
-    --------
-    >>> round(film_mass_g(55_000.0, 0.0375, 2, 1200.0), 2)
-    4.95
-    """
-    return area_mm2 * ply_mm * plies * density_kg_m3 * 1e-6
-
-
 def payload_over_mass(force_n: float, mass_g: float) -> float:
     """Return the force that a robot holds over its own weight.
 

@@ -1,44 +1,10 @@
-"""Seams: the energy that a laser puts into film, and the pressure that seam and film stand.
+"""Seams: the spot that welds them, and the pressure that seam and film stand.
 
 The load per length of a tube's wall is proportional to pressure times width, so a seam that holds
 in a narrow balloon fails in a wide trunk at a fraction of the pressure. Pressures are gauge.
 """
 
 import math
-
-
-def line_energy_mj_mm(power_w: float, speed_mm_s: float, passes: int = 1) -> float:
-    """Return the energy per length of path, all passes together.
-
-    Parameters
-    ----------
-    power_w
-        Power of the beam: rated power times the setting.
-    speed_mm_s
-        Speed of the head.
-    passes
-        Number of times that the path is traced.
-
-    Examples
-    --------
-    >>> line_energy_mj_mm(6.0, 60.0)
-    100.0
-    """
-    return 1000.0 * passes * power_w / speed_mm_s
-
-
-def fluence_j_cm2(energy_mj_mm: float, spot_mm: float) -> float:
-    """Return the energy per area of the track, one spot wide, that the beam sweeps.
-
-    For comparison (computed): two plies of 0.0375 mm TPU take about 2.8 J/cm^2 to melt and
-    23 J/cm^2 to cut.
-
-    Examples
-    --------
-    >>> fluence_j_cm2(100.0, 0.5)
-    20.0
-    """
-    return 0.1 * energy_mj_mm / spot_mm
 
 
 def spot_at_mm(focus_spot_mm: float, focus_offset_mm: float, rayleigh_mm: float) -> float:

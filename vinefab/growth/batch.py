@@ -115,7 +115,20 @@ class Launches:
 
     @classmethod
     def of(cls, atlas: TerrainSet, poses: Sequence[Sequence[Pose]]) -> "Launches":
-        """Return the launches from the poses on each map."""
+        """Return the launches from the poses on each map.
+
+        Parameters
+        ----------
+        atlas
+            The maps.
+        poses
+            Poses on each map, at least one in all.
+
+        Raises
+        ------
+        BadInputError
+            If a pose is inside an obstacle or outside the bounds.
+        """
         flat = tuple(pose for places in poses for pose in places)
         bases = [t.starts_mm(places) for t, places in zip(atlas.terrains, poses, strict=True)]
         # As in `grow`: numpy's cosine differs in the last digit.
@@ -201,6 +214,17 @@ class Block:
 
 class Batch:
     """Every design from every launch: growth number ``launch * designs + design``.
+
+    Parameters
+    ----------
+    plans
+        The designs.
+    launches
+        The poses on maps.
+    options
+        Options of the growth model, the same that the plans were made with.
+    idle
+        Workspaces shared with other batches; threads take and return them.
 
     Notes
     -----

@@ -98,7 +98,7 @@ class Plans:
 
     @classmethod
     def of(cls, designs: Sequence[Design], options: GrowthOptions) -> "Plans":
-        """Return the plans of some designs, at least one."""
+        """Return the plans of some designs, at least one, for one set of growth options."""
         return cls.joined([Plan.of(design, options) for design in designs])
 
     @classmethod

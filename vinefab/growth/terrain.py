@@ -66,7 +66,7 @@ class Terrain:
 
     @classmethod
     def of(cls, world: Map) -> "Terrain":
-        """Return the terrain of a map."""
+        """Return the terrain of a map: bounds minus obstacles, snap-rounded."""
         return cls(world)
 
     @property
@@ -117,7 +117,13 @@ class Terrain:
         return self.contains(pose.x_mm, pose.y_mm, radius_mm)
 
     def start_mm(self, pose: Pose) -> tuple[float, float]:
-        """Return the base of a robot started at a pose: there, or on the wall just beside it."""
+        """Return the base (mm) of a robot started at a pose: there, or on the wall just beside it.
+
+        Raises
+        ------
+        BadInputError
+            If the pose is inside an obstacle or outside the bounds.
+        """
         x_mm, y_mm = pose.x_mm, pose.y_mm
         snapped = self._snapped(x_mm, y_mm, 0.0, self._snap_mm)
         if snapped is None:

@@ -34,7 +34,13 @@ class PreparedMap:
 
     @classmethod
     def of(cls, world: Map) -> "PreparedMap":
-        """Return a map with all that growth and tasks need of it."""
+        """Return a map with all that growth and tasks need of it.
+
+        Raises
+        ------
+        BadInputError
+            If the map has no free space.
+        """
         terrain = Terrain.of(world)
         return cls(
             world=world,
@@ -59,7 +65,22 @@ def _around_starts(world: Map) -> BaseGeometry:
 
 
 def poses_on(maps: Sequence[PreparedMap], count: int, seeds: Sequence[int]) -> Poses:
-    """Draw poses on every map."""
+    """Draw poses from the starts of every map, in free space.
+
+    Parameters
+    ----------
+    maps
+        The maps; each offers at least one start.
+    count
+        Number of poses per map.
+    seeds
+        One seed per map.
+
+    Raises
+    ------
+    BadInputError
+        If a map has no start, or no free place within the range of one.
+    """
     return tuple(
         draw_poses(prepared.world, count, seed, free=prepared.around_starts)
         for prepared, seed in zip(maps, seeds, strict=True)
@@ -73,7 +94,31 @@ def score_design(
     task: Task,
     options: GrowthOptions | None = None,
 ) -> Score:
-    """Grow a design on every map from every pose and score each final state."""
+    """Grow a design on every map from every pose and score each final state.
+
+    Parameters
+    ----------
+    design
+        The robot.
+    maps
+        The maps, prepared with `PreparedMap.of`.
+    poses
+        Poses on each map, at least one in all.
+    task
+        What final states are scored on; see `make_task`.
+    options
+        Options of the growth model; the defaults if None.
+
+    Returns
+    -------
+    Score
+        The evaluations, map by map and pose by pose, and their composites.
+
+    Raises
+    ------
+    BadInputError
+        If a pose is inside an obstacle or outside the bounds.
+    """
     terrains = TerrainSet([prepared.terrain for prepared in maps])
     (score,) = score_designs([design], maps, Launches.of(terrains, poses), task, options)
     return score
@@ -87,7 +132,22 @@ def score_designs(
     options: GrowthOptions | None = None,
     over: BlockMapper = map,
 ) -> tuple[Score, ...]:
-    """Score several designs as `score_design` does, in blocks."""
+    """Score several designs as `score_design` does, in blocks of growths.
+
+    Parameters
+    ----------
+    designs, maps, task, options
+        As in `score_design`.
+    launches
+        The poses on the maps, prepared with `Launches.of`.
+    over
+        How blocks are processed: `map`, or that of a pool of threads.
+
+    Returns
+    -------
+    tuple of Score
+        One per design. It depends neither on the other designs nor on the threads.
+    """
     if not designs:
         return ()
     options = options or GrowthOptions()
@@ -102,7 +162,15 @@ def score_designs(
 def scores_of(
     evaluated: TaskOutcomes, task: Task, maps: Sequence[PreparedMap], launches: Launches
 ) -> Iterator[Score]:
-    """Give the score of each design of a batch."""
+    """Yield the score of each design of a batch.
+
+    Parameters
+    ----------
+    evaluated
+        Outcomes of all growths: number ``launch * designs + design``.
+    task, maps, launches
+        Of the batch.
+    """
     count = len(evaluated.score) // len(launches)
     names = [maps[terrain].world.name for terrain in launches.terrain.tolist()]
     values, terms = evaluated.score.tolist(), {n: v.tolist() for n, v in evaluated.terms.items()}
@@ -138,6 +206,13 @@ def composite(
     scores: Sequence[float] | Floats, reference_deviation: float = STANDARD_DEVIATION
 ) -> dict[str, float]:
     """Return every composite of some scores.
+
+    Parameters
+    ----------
+    scores
+        At least one score.
+    reference_deviation
+        Standard deviation at which steadiness earns nothing.
 
     Returns
     -------

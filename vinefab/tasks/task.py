@@ -47,12 +47,26 @@ class Task(Protocol):
         ...
 
     def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
-        """Return the score of one final state and its terms."""
+        """Return the score of one final state and its terms.
+
+        Parameters
+        ----------
+        deployment
+            The final state; positions in mm, turns in rad.
+        context
+            The map that it grew on.
+        """
         ...
 
 
 def outcomes(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
-    """Return a task's score and terms for every growth of a block."""
+    """Return a task's score and terms for every growth of a block.
+
+    Parameters
+    ----------
+    contexts
+        One per terrain of the block's launches.
+    """
     # Not a protocol check: this runs for every block, and `isinstance` would take longer.
     at_once: Callable[[Block, Sequence[MapContext]], TaskOutcomes] | None
     at_once = getattr(task, "evaluate_block", None)

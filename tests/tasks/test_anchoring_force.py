@@ -24,7 +24,7 @@ from vinefab.physics.anchoring import amplification_interval, pouch_contact_mm2,
 from vinefab.tasks.anchoring_force import (
     STEP_BACK_MM,
     Anchoring,
-    Pull,
+    EngagedLeaves,
     gaps_mm,
     path_turn_rad,
     tip_gaps_mm,
@@ -196,10 +196,10 @@ def test_the_designs_own_pouch_is_used_and_film_and_seam_are_the_limit() -> None
     force_n = tip_force_n(30.0, contact_mm2, 0.3)
     assert terms(Anchoring())["force_n"] == pytest.approx(force_n)
     # A seam that stands 0.01 N/mm on the branch's 40 mm of circumference: 0.4 N.
-    held = terms(Anchoring(seam_n_mm=0.01, film_n_mm=1.0))
-    assert held["force_n"] == pytest.approx(0.4)
-    assert held["score"] == pytest.approx(0.4 / force_n)
-    assert held["capped"] == 1.0
+    limited = terms(Anchoring(seam_n_mm=0.01, film_n_mm=1.0))
+    assert limited["force_n"] == pytest.approx(0.4)
+    assert limited["score"] == pytest.approx(0.4 / force_n)
+    assert limited["capped"] == 1.0
     small = replace(pouch, width_mm=30.0)
     narrow = replace(vine, build=replace(build, pouch=small))
     assert terms(Anchoring(), narrow)["engaged"] == 0.0
@@ -281,22 +281,22 @@ def plainly(
         found.append((turn, press))
     found.sort()
 
-    def held(friction: float) -> list[float]:
+    def amplified(friction: float) -> list[float]:
         most = [limit / (press * friction) if press else math.inf for _, press in found]
         return [
             min(math.exp(friction * turn), cap) for (turn, _), cap in zip(found, most, strict=True)
         ]
 
-    score = held(task.friction)
-    sure = math.ceil(len(found) * 2.0 / 3.0 - 1e-9)
+    score = amplified(task.friction)
+    count = math.ceil(len(found) * 2.0 / 3.0 - 1e-9)
     return {
         "score": sum(score),
         "leaves": leaves,
         "engaged": len(found),
         "mean_turn_rad": sum(t for t, _ in found) / len(found) if found else 0.0,
         "largest_turn_rad": max((t for t, _ in found), default=0.0),
-        "low": sum(held(task.friction_low)[:sure]),
-        "high": sum(held(task.friction_high)),
+        "low": sum(amplified(task.friction_low)[:count]),
+        "high": sum(amplified(task.friction_high)),
         "force_n": task.friction * sum(h * p for h, (_, p) in zip(score, found, strict=True)),
         "capped": sum(
             h < math.exp(task.friction * t) - 1e-12 for h, (t, _) in zip(score, found, strict=True)
@@ -409,9 +409,9 @@ def test_gaps_by_cells_are_those_of_all_edges(pillar_room: Map) -> None:
 
 
 @pytest.fixture
-def pull() -> Pull:
+def engaged() -> EngagedLeaves:
     """Three leaves of one robot, none of the next, and one of the third, which has no limit."""
-    return Pull(
+    return EngagedLeaves(
         growths=3,
         growth=np.array([0, 0, 0, 2]),
         turns_rad=np.array([0.0, 1.0, 2.0, 3.0]),
@@ -420,36 +420,36 @@ def pull() -> Pull:
     )
 
 
-def test_a_leaf_holds_e_to_the_turn_or_what_film_and_seam_stand(pull: Pull) -> None:
+def test_a_leaf_holds_e_to_the_turn_or_what_film_and_seam_stand(engaged: EngagedLeaves) -> None:
     # Where the pouch's press is not known, nothing says how near the limit is.
-    assert pull.amplifications(0.3) == pytest.approx([math.exp(0.3 * t) for t in range(4)])
-    assert pull.amplifications(0.8) == pytest.approx(
+    assert engaged.amplifications(0.3) == pytest.approx([math.exp(0.3 * t) for t in range(4)])
+    assert engaged.amplifications(0.8) == pytest.approx(
         [0.9 / 1.6, 0.9 / 1.6, math.exp(1.6), math.exp(2.4)]
     )
-    assert pull.amplifications(0.0).tolist() == [1.0] * 4
+    assert engaged.amplifications(0.0).tolist() == [1.0] * 4
 
 
-def test_sums_and_largest_turns_are_per_robot(pull: Pull) -> None:
-    assert pull.summed(pull.turns_rad).tolist() == [3.0, 0.0, 3.0]
-    assert pull.largest_turns_rad().tolist() == [2.0, 0.0, 3.0]
+def test_sums_and_largest_turns_are_per_robot(engaged: EngagedLeaves) -> None:
+    assert engaged.summed(engaged.turns_rad).tolist() == [3.0, 0.0, 3.0]
+    assert engaged.largest_turns_rad().tolist() == [2.0, 0.0, 3.0]
 
 
-def test_the_share_that_turned_least_is_rounded_up(pull: Pull) -> None:
-    assert pull.are_among_first(2.0 / 3.0).tolist() == [True, True, False, True]
-    assert pull.are_among_first(0.5).tolist() == [True, True, False, True]
-    assert pull.are_among_first(1.0 / 3.0).tolist() == [True, False, False, True]
+def test_the_share_that_turned_least_is_rounded_up(engaged: EngagedLeaves) -> None:
+    assert engaged.are_among_first(2.0 / 3.0).tolist() == [True, True, False, True]
+    assert engaged.are_among_first(0.5).tolist() == [True, True, False, True]
+    assert engaged.are_among_first(1.0 / 3.0).tolist() == [True, False, False, True]
 
 
 def test_robots_without_an_engaged_leaf_hold_nothing() -> None:
     nothing = np.zeros(0)
-    pull = Pull(
+    engaged = EngagedLeaves(
         growths=2,
         growth=np.zeros(0, dtype=np.int64),
         turns_rad=nothing,
         press_n=nothing,
         limit_n=nothing,
     )
-    sums = pull.summed(pull.amplifications(0.3))
+    sums = engaged.summed(engaged.amplifications(0.3))
     assert sums.dtype == np.float64
-    assert sums.tolist() == pull.largest_turns_rad().tolist() == [0.0, 0.0]
-    assert len(pull.are_among_first(0.5)) == 0
+    assert sums.tolist() == engaged.largest_turns_rad().tolist() == [0.0, 0.0]
+    assert len(engaged.are_among_first(0.5)) == 0

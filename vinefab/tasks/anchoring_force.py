@@ -218,7 +218,7 @@ def contacts(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pull:
+class EngagedLeaves:
     """The m engaged leaves of j robots, robot by robot, those that turned least first."""
 
     growths: int  # number of robots
@@ -246,9 +246,9 @@ class Pull:
     def are_among_first(self, share: float) -> NDArray[np.bool_]:
         """Tell which leaves are among the share that turned least, rounded up, shape (m,)."""
         ends = np.searchsorted(self.growth, np.arange(self.growths + 1))
-        sure = np.ceil(np.diff(ends) * share - 1e-9)
+        count = np.ceil(np.diff(ends) * share - 1e-9)
         rank = np.arange(len(self.growth)) - ends[self.growth]
-        return np.asarray(rank < sure[self.growth])
+        return np.asarray(rank < count[self.growth])
 
     def largest_turns_rad(self) -> Floats:
         """Return the largest turn of each robot's leaves, shape (j,); 0 where it has none."""
@@ -339,31 +339,31 @@ class Anchoring:
         ``force_n``, their total force, 0 where pouch or pressure is unknown; ``capped``, how many
         are limited by film or seam.
         """
-        engaged, contact_mm2 = contacts(leaves, pouches, places)
-        growth, turn_rad = leaves.growth[engaged], leaves.turn_rad[engaged]
+        is_engaged, contact_mm2 = contacts(leaves, pouches, places)
+        growth, turn_rad = leaves.growth[is_engaged], leaves.turn_rad[is_engaged]
         order = np.lexsort((turn_rad, growth))
         growth = growth[order]
-        pull = Pull(
+        engaged = EngagedLeaves(
             growths=leaves.growths,
             growth=growth,
             turns_rad=turn_rad[order],
-            press_n=pouches.press_n_mm2[growth] * contact_mm2[engaged][order],
+            press_n=pouches.press_n_mm2[growth] * contact_mm2[is_engaged][order],
             limit_n=pouches.limit_n[growth],
         )
-        held, count = pull.amplifications(self.friction), pull.summed(np.ones(len(growth)))
-        sure = pull.amplifications(self.friction_low) * pull.are_among_first(1.0 - IDLE_SHARE)
-        free = np.exp(self.friction * pull.turns_rad)
+        count, factor = engaged.summed(np.ones(len(growth))), engaged.amplifications(self.friction)
+        busy = engaged.are_among_first(1.0 - IDLE_SHARE)
+        capstan = np.exp(self.friction * engaged.turns_rad)
         terms = {
             "leaves": np.bincount(leaves.growth, minlength=leaves.growths).astype(np.float64),
             "engaged": count,
-            "mean_turn_rad": pull.summed(pull.turns_rad) / np.maximum(count, 1.0),
-            "largest_turn_rad": pull.largest_turns_rad(),
-            "low": pull.summed(sure),
-            "high": pull.summed(pull.amplifications(self.friction_high)),
-            "force_n": pull.summed(held * pull.press_n) * self.friction,
-            "capped": pull.summed(np.less(held, free).astype(np.float64)),
+            "mean_turn_rad": engaged.summed(engaged.turns_rad) / np.maximum(count, 1.0),
+            "largest_turn_rad": engaged.largest_turns_rad(),
+            "low": engaged.summed(engaged.amplifications(self.friction_low) * busy),
+            "high": engaged.summed(engaged.amplifications(self.friction_high)),
+            "force_n": engaged.summed(factor * engaged.press_n) * self.friction,
+            "capped": engaged.summed(np.less(factor, capstan).astype(np.float64)),
         }
-        return TaskOutcomes(pull.summed(held), terms)
+        return TaskOutcomes(engaged.summed(factor), terms)
 
     def _pouches(self, builds: Sequence[Build | None], which: Ints) -> Pouches:
         """Return the pouches of growths, shape (j,) each.

@@ -1,7 +1,7 @@
 """Areas that sensors and bodies reach, measured fast: on strips, cells and lines of free space.
 
-Errors are bounded and measured (`tests/tasks/errors.py`); `vinefab.tasks.exact_areas` is the
-reference.
+Errors are bounded, and measured by `tests/tasks/measure_area_errors.py`;
+`vinefab.tasks.exact_areas` is the reference.
 """
 
 import math
@@ -77,7 +77,7 @@ class Raster:
         moves less than 4 %: the error is below 8 % of the sum, whatever the map. In practice it is
         far smaller, because whole discs are exact and errors arise, with either sign, only where an
         outline meets a wall or another disc: over 1000 random deployments in four environments the
-        area is within 0.6 % (0.05 to 0.09 % RMS) of the exact one (`tests/tasks/errors.py`).
+        area is within 0.6 % (0.05 to 0.09 % RMS) of the exact one.
 
         Parameters
         ----------
@@ -115,7 +115,7 @@ class Raster:
         a diagonal inside the edge of the reached area counts in full, one half a diagonal outside
         not at all, and only cells in between can be wrong, with either sign. The error is
         therefore below the free area of that band, 0.14 radii wide along the edge, whatever the
-        map; `tests/tasks/errors.py` measures how far below.
+        map, and far smaller in practice.
         """
         from vinefab.tasks.kernels import areas_kernel  # noqa: PLC0415  as above
 
@@ -262,7 +262,7 @@ class SightLines:
         lines there. The error is therefore below half a strip, at most an eightieth of the radius,
         times the length of the outline. It is far smaller in practice, because errors have either
         sign and arise only where the outline runs along the lines, whose direction is the one
-        least followed by walls (`tests/tasks/errors.py`).
+        least followed by walls.
 
         Parameters
         ----------

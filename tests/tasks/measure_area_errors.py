@@ -1,4 +1,4 @@
-"""How far fast scores are from exact ones: ``python tests/tasks/errors.py 4000``.
+"""Errors of fast scores against exact ones: ``python tests/tasks/measure_area_errors.py 4000``.
 
 Random designs are grown from random poses on maps of several environments, and every deployment is
 scored both ways. Printed are the number of deployments, the mean, the root mean square and the

@@ -133,7 +133,7 @@ class InterruptedRunError(VinefabError, InterruptedError):
         super().__init__(done, command)
 
     def __str__(self) -> str:
-        return f"interrupted; {self.done}; to go on: {self.command}"
+        return f"interrupted; {self.done}; to resume: {self.command}"
 
 
 class ReadBackError(VinefabError, ValueError):

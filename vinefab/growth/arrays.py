@@ -88,7 +88,7 @@ class Rules(NamedTuple):
     tolerance_rad
         Directions that differ by up to this count as parallel.
     most_events
-        A branch with so many events is ended as ``corner``: a guard, never reached in tests.
+        Limit of a branch's events; it then ends as ``corner``. A guard, never reached in tests.
     """
 
     head_on_half_angle_rad: float
@@ -152,7 +152,7 @@ class Growth(NamedTuple):
 
     @classmethod
     def empty(cls, branches: int, room: int) -> "Growth":
-        """Return arrays for so many branches with room for so many chain points."""
+        """Return empty arrays for a number of branches, with room for chain points."""
         return cls(
             points=np.zeros((room, 2)),
             first_point=np.zeros(branches + 1, dtype=np.int64),

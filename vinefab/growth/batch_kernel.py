@@ -1,7 +1,7 @@
 """Compiled bookkeeping around batches, which Python would spend as long on as on growth.
 
-Like `vinefab.growth.kernel` it imports nothing of ours, because a compiled file does not notice
-when another file changes.
+Like `vinefab.growth.kernel` it imports no module of vinefab but `core.compiling`: the cache of a
+compiled file does not notice changes of another.
 """
 
 from vinefab.core.compiling import compiled, inlined

@@ -14,7 +14,7 @@ from vinefab.model.map import Map
 Shapes = NDArray[np.object_]
 
 APART = 8.0
-"""Shapes that are so many grid steps apart cannot touch each other by rounding."""
+"""Distance in grid steps at which shapes cannot touch each other by rounding."""
 
 
 def free_space(world: Map, grid_mm: float) -> BaseGeometry:
@@ -83,7 +83,7 @@ class FreeSpaceWalls(NamedTuple):
 
 
 class _Rings(NamedTuple):
-    """Corners of all rings one after the other: their ring, and their neighbours in it."""
+    """Corners of all rings, concatenated: their ring, and their neighbours in it."""
 
     corner: Floats
     ring: Ints
@@ -239,7 +239,7 @@ def _grid_over(wall: Floats) -> _Grid:
     """Return a grid with about one cell per wall.
 
     It reaches half a cell beyond the walls, so that a body that lies along the outermost one, which
-    rounding may place a trifle outside, is still in it.
+    rounding may place just outside, is still in it.
     """
     if len(wall) == 0:
         return _Grid(0.0, 0.0, 1.0, 1.0, 1, 1)

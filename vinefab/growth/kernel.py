@@ -2,8 +2,9 @@
 
 `vinefab.growth.reference` is the same model in plain Python; its `World` has the rules as methods
 of the same names.
-All that grows a branch is in this file, and it imports nothing of ours, because a compiled file
-does not notice when another file changes. The arrays are described in `vinefab.growth.arrays`.
+All that grows a branch is in this file, and it imports no module of vinefab but `core.compiling`:
+the cache of a compiled file does not notice changes of another. The arrays are described in
+`vinefab.growth.arrays`.
 
 A wall has its free side on the left: its normal is its tangent turned by +90 degrees. A tip that
 slides with ``sense`` +1 moves along the tangent and the body turns left; with -1, both reverse.

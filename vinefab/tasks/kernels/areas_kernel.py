@@ -1,7 +1,8 @@
 """Compiled measures of free space: strips, and discs and bodies on them.
 
-Like `vinefab.growth.kernel` it imports nothing of ours, because a compiled file does not notice
-when another file changes. The arrays are described in `vinefab.tasks.fast_areas`.
+Like `vinefab.growth.kernel` it imports no module of vinefab but `core.compiling`: the cache of a
+compiled file does not notice changes of another. The arrays are described in
+`vinefab.tasks.fast_areas`.
 """
 
 import math

@@ -96,7 +96,7 @@ def seen_areas_by_lines(
 ):
     """Compute the area that sensors see together, and the sum of the areas that each sees.
 
-    What a sensor sees of a line is the chord that its disc cuts out, less the shadows of walls.
+    What a sensor sees of a line is the chord that its disc cuts out, minus the shadows of walls.
     Every line stands for a strip about it.
 
     Parameters

@@ -65,7 +65,7 @@ def explain(name: str) -> list[str]:
     numbers = profile_numbers(name)
     width = max(len(key) for key in numbers)
     for key, number in numbers.items():
-        lines.append(f"  {key:<{width}}  {number.text()}  {number.standing}: {number.source}")
+        lines.append(f"  {key:<{width}}  {number.words()}  {number.standing}: {number.source}")
     return lines
 
 

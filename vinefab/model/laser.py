@@ -47,10 +47,10 @@ class Quantity:
     def __float__(self) -> float:
         return self.value
 
-    def text(self) -> str:
+    def words(self) -> str:
         """Return the number and, if known, its uncertainty.
 
-        >>> Quantity(value=0.26, standing=Standing.MEASURED, uncertainty=0.013).text()
+        >>> Quantity(value=0.26, standing=Standing.MEASURED, uncertainty=0.013).words()
         '0.26 +- 0.013'
         """
         spread = "" if self.uncertainty is None else f" +- {self.uncertainty:.2g}"
@@ -221,7 +221,7 @@ class EnergyWindow:
             return False
         return 0.99 * self.least_mj_mm.value <= energy_mj_mm <= 1.01 * self.most_mj_mm.value
 
-    def text(self) -> str:
+    def words(self) -> str:
         """Return the range as one line."""
         did = "sealed and cut" if self.operation == "weldcut" else "sealed without cutting"
         where = f"{self.operation} at focus {self.focus_mm:g} mm"

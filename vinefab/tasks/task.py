@@ -107,6 +107,16 @@ def concatenated_outcomes(parts: Sequence[TaskOutcomes]) -> TaskOutcomes:
     return TaskOutcomes(np.concatenate([part.score for part in parts]), terms)
 
 
+def search_form(task: Task) -> Task:
+    """Return the form of a task that a search evaluates.
+
+    A task may define ``for_search() -> Task``: itself with faster approximations, unless its
+    parameters ask for exact scores. Reported scores take the task as it is.
+    """
+    faster: Callable[[], Task] | None = getattr(task, "for_search", None)
+    return task if faster is None else faster()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadOnPenalty:
     """Another task minus a weight times the share of deployed branches that stopped head-on.

@@ -128,7 +128,7 @@ def energy_windows(results: Results, profile: LaserProfile) -> tuple[EnergyWindo
 
 def window_lines(windows: Sequence[EnergyWindow], profile: LaserProfile) -> list[str]:
     """Return windows as lines for the user, and the energies that the recipe runs beside them."""
-    told = [window.text() for window in windows]
+    told = [window.words() for window in windows]
     for operation in dict.fromkeys(window.operation for window in windows):
         settings = profile.settings(operation)
         energy = settings.line_energy_mj_mm(profile.machine)

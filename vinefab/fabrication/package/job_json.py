@@ -39,7 +39,7 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
                 "status": str(recipe.status),
                 "source": recipe.source,
                 "coupons": {key: plain_quantity(q) for key, q in recipe.coupons.items()},
-                "windows": [window.text() for window in recipe.windows],
+                "windows": [window.words() for window in recipe.windows],
             },
             "operations": [
                 _operation(operation, job, profile, colours)

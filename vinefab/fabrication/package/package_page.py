@@ -136,7 +136,7 @@ def assumption_section(
         [*models, *_numbers(profile)], key=lambda row: rank.get(row[1].standing, len(order))
     )
     rows = tuple(
-        (name, number.text(), number.standing.value, number.source) for name, number in numbers
+        (name, number.words(), number.standing.value, number.source) for name, number in numbers
     )
     table = Table(
         caption=f"Recipe {profile.recipe.name}, status {profile.recipe.status.value}",

@@ -291,4 +291,4 @@ def _paragraph(lead: str, text: str) -> str:
 
 
 def _said(quantity: Quantity, unit: str) -> str:
-    return f"{quantity.text()} {unit} ({quantity.standing})"
+    return f"{quantity.words()} {unit} ({quantity.standing})"

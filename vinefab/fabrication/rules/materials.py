@@ -76,7 +76,7 @@ def _energy_hits(profile: LaserProfile) -> Iterator[Violation]:
         energy = settings.line_energy_mj_mm(profile.machine)
         if not window.holds(energy):
             words = f"{window.operation} runs {energy:.1f} mJ/mm, but the coupons say: "
-            yield _warning(f"{words}{window.text()}", f"energy {window.operation}")
+            yield _warning(f"{words}{window.words()}", f"energy {window.operation}")
 
 
 def _warning(words: str, aspect: str) -> Violation:

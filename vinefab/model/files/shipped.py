@@ -1,8 +1,8 @@
 """Designs, machines, materials, recipes and printers by name or by path.
 
-A name is searched in the user's own folder first, then among the shipped files. The folder is
-``~/.config/vinefab`` (under ``XDG_CONFIG_HOME`` if set), or the value of the environment variable
-``VINEFAB_PROFILES``; it has the same subfolders as the project: ``designs``,
+A name is looked for in the user's own folder first, then among the shipped files. The folder is
+``~/.config/vinefab`` (under ``XDG_CONFIG_HOME`` where that is set), or what the environment
+variable ``VINEFAB_PROFILES`` says; it has the same folders inside as the project: ``designs``,
 ``laser_profiles/recipes`` and so on.
 """
 
@@ -18,7 +18,7 @@ KINDS = {
     "recipe": "laser_profiles/recipes",
     "printer": "laser_profiles/printers",
 }
-"""Folder of each kind, below the root of the shipped files."""
+"""Folder of each kind, below the place where shipped files lie."""
 
 USER_VARIABLE = "VINEFAB_PROFILES"
 """Environment variable that names the user's own folder."""
@@ -61,14 +61,14 @@ def _names_in(root: Path, kind: str) -> tuple[str, ...]:
 
 
 def locate(kind: str, name_or_path: str | Path) -> Path:
-    """Return the path of a file given by path or name.
+    """Return the file that a user means.
 
     Parameters
     ----------
     name_or_path
-        A path, or the name of a file without its suffix. Anything with a folder or a suffix is a
-        path; a bare name is searched in the current folder, then in the user's own folder, then
-        among the shipped files.
+        A path, or the name of a shipped file without its suffix. Something that has a folder or
+        a suffix is a path; a bare name is looked up here first, then in the user's own folder,
+        then among the shipped ones.
     """
     path = Path(name_or_path)
     given = str(name_or_path)
@@ -86,7 +86,7 @@ def locate(kind: str, name_or_path: str | Path) -> Path:
 
 
 def existing_file(path: Path) -> Path:
-    """Return a path to an existing file, or raise UnreadableFileError."""
+    """Return a path that leads to a file, or raise UnreadableFileError."""
     if path.is_dir():
         raise UnreadableFileError(path, "is a folder, not a file")
     if not path.is_file():

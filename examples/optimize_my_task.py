@@ -24,9 +24,9 @@ class Height:
 
     film_weight: float = 0.05
 
-    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
+    def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
         """Return the score and its terms."""
-        _, y_min, _, y_max = ground.free.bounds
+        _, y_min, _, y_max = context.free.bounds
         highest_mm = float(deployment.tips_mm[:, 1].max())
         height = (highest_mm - y_min) / (y_max - y_min)
         film_m = deployment.tree.total_length_mm / 1000.0

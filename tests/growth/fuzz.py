@@ -141,10 +141,10 @@ def nasty_map(rng: np.random.Generator, kind: str) -> Map:
     return Map(name=kind, bounds=bounds, obstacles=tuple(good))
 
 
-def nasty_pose(rng: np.random.Generator, ground: Terrain) -> Pose:
+def nasty_pose(rng: np.random.Generator, terrain: Terrain) -> Pose:
     """Return a free pose: often on a wall or a corner, aimed at corners or along walls."""
-    wall = ground.walls().wall
-    x_min, y_min, x_max, y_max = ground.world.bounds.bounds
+    wall = terrain.walls().wall
+    x_min, y_min, x_max, y_max = terrain.world.bounds.bounds
     for _ in range(10_000):
         x, y = rng.uniform((x_min, y_min), (x_max, y_max))
         heading = rng.choice([rng.uniform(-np.pi, np.pi), np.pi / 4 * rng.integers(0, 8)])
@@ -157,7 +157,7 @@ def nasty_pose(rng: np.random.Generator, ground: Terrain) -> Pose:
         elif rng.random() < 0.3:
             heading = math.atan2(other[3], other[2])
         pose = Pose(x_mm=float(x), y_mm=float(y), heading_rad=float(heading))
-        if ground.is_free(pose):
+        if terrain.is_free(pose):
             return pose
     raise RuntimeError("no free pose found")
 
@@ -208,17 +208,17 @@ def depth_mm(grown: Deployment, free: BaseGeometry) -> float:
 def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     """Grow some trees on one map, and count."""
     rng = np.random.default_rng([71, list(KINDS).index(kind), seed])
-    ground = Terrain.of(nasty_map(rng, kind))
-    if len(ground.walls().wall) == 0:
+    terrain = Terrain.of(nasty_map(rng, kind))
+    if len(terrain.walls().wall) == 0:
         return
-    size_mm = max(ground.world.size_mm)
+    size_mm = max(terrain.world.size_mm)
     options = GrowthOptions(
         head_on_half_angle_rad=math.radians(float(rng.choice([0.0, 1.0, 15.0]))),
         children_of_stuck=str(rng.choice(["stop", "deploy"])),
     )
     designs = [nasty_design(rng, size_mm) for _ in range(DESIGNS_PER_MAP)]
-    poses = [nasty_pose(rng, ground) for _ in range(GROWTHS_PER_MAP // DESIGNS_PER_MAP)]
-    batch = Batch(Plans.of(designs, options), Launches.of(TerrainSet([ground]), [poses]), options)
+    poses = [nasty_pose(rng, terrain) for _ in range(GROWTHS_PER_MAP // DESIGNS_PER_MAP)]
+    batch = Batch(Plans.of(designs, options), Launches.of(TerrainSet([terrain]), [poses]), options)
 
     def events(block: Block) -> tuple[int, int]:
         return int(block.growth.events.sum()), int(block.growth.events.max())
@@ -230,8 +230,8 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     before = counts.failures
     for number, fast in enumerate(batch.deployments()):
         pose, design = poses[number // len(designs)], designs[number % len(designs)]
-        plain = grow(design, ground, pose, options, "reference")
-        deep = depth_mm(fast, ground.free_space()) / size_mm
+        plain = grow(design, terrain, pose, options, "reference")
+        deep = depth_mm(fast, terrain.free_space()) / size_mm
         counts.growths += 1
         counts.branches += int(fast.deployed.sum())
         counts.deepest = max(counts.deepest, deep)

@@ -12,7 +12,6 @@ from shapely import box
 
 from vinefab.growth import kernel, reference
 from vinefab.growth.arrays import Growth, Launch, Rules, TreeArrays
-from vinefab.growth.reference import world_of
 from vinefab.growth.simulator import MOST_EVENTS, TOLERANCE_RAD, grow_branches_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
@@ -52,7 +51,7 @@ def test_release_in_the_kernel():
 
 
 def test_release_in_the_twin():
-    world = world_of(ROOM.walls(), RULES)
+    world = reference.World.of(ROOM.walls(), RULES)
     u = (TIP - CONTACT) / abs(TIP - CONTACT)
     branch = reference.GrowingBranch(
         world, 1000.0, TIP, u, [BASE, CONTACT], [0, -1], [0.0, abs(CONTACT)]

@@ -31,11 +31,11 @@ def test_stays_in_free_space_and_within_its_length(
 ):
     rng = np.random.default_rng(seed)
     world = random_map(rng, kind)
-    ground = Terrain.of(world)
+    terrain = Terrain.of(world)
     options = GrowthOptions(
         head_on_half_angle_rad=math.radians(half_angle_deg), children_of_stuck="deploy"
     )
-    grown = grow(random_tree(rng), ground, random_pose(rng, ground), options, engine)
+    grown = grow(random_tree(rng), terrain, random_pose(rng, terrain), options, engine)
     assert depth_in_solid(grown, world.free_space) <= 1e-6
     planned = grown.tree.length_mm
     full = grown.stop == Stop.FULL_LENGTH
@@ -51,8 +51,8 @@ def test_stays_in_free_space_and_within_its_length(
 def test_contacts_are_vertices_of_the_map(engine, random_map, random_pose, vine, seed, kind):
     rng = np.random.default_rng(seed)
     world = random_map(rng, kind)
-    ground = Terrain.of(world)
-    grown = grow(vine(1500.0), ground, random_pose(rng, ground), FREE, engine)
+    terrain = Terrain.of(world)
+    grown = grow(vine(1500.0), terrain, random_pose(rng, terrain), FREE, engine)
     corners = shapely.get_coordinates(world.free_space)
     for contact in grown.contacts_mm(0):
         assert np.hypot(*(corners - contact).T).min() <= 1e-6
@@ -64,22 +64,22 @@ def test_shorter_and_longer_growths_share_their_history(
     engine, random_map, random_pose, seed, kind, share
 ):
     rng = np.random.default_rng(seed)
-    ground = Terrain.of(random_map(rng, kind))
-    pose = random_pose(rng, ground)
-    short, events = _stopped_after(engine, ground, pose, share * 1500.0, 1000)
+    terrain = Terrain.of(random_map(rng, kind))
+    pose = random_pose(rng, terrain)
+    short, events = _stopped_after(engine, terrain, pose, share * 1500.0, 1000)
     if short.stop[0] != Stop.FULL_LENGTH:
-        long, _ = _stopped_after(engine, ground, pose, 1500.0, 1000)
+        long, _ = _stopped_after(engine, terrain, pose, 1500.0, 1000)
         assert long.stop[0] == short.stop[0]
     else:
         # The last event of the short one is running out of length; up to there both are one.
-        short, _ = _stopped_after(engine, ground, pose, share * 1500.0, events - 1)
-        long, _ = _stopped_after(engine, ground, pose, 1500.0, events - 1)
+        short, _ = _stopped_after(engine, terrain, pose, share * 1500.0, events - 1)
+        long, _ = _stopped_after(engine, terrain, pose, 1500.0, events - 1)
     used = short.first_point[1]
     assert long.first_point[1] == used
     assert_allclose(long.points[:used], short.points[:used], atol=1e-9)
 
 
-def _stopped_after(engine, ground, pose, length_mm, most_events):
+def _stopped_after(engine, terrain, pose, length_mm, most_events):
     """Grow a vine for at most so many events."""
     growth = Growth.empty(1, 200)
     plan = TreeArrays(
@@ -88,12 +88,12 @@ def _stopped_after(engine, ground, pose, length_mm, most_events):
     rules = Rules(
         head_on_half_angle_rad=0.0,
         deploys_stuck=False,
-        tolerance_mm=ground.tolerance_mm,
+        tolerance_mm=terrain.tolerance_mm,
         tolerance_rad=TOLERANCE_RAD,
         most_events=most_events,
     )
-    start = Launch(*ground.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
-    assert grow_branches_of(engine)(ground.walls(), plan, rules, start, growth, 0, 1) == 1
+    start = Launch(*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
+    assert grow_branches_of(engine)(terrain.walls(), plan, rules, start, growth, 0, 1) == 1
     return growth, int(growth.events[0])
 
 
@@ -114,12 +114,12 @@ def _mapped(world: Map, matrix: list[float]) -> Map:
     )
 
 
-def _plain_pose(rng: np.random.Generator, ground: Terrain) -> Pose:
+def _plain_pose(rng: np.random.Generator, terrain: Terrain) -> Pose:
     """A pose without exact ties, which rounding may settle otherwise after a move."""
     while True:
         x, y = rng.uniform(0.0, 500.0, 2)
         pose = Pose(x_mm=float(x), y_mm=float(y), heading_rad=float(rng.uniform(-3.0, 3.0)))
-        if ground.is_free(pose):
+        if terrain.is_free(pose):
             return pose
 
 
@@ -136,11 +136,11 @@ def test_moving_turning_and_scaling_everything_moves_the_result(
 ):
     rng = np.random.default_rng(seed)
     world = random_map(rng, kind)
-    ground = Terrain.of(world)
-    pose = _plain_pose(rng, ground)
+    terrain = Terrain.of(world)
+    pose = _plain_pose(rng, terrain)
     c, s = scale * math.cos(turn_rad), scale * math.sin(turn_rad)
     moved = Terrain.of(_mapped(world, [c, -s, s, c, *shift]))
-    here = grow(tree(700.0, (3, 200.0, 100.0, 0.5)), ground, pose, FREE, engine)
+    here = grow(tree(700.0, (3, 200.0, 100.0, 0.5)), terrain, pose, FREE, engine)
     robot = tree(700.0 * scale, (3, 200.0 * scale, 100.0, 0.5))
     there = grow(robot, moved, _moved(pose, turn_rad, shift, scale), FREE, engine)
     assert there.stop.tolist() == here.stop.tolist()
@@ -155,12 +155,12 @@ def test_moving_turning_and_scaling_everything_moves_the_result(
 def test_mirroring_everything_mirrors_the_result(engine, random_map, tree, seed, kind):
     rng = np.random.default_rng(seed)
     world = random_map(rng, kind)
-    ground = Terrain.of(world)
-    pose = _plain_pose(rng, ground)
+    terrain = Terrain.of(world)
+    pose = _plain_pose(rng, terrain)
     mirror = Terrain.of(_mapped(world, [-1.0, 0.0, 0.0, 1.0, 0.0, 0.0]))
     flipped = Pose(x_mm=-pose.x_mm, y_mm=pose.y_mm, heading_rad=math.pi - pose.heading_rad)
     robot = tree(700.0, (3, 200.0, 100.0, 1.0))
-    here = grow(robot, ground, pose, FREE, engine)
+    here = grow(robot, terrain, pose, FREE, engine)
     there = grow(robot, mirror, flipped, FREE, engine)
     # The fan is mirrored too: its last child is the other's first.
     for one, other in zip([0, 1, 2, 3], [0, 3, 2, 1], strict=True):
@@ -174,14 +174,14 @@ def test_trajectories_condense(engine, random_map, vine, kind):
     pairs = 0
     for seed in range(40):
         rng = np.random.default_rng([31, seed])
-        ground = Terrain.of(random_map(rng, kind))
-        pose = _plain_pose(rng, ground)
-        grown = [grow(vine(1200.0), ground, _moved(pose, 0.0, (0.0, 0.0), 1.0), FREE, engine)]
+        terrain = Terrain.of(random_map(rng, kind))
+        pose = _plain_pose(rng, terrain)
+        grown = [grow(vine(1200.0), terrain, _moved(pose, 0.0, (0.0, 0.0), 1.0), FREE, engine)]
         for step in range(1, 8):
             turned = Pose(
                 x_mm=pose.x_mm, y_mm=pose.y_mm, heading_rad=pose.heading_rad + 0.01 * step
             )
-            grown.append(grow(vine(1200.0), ground, turned, FREE, engine))
+            grown.append(grow(vine(1200.0), terrain, turned, FREE, engine))
         for one, other in itertools.pairwise(grown):
             contacts = one.contacts_mm(0)
             if len(contacts) and np.array_equal(contacts, other.contacts_mm(0)):
@@ -195,9 +195,9 @@ def test_trajectories_condense(engine, random_map, vine, kind):
 @given(x=st.floats(1.0, 499.0), y=st.floats(1.0, 499.0), heading=st.floats(-3.2, 3.2))
 def test_an_empty_room_ends_growth_on_its_walls(engine, vine, x, y, heading):
     assume(abs(math.sin(2.0 * heading)) > 1e-6)
-    ground = Terrain.of(Map(name="room", bounds=box(0.0, 0.0, 500.0, 500.0)))
+    terrain = Terrain.of(Map(name="room", bounds=box(0.0, 0.0, 500.0, 500.0)))
     pose = Pose(x_mm=x, y_mm=y, heading_rad=heading)
-    grown = grow(vine(2000.0), ground, pose, FREE, engine)
+    grown = grow(vine(2000.0), terrain, pose, FREE, engine)
     assert grown.stop[0] == Stop.CORNER
     assert len(grown.points_mm) == 2
     # It ends in the corner that it heads for, or in the one that sliding there leads to.

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from shapely import Polygon, box
 
 from vinefab.core.errors import BadInputError, UnknownNameError
-from vinefab.growth.index import MARGIN
+from vinefab.growth.free_space import MARGIN
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import MOST_RADII, Terrain

@@ -1,5 +1,6 @@
 """The compiled kernel against its readable twin, on maps made to be nasty."""
 
+import cmath
 import math
 
 import numpy as np
@@ -8,7 +9,8 @@ from numpy.testing import assert_allclose
 
 from vinefab.growth import kernel
 from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
+from vinefab.growth.reference import World
+from vinefab.growth.simulator import grow, rules_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 
@@ -20,15 +22,15 @@ GROWTHS_PER_MAP = 4
 def test_twins_agree(random_map, random_pose, random_tree, kind):
     for number in range(MAPS):
         rng = np.random.default_rng([5, number])
-        ground = Terrain.of(random_map(rng, kind))
+        terrain = Terrain.of(random_map(rng, kind))
         for _ in range(GROWTHS_PER_MAP):
-            robot, pose = random_tree(rng), random_pose(rng, ground)
+            robot, pose = random_tree(rng), random_pose(rng, terrain)
             options = GrowthOptions(
                 head_on_half_angle_rad=math.radians(rng.choice([0.0, 1.0, 15.0])),
                 children_of_stuck=str(rng.choice(["stop", "deploy"])),
             )
-            fast = grow(robot, ground, pose, options, "kernel")
-            plain = grow(robot, ground, pose, options, "reference")
+            fast = grow(robot, terrain, pose, options, "kernel")
+            plain = grow(robot, terrain, pose, options, "reference")
             assert fast.stop.tolist() == plain.stop.tolist(), number
             assert fast.first_point.tolist() == plain.first_point.tolist(), number
             assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
@@ -43,14 +45,45 @@ def test_twins_agree_on_inflated_bodies(random_map, random_pose, random_tree, ki
     deployed = 0
     for number in range(12):
         rng = np.random.default_rng([6, number])
-        ground = Terrain.of(random_map(rng, kind))
-        robot, pose = random_tree(rng), random_pose(rng, ground)
-        fast = grow(robot, ground, pose, options, "kernel")
-        plain = grow(robot, ground, pose, options, "reference")
+        terrain = Terrain.of(random_map(rng, kind))
+        robot, pose = random_tree(rng), random_pose(rng, terrain)
+        fast = grow(robot, terrain, pose, options, "kernel")
+        plain = grow(robot, terrain, pose, options, "reference")
         assert fast.stop.tolist() == plain.stop.tolist(), number
         assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
         deployed += int(fast.deployed.sum())
     assert deployed > 5
+
+
+def test_rules_agree_one_by_one(random_map):
+    """Every rule of the kernel against the twin's of the same name, also at the tolerances."""
+    rng = np.random.default_rng(7)
+    answers = {name: set() for name in ("presses", "is_head_on", "slide_sense", "is_wedged")}
+    for kind in ("convex", "star", "needles", "lattice"):
+        terrain = Terrain.of(random_map(rng, kind))
+        walls = terrain.walls()
+        rules = rules_of(GrowthOptions(head_on_half_angle_rad=0.3), terrain.tolerance_mm)
+        world = World.of(walls, rules)
+        for _ in range(200):
+            wall, first = (int(index) for index in rng.integers(len(walls.wall), size=2))
+            angle = rng.uniform(-math.pi, math.pi)
+            if rng.random() < 0.3:  # along the wall or its normal, or all but
+                angle = cmath.phase(world.walls[wall].tangent) + rng.choice([0.0, -math.pi / 2])
+                angle += rng.choice([0.0, 1e-9, -1e-9])
+            u = cmath.rect(1.0, angle)
+            presses = kernel.presses(walls, rules, u.real, u.imag, wall)
+            assert presses == world.presses(u, wall)
+            assert kernel.leaves_at_end(walls, rules, u.real, u.imag, wall) != presses
+            assert world.leaves_at_end(u, wall) != presses
+            head_on = kernel.is_head_on(walls, rules, u.real, u.imag, wall)
+            assert head_on == world.is_head_on(u, wall)
+            sense = kernel.slide_sense(walls, u.real, u.imag, wall)
+            assert sense == world.slide_sense(u, wall)
+            wedged = kernel.is_wedged(walls, rules, wall, sense, first)
+            assert wedged == world.is_wedged(wall, int(sense), first)
+            for name, answer in zip(answers, (presses, head_on, sense, wedged), strict=True):
+                answers[name].add(answer)
+    assert all(len(seen) == 2 for seen in answers.values())
 
 
 def test_stop_codes_are_those_of_the_model():

@@ -11,7 +11,6 @@ from vinefab.physics.anchoring import (
     amplification_interval,
     branch_force_n,
     branch_limit_n,
-    film_mass_g,
     payload_over_mass,
     pouch_contact_mm2,
     pouch_contacts_mm2,
@@ -76,7 +75,6 @@ def test_film_and_seam_cap_a_branch() -> None:
 
 def test_5_g_hold_575_g() -> None:
     assert payload_over_mass(0.575 * 9.80665, 5.0) == pytest.approx(115.0)
-    assert film_mass_g(1e6, 0.0375, 2, 1200.0) == pytest.approx(90.0)
 
 
 def test_intervals_rise() -> None:

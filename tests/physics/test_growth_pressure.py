@@ -1,3 +1,5 @@
+"""Growth pressure along a path, and along every path of a tree."""
+
 import math
 
 import numpy as np
@@ -6,15 +8,38 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.rng import child
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.simulator import grow
+from vinefab.growth.terrain import Terrain
+from vinefab.maps.generators.grid import grid_map
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Build, Design, Level
 from vinefab.model.laser import Standing
+from vinefab.model.map import Pose
+from vinefab.model.tree import branch_tree
 from vinefab.physics.growth_pressure import (
     FITTED,
+    GrowthPath,
     capstan_factor,
-    growth_pressure_bound_kpa,
+    grown_paths,
     growth_pressure_kpa,
+    planned_growth_kpa,
+    planned_paths,
+    riding_mm,
 )
+from vinefab.physics.tube import inflated_diameter_mm
+
+# --- One path --------------------------------------------------------------------------------
 
 RIGHT = math.pi / 2
+
+
+def _bound_kpa(length_mm: float, turn_rad: float) -> float:
+    """Y + (f L + T) e^(mu sum |theta|): the pressure if every turn came at the path's very end."""
+    drag_kpa = FITTED.drag_kpa_m.value * length_mm / 1000.0
+    factor = math.exp(FITTED.friction.value * turn_rad)
+    return FITTED.yield_kpa.value + (drag_kpa + FITTED.storage_kpa.value) * factor
 
 
 @pytest.mark.parametrize(("turns", "expected"), [(0, 10.5), (2, 20.3), (4, 40.9), (6, 83.7)])
@@ -31,14 +56,12 @@ def test_the_summed_form_is_an_upper_bound(
     steps: list[tuple[float, float]], last_mm: float
 ) -> None:
     lengths, turns = [length for length, _ in steps] + [last_mm], [turn for _, turn in steps]
-    bound = growth_pressure_bound_kpa(sum(lengths), float(np.abs(turns).sum()))
+    bound = _bound_kpa(sum(lengths), float(np.abs(turns).sum()))
     assert growth_pressure_kpa(lengths, turns) <= bound * (1 + 1e-12)
 
 
 def test_the_bound_is_reached_when_the_turn_comes_last() -> None:
-    assert growth_pressure_kpa([500.0, 0.0], [1.0]) == pytest.approx(
-        growth_pressure_bound_kpa(500.0, 1.0)
-    )
+    assert growth_pressure_kpa([500.0, 0.0], [1.0]) == pytest.approx(_bound_kpa(500.0, 1.0))
 
 
 def test_a_late_turn_costs_more_than_an_early_one() -> None:
@@ -69,3 +92,124 @@ def test_capstan_multiplies_over_turns() -> None:
     whole = capstan_factor(0.3, 2.0)
     assert capstan_factor(0.3, 0.5) * capstan_factor(0.3, -1.5) == pytest.approx(whole)
     assert whole == pytest.approx(math.exp(0.6))
+
+
+# --- Paths through a tree --------------------------------------------------------------------
+
+FORK = Level(branches=2, length_mm=100.0, fan_rad=1.0, growth=0.5)
+TREE = Design(name="tree", trunk_length_mm=200.0, levels=(FORK, FORK), build=Build.standard(3))
+
+
+def test_planned_paths_turn_at_joints_only() -> None:
+    paths = planned_paths(branch_tree(TREE))
+    assert paths[0] == GrowthPath(lengths_mm=(200.0,), turns_rad=())
+    assert paths[-1] == GrowthPath(lengths_mm=(200.0, 50.0, 50.0), turns_rad=(0.5, 0.5))
+    assert paths[-1].length_mm == 300.0
+    assert paths[-1].turn_rad == 1.0
+
+
+def test_growth_in_free_space_takes_the_planned_paths() -> None:
+    tree = branch_tree(TREE)
+    for branch, path in grown_paths(_free(tree)).items():
+        planned = planned_paths(tree)[branch]
+        assert path.lengths_mm == pytest.approx(planned.lengths_mm)
+        assert path.turns_rad == pytest.approx(planned.turns_rad)
+
+
+def _free(tree) -> Deployment:
+    heading, tips, points, first = [], [], [], [0]
+    for branch, parent in enumerate(tree.parent.tolist()):
+        base = tips[parent] if parent >= 0 else (0.0, 0.0)
+        angle = (heading[parent] if parent >= 0 else 0.3) + tree.offset_rad[branch]
+        length = tree.length_mm[branch]
+        tips.append((base[0] + length * math.cos(angle), base[1] + length * math.sin(angle)))
+        heading.append(angle)
+        points += [base, tips[-1]]
+        first.append(len(points))
+    return Deployment(
+        tree=tree,
+        pose=Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.3),
+        points_mm=np.array(points),
+        first_point=np.array(first),
+        stop=np.zeros(len(tree), dtype=np.int64),
+        grown_mm=tree.length_mm.copy(),
+        contact_turn_rad=np.zeros(len(tree)),
+    )
+
+
+@pytest.mark.parametrize("body", ["centerline", "inflated"])
+def test_turns_on_a_map_are_those_that_the_simulator_counted(body: str) -> None:
+    world = grid_map(seed=3)
+    terrain, rng = Terrain.of(world), child(3)
+    turned = 0
+    for _ in range(6):
+        pose = world.starts[0].pose
+        pose = Pose(
+            x_mm=pose.x_mm, y_mm=pose.y_mm, heading_rad=pose.heading_rad + rng.uniform(-0.3, 0.3)
+        )
+        deployment = grow(TREE, terrain, pose, GrowthOptions(body=body))
+        tree, paths = deployment.tree, grown_paths(deployment)
+        assert set(paths) == set(np.flatnonzero(deployment.deployed).tolist())
+        for branch, path in paths.items():
+            counted, length, above = 0.0, 0.0, branch
+            while above >= 0:
+                counted += deployment.contact_turn_rad[above] + abs(tree.offset_rad[above])
+                length += deployment.grown_mm[above]
+                above = int(tree.parent[above])
+            assert path.turn_rad == pytest.approx(counted, abs=1e-6)
+            assert path.length_mm == pytest.approx(length)
+            turned += counted > 1.5
+    assert turned > 5
+
+
+def test_a_turn_at_the_base_comes_before_the_first_stretch() -> None:
+    tree = branch_tree(Design(name="v", trunk_length_mm=100.0, build=Build.standard(1)))
+    bent = Deployment(
+        tree=tree,
+        pose=Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.0),
+        points_mm=np.array([[0.0, 0.0], [30.0, 30.0], [30.0, 60.0]]),
+        first_point=np.array([0, 3]),
+        stop=np.array([0]),
+        grown_mm=np.array([72.4]),
+        contact_turn_rad=np.array([math.pi / 2]),
+    )
+    path = grown_paths(bent)[0]
+    assert path.lengths_mm == pytest.approx((0.0, 30.0 * math.sqrt(2), 30.0))
+    assert path.turns_rad == pytest.approx((math.pi / 4, math.pi / 4))
+    by_hand = growth_pressure_kpa(path.lengths_mm, path.turns_rad)
+    assert path.pressure_kpa(FITTED) == by_hand
+    assert path.pressure_kpa(FITTED, riding_mm=1000.0) == pytest.approx(
+        by_hand + 0.771 * math.exp(0.234 * math.pi / 2)
+    )
+
+
+def test_descendants_ride_weighted_by_their_width() -> None:
+    tree = branch_tree(TREE)
+    riding = riding_mm(tree, (40.0, 24.0, 12.0))
+    # each child carries 100 + 50 mm of half its width; the trunk carries all of it
+    assert riding[1:3] == pytest.approx([75.0, 75.0])
+    assert riding[0] == pytest.approx((150.0 * 24.0 + 300.0 * 12.0) / 40.0)
+    assert riding[3:] == pytest.approx(0.0)
+
+
+# --- All paths of a tree at once -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("depth", [1, 2, 4])
+def test_the_tree_at_once_is_what_each_path_gives(depth: int) -> None:
+    fan = Level(branches=3, length_mm=80.0, fan_rad=2.0, growth=0.6)
+    build = Build.standard(depth, 30.0)
+    tree = branch_tree(
+        Design(name="t", trunk_length_mm=150.0, levels=(fan,) * (depth - 1), build=build)
+    )
+    riding = riding_mm(tree, build.widths_mm)
+    expected = [
+        path.pressure_kpa(
+            FITTED.at_diameter(inflated_diameter_mm(build.widths_mm[level - 1]), 25.0), ride
+        )
+        for path, level, ride in zip(
+            planned_paths(tree), tree.level.tolist(), riding.tolist(), strict=True
+        )
+    ]
+    found = planned_growth_kpa(tree, build.widths_mm, FITTED, 25.0)
+    assert found.tolist() == pytest.approx(expected, rel=1e-12)

@@ -17,7 +17,7 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import Standing
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.tree import branch_tree
-from vinefab.physics.growth_path import grown_paths, riding_mm
+from vinefab.physics.growth_pressure import grown_paths, riding_mm
 from vinefab.prediction.anchoring_prediction import leaf_turns_rad, predict_anchoring
 from vinefab.prediction.deployments import PredictionPlan, PreparedFamily, deploy_family, typical
 from vinefab.prediction.growth_pressures import (

@@ -15,7 +15,7 @@ from vinefab.search.evaluator import Evaluator, block_sizes
 from vinefab.search.loop import optimize
 from vinefab.search.parallel.executor import SerialExecutor, ThreadExecutor
 from vinefab.search.settings import EvaluationSettings, RunSettings
-from vinefab.tasks.composite import composite
+from vinefab.tasks.evaluate import composite
 
 Maps = tuple[Map, ...]
 

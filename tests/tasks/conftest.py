@@ -62,7 +62,7 @@ def pillar_room() -> Map:
 
 
 @pytest.fixture
-def room_ground(room: Map) -> MapContext:
+def room_context(room: Map) -> MapContext:
     return MapContext.of(room)
 
 

@@ -1,3 +1,5 @@
+"""Anchoring: leaves and their gaps, what each holds, and the amplification of a robot."""
+
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -8,7 +10,9 @@ import shapely
 from shapely import box
 
 from vinefab.core.errors import BadInputError
+from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plans
 from vinefab.growth.simulator import grow
 from vinefab.maps.generators.cave import cave_map
 from vinefab.maps.generators.grid import grid_map
@@ -16,11 +20,20 @@ from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.model.map import Map, Pose
-from vinefab.physics.anchoring import amplification_interval, tip_force_n
-from vinefab.tasks.anchoring_force import Anchoring
+from vinefab.physics.anchoring import amplification_interval, pouch_contact_mm2, tip_force_n
+from vinefab.tasks.anchoring_force import (
+    STEP_BACK_MM,
+    Anchoring,
+    EngagedLeaves,
+    gaps_mm,
+    path_turn_rad,
+    tip_gaps_mm,
+)
 from vinefab.tasks.evaluate import PreparedMap, score_design
-from vinefab.tasks.leaves import path_turn_rad, tip_gaps_mm
+from vinefab.tasks.exact_areas import TOUCHING_MM
 from vinefab.tasks.map_context import MapContext
+
+# --- The task --------------------------------------------------------------------------------
 
 Ended = Callable[..., Deployment]
 LINE = [(0, 0), (10, 10)]
@@ -35,29 +48,31 @@ def corridor() -> MapContext:
 
 
 def test_turns_add_up_along_each_path_and_leaves_add_up(
-    fork: Design, ended: Ended, room_ground: MapContext
+    fork: Design, ended: Ended, room_context: MapContext
 ) -> None:
     end = ended(fork, [LINE] * 3, turns=[1.0, 0.5, 2.0])
-    score, terms = Anchoring(friction=0.3).evaluate(end, room_ground)
+    score, terms = Anchoring(friction=0.3).evaluate(end, room_context)
     assert score == pytest.approx(math.exp(0.3 * 1.5) + math.exp(0.3 * 3.0))
     assert terms["engaged"] == 2
     assert terms["largest_turn_rad"] == pytest.approx(3.0)
 
 
-def test_joint_angles_count_on_request(fork: Design, ended: Ended, room_ground: MapContext) -> None:
+def test_joint_angles_count_on_request(
+    fork: Design, ended: Ended, room_context: MapContext
+) -> None:
     end = ended(fork, [LINE] * 3, turns=[1.0, 0.5, 2.0])
-    score, _ = Anchoring(friction=0.3, count_joint_angles=True).evaluate(end, room_ground)
+    score, _ = Anchoring(friction=0.3, count_joint_angles=True).evaluate(end, room_context)
     assert score == pytest.approx(math.exp(0.3 * (1.5 + 0.5)) + math.exp(0.3 * (3.0 + 0.5)))
 
 
 def test_a_leaf_that_did_not_emerge_holds_nothing(
-    fork: Design, ended: Ended, room_ground: MapContext
+    fork: Design, ended: Ended, room_context: MapContext
 ) -> None:
     end = ended(fork, [LINE, LINE, None], turns=[0.0, 0.0, 0.0])
-    assert Anchoring().evaluate(end, room_ground)[0] == pytest.approx(1.0)
+    assert Anchoring().evaluate(end, room_context)[0] == pytest.approx(1.0)
     nothing = ended(fork, [LINE, None, None])
-    assert Anchoring().evaluate(nothing, room_ground)[0] == 0.0
-    assert POUCH.evaluate(nothing, room_ground)[0] == 0.0
+    assert Anchoring().evaluate(nothing, room_context)[0] == 0.0
+    assert POUCH.evaluate(nothing, room_context)[0] == 0.0
 
 
 def six(ended: Ended, turns: Sequence[float]) -> Deployment:
@@ -67,23 +82,23 @@ def six(ended: Ended, turns: Sequence[float]) -> Deployment:
 
 
 def test_six_branches_without_turns_hold_six_times_one(
-    ended: Ended, room_ground: MapContext
+    ended: Ended, room_context: MapContext
 ) -> None:
-    assert Anchoring().evaluate(six(ended, [0.0] * 6), room_ground)[0] == pytest.approx(6.0)
+    assert Anchoring().evaluate(six(ended, [0.0] * 6), room_context)[0] == pytest.approx(6.0)
 
 
-def test_the_papers_figures_come_out(ended: Ended, room_ground: MapContext) -> None:
+def test_the_papers_figures_come_out(ended: Ended, room_context: MapContext) -> None:
     """6.86 for six branches alike; 5.72 and 4.57 for five and four of them."""
     turn = math.log(6.86 / 6.0) / 0.3
-    score, terms = Anchoring(friction=0.3).evaluate(six(ended, [turn] * 6), room_ground)
+    score, terms = Anchoring(friction=0.3).evaluate(six(ended, [turn] * 6), room_context)
     assert score == pytest.approx(6.86)
     assert terms["low"] == pytest.approx(4.0 * math.exp(0.2 * turn))
     assert 4.0 < terms["low"] < 4.57 < score < terms["high"]
 
 
-def test_the_interval_is_that_of_the_physics(ended: Ended, room_ground: MapContext) -> None:
+def test_the_interval_is_that_of_the_physics(ended: Ended, room_context: MapContext) -> None:
     turns = [0.1, 2.0, 0.7, 3.0, 0.0, 1.5]
-    _, terms = Anchoring().evaluate(six(ended, turns), room_ground)
+    _, terms = Anchoring().evaluate(six(ended, turns), room_context)
     interval = amplification_interval(turns, 4)
     assert terms["low"] == pytest.approx(interval.low)
     assert terms["high"] == pytest.approx(interval.high)
@@ -98,7 +113,7 @@ def test_turns_reach_the_third_level(ended: Ended) -> None:
 
 
 def test_only_pouches_wider_than_their_gap_are_engaged(
-    fork: Design, ended: Ended, corridor: MapContext, room_ground: MapContext
+    fork: Design, ended: Ended, corridor: MapContext, room_context: MapContext
 ) -> None:
     chains = [[(10, 10), (100, 10)], [(100, 10), (200, 10)], [(100, 10), (150, 0), (300, 0)]]
     end = ended(fork, chains)
@@ -108,7 +123,7 @@ def test_only_pouches_wider_than_their_gap_are_engaged(
     for width, engaged in ((31.3, 0.0), (31.5, 2.0)):
         task = replace(POUCH, pouch_width_mm=width)
         assert task.evaluate(end, corridor)[0] == engaged
-    assert POUCH.evaluate(end, room_ground)[1] == terms | {"engaged": 0.0, "low": 0.0, "high": 0.0}
+    assert POUCH.evaluate(end, room_context)[1] == terms | {"engaged": 0.0, "low": 0.0, "high": 0.0}
 
 
 def test_a_leaf_that_was_stopped_counts_unless_its_pouch_must_have_come_out(
@@ -124,7 +139,7 @@ def test_a_leaf_that_was_stopped_counts_unless_its_pouch_must_have_come_out(
 def test_a_tip_on_a_wall_has_its_gap_on_the_free_side(
     fork: Design, ended: Ended, pillar_room: Map
 ) -> None:
-    ground = MapContext.of(pillar_room)
+    context = MapContext.of(pillar_room)
     # Along the pillar's lower side; towards it; in the open under it; past its lower right corner.
     for chain, gap in (
         ([(100, 100), (200, 100)], 100.0),
@@ -134,7 +149,7 @@ def test_a_tip_on_a_wall_has_its_gap_on_the_free_side(
         ([(250, 150), (250, 180)], 150.0 - 0.0),
     ):
         end = ended(fork, [chain, None, None])
-        assert tip_gaps_mm(end, np.array([0]), ground)[0] == pytest.approx(gap, abs=2e-3)
+        assert tip_gaps_mm(end, np.array([0]), context)[0] == pytest.approx(gap, abs=2e-3)
 
 
 @pytest.mark.parametrize("body", ["centerline", "inflated"])
@@ -147,21 +162,21 @@ def test_gaps_of_grown_robots_agree_with_polygons(body: str) -> None:
         for pose in draw_poses(world, 3, 1, clearance_mm=8.0):
             end = grow(tree, site.terrain, pose, GrowthOptions(body=body))
             leaves = np.flatnonzero(end.tree.is_leaf & end.deployed & (end.grown_mm > 1.0))
-            gaps = tip_gaps_mm(end, leaves, site.ground)
+            gaps = tip_gaps_mm(end, leaves, site.context)
             for leaf, gap in zip(leaves.tolist(), gaps.tolist(), strict=True):
-                assert gap == pytest.approx(by_polygons(end, leaf, site.ground), abs=1e-5)
+                assert gap == pytest.approx(by_polygons(end, leaf, site.context), abs=1e-5)
                 checked += 1
     assert checked > 40
 
 
-def by_polygons(end: Deployment, leaf: int, ground: MapContext) -> float:
+def by_polygons(end: Deployment, leaf: int, context: MapContext) -> float:
     """The same gap from the free space cut by a long line."""
     before, tip = end.chain_mm(leaf)[-2:]
     along = (tip - before) / np.hypot(*(tip - before))
     tip = tip - 1e-3 * along
     across = 5000.0 * np.array([-along[1], along[0]])
     line = shapely.LineString([tip - across, tip + across])
-    parts = shapely.get_parts(shapely.intersection(ground.free, line))
+    parts = shapely.get_parts(shapely.intersection(context.free, line))
     near = parts[shapely.distance(parts, shapely.Point(tip)) < 1e-6]
     return float(shapely.length(near).max(initial=0.0))
 
@@ -181,10 +196,10 @@ def test_the_designs_own_pouch_is_used_and_film_and_seam_are_the_limit() -> None
     force_n = tip_force_n(30.0, contact_mm2, 0.3)
     assert terms(Anchoring())["force_n"] == pytest.approx(force_n)
     # A seam that stands 0.01 N/mm on the branch's 40 mm of circumference: 0.4 N.
-    held = terms(Anchoring(seam_n_mm=0.01, film_n_mm=1.0))
-    assert held["force_n"] == pytest.approx(0.4)
-    assert held["score"] == pytest.approx(0.4 / force_n)
-    assert held["capped"] == 1.0
+    limited = terms(Anchoring(seam_n_mm=0.01, film_n_mm=1.0))
+    assert limited["force_n"] == pytest.approx(0.4)
+    assert limited["score"] == pytest.approx(0.4 / force_n)
+    assert limited["capped"] == 1.0
     small = replace(pouch, width_mm=30.0)
     narrow = replace(vine, build=replace(build, pouch=small))
     assert terms(Anchoring(), narrow)["engaged"] == 0.0
@@ -208,3 +223,233 @@ def test_parameters_that_contradict_are_refused(parameters: dict[str, float], ke
     with pytest.raises(BadInputError) as caught:
         Anchoring(**parameters)
     assert caught.value.key == f"task.{key}"
+
+
+# --- Leaves in blocks and alone --------------------------------------------------------------
+
+RECTANGLE = Pouch(shape="rectangle", length_mm=30.0, width_mm=45.0)
+ROUND = Pouch(shape="round", radius_mm=20.0)
+
+
+def plain_gap(chain: np.ndarray, context: MapContext) -> float:
+    """The gap at the end of a chain, from every edge of the map."""
+    (bx, by), (x, y) = chain[-2:]
+    length = math.hypot(x - bx, y - by)
+    ux, uy = (x - bx) / length, (y - by) / length
+    back = min(STEP_BACK_MM, 0.5 * length)
+    x, y, ux, uy = x - back * ux, y - back * uy, -uy, ux
+    before, after, turned = math.inf, math.inf, 0
+    for (ax, ay), (cx, cy) in (context.edges_mm - (x, y)).tolist():
+        one, two = ux * ay - uy * ax, ux * cy - uy * cx
+        if (one > 0.0) == (two > 0.0):
+            continue
+        share = one / (one - two)
+        place = ux * (ax + share * (cx - ax)) + uy * (ay + share * (cy - ay))
+        if abs(place) <= TOUCHING_MM:
+            turned += 1 if two < one else -1
+        elif place > 0.0:
+            after = min(after, place)
+        else:
+            before = min(before, -place)
+    return after if turned > 0 else before if turned < 0 else before + after
+
+
+def plainly(
+    task: Anchoring, end: Deployment, context: MapContext, build: Build
+) -> dict[str, float]:
+    """Score and terms as the docstrings have them, leaf by leaf."""
+    length, width = task.pouch_length_mm, task.pouch_width_mm
+    if width == 0.0 and build.pouch:
+        side = math.sqrt(math.pi) * (build.pouch.radius_mm or 0.0)
+        length, width = build.pouch.length_mm or side, build.pouch.width_mm or side
+    known = [load for load in (task.film_n_mm, task.seam_n_mm) if load > 0.0]
+    limit = 2.0 * build.widths_mm[-1] * min(known) if known else math.inf
+    leaves, found = 0, []
+    for leaf in np.flatnonzero(end.tree.is_leaf & end.deployed & (end.grown_mm > 0.0)).tolist():
+        if task.only_full_length and end.stop[leaf] != Stop.FULL_LENGTH:
+            continue
+        leaves += 1
+        turn, branch = 0.0, leaf
+        while branch >= 0:
+            turn += end.contact_turn_rad[branch]
+            turn += abs(end.tree.offset_rad[branch]) if task.count_joint_angles else 0.0
+            branch = end.tree.parent[branch]
+        gap = plain_gap(end.chain_mm(leaf), context) if width else 0.0
+        if width and 2.0 * width / math.pi <= gap:
+            continue
+        press = 2e-3 * build.pressure_kpa * pouch_contact_mm2(length, width, gap) if width else 0.0
+        found.append((turn, press))
+    found.sort()
+
+    def amplified(friction: float) -> list[float]:
+        most = [limit / (press * friction) if press else math.inf for _, press in found]
+        return [
+            min(math.exp(friction * turn), cap) for (turn, _), cap in zip(found, most, strict=True)
+        ]
+
+    score = amplified(task.friction)
+    count = math.ceil(len(found) * 2.0 / 3.0 - 1e-9)
+    return {
+        "score": sum(score),
+        "leaves": leaves,
+        "engaged": len(found),
+        "mean_turn_rad": sum(t for t, _ in found) / len(found) if found else 0.0,
+        "largest_turn_rad": max((t for t, _ in found), default=0.0),
+        "low": sum(amplified(task.friction_low)[:count]),
+        "high": sum(amplified(task.friction_high)),
+        "force_n": task.friction * sum(h * p for h, (_, p) in zip(score, found, strict=True)),
+        "capped": sum(
+            h < math.exp(task.friction * t) - 1e-12 for h, (t, _) in zip(score, found, strict=True)
+        ),
+    }
+
+
+def batch_of(body: str, pouch: Pouch | None) -> tuple[Batch, list[PreparedMap]]:
+    """Designs with and without a pouch on two maps."""
+    fan = Level(branches=3, length_mm=90.0, fan_rad=2.0, growth=0.7)
+    deep, flat, bare = Build.standard(3, 24.0), Build.standard(2, 20.0), Build.standard(1, 20.0)
+    designs = [
+        Design(
+            name="a", trunk_length_mm=120.0, levels=(fan, fan), build=replace(deep, pouch=pouch)
+        ),
+        Design(name="b", trunk_length_mm=150.0, levels=(fan,), build=replace(flat, pouch=pouch)),
+        Design(name="c", trunk_length_mm=300.0, build=bare),
+    ]
+    options = GrowthOptions(body=body, children_of_stuck="deploy")
+    sites = [PreparedMap.of(grid_map(2)), PreparedMap.of(cave_map(1))]
+    poses = [draw_poses(site.world, 4, 3, clearance_mm=8.0) for site in sites]
+    launches = Launches.of(TerrainSet([site.terrain for site in sites]), poses)
+    return Batch(Plans.of(designs, options), launches, options), sites
+
+
+@pytest.mark.parametrize(
+    ("task", "pouch", "body"),
+    [
+        (Anchoring(), None, "centerline"),
+        (Anchoring(), RECTANGLE, "centerline"),
+        (Anchoring(), ROUND, "inflated"),
+        (Anchoring(pouch_length_mm=20.0, pouch_width_mm=60.0), RECTANGLE, "centerline"),
+        (Anchoring(count_joint_angles=True), RECTANGLE, "inflated"),
+        (Anchoring(only_full_length=True), RECTANGLE, "centerline"),
+        (Anchoring(film_n_mm=0.02, seam_n_mm=0.004), RECTANGLE, "centerline"),
+        (Anchoring(seam_n_mm=0.004, count_joint_angles=True), RECTANGLE, "inflated"),
+    ],
+)
+def test_blocks_are_scored_as_leaf_by_leaf(task: Anchoring, pouch: Pouch | None, body: str) -> None:
+    batch, sites = batch_of(body, pouch)
+    contexts = [site.context for site in sites]
+    seen = dict.fromkeys(("engaged", "leaves", "capped", "force_n"), 0.0)
+    for size in (100, 5):
+        for score, terms, plain in batch.each(
+            lambda block: (
+                *task.evaluate_block(block, contexts),
+                [
+                    plainly(
+                        task,
+                        block.deployment(index),
+                        contexts[block.terrain[index]],
+                        block.plans.each[block.plan[index]].build,
+                    )
+                    for index in range(len(block))
+                ],
+            ),
+            size=size,
+        ):
+            for index, expected in enumerate(plain):
+                found = {"score": score[index], **{n: v[index] for n, v in terms.items()}}
+                assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
+            for name in seen:
+                seen[name] += float(terms[name].sum())
+    assert 0.0 < seen["engaged"] <= seen["leaves"]
+    assert (seen["engaged"] < seen["leaves"]) == (pouch is not None)
+    assert (seen["force_n"] > 0.0) == (pouch is not None)
+    assert (seen["capped"] > 0.0) == (task.seam_n_mm > 0.0)
+
+
+def test_a_growth_is_worth_the_same_alone_and_among_others() -> None:
+    task = Anchoring(pouch_length_mm=20.0, pouch_width_mm=60.0, count_joint_angles=True)
+    batch, sites = batch_of("centerline", None)
+    contexts = [site.context for site in sites]
+
+    def work(block):
+        alone = [
+            task.evaluate(block.deployment(k), contexts[block.terrain[k]])
+            for k in range(len(block))
+        ]
+        return task.evaluate_block(block, contexts), alone
+
+    for together, alone in batch.each(work, size=7):
+        for index, (score, terms) in enumerate(alone):
+            found, found_terms = together.one(index)
+            assert found == score
+            # What a pouch presses with is the design's pressure, which a deployment lacks.
+            assert {**found_terms, "force_n": 0.0} == dict(terms)
+
+
+def test_gaps_by_cells_are_those_of_all_edges(pillar_room: Map) -> None:
+    """Tips inside, on walls and corners, of bodies along walls, across them and anyhow."""
+    rng = np.random.default_rng(8)
+    for world in (pillar_room, grid_map(1), cave_map(1)):
+        context = MapContext.of(world)
+        low, high = context.edges_mm.min(axis=(0, 1)), context.edges_mm.max(axis=(0, 1))
+        edges = context.edges_mm[rng.choice(len(context.edges_mm), 25)]
+        on_walls = edges[:, 0] + rng.random((25, 1)) * (edges[:, 1] - edges[:, 0])
+        tips = np.concatenate([rng.uniform(low, high, (50, 2)), on_walls, edges[:, 1]])
+        along = edges[:, 1] - edges[:, 0]
+        normal = np.column_stack([along[:, 1], -along[:, 0]])
+        steps = np.concatenate([rng.normal(size=(25, 2)), np.tile([[1.0, 0.0]], (25, 1))])
+        bases = tips - np.concatenate([steps, along, normal])
+        points = np.stack([bases, tips], axis=1).reshape(-1, 2)
+        gaps = gaps_mm(points, np.arange(1, len(points), 2), context)
+        for chain, gap in zip(points.reshape(-1, 2, 2), gaps.tolist(), strict=True):
+            assert gap == pytest.approx(plain_gap(chain, context), abs=1e-9)
+
+
+# --- Leaves that hold ------------------------------------------------------------------------
+
+
+@pytest.fixture
+def engaged() -> EngagedLeaves:
+    """Three leaves of one robot, none of the next, and one of the third, which has no limit."""
+    return EngagedLeaves(
+        growths=3,
+        growth=np.array([0, 0, 0, 2]),
+        turns_rad=np.array([0.0, 1.0, 2.0, 3.0]),
+        press_n=np.array([2.0, 2.0, 0.0, 2.0]),
+        limit_n=np.array([0.9, 0.9, 0.9, np.inf]),
+    )
+
+
+def test_a_leaf_holds_e_to_the_turn_or_what_film_and_seam_stand(engaged: EngagedLeaves) -> None:
+    # Where the pouch's press is not known, nothing says how near the limit is.
+    assert engaged.amplifications(0.3) == pytest.approx([math.exp(0.3 * t) for t in range(4)])
+    assert engaged.amplifications(0.8) == pytest.approx(
+        [0.9 / 1.6, 0.9 / 1.6, math.exp(1.6), math.exp(2.4)]
+    )
+    assert engaged.amplifications(0.0).tolist() == [1.0] * 4
+
+
+def test_sums_and_largest_turns_are_per_robot(engaged: EngagedLeaves) -> None:
+    assert engaged.summed(engaged.turns_rad).tolist() == [3.0, 0.0, 3.0]
+    assert engaged.largest_turns_rad().tolist() == [2.0, 0.0, 3.0]
+
+
+def test_the_share_that_turned_least_is_rounded_up(engaged: EngagedLeaves) -> None:
+    assert engaged.are_among_first(2.0 / 3.0).tolist() == [True, True, False, True]
+    assert engaged.are_among_first(0.5).tolist() == [True, True, False, True]
+    assert engaged.are_among_first(1.0 / 3.0).tolist() == [True, False, False, True]
+
+
+def test_robots_without_an_engaged_leaf_hold_nothing() -> None:
+    nothing = np.zeros(0)
+    engaged = EngagedLeaves(
+        growths=2,
+        growth=np.zeros(0, dtype=np.int64),
+        turns_rad=nothing,
+        press_n=nothing,
+        limit_n=nothing,
+    )
+    sums = engaged.summed(engaged.amplifications(0.3))
+    assert sums.dtype == np.float64
+    assert sums.tolist() == engaged.largest_turns_rad().tolist() == [0.0, 0.0]
+    assert len(engaged.are_among_first(0.5)) == 0

@@ -16,29 +16,29 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map
 from vinefab.tasks.evaluate import PreparedMap
+from vinefab.tasks.fast_areas import STRIPS_PER_RADIUS, Chains
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.raster_areas import STRIPS_PER_RADIUS, Chains
 from vinefab.tasks.reach import QUARTER_SEGMENTS, Reach, near_chains
 from vinefab.tasks.task import one_by_one
 
 
 def test_a_straight_body_reaches_a_stadium(
-    fork: Design, ended: Callable[..., Deployment], room_ground: MapContext
+    fork: Design, ended: Callable[..., Deployment], room_context: MapContext
 ) -> None:
     end = ended(fork, [[(300, 500), (700, 500)], None, None])
-    share, terms = Reach(buffer_mm=40.0).evaluate(end, room_ground)
+    share, terms = Reach(buffer_mm=40.0).evaluate(end, room_context)
     stadium = 400.0 * 80.0 + math.pi * 40.0**2
     assert share * 1e6 == pytest.approx(stadium, rel=2e-3)
     assert terms["grown_mm"] == 400.0
 
 
-def test_solid_ground_is_not_reached(
+def test_solid_places_are_not_reached(
     fork: Design, ended: Callable[..., Deployment], pillar_room: Map
 ) -> None:
-    ground = MapContext.of(pillar_room)
+    context = MapContext.of(pillar_room)
     end = ended(fork, [[(0, 50), (400, 50)], None, None])
     # A band from y = 0 to 110 over the whole width, less the pillar's lower 10 mm.
-    share, terms = Reach(buffer_mm=60.0).evaluate(end, ground)
+    share, terms = Reach(buffer_mm=60.0).evaluate(end, context)
     assert terms["reached_mm2"] == pytest.approx(400 * 110 - 100 * 10)
     assert share == pytest.approx(terms["reached_mm2"] / (400 * 300 - 100**2 - 5000))
 
@@ -50,11 +50,11 @@ def test_a_buffer_without_width_is_refused() -> None:
 
 def test_cells_stay_within_the_band_that_is_proven(pillar_room: Map) -> None:
     """Fast lies between the exact areas for buffers half a cell's diagonal smaller and larger."""
-    ground = MapContext.of(pillar_room)
+    context = MapContext.of(pillar_room)
     rng = np.random.default_rng(6)
     for buffer_mm in (5.0, 40.0, 90.0):
         half = buffer_mm / STRIPS_PER_RADIUS / math.sqrt(2.0)
-        raster = ground.raster(buffer_mm)
+        raster = context.raster(buffer_mm)
         for count in (1, 4, 12):
             points = rng.uniform((0, 0), (400, 300), (count + 1, 2))
             ends = np.array([0, count + 1])
@@ -62,11 +62,11 @@ def test_cells_stay_within_the_band_that_is_proven(pillar_room: Map) -> None:
             (fast,) = raster.reached_mm2(chains).tolist()
             line = shapely.LineString(points)
             least, most = (
-                shapely.intersection(line.buffer(buffer_mm + d, quad_segs=64), ground.free).area
+                shapely.intersection(line.buffer(buffer_mm + d, quad_segs=64), context.free).area
                 for d in (-half, half)
             )
             assert least - 1e-6 * most < fast < most * (1.0 + 1e-3)
-            exact = shapely.intersection(line.buffer(buffer_mm, quad_segs=64), ground.free).area
+            exact = shapely.intersection(line.buffer(buffer_mm, quad_segs=64), context.free).area
             assert fast == pytest.approx(exact, rel=1e-2)
 
 
@@ -81,10 +81,10 @@ def test_the_bound_holds_for_robots_with_branches() -> None:
             chains = [end.chain_mm(k).tolist() for k in np.flatnonzero(end.deployed)]
             for buffer_mm in (8.0, 40.0):
                 task = Reach(buffer_mm=buffer_mm, area="fast")
-                fast = task.evaluate(end, site.ground)[1]["reached_mm2"]
+                fast = task.evaluate(end, site.context)[1]["reached_mm2"]
                 half = buffer_mm / STRIPS_PER_RADIUS / math.sqrt(2.0)
                 least, most = (
-                    shapely.intersection(near_chains(chains, buffer_mm + d), site.ground.free).area
+                    shapely.intersection(near_chains(chains, buffer_mm + d), site.context.free).area
                     for d in (-half, half)
                 )
                 # The exact shape's round ends are polygons of 0.04 % less area.
@@ -94,9 +94,9 @@ def test_the_bound_holds_for_robots_with_branches() -> None:
 def test_a_body_that_reaches_everything_reaches_the_free_area(
     fork: Design, ended: Callable[..., Deployment], pillar_room: Map
 ) -> None:
-    ground = MapContext.of(pillar_room)
+    context = MapContext.of(pillar_room)
     end = ended(fork, [[(0, 50), (400, 50)], None, None])
-    share, terms = Reach(buffer_mm=1000.0, area="fast").evaluate(end, ground)
+    share, terms = Reach(buffer_mm=1000.0, area="fast").evaluate(end, context)
     assert share == pytest.approx(1.0)
     assert terms["grown_mm"] == 400.0
 
@@ -113,11 +113,11 @@ def test_blocks_score_as_single_deployments_do(body: str, same: Callable[..., bo
     poses = [draw_poses(site.world, 3, 5, clearance_mm=14.0) for site in sites]
     launches = Launches.of(TerrainSet([site.terrain for site in sites]), poses)
     batch = Batch(Plans.of(designs, options), launches, options)
-    grounds = [site.ground for site in sites]
+    contexts = [site.context for site in sites]
     for task in (Reach(area="fast"), Reach(area="fast", buffer_mm=0.1), Reach()):
         for size in (1, 5, 100):
             pairs = batch.each(
-                lambda b, t=task: (t.evaluate_block(b, grounds), one_by_one(t, b, grounds)),
+                lambda b, t=task: (t.evaluate_block(b, contexts), one_by_one(t, b, contexts)),
                 size=size,
             )
             for together, alone in pairs:

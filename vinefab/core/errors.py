@@ -16,7 +16,7 @@ class VinefabError(Exception):
 
 
 class BadInputError(VinefabError, ValueError):
-    """A value that a user gave cannot be used.
+    """A value given by a user is not allowed.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class BadInputError(VinefabError, ValueError):
         return f"{where}{self.key} {given}; allowed: {self.allowed}"
 
     def at(self, source: str | Path) -> "BadInputError":
-        """Return the same error with the file that it came from."""
+        """Return the same error with the file that holds the value."""
         return type(self)(self.key, self.value, self.allowed, source)
 
 
@@ -82,12 +82,12 @@ class UnknownNameError(VinefabError, KeyError):
         return f"{where}no {self.kind} is called {self.name!r}{hint}; {there}"
 
     def at(self, source: str | Path) -> "UnknownNameError":
-        """Return the same error with the file that it came from."""
+        """Return the same error with the file that holds the name."""
         return type(self)(self.kind, self.name, self.known, source, self.problem)
 
 
 class ForeignFileError(VinefabError, FileExistsError):
-    """The place to write to is taken by something else."""
+    """The path to write to holds something that vinefab did not write."""
 
     def __init__(
         self, path: str | Path, problem: str = "exists and was not written by vinefab"
@@ -101,7 +101,7 @@ class ForeignFileError(VinefabError, FileExistsError):
 
 
 class CannotWriteError(VinefabError, OSError):
-    """The system refused to write; nothing that was there before has changed."""
+    """The system refused to write; existing files are unchanged."""
 
     def __init__(self, path: str | Path, problem: str) -> None:
         self.path = str(path)
@@ -113,7 +113,7 @@ class CannotWriteError(VinefabError, OSError):
 
 
 class WorkersLostError(VinefabError, ConnectionError):
-    """Nobody is left to do the work; what was done is kept."""
+    """All workers are lost; finished work is kept."""
 
     def __init__(self, where: str, problem: str) -> None:
         self.where = where
@@ -121,11 +121,11 @@ class WorkersLostError(VinefabError, ConnectionError):
         super().__init__(where, problem)
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.problem}; --resume goes on with what is recorded"
+        return f"{self.where}: {self.problem}; --resume continues the recorded run"
 
 
 class InterruptedRunError(VinefabError, InterruptedError):
-    """The user stopped something that can go on later."""
+    """The user interrupted a command that can be resumed."""
 
     def __init__(self, done: str, command: str) -> None:
         self.done = done
@@ -133,11 +133,11 @@ class InterruptedRunError(VinefabError, InterruptedError):
         super().__init__(done, command)
 
     def __str__(self) -> str:
-        return f"interrupted; {self.done}; to go on: {self.command}"
+        return f"interrupted; {self.done}; to resume: {self.command}"
 
 
 class ReadBackError(VinefabError, ValueError):
-    """A file just written does not say, read again, what it was meant to say."""
+    """A file just written differs from its content when read back."""
 
     def __init__(self, path: str | Path, problem: str) -> None:
         self.path = str(path)
@@ -150,9 +150,9 @@ class ReadBackError(VinefabError, ValueError):
 
 @contextmanager
 def located(source: str | Path) -> Iterator[None]:
-    """Say of every wrong value and unknown name in a block which file it came from.
+    """Add a file to the errors about wrong values and unknown names that a block raises.
 
-    One that is known to come from another file, which this one names, keeps that.
+    An error that already names its file keeps it.
     """
     try:
         yield

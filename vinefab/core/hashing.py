@@ -20,10 +20,10 @@ def sha256_of_file(path: Path) -> str:
 
 
 def fingerprint(*parts: object) -> str:
-    """Return 12 hexadecimal digits that name a tuple of plain values.
+    """Return 12 hexadecimal digits that identify a tuple of plain values.
 
-    Round floats before handing them in: a fingerprint that a user keeps in a file must survive
-    changes below the precision that matters.
+    Round floats first: a fingerprint that a user keeps in a file must survive changes below the
+    precision that matters.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""JSON as vinefab writes it: deterministic, without NaN, with numpy values allowed."""
+"""JSON as vinefab writes it: deterministic, without NaN, numpy values allowed."""
 
 import json
 from collections.abc import Mapping
@@ -8,7 +8,7 @@ import numpy as np
 from vinefab import __version__
 
 GENERATOR = f"written by vinefab {__version__}"
-"""The mark by which vinefab knows its own files again (see `vinefab.core.atomic`)."""
+"""The mark of files that vinefab wrote (see `vinefab.core.atomic`)."""
 
 
 def json_text(schema: str, content: Mapping[str, object]) -> str:

@@ -1,4 +1,4 @@
-"""Keeping a folder to one process at a time."""
+"""Folder locks: one process at a time."""
 
 import os
 from pathlib import Path
@@ -7,19 +7,19 @@ from vinefab.core.errors import CannotWriteError
 
 
 def lock_folder(folder: Path, problem: str) -> int | None:
-    """Take a folder for this process, until the handle is closed or the process ends.
+    """Lock a folder for this process until the handle is closed or the process ends.
 
-    Nothing is written. Where the system has no such locks (not every network file system has),
-    nobody is kept out.
+    Nothing is written. Where the system has no such locks (as on some network file systems), the
+    folder stays unlocked.
     """
     if os.name != "posix":
         return None
-    import fcntl  # noqa: PLC0415 - there is none on other systems
+    import fcntl  # noqa: PLC0415  exists on POSIX systems only
 
     try:
         handle = os.open(folder, os.O_RDONLY)
     except OSError:
-        return None  # what is to be written there will tell
+        return None  # writing there will report the problem
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:

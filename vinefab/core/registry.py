@@ -1,4 +1,4 @@
-"""Named collections of parts that users may add to, and parts built from a table of parameters."""
+"""Registries of named parts, extended by plug-ins, and parts built from a table of parameters."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
@@ -10,7 +10,7 @@ from vinefab.core.errors import BadInputError, UnknownNameError, nearest
 T = TypeVar("T")
 
 _BROKEN_PLUGIN = (ImportError, AttributeError, NameError, SyntaxError, TypeError, ValueError)
-"""What loading somebody else's module raises when it is broken."""
+"""Errors that importing a broken plug-in raises."""
 
 
 class Registry(Mapping[str, T], Generic[T]):
@@ -19,9 +19,9 @@ class Registry(Mapping[str, T], Generic[T]):
     Attributes
     ----------
     broken
-        Plug-ins that could not be loaded: name and what went wrong, to be shown to the user.
+        Plug-ins that do not load: name and problem, to be shown to the user.
     packages
-        The installed packages that plug-ins come from, by the parts' names.
+        Package of each plug-in, by the part's name.
 
     Examples
     --------
@@ -63,8 +63,8 @@ class Registry(Mapping[str, T], Generic[T]):
     def load_plugins(self) -> None:
         """Add the parts that installed packages offer, once.
 
-        Looking for a name that vinefab does not have does so too: every command and every process
-        of a run then finds plug-ins, and nobody else waits for them. A built-in name is never
+        Looking up a name that vinefab lacks does so too: every command and every process of a run
+        finds plug-ins, and only those that need them wait for them. A built-in name is never
         replaced.
         """
         group, self._group = self._group, ""
@@ -85,7 +85,7 @@ class Registry(Mapping[str, T], Generic[T]):
 
 
 def with_parameters(part: Callable[..., T], key: str, parameters: Mapping[str, object]) -> T:
-    """Return a part made with its defaults and what the user gave."""
+    """Return a part built from its defaults and the given parameters."""
     known = {field.name: field.default for field in fields(part)} if is_dataclass(part) else {}
     values = {}
     for name, value in parameters.items():
@@ -97,7 +97,7 @@ def with_parameters(part: Callable[..., T], key: str, parameters: Mapping[str, o
 
 
 def _like(key: str, value: object, default: object) -> object:
-    """Return a value as the kind that its default is of."""
+    """Return a value converted to the type of its default."""
     if isinstance(default, bool) or isinstance(value, bool):
         fits = isinstance(default, bool) and isinstance(value, bool)
     elif isinstance(default, float):

@@ -1,4 +1,4 @@
-"""Seeded generators: one child per thing that draws, so that order and workers do not matter."""
+"""Seeded generators: one child per draw, so that results depend on neither order nor workers."""
 
 import numpy as np
 
@@ -9,8 +9,8 @@ def child(seed: int, *path: int) -> np.random.Generator:
     Parameters
     ----------
     path
-        Where in the job the draw happens (generation, candidate, map, ...). The same path gives
-        the same stream, whatever was drawn elsewhere.
+        Place of the draw (generation, candidate, map, ...). The same path gives the same stream,
+        whatever is drawn elsewhere.
 
     Examples
     --------

@@ -1,6 +1,6 @@
-"""Statistics without assumptions about distributions: bootstrap, sign flips, Holm.
+"""Distribution-free statistics: bootstrap, sign-flip test, Holm's correction.
 
-Evaluations on one map are alike, so maps and not evaluations are what is resampled.
+Evaluations on one map are correlated, so maps are resampled, not evaluations.
 """
 
 from collections.abc import Hashable, Sequence
@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vinefab.core.rng import child
+from vinefab.core.validation import Floats
 
 RESAMPLES = 4000
 MOST_EXACT = 14
-"""Up to so many differences every pattern of signs is tried: 2^14 of them."""
+"""Up to so many differences all patterns of signs are enumerated: 2^14."""
 
 _BOOTSTRAP, _FLIPS = 1701, 1702
-
-Floats = NDArray[np.float64]
 
 
 def group_means(values: ArrayLike, groups: Sequence[Hashable]) -> Floats:
@@ -75,12 +74,12 @@ def sign_flip_p(differences: ArrayLike, seed: int = 0) -> float:
         return float(np.mean(_at_least(means, values.sum())))
     signs = child(seed, _FLIPS).choice([-1.0, 1.0], (5 * RESAMPLES, count))
     hits = int(np.count_nonzero(_at_least(signs @ values, values.sum())))
-    # The pattern that was seen is one of them: a p-value is never 0.
+    # The observed pattern is one of them: a p-value is never 0.
     return (hits + 1) / (5 * RESAMPLES + 1)
 
 
 def holm(p_values: Sequence[float]) -> tuple[float, ...]:
-    """Return p-values adjusted for being several, by Holm's step-down method.
+    """Return p-values adjusted for multiple tests by Holm's step-down method.
 
     Examples
     --------
@@ -95,6 +94,6 @@ def holm(p_values: Sequence[float]) -> tuple[float, ...]:
 
 
 def _at_least(sums: Floats, seen: float) -> NDArray[np.bool_]:
-    """Tell which sums are as far from 0 as the one seen, rounding allowed for."""
+    """Tell which sums are at least as far from 0 as the observed one, up to rounding."""
     slack = 1e-12 * (1.0 + abs(seen))
     return np.asarray(np.abs(sums) >= abs(seen) - slack)

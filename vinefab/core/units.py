@@ -1,4 +1,4 @@
-"""Conversions at the edge: angles are radians inside and degrees in files and on screen."""
+"""Unit conversions: angles are radians in code and degrees in files and on screen."""
 
 import math
 

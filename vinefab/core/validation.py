@@ -1,4 +1,4 @@
-"""Checks of numbers and arrays that dataclasses share when they are built."""
+"""Checks of numbers and arrays that dataclasses share, and read-only arrays."""
 
 import math
 
@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 LARGEST_MM = 1e7
-"""No length or coordinate may exceed this (10 km): beyond it a unit was surely mixed up."""
+"""Limit of lengths and coordinates (10 km): a larger one is a mixed-up unit."""
 
 
 def number(key: str, value: float, low: float, high: float, unit: str = "") -> float:

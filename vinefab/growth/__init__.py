@@ -1,1 +1,7 @@
-"""How a design deploys on a map: compiled kernel, readable twin, terrain, growths and batches."""
+"""Growth: how a design deploys on a map.
+
+Other rooms use ``simulator`` (`grow`: one design, one pose), ``terrain`` (`Terrain`), ``options``
+(`GrowthOptions`), ``plan`` (`Plan`, `Plans`) and ``batch`` (`Batch`, `Block`, `Launches`,
+`TerrainSet`: many growths at once). The compiled ``kernel`` and its readable twin ``reference``
+run the same tests.
+"""

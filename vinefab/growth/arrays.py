@@ -1,4 +1,4 @@
-"""The arrays of a batch: several maps, several trees, and which tree grows where.
+"""Arrays of the growth engines: walls, trees, rules, launches, results, and those of a batch.
 
 `vinefab.growth.kernel.grow_jobs` takes them as they are.
 """
@@ -75,7 +75,7 @@ class TreeArrays(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """What decides the growth beside the geometry.
+    """The parameters of the growth rules.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class Rules(NamedTuple):
     tolerance_rad
         Directions that differ by up to this count as parallel.
     most_events
-        A branch with so many events is ended as ``corner``: a guard, never reached in tests.
+        Limit of a branch's events; it then ends as ``corner``. A guard, never reached in tests.
     """
 
     head_on_half_angle_rad: float
@@ -99,7 +99,7 @@ class Rules(NamedTuple):
 
 
 class Launch(NamedTuple):
-    """Where the trunk is launched.
+    """The launch of a trunk.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class Launch(NamedTuple):
 
 
 class Growth(NamedTuple):
-    """What the engines write, for n branches and room for p chain points.
+    """Results of the engines, for n branches and room for p chain points.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ class Growth(NamedTuple):
 
     @classmethod
     def empty(cls, branches: int, room: int) -> "Growth":
-        """Return arrays for so many branches with room for so many chain points."""
+        """Return empty arrays for a number of branches, with room for chain points."""
         return cls(
             points=np.zeros((room, 2)),
             first_point=np.zeros(branches + 1, dtype=np.int64),
@@ -209,7 +209,7 @@ class TerrainSetArrays(NamedTuple):
 
     @classmethod
     def of(cls, pages: Sequence[WallArrays], tolerances_mm: Sequence[float]) -> "TerrainSetArrays":
-        """Return the atlas of some maps' walls. A single page is not copied."""
+        """Return the pages of some maps' walls together. A single page is not copied."""
         sizes = [(len(p.wall), len(p.vertex), len(p.wall_first), len(p.wall_item)) for p in pages]
         offset = np.zeros((len(pages) + 1, 4), dtype=np.int64)
         np.cumsum(sizes, axis=0, out=offset[1:])
@@ -266,7 +266,7 @@ class TreesArrays(NamedTuple):
 
 
 class JobArrays(NamedTuple):
-    """What a batch is to grow: j pairs of a tree and a launch.
+    """The jobs of a batch: j pairs of a tree and a launch.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Many growths at once: every one of some designs from every one of some launches."""
+"""Batches of growths: every design from every launch."""
 
 import itertools
 import math
@@ -19,11 +19,11 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Pose
 
 MOST_KEPT = 8
-"""Sets of radii whose arrays are kept; then the oldest is dropped."""
+"""Arrays are kept for so many sets of radii, then the oldest are dropped."""
 
 
 class TerrainSet:
-    """Terrains whose walls are put together once and then used by many batches."""
+    """Terrains whose walls are concatenated once and used by many batches."""
 
     __slots__ = ("_kept", "_making", "terrains")
 
@@ -33,9 +33,9 @@ class TerrainSet:
         self._making = threading.Lock()
 
     def arrays(self, radii_mm: tuple[float, ...]) -> TerrainSetArrays:
-        """Return the walls of all terrains for some body radii: one page for each pair.
+        """Return the walls of all terrains for some body radii, one page for each pair.
 
-        Several threads may ask at once.
+        Thread-safe.
         """
         with self._making:
             if radii_mm not in self._kept:
@@ -52,7 +52,7 @@ class TerrainSet:
 
 
 class Workspace:
-    """Arrays that are made once and used again: asking for memory costs as much as growing."""
+    """Arrays that are allocated once and reused: allocation costs as much as growth."""
 
     __slots__ = ("_growth",)
 
@@ -60,7 +60,7 @@ class Workspace:
         self._growth = Growth.empty(0, 0)
 
     def growth(self, jobs: int, branches: int, room: int) -> Growth:
-        """Return cleared arrays for several trees one after the other."""
+        """Return cleared arrays for several jobs, concatenated."""
         held = self._growth
         if branches + jobs >= len(held.first_point) or room > len(held.points):
             held = self._growth = Growth.empty(2 * (branches + jobs), 2 * room)
@@ -90,14 +90,14 @@ class Workspace:
 
 
 BLOCK = 128
-"""Growths in one compiled call: long enough to forget the call, small enough for the caches."""
+"""Growths in one compiled call: enough to amortize the call, few enough for the caches."""
 
 
 Result = TypeVar("Result")
 
 
 class BlockMapper(Protocol):
-    """How blocks are worked off: `map`, or that of a pool of threads."""
+    """How blocks are processed: `map`, or that of a pool of threads."""
 
     def __call__(self, function: Callable[[Any], Any], items: Iterable[Any], /) -> Iterable[Any]:
         """Return the function's results in the order of the items."""
@@ -106,19 +106,32 @@ class BlockMapper(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Launches:
-    """Places on maps to launch trunks from, l of them."""
+    """The l poses on maps that trunks are launched from."""
 
-    atlas: TerrainSet  # the maps
+    atlas: TerrainSet  # the maps' terrains
     terrain: Ints  # index of the map of each launch, shape (l,)
     poses: tuple[Pose, ...]  # the poses, one per launch
     start: Floats  # base x and y (mm) and heading ux, uy of each trunk, shape (l, 4)
 
     @classmethod
     def of(cls, atlas: TerrainSet, poses: Sequence[Sequence[Pose]]) -> "Launches":
-        """Return the launches from some poses on each map."""
+        """Return the launches from the poses on each map.
+
+        Parameters
+        ----------
+        atlas
+            The maps.
+        poses
+            Poses on each map, at least one in all.
+
+        Raises
+        ------
+        BadInputError
+            If a pose is inside an obstacle or outside the bounds.
+        """
         flat = tuple(pose for places in poses for pose in places)
         bases = [t.starts_mm(places) for t, places in zip(atlas.terrains, poses, strict=True)]
-        # As `grow` does it: the cosine of numpy differs in the last digit.
+        # As in `grow`: numpy's cosine differs in the last digit.
         headings = [(math.cos(pose.heading_rad), math.sin(pose.heading_rad)) for pose in flat]
         return cls(
             atlas=atlas,
@@ -133,18 +146,18 @@ class Launches:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Block:
-    """Some growths of a batch, finished."""
+    """Finished growths of a batch, j of them."""
 
-    # plan, launch: which design and which launch each is, shape (j,)
+    # plan, launch: index of the design and of the launch of each, shape (j,)
     plan: Ints
     launch: Ints
-    # plans, launches: those of the batch
+    # plans, launches: of the whole batch
     plans: Plans
     launches: Launches
     # branch, room: where each growth's branches and chain points begin, shape (j + 1,)
     branch: Ints
     room: Ints
-    growth: Growth  # the results, growth by growth
+    growth: Growth  # the results, concatenated
 
     def __len__(self) -> int:
         return len(self.plan)
@@ -155,7 +168,7 @@ class Block:
         return self.launches.terrain[self.launch]
 
     def by_terrain(self) -> list[tuple[int, int, int]]:
-        """Return the growths ``one .. two - 1`` of each map as (map, one, two)."""
+        """Return (map, one, two) for each map: its growths are ``one .. two - 1``."""
         terrain = self.terrain
         edges = np.flatnonzero(np.diff(terrain, prepend=-1, append=-1)).tolist()
         return [(int(terrain[one]), one, two) for one, two in itertools.pairwise(edges)]
@@ -165,7 +178,7 @@ class Block:
         return self.plans.lengths_mm[self.plan]
 
     def tips_mm(self) -> tuple[Floats, Ints]:
-        """Return the tips of all deployed branches, and where each growth's begin."""
+        """Return the tips of all deployed branches, shape (m, 2), and where each growth's begin."""
         from vinefab.growth import batch_kernel  # noqa: PLC0415  numba takes a second to import
 
         tips_mm, first = np.empty((len(self.growth.stop), 2)), np.empty_like(self.branch)
@@ -202,11 +215,22 @@ class Block:
 class Batch:
     """Every design from every launch: growth number ``launch * designs + design``.
 
+    Parameters
+    ----------
+    plans
+        The designs.
+    launches
+        The poses on maps.
+    options
+        Options of the growth model, the same that the plans were made with.
+    idle
+        Workspaces shared with other batches; threads take and return them.
+
     Notes
     -----
-    The work is cut into blocks of a fixed size, whatever the number of threads. Each is one
+    The batch is split into blocks of a fixed size, whatever the number of threads. Each is one
     compiled call (one per level for inflated bodies) without the interpreter lock. Blocks share
-    nothing that is written to, so results do not depend on who works them off.
+    nothing that is written to, so results do not depend on the threads.
     """
 
     def __init__(
@@ -230,18 +254,18 @@ class Batch:
     def each(
         self, work: Callable[[Block], Result], over: BlockMapper = map, size: int = BLOCK
     ) -> Iterator[Result]:
-        """Grow everything, and give what some work makes of each block, in order.
+        """Grow all blocks and yield the result of ``work`` on each, in order.
 
         Parameters
         ----------
         work
-            Called with every block where it was grown. The block's arrays are used again
-            afterwards: what is to last must be copied.
+            Called with every block in the thread that grew it. The block's arrays are reused
+            afterwards: copy what must last.
         """
         yield from over(lambda first: self.worked(first, size, work), range(0, len(self), size))
 
     def worked(self, first: int, size: int, work: Callable[[Block], Result]) -> Result:
-        """Grow some growths, and return what some work makes of them."""
+        """Grow ``size`` growths from ``first`` on, and return the result of ``work`` on them."""
         try:
             scratch = self._idle.pop()
         except IndexError:
@@ -251,12 +275,12 @@ class Batch:
         return result
 
     def deployments(self, over: BlockMapper = map) -> list[Deployment]:
-        """Grow everything and return what `vinefab.growth.simulator.grow` would for each growth."""
+        """Return every growth as `vinefab.growth.simulator.grow` does."""
         blocks = self.each(lambda b: [b.deployment(k) for k in range(len(b))], over)
         return [deployment for block in blocks for deployment in block]
 
     def _block(self, first: int, size: int, scratch: Workspace) -> Block:
-        """Grow the growths ``first .. first + size - 1``, as far as there are any."""
+        """Grow the growths ``first .. first + size - 1``, as far as they exist."""
         launch, plan = np.divmod(np.arange(first, min(first + size, len(self))), len(self.plans))
         room_each = POINTS_PER_BRANCH
         while (block := self._grown(plan, launch, room_each, scratch)) is None:
@@ -275,7 +299,7 @@ class Batch:
             jobs.page[:] = self._page[terrain, spans.radius[plan, span]]
             jobs.until[:] = spans.until[plan, span]
             for job in np.flatnonzero(spans.is_wider[plan, span]).tolist():
-                self._look_for_room(job, jobs, growth, span)
+                self._mark_fits(job, jobs, growth, span)
             kernel.grow_jobs(self._walls, trees, self._rules, jobs, growth, 0, len(plan))
             if (jobs.done < jobs.until).any():
                 return None
@@ -305,8 +329,8 @@ class Batch:
             until=np.zeros(len(plan), dtype=np.int64),
         )
 
-    def _look_for_room(self, job: int, jobs: JobArrays, growth: Growth, level: int) -> None:
-        """Mark the branches of one job's next span that have no room where they start."""
+    def _mark_fits(self, job: int, jobs: JobArrays, growth: Growth, level: int) -> None:
+        """Mark which branches of one job's next span have room at their base."""
         plan = int(jobs.tree[job])
         first, last = int(jobs.done[job]), int(jobs.until[job])
         start = jobs.start[job, None, :2]

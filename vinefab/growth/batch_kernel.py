@@ -1,7 +1,7 @@
-"""Compiled bookkeeping around many growths: what would take Python as long as growing them.
+"""Compiled bookkeeping around batches, which Python would spend as long on as on growth.
 
-Like `vinefab.growth.kernel` it imports nothing of ours, because a compiled file does not notice
-when another file changes.
+Like `vinefab.growth.kernel` it imports no module of vinefab but `core.compiling`: the cache of a
+compiled file does not notice changes of another.
 """
 
 from vinefab.core.compiling import compiled, inlined
@@ -13,7 +13,7 @@ from vinefab.core.compiling import compiled, inlined
 
 @compiled
 def plan_trees(depth, trunk, branches, fan, size, growth, first, parent, level, offset, length):
-    """Write down the branches of trees that branch alike on each level, parents first.
+    """Write the branches of trees that branch alike on each level, parents first.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def _evenly(first, last, index, count):
 
 @compiled
 def gather_tips(branch, room, points, first_point, stop, hidden, tips, first):
-    """Write down the tips of all branches that emerged, growth by growth; return how many.
+    """Write the tips of all branches that emerged, growth by growth; return their number.
 
     Parameters
     ----------

@@ -1,9 +1,10 @@
 """The compiled growth simulator: event by event, in closed form, without a time step.
 
-`vinefab.growth.reference` is the same model in plain Python, with the same names for the rules.
-All that grows a branch is in this file, and it imports nothing of ours, because a compiled file
-does not notice when another file changes. The arrays are described in
-`vinefab.growth.arrays` and `vinefab.growth.arrays`.
+`vinefab.growth.reference` is the same model in plain Python; its `World` has the rules as methods
+of the same names.
+All that grows a branch is in this file, and it imports no module of vinefab but `core.compiling`:
+the cache of a compiled file does not notice changes of another. The arrays are described in
+`vinefab.growth.arrays`.
 
 A wall has its free side on the left: its normal is its tangent turned by +90 degrees. A tip that
 slides with ``sense`` +1 moves along the tangent and the body turns left; with -1, both reverse.
@@ -298,7 +299,7 @@ def _band(ax, ay, bx, by, low, high, span):
 def _vertex_swept(walls, rules, sweep, skip, reach):
     """Return the first vertex that the body meets while its tip slides as far as ``reach``.
 
-    The body sweeps a triangle; only the vertices in the grid cells under it are looked at.
+    The body sweeps a triangle; only the vertices in the grid cells under it are tested.
     """
     px, py, qx, qy, sx, sy = sweep[0], sweep[1], sweep[2], sweep[3], sweep[4], sweep[5]
     x, y = px + qx, py + qy
@@ -310,7 +311,7 @@ def _vertex_swept(walls, rules, sweep, skip, reach):
     top = min(max(int((max(py, y, zy) + margin - y0) * per_mm), 0), rows - 1)
     left = min(max(int((min(px, x, zx) - margin - x0) * per_mm), 0), columns - 1)
     right = min(max(int((max(px, x, zx) + margin - x0) * per_mm), 0), columns - 1)
-    # Under a small triangle it takes longer to leave cells out than to look at them.
+    # Under a small triangle it takes longer to leave cells out than to test them.
     is_wide = right > left + 1 and top > bottom
     best = (NO_POINT, reach, 0.0)
     for row in range(bottom, top + 1):
@@ -535,7 +536,7 @@ def _turning(growth, first, last, ux, uy):
 
 @inlined
 def _record(growth, branch, tip, length):
-    """Write down how a branch ended."""
+    """Write how a branch ended."""
     last = tip.pivot + 1
     px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
     step = math.sqrt((tip.x - px) ** 2 + (tip.y - py) ** 2)
@@ -564,7 +565,7 @@ def _launch(tree, start, growth, branch):
 
 @inlined
 def _grow_branch(walls, tree, rules, start, growth, branch):
-    """Grow one branch and write it down; return False if the chain points need more room."""
+    """Grow and record one branch; return False if the chain points need more room."""
     base, length = growth.first_point[branch], tree.length[branch]
     room = len(growth.points)
     if base + 2 > room:
@@ -727,7 +728,7 @@ def grow_jobs(atlas, trees, rules, jobs, growth, first, last):
         )
 
 
-# --- What one look costs: the benchmark's floor -----------------------------------------------
+# --- The cost of one test: the benchmark's floor ----------------------------------------------
 
 
 @compiled

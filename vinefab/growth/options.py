@@ -1,4 +1,4 @@
-"""How growth is simulated: the choices that the model leaves to the user."""
+"""Options of the growth model."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ DEFAULT_HEAD_ON_HALF_ANGLE_RAD = math.radians(1.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GrowthOptions:
-    """Choices of the growth model; kept with every record, because results depend on them.
+    """Options of the growth model; recorded with every result, because results depend on them.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Designs made ready for growth, one or many, once for all maps and poses."""
+"""Plans: designs prepared for growth, once for all maps and poses."""
 
 import itertools
 import math
@@ -23,14 +23,14 @@ vinefab's own [assumed]; no measurement of where bowing begins is known."""
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plan:
-    """What growth needs of a design."""
+    """A design prepared for growth."""
 
     tree: BranchTree  # the planned branches
     turn: Floats  # cosine and sine of each branch's angle from its parent, shape (n, 2)
-    # the branches that are grown on the same walls are ``edges[k] .. edges[k + 1] - 1``: the whole
-    # tree for bare centrelines, one level for inflated bodies.
+    # span k, the branches that grow on the same walls, is ``edges[k] .. edges[k + 1] - 1``: the
+    # whole tree for bare centrelines, one level for inflated bodies
     edges: tuple[int, ...]
-    radii_mm: tuple[float, ...]  # body radius on each of these spans
+    radii_mm: tuple[float, ...]  # body radius on each span
     long_mm: Floats  # length from which a straight body counts as long, for each branch, shape (n,)
     build: Build  # how the design is built
 
@@ -58,29 +58,29 @@ class Plan:
         return len(self.tree)
 
     def arrays(self) -> TreeArrays:
-        """Return the tree as the engines take it, with room for every branch so far."""
+        """Return the tree as the engines take it; every branch is assumed to have room."""
         fits = np.ones(len(self.tree), dtype=np.bool_)
         return TreeArrays(self.tree.parent, self.turn, self.tree.length_mm, fits)
 
 
 class Spans(NamedTuple):
-    """The spans of all plans as tables, a row per plan and a column per span."""
+    """The spans of all plans as tables, one row per plan and one column per span."""
 
     radii_mm: tuple[float, ...]  # all body radii, rising
-    number: Ints  # how many spans each plan has; what stands beyond them has no meaning
-    radius: Ints  # which of the radii
+    number: Ints  # number of spans of each plan; columns beyond it have no meaning
+    radius: Ints  # index of the radius
     until: Ints  # first branch that is not in the span
-    # whether the body is wider than what reached its base, and so may lack room there
+    # whether the body is wider than the body that reached its base, and so may lack room there
     is_wider: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plans:
-    """What growth needs of several designs."""
+    """Several designs prepared for growth."""
 
     each: Sequence[Plan]  # the plans one by one
     trees: TreesArrays  # their branches, one tree after the other
-    spans: Spans  # which branches are grown on the same walls
+    spans: Spans  # branches that grow on the same walls
     _lengths: list[Floats] = field(default_factory=list)
 
     def __len__(self) -> int:
@@ -88,9 +88,9 @@ class Plans:
 
     @property
     def lengths_mm(self) -> Floats:
-        """Planned length of each tree, shape (n,); found by whoever asks first."""
+        """Planned length of each tree, shape (n,); computed once."""
         if not self._lengths:
-            # Tree by tree: other ways to add up the same numbers differ in the last digit.
+            # Tree by tree: other orders of summation differ in the last digit.
             edges = itertools.pairwise(self.trees.first.tolist())
             total = [np.add.reduce(self.trees.length[one:two]) for one, two in edges]
             self._lengths.append(np.array(total))
@@ -98,12 +98,12 @@ class Plans:
 
     @classmethod
     def of(cls, designs: Sequence[Design], options: GrowthOptions) -> "Plans":
-        """Return the plans of some designs, at least one."""
+        """Return the plans of some designs, at least one, for one set of growth options."""
         return cls.joined([Plan.of(design, options) for design in designs])
 
     @classmethod
     def joined(cls, plans: Sequence[Plan]) -> "Plans":
-        """Return some plans, at least one, as columns."""
+        """Return some plans, at least one, together."""
         return cls(
             each=tuple(plans),
             trees=TreesArrays.of([plan.arrays() for plan in plans]),
@@ -112,7 +112,7 @@ class Plans:
 
 
 def _spans(plans: Sequence[Plan]) -> Spans:
-    """Return the spans of plans; beyond a plan's last one nothing is left to grow."""
+    """Return the spans of plans as tables."""
     radii_mm = tuple(sorted({radius for plan in plans for radius in plan.radii_mm}))
     number = np.array([len(plan.radii_mm) for plan in plans])
     spans = Spans(
@@ -126,6 +126,6 @@ def _spans(plans: Sequence[Plan]) -> Spans:
         spans.until[row] = len(plan)
         spans.until[row, : number[row]] = plan.edges[1:]
         spans.radius[row, : number[row]] = np.searchsorted(radii_mm, plan.radii_mm)
-        # Only a body wider than what reached the place can lack room there.
+        # Only a body wider than the one that reached the place can lack room there.
         spans.is_wider[row, : number[row]] = np.diff(plan.radii_mm, prepend=0.0) > 0.0
     return spans

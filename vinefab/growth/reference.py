@@ -1,11 +1,9 @@
 """The growth model in plain Python: the twin that the compiled kernel is held against.
 
-The rules have the names that they have in `vinefab.growth.kernel`. Points and directions are
-complex numbers, x + iy.
-
-It follows the same rules, under the same names, on the same arrays, but looks at every wall and
-every vertex each time and keeps its state in ordinary objects. Points and directions are complex
-numbers, x + iy. See `vinefab.growth.kernel` for the conventions on walls and senses.
+It follows the same rules on the same arrays, but tests every wall and every vertex each time and
+keeps its state in ordinary objects. The rules that decide the answer are methods of `World`, under
+the names that the kernel's functions have. Points and directions are complex numbers, x + iy. See
+`vinefab.growth.kernel` for the conventions on walls and senses.
 """
 
 import itertools
@@ -17,12 +15,12 @@ from vinefab.growth.arrays import Growth, Launch, Rules, TreeArrays, WallArrays
 from vinefab.model.deployment import Stop
 
 
-def dot(a: complex, b: complex) -> float:
+def _dot(a: complex, b: complex) -> float:
     """Return the scalar product of two vectors."""
     return a.real * b.real + a.imag * b.imag
 
 
-def cross(a: complex, b: complex) -> float:
+def _cross(a: complex, b: complex) -> float:
     """Return the z component of the vector product: positive if b points to the left of a."""
     return a.real * b.imag - a.imag * b.real
 
@@ -31,7 +29,7 @@ def cross(a: complex, b: complex) -> float:
 class Wall:
     """One straight wall with free space on its left."""
 
-    # its geometry; the tangent is a unit vector from start to end
+    # the tangent is a unit vector from start to end
     start: complex
     end: complex
     tangent: complex
@@ -68,131 +66,121 @@ class Meeting(NamedTuple):
 class World:
     """Walls and vertices as objects, with the tolerances."""
 
-    # walls, vertices: all of them
     walls: list[Wall]
     vertices: list[Vertex]
     # the walls before and after each wall, in the same wedge of free space
     neighbours: list[tuple[int, int]]
     rules: Rules  # half angle and tolerances
 
+    @classmethod
+    def of(cls, arrays: WallArrays, rules: Rules) -> "World":
+        """Return the arrays as objects."""
+        walls = [
+            Wall(
+                start=complex(ax, ay),
+                end=complex(bx, by),
+                tangent=complex(tx, ty),
+                length=length,
+                ends=(start, end),
+            )
+            for (ax, ay, tx, ty, length, bx, by), (_, _, start, end, _) in zip(
+                arrays.wall.tolist(), arrays.link.tolist(), strict=True
+            )
+        ]
+        vertices = [
+            Vertex(complex(x, y), place, complex(mx, my))
+            for (x, y, mx, my), place in zip(
+                arrays.vertex.tolist(), arrays.vertex_point.tolist(), strict=True
+            )
+        ]
+        neighbours = [(before, after) for before, after, *_ in arrays.link.tolist()]
+        return cls(walls=walls, vertices=vertices, neighbours=neighbours, rules=rules)
 
-def world_of(arrays: WallArrays, rules: Rules) -> World:
-    """Return the arrays as objects."""
-    walls = [
-        Wall(
-            start=complex(ax, ay),
-            end=complex(bx, by),
-            tangent=complex(tx, ty),
-            length=length,
-            ends=(start, end),
-        )
-        for (ax, ay, tx, ty, length, bx, by), (_, _, start, end, _) in zip(
-            arrays.wall.tolist(), arrays.link.tolist(), strict=True
-        )
-    ]
-    vertices = [
-        Vertex(complex(x, y), place, complex(mx, my))
-        for (x, y, mx, my), place in zip(
-            arrays.vertex.tolist(), arrays.vertex_point.tolist(), strict=True
-        )
-    ]
-    neighbours = [(before, after) for before, after, *_ in arrays.link.tolist()]
-    return World(walls=walls, vertices=vertices, neighbours=neighbours, rules=rules)
+    # --- The rules that decide the answer ---
 
+    def presses(self, u: complex, wall: int) -> bool:
+        """Tell whether a body that points along u presses on a wall: u.n < 0."""
+        return _dot(u, self.walls[wall].normal) < -self.rules.tolerance_rad
 
-# --- The rules that decide the answer ---------------------------------------------------------
+    def is_head_on(self, u: complex, wall: int) -> bool:
+        """Tell whether a tip that meets a wall stops: the angle between u and -n is small."""
+        along, against = abs(_dot(u, self.walls[wall].tangent)), -_dot(u, self.walls[wall].normal)
+        rules = self.rules
+        return math.atan2(along, against) <= rules.head_on_half_angle_rad + rules.tolerance_rad
 
+    def slide_sense(self, u: complex, wall: int) -> int:
+        """Return +1 if the tip slides along the wall's tangent, -1 if against it: sign(u.t)."""
+        return 1 if _dot(u, self.walls[wall].tangent) >= 0.0 else -1
 
-def presses(world: World, u: complex, wall: int) -> bool:
-    """Tell whether a body that points along u presses on a wall: u.n < 0."""
-    return dot(u, world.walls[wall].normal) < -world.rules.tolerance_rad
+    def leaves_at_end(self, u: complex, following: int) -> bool:
+        """Tell whether a tip at a convex end of its wall leaves: the next wall is not pressed."""
+        return not self.presses(u, following)
 
+    def is_wedged(self, wall: int, sense: int, first: int) -> bool:
+        """Tell whether sliding on a wall would drive the tip back into the wall it comes from."""
+        along = sense * self.walls[wall].tangent
+        return _dot(along, self.walls[first].normal) <= self.rules.tolerance_rad
 
-def is_head_on(world: World, u: complex, wall: int) -> bool:
-    """Tell whether a tip that meets a wall stops: the angle between u and -n is small."""
-    along, against = abs(dot(u, world.walls[wall].tangent)), -dot(u, world.walls[wall].normal)
-    rules = world.rules
-    return math.atan2(along, against) <= rules.head_on_half_angle_rad + rules.tolerance_rad
+    # --- What the tip meets ---
 
+    def passes_end(self, u: complex, wall: int, end: int, distance: float) -> bool:
+        """Tell whether a ray through an end (0 start, 1 end) of a wall that faces it goes by."""
+        other = self.walls[self.neighbours[wall][end]]
+        outward = self.walls[wall].tangent if end else -self.walls[wall].tangent
+        facing = _dot(u, other.normal)
+        if _dot(outward, other.normal) > 0.0:
+            return facing >= -self.rules.tolerance_rad
+        # Where rings touch, the ray may come from another wedge of free space than this wall's.
+        return min(distance, other.length) * facing > 4.0 * self.rules.tolerance_mm
 
-def slide_sense(world: World, u: complex, wall: int) -> int:
-    """Return +1 if the tip slides along the wall's tangent, -1 if against it: sign(u.t)."""
-    return 1 if dot(u, world.walls[wall].tangent) >= 0.0 else -1
-
-
-def leaves_at_end(world: World, u: complex, following: int) -> bool:
-    """Tell whether a tip at a convex end of its wall leaves: it does not press on the next wall."""
-    return not presses(world, u, following)
-
-
-def is_wedged(world: World, wall: int, sense: int, first: int) -> bool:
-    """Tell whether sliding on a wall would drive the tip back into the wall it comes from."""
-    along = sense * world.walls[wall].tangent
-    return dot(along, world.walls[first].normal) <= world.rules.tolerance_rad
-
-
-# --- What the tip meets -----------------------------------------------------------------------
-
-
-def passes_end(world: World, u: complex, wall: int, end: int, distance: float) -> bool:
-    """Tell whether a ray through an end (0 start, 1 end) of a wall that faces it goes by."""
-    other = world.walls[world.neighbours[wall][end]]
-    outward = world.walls[wall].tangent if end else -world.walls[wall].tangent
-    facing = dot(u, other.normal)
-    if dot(outward, other.normal) > 0.0:
-        return facing >= -world.rules.tolerance_rad
-    # Where rings touch, the ray may come from another wedge of free space than this wall's.
-    return min(distance, other.length) * facing > 4.0 * world.rules.tolerance_mm
-
-
-def meeting(world: World, origin: complex, u: complex, number: int) -> Meeting | None:
-    """Return where a ray meets a wall that faces it."""
-    wall, tolerance = world.walls[number], world.rules.tolerance_mm
-    facing = dot(u, wall.normal)
-    height, foot = dot(origin - wall.start, wall.normal), dot(origin - wall.start, wall.tangent)
-    if facing >= -world.rules.tolerance_rad or height < -tolerance:
-        return None
-    if height <= tolerance and -tolerance <= foot <= wall.length + tolerance:
-        place, margins = foot, (foot, wall.length - foot)
-    elif height <= 0.0:
-        return None
-    else:
-        place = foot - height / facing * dot(u, wall.tangent)
-        from_start = cross(u, origin - wall.start)
-        margins = (from_start, -wall.length * facing - from_start)
-    if min(margins) < -tolerance:
-        return None
-    place = min(max(place, 0.0), wall.length)
-    distance = dot(wall.at(place) - origin, u)
-    if distance < -tolerance:
-        return None
-    distance = max(0.0, distance)
-    for end in (0, 1):
-        if margins[end] <= tolerance and passes_end(world, u, number, end, distance):
+    def meeting(self, origin: complex, u: complex, number: int) -> Meeting | None:
+        """Return where a ray meets a wall that faces it."""
+        wall, tolerance = self.walls[number], self.rules.tolerance_mm
+        facing = _dot(u, wall.normal)
+        height = _dot(origin - wall.start, wall.normal)
+        foot = _dot(origin - wall.start, wall.tangent)
+        if facing >= -self.rules.tolerance_rad or height < -tolerance:
             return None
-    return Meeting(number, distance, place)
+        if height <= tolerance and -tolerance <= foot <= wall.length + tolerance:
+            place, margins = foot, (foot, wall.length - foot)
+        elif height <= 0.0:
+            return None
+        else:
+            place = foot - height / facing * _dot(u, wall.tangent)
+            from_start = _cross(u, origin - wall.start)
+            margins = (from_start, -wall.length * facing - from_start)
+        if min(margins) < -tolerance:
+            return None
+        place = min(max(place, 0.0), wall.length)
+        distance = _dot(wall.at(place) - origin, u)
+        if distance < -tolerance:
+            return None
+        distance = max(0.0, distance)
+        for end in (0, 1):
+            if margins[end] <= tolerance and self.passes_end(u, number, end, distance):
+                return None
+        return Meeting(number, distance, place)
 
+    def wall_ahead(
+        self, origin: complex, u: complex, skip: tuple[int, ...], reach: float
+    ) -> Meeting | None:
+        """Return the first wall met within reach; of several at once, the one that turns u least.
 
-def wall_ahead(
-    world: World, origin: complex, u: complex, skip: tuple[int, ...], reach: float
-) -> Meeting | None:
-    """Return the first wall met within reach; of several at once, the one that turns u least.
-
-    Walls with an end at one of the places in ``skip`` are left out.
-    """
-    found = []
-    for number, wall in enumerate(world.walls):
-        if not set(wall.ends) & set(skip):
-            met = meeting(world, origin, u, number)
-            if met is not None and met.distance <= reach:
-                found.append(met)
-    if not found:
-        return None
-    limit = min(met.distance for met in found) + world.rules.tolerance_mm
-    return max(
-        (met for met in found if met.distance <= limit),
-        key=lambda met: dot(u, world.walls[met.wall].normal),
-    )
+        Walls with an end at one of the places in ``skip`` are left out.
+        """
+        found = []
+        for number, wall in enumerate(self.walls):
+            if not set(wall.ends) & set(skip):
+                met = self.meeting(origin, u, number)
+                if met is not None and met.distance <= reach:
+                    found.append(met)
+        if not found:
+            return None
+        limit = min(met.distance for met in found) + self.rules.tolerance_mm
+        return max(
+            (met for met in found if met.distance <= limit),
+            key=lambda met: _dot(u, self.walls[met.wall].normal),
+        )
 
 
 # --- One branch -------------------------------------------------------------------------------
@@ -202,19 +190,18 @@ def wall_ahead(
 class GrowingBranch:
     """A growing branch."""
 
-    # world, length: where it grows and how long it may become
+    # where it grows, and its planned length
     world: World
     length: float
-    # tip, u: its tip and its heading from the pivot to the tip
+    # tip, and heading from the pivot to the tip
     tip: complex
     u: complex
-    # pivots, senses: base and contacts, and the sense in which each was wrapped (0 for the base)
+    # base and contacts, and the sense in which each was wrapped (0 for the base)
     pivots: list[complex]
     senses: list[int] = field(default_factory=lambda: [0])
     # length of the chain up to each of them
     lengths: list[float] = field(default_factory=lambda: [0.0])
-    # wall, place, sense: the wall that the tip slides on, how far along it, which way; None for
-    # free growth
+    # the wall that the tip slides on (None in free growth), how far along it, and which way
     wall: int | None = None
     place: float = 0.0
     sense: int = 0
@@ -240,7 +227,7 @@ class GrowingBranch:
         """Rule 1: along the heading until the length is used up or a wall is met."""
         room = self.length - self.lengths[-1]
         left = room - abs(self.tip - self.pivots[-1])
-        met = wall_ahead(self.world, self.tip, self.u, (self.corner,), left)
+        met = self.world.wall_ahead(self.tip, self.u, (self.corner,), left)
         if met is None or met.distance >= left:
             self.tip = self.pivots[-1] + room * self.u
             self.stop = Stop.FULL_LENGTH
@@ -253,11 +240,11 @@ class GrowingBranch:
         ends = self.world.walls[wall].ends
         self.turn_to(self.tip)
         body = self.tip - self.pivots[-1]
-        if dot(body, along) < math.cos(math.radians(60.0)) * abs(body):
+        if _dot(body, along) < math.cos(math.radians(60.0)) * abs(body):
             self.steep = max(self.steep, abs(body))
         to_end = self.world.walls[wall].length - self.place if self.sense > 0 else self.place
         to_length = self.distance_to_length(along, to_end)
-        met = wall_ahead(self.world, self.tip, along, ends, min(to_length, to_end))
+        met = self.world.wall_ahead(self.tip, along, ends, min(to_length, to_end))
         reach = min(to_length, to_end) if met is None else met.distance
         to_release = self.distance_to_release(along)
         vertex, to_vertex = self.first_vertex(along, ends, min(reach, to_release))
@@ -287,18 +274,18 @@ class GrowingBranch:
     def turn_to(self, point: complex) -> None:
         """Point from the pivot to a point, unless they coincide."""
         span = point - self.pivots[-1]
-        reach = math.sqrt(dot(span, span))
+        reach = math.sqrt(_dot(span, span))
         if reach > self.world.rules.tolerance_mm:
             self.u = complex(span.real / reach, span.imag / reach)
 
     def meet(self, wall: int, place: float) -> None:
         """Stop at a wall, or slide on along it."""
-        sense = slide_sense(self.world, self.u, wall)
-        if self.wall is not None and not presses(self.world, self.u, wall):
+        sense = self.world.slide_sense(self.u, wall)
+        if self.wall is not None and not self.world.presses(self.u, wall):
             self.stop = Stop.CORNER
-        elif is_head_on(self.world, self.u, wall):
+        elif self.world.is_head_on(self.u, wall):
             self.stop = Stop.HEAD_ON
-        elif self.wall is not None and is_wedged(self.world, wall, sense, self.wall):
+        elif self.wall is not None and self.world.is_wedged(wall, sense, self.wall):
             self.stop = Stop.CORNER
         if self.stop is None or self.wall is None:
             self.tip = self.world.walls[wall].at(place)
@@ -311,9 +298,9 @@ class GrowingBranch:
         self.tip = self.world.walls[wall].end if end else self.world.walls[wall].start
         place = 0.0 if end else self.world.walls[following].length
         along = self.sense * self.world.walls[wall].tangent
-        if dot(along, self.world.walls[following].normal) <= 0.0:
+        if _dot(along, self.world.walls[following].normal) <= 0.0:
             self.meet(following, place)
-        elif leaves_at_end(self.world, self.u, following):
+        elif self.world.leaves_at_end(self.u, following):
             self.wall, self.corner = None, self.world.walls[wall].ends[end]
         else:
             self.wall, self.place = following, place
@@ -322,39 +309,39 @@ class GrowingBranch:
         """Return how far the tip slides until the length is used up; infinity if not in reach."""
         q, room = self.tip - self.pivots[-1], self.length - self.lengths[-1]
         at_end = q + reach * along
-        if room > 0.0 and dot(at_end, at_end) < room * room:
+        if room > 0.0 and _dot(at_end, at_end) < room * room:
             return math.inf
         short = room * room - q.real * q.real - q.imag * q.imag
         if short <= 0.0:
             return 0.0
-        return short / (dot(q, along) + math.sqrt(dot(q, along) * dot(q, along) + short))
+        return short / (_dot(q, along) + math.sqrt(_dot(q, along) * _dot(q, along) + short))
 
     def distance_to_release(self, along: complex) -> float:
         """Return how far the tip slides until the body straightens over its last contact."""
         if len(self.pivots) == 1 or self.senses[-1] == self.sense:
             return math.inf
         edge, q = self.pivots[-1] - self.pivots[-2], self.tip - self.pivots[-1]
-        closing = self.sense * cross(edge, along)
+        closing = self.sense * _cross(edge, along)
         if closing <= 0.0:
             return math.inf
-        return max(0.0, -self.sense * cross(edge, q)) / closing
+        return max(0.0, -self.sense * _cross(edge, q)) / closing
 
     def distance_to_vertex(self, vertex: Vertex, along: complex) -> float:
         """Return how far the tip slides until the turning body meets a vertex."""
         tolerance = self.world.rules.tolerance_mm
         q, v = self.tip - self.pivots[-1], vertex.point - self.pivots[-1]
-        ahead, reach = self.sense * cross(self.u, v), dot(self.u, v)
+        ahead, reach = self.sense * _cross(self.u, v), _dot(self.u, v)
         if ahead < -tolerance or reach <= tolerance:
             return math.inf
         if ahead <= tolerance:
-            touches = reach <= dot(self.u, q) + tolerance
-            blocks = self.sense * cross(self.u, vertex.solid) > 0.0
+            touches = reach <= _dot(self.u, q) + tolerance
+            blocks = self.sense * _cross(self.u, vertex.solid) > 0.0
             return 0.0 if touches and blocks else math.inf
-        closing = self.sense * cross(v, along)
-        above = self.sense * cross(along, v - q)
+        closing = self.sense * _cross(v, along)
+        above = self.sense * _cross(along, v - q)
         if closing <= 0.0 or above <= tolerance:
             return math.inf
-        return self.sense * cross(q, v) / closing
+        return self.sense * _cross(q, v) / closing
 
     def first_vertex(
         self, along: complex, skip: tuple[int, ...], reach: float
@@ -373,7 +360,7 @@ class GrowingBranch:
     def wrap(self, vertex: Vertex) -> None:
         """Make a vertex the new pivot and remember the turning sense."""
         span = vertex.point - self.pivots[-1]
-        self.lengths.append(self.lengths[-1] + math.sqrt(dot(span, span)))
+        self.lengths.append(self.lengths[-1] + math.sqrt(_dot(span, span)))
         self.pivots.append(vertex.point)
         self.senses.append(self.sense)
 
@@ -387,7 +374,7 @@ class GrowingBranch:
 # --- The tree ---------------------------------------------------------------------------------
 
 
-def emerges(tree: TreeArrays, rules: Rules, growth: Growth, branch: int) -> bool:
+def _emerges(tree: TreeArrays, rules: Rules, growth: Growth, branch: int) -> bool:
     """Tell whether a branch leaves its parent's tip at all."""
     parent = tree.parent[branch]
     if not tree.fits[branch]:
@@ -397,7 +384,7 @@ def emerges(tree: TreeArrays, rules: Rules, growth: Growth, branch: int) -> bool
     return rules.deploys_stuck and bool(growth.stop[parent] != Stop.NOT_DEPLOYED)
 
 
-def launched(
+def _launched(
     world: World, tree: TreeArrays, start: Launch, growth: Growth, branch: int
 ) -> GrowingBranch:
     """Return a branch at its base, with its launch heading."""
@@ -410,15 +397,15 @@ def launched(
     return GrowingBranch(world, float(tree.length[branch]), base, u, [base])
 
 
-def turning(launch: complex, chain: list[complex]) -> float:
+def _turning(launch: complex, chain: list[complex]) -> float:
     """Return the sum of absolute turns along a chain that was launched along a heading."""
     steps = [b - a for a, b in itertools.pairwise(chain) if b != a]
     headings = [launch, *steps]
-    return sum(math.atan2(abs(cross(a, b)), dot(a, b)) for a, b in itertools.pairwise(headings))
+    return sum(math.atan2(abs(_cross(a, b)), _dot(a, b)) for a, b in itertools.pairwise(headings))
 
 
-def record(growth: Growth, number: int, branch: GrowingBranch, launch: complex) -> bool:
-    """Write down how a branch ended; return False if the chain points need more room."""
+def _record(growth: Growth, number: int, branch: GrowingBranch, launch: complex) -> bool:
+    """Write how a branch ended; return False if the chain points need more room."""
     chain = [*branch.pivots, branch.tip]
     first = growth.first_point[number]
     last = first + len(chain)
@@ -432,11 +419,11 @@ def record(growth: Growth, number: int, branch: GrowingBranch, launch: complex) 
     growth.grown[number] = branch.length if is_full else min(branch.length, grown)
     growth.heading[number] = branch.u.real, branch.u.imag
     # A single event is a flight: straight.
-    growth.turn[number] = turning(launch, chain) if growth.events[number] > 1 else 0.0
+    growth.turn[number] = _turning(launch, chain) if growth.events[number] > 1 else 0.0
     return True
 
 
-def grow_branches(  # noqa: PLR0913, PLR0917  the interface of the compiled kernel
+def grow_reference_branches(  # noqa: PLR0913, PLR0917  the interface of the compiled kernel
     walls: WallArrays,
     tree: TreeArrays,
     rules: Rules,
@@ -445,17 +432,17 @@ def grow_branches(  # noqa: PLR0913, PLR0917  the interface of the compiled kern
     first: int,
     last: int,
 ) -> int:
-    """Grow some branches of a tree; the same as `vinefab.growth.kernel.grow_branches`."""
-    world = world_of(walls, rules)
+    """Grow some branches of a tree, as `vinefab.growth.kernel.grow_branches` does."""
+    world = World.of(walls, rules)
     for number in range(first, last):
-        if not emerges(tree, rules, growth, number):
+        if not _emerges(tree, rules, growth, number):
             growth.first_point[number + 1] = growth.first_point[number]
             growth.stop[number] = Stop.NOT_DEPLOYED
             continue
-        branch = launched(world, tree, start, growth, number)
+        branch = _launched(world, tree, start, growth, number)
         launch = branch.u
         growth.events[number] = branch.grow()
         growth.steep[number] = branch.steep
-        if not record(growth, number, branch, launch):
+        if not _record(growth, number, branch, launch):
             return number
     return last

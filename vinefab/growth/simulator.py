@@ -1,4 +1,4 @@
-"""The front door of the simulator: one design, one map, one pose."""
+"""The simulator of one design on one map from one pose."""
 
 import math
 from collections.abc import Callable
@@ -33,11 +33,11 @@ TOLERANCE_RAD = 2.0**-42
 """Directions that differ by less are parallel: far below the bend of any corner of a terrain."""
 
 MOST_EVENTS = 100_000
-"""Guard against a branch that never ends; the most seen in trials is below a hundred."""
+"""Guard against a branch that never ends; the most seen in tests is below a hundred."""
 
 POINTS_PER_BRANCH = 6
 SPARE_POINTS = 16
-"""Room for chain points to begin with, and some more; it is doubled when a tree needs it."""
+"""Initial room for chain points; doubled when a tree needs more."""
 
 
 def grow(
@@ -55,16 +55,16 @@ def grow(
     design
         The robot.
     terrain
-        The map, made ready with `Terrain.of`.
+        The map, prepared with `Terrain.of`.
     pose
         Where the trunk is launched. A start on a wall is allowed.
     options
-        Choices of the growth model; the defaults if None.
+        Options of the growth model; the defaults if None.
     engine
         ``kernel``: compiled. ``reference``: the readable twin, a thousand times slower.
     tree
-        What to grow in place of all the design's branches, such as some of them, cut shorter; the
-        design then gives the widths of the levels.
+        Branches to grow instead of the design's, such as a part of them, cut shorter; the design
+        then gives the widths of the levels.
 
     Returns
     -------
@@ -97,7 +97,7 @@ def grow(
 
 
 def grow_branches_of(engine: Engine) -> GrowBranches:
-    """Return an engine by its name; it is imported only when asked for.
+    """Return an engine by its name, imported when first used.
 
     Raises
     ------
@@ -105,15 +105,15 @@ def grow_branches_of(engine: Engine) -> GrowBranches:
         If there is no such engine.
     """
     if engine == "kernel":
-        return _grow_alone
+        return _grow_as_batch
     if engine == "reference":
-        from vinefab.growth import reference  # noqa: PLC0415  as above: one engine at a time
+        from vinefab.growth import reference  # noqa: PLC0415  only one engine is loaded
 
-        return reference.grow_branches
+        return reference.grow_reference_branches
     raise UnknownNameError("growth engine", engine, ("kernel", "reference"))
 
 
-def _grow_alone(  # noqa: PLR0913, PLR0917  as both engines are called
+def _grow_as_batch(  # noqa: PLR0913, PLR0917  as both engines are called
     walls: WallArrays,
     tree: TreeArrays,
     rules: Rules,
@@ -124,7 +124,7 @@ def _grow_alone(  # noqa: PLR0913, PLR0917  as both engines are called
 ) -> int:
     """Grow some branches of a tree as a batch of one; return the first that is not done.
 
-    The same code as for many at once: compiling another one would take ten seconds more.
+    The same compiled code as for batches: compiling another entry would take ten seconds more.
     """
     from vinefab.growth import kernel  # noqa: PLC0415  numba takes a second to import
 
@@ -135,7 +135,7 @@ def _grow_alone(  # noqa: PLR0913, PLR0917  as both engines are called
 
 
 def rules_of(options: GrowthOptions, tolerance_mm: float) -> Rules:
-    """Return what decides the growth beside the geometry, for a map's tolerance."""
+    """Return the rules of growth for a map's tolerance."""
     return Rules(
         head_on_half_angle_rad=options.head_on_half_angle_rad,
         deploys_stuck=options.deploys_stuck,
@@ -148,12 +148,12 @@ def rules_of(options: GrowthOptions, tolerance_mm: float) -> Rules:
 def _grown(
     plan: Plan, terrain: Terrain, start: Launch, rules: Rules, grow_branches: GrowBranches
 ) -> Growth:
-    """Return the growth of a tree, span by span, with as much room as it takes."""
+    """Return the growth of a tree, span by span, with enough room for its chain points."""
     arrays = plan.arrays()
     growth = Growth.empty(len(plan), POINTS_PER_BRANCH * len(plan) + SPARE_POINTS)
     reached_mm = 0.0
     for first, last, radius_mm in zip(plan.edges, plan.edges[1:], plan.radii_mm, strict=False):
-        # Only a body wider than what reached the place can lack room there.
+        # Only a body wider than the one that reached the place can lack room there.
         if radius_mm > reached_mm:
             bases_mm = _bases_mm(arrays, growth, start, first, last)
             arrays.fits[first:last] = terrain.have_room(bases_mm, radius_mm)
@@ -165,7 +165,7 @@ def _grown(
 
 
 def _bases_mm(arrays: TreeArrays, growth: Growth, start: Launch, first: int, last: int) -> Floats:
-    """Return where some branches of one level start, shape (last - first, 2)."""
+    """Return the bases of some branches of one level, shape (last - first, 2)."""
     parent = arrays.parent[first:last]
     if first == 0:
         return np.array([[start.x, start.y]])

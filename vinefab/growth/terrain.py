@@ -1,4 +1,4 @@
-"""A map made ready for growth: its walls, for the body radii that are asked for."""
+"""Terrain: the free space of a map as walls, for each body radius."""
 
 import math
 from collections.abc import Sequence
@@ -14,8 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.growth.arrays import WallArrays
-from vinefab.growth.free_space import free_space, walls_of
-from vinefab.growth.index import indexed
+from vinefab.growth.free_space import free_space, indexed, walls_of
 from vinefab.model.map import Map, Pose
 
 T = TypeVar("T")
@@ -29,17 +28,17 @@ after it, and touching has one meaning everywhere.
 """
 
 SNAP = 1e-9
-"""A start outside by up to this share of the map's size is put on the wall it was meant for."""
+"""A start outside by up to this share of the map's size is moved onto the nearest wall."""
 
 CROWDED = 8.0
 """Walls nearer to each other than this many steps of the coordinates' grid are crowded: far more
 than rounding, than the tolerance of touching, and than leaving out flat corners can move a wall."""
 
-FIRST_LOOKS = 64
-"""So many looks into prepared polygons make their index (one is not enough for GEOS 3.14)."""
+WARM_UP_QUERIES = 64
+"""So many queries of prepared polygons build their index (one is not enough for GEOS 3.14)."""
 
-_MAKING = RLock()
-"""Threads share terrains, and what one makes another must not make again or drop meanwhile."""
+_BUILD_LOCK = RLock()
+"""Threads share terrains, and what one builds another must not build again or drop meanwhile."""
 
 MOST_RADII = 64
 """Walls are kept for so many radii, then the oldest are dropped: memory stays bounded."""
@@ -49,12 +48,12 @@ ARC_SEGMENTS_PER_QUARTER = 16
 
 
 class Terrain:
-    """The free space of one map as walls; nothing in it ever changes.
+    """The free space of one map as walls; immutable.
 
     Notes
     -----
     Build it once per map with `Terrain.of` and use it for all growths on that map. Walls for
-    another body radius are made when first asked for, and kept.
+    another body radius are built when first needed, and kept.
     """
 
     __slots__ = ("_free", "_walls", "grid_mm", "world")
@@ -67,7 +66,7 @@ class Terrain:
 
     @classmethod
     def of(cls, world: Map) -> "Terrain":
-        """Return the terrain of a map."""
+        """Return the terrain of a map: bounds minus obstacles, snap-rounded."""
         return cls(world)
 
     @property
@@ -76,8 +75,8 @@ class Terrain:
         return 0.25 * self.grid_mm
 
     def free_space(self, radius_mm: float = 0.0) -> BaseGeometry:
-        """Return where the centreline of a body of some radius may be, as polygons."""
-        with _MAKING:
+        """Return the free space of the centreline of a body of some radius, as polygons."""
+        with _BUILD_LOCK:
             if radius_mm not in self._free:
                 whole, finely = self._free[0.0], ARC_SEGMENTS_PER_QUARTER
                 shrunk = shapely.buffer(whole, -radius_mm, quad_segs=finely)
@@ -87,7 +86,7 @@ class Terrain:
 
     def walls(self, radius_mm: float = 0.0) -> WallArrays:
         """Return the walls that a body of some radius meets, indexed, read-only."""
-        with _MAKING:
+        with _BUILD_LOCK:
             if radius_mm not in self._walls:
                 _make_room(self._walls)
                 walls = walls_of(self.free_space(radius_mm), self.grid_mm)
@@ -118,7 +117,13 @@ class Terrain:
         return self.contains(pose.x_mm, pose.y_mm, radius_mm)
 
     def start_mm(self, pose: Pose) -> tuple[float, float]:
-        """Return where a robot started at a pose stands: there, or on the wall just beside it."""
+        """Return the base (mm) of a robot started at a pose: there, or on the wall just beside it.
+
+        Raises
+        ------
+        BadInputError
+            If the pose is inside an obstacle or outside the bounds.
+        """
         x_mm, y_mm = pose.x_mm, pose.y_mm
         snapped = self._snapped(x_mm, y_mm, 0.0, self._snap_mm)
         if snapped is None:
@@ -132,7 +137,7 @@ class Terrain:
         return snapped
 
     def starts_mm(self, poses: Sequence[Pose]) -> Floats:
-        """Return where robots started at some poses stand, shape (n, 2); see `start_mm`."""
+        """Return the bases of robots started at some poses, shape (n, 2); see `start_mm`."""
         points = np.array([(pose.x_mm, pose.y_mm) for pose in poses]).reshape(-1, 2)
         inside = shapely.contains_xy(self.free_space(), points)
         for index in np.flatnonzero(~inside).tolist():
@@ -146,7 +151,7 @@ class Terrain:
     def _snapped(
         self, x_mm: float, y_mm: float, radius_mm: float, within_mm: float
     ) -> tuple[float, float] | None:
-        """Return a point if it is free, the nearest free one if it is a trifle outside, or None."""
+        """Return a point if it is free, the nearest free one if within a distance, or None."""
         free = self.free_space(radius_mm)
         if shapely.contains_xy(free, x_mm, y_mm):
             return x_mm, y_mm
@@ -166,18 +171,18 @@ def _grid_mm(world: Map) -> float:
 
 
 def _make_room(kept: dict[float, T]) -> None:
-    """Drop the radius that was made first, but never the bare centreline."""
+    """Drop the oldest radius, but never the bare centreline."""
     while len(kept) >= MOST_RADII:
         del kept[next(radius_mm for radius_mm in kept if radius_mm > 0.0)]
 
 
 def _prepared(free: BaseGeometry) -> BaseGeometry:
-    """Return the polygons with an index that makes looking up points fast."""
+    """Return the polygons with an index for fast point queries."""
     shapely.prepare(free)
     if not free.is_empty:
-        # GEOS makes its indices not here but after some looks within the box around the polygons.
-        # Two threads that come first at the same time both make them, and free each other's memory.
-        corners = np.resize(shapely.get_coordinates(free), (FIRST_LOOKS, 2))
+        # GEOS builds its indices not here but after some queries within the polygons' box. Two
+        # threads that come first at the same time both build them, and free each other's memory.
+        corners = np.resize(shapely.get_coordinates(free), (WARM_UP_QUERIES, 2))
         shapely.contains_xy(free, corners)
         shapely.shortest_line(free, shapely.points(corners))
     return free

@@ -1,1 +1,5 @@
-"""The nouns that several rooms share: frozen, validated, and their file forms beside them."""
+"""The nouns that rooms share: frozen, validated dataclasses; their file forms are in ``files``.
+
+`Design`, `BranchTree`, `Map`, `Pose`, `Deployment`, `Score`, `Contour`, `Job`, `LaserProfile` and
+`CheckReport`, one module each.
+"""

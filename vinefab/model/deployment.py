@@ -1,4 +1,4 @@
-"""What became of a robot: every branch's final shape and why it stopped."""
+"""The final state of a growth: every branch's shape and why it stopped."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -73,6 +73,15 @@ class Deployment:
             object.__setattr__(self, "tight_exit", np.zeros(count, dtype=np.bool_))
         self.contact_turn_rad.setflags(write=False)
         self.tight_exit.setflags(write=False)
+
+    def __repr__(self) -> str:
+        counts = [(int(np.count_nonzero(self.stop == stop)), stop.label) for stop in Stop]
+        stops = ", ".join(f"{count} {label}" for count, label in counts if count)
+        grown_mm, planned_mm = float(self.grown_mm.sum()), self.tree.total_length_mm
+        return (
+            f"<Deployment: {grown_mm:.5g} of {planned_mm:.5g} mm grown, "
+            f"{len(self.tree)} branches: {stops}>"
+        )
 
     def chain_mm(self, branch: int) -> Floats:
         """Return base, contacts and tip of one branch, shape (k, 2); (0, 2) if not deployed."""

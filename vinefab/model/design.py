@@ -1,6 +1,7 @@
-"""The design of a branching vine robot: a tree of levels and how it is built."""
+"""Designs of branching vine robots: a tree of levels and how it is built."""
 
 import math
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -93,10 +94,10 @@ class Pouch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Collar:
-    """The tail's end, made as wide as the clamp of a base asks for.
+    """The end of the tail, as wide as the clamp of a base needs.
 
     From the mouth on, the tail is straight and as wide as the clamp for ``length_mm``; then it
-    goes over into the trunk's width within ``flare_mm``, by two arcs of one radius.
+    changes to the trunk's width within ``flare_mm``, by two arcs of one radius.
 
     Parameters
     ----------
@@ -124,7 +125,7 @@ class Collar:
 
     @property
     def reach_mm(self) -> float:
-        """How much of the tail it takes."""
+        """Length of the tail that it takes."""
         return self.length_mm + self.flare_mm
 
 
@@ -140,8 +141,8 @@ class Build:
         Width at the end of each level's branches over that at their beginning, at most 1; empty
         for branches of even width. A tapered branch is the hull of a disc at each of its ends.
     fillet_mm
-        Fillet radius at the joints where each level after the trunk sprouts; one entry fewer
-        than ``widths_mm``.
+        Fillet radius at the joints of each level after the trunk; one entry fewer than
+        ``widths_mm``.
     tail_mm
         Straight length below the trunk's base that is inverted over the base and clamped.
     pressure_kpa
@@ -149,7 +150,7 @@ class Build:
     pouch
         Pouch at every leaf tip, or None for rounded tips.
     collar
-        What fits the tail's end to the clamp of a base, or None for a tail of the trunk's width.
+        Transition from the tail to the clamp of a base, or None for a tail of the trunk's width.
     """
 
     widths_mm: tuple[float, ...]
@@ -231,7 +232,7 @@ class Waiver:
     Parameters
     ----------
     fingerprint
-        The finding's stable name, as the check prints it.
+        The finding's stable id, as ``check`` prints it.
     reason
         Why it is accepted.
     """
@@ -265,8 +266,8 @@ class Design:
     origin
         How the design was made: run id, seed, scores; free-form plain values.
     limits
-        Limits of design rules that differ for this design: rule id to name to value. They go
-        before the recipe's.
+        Limits of design rules that differ for this design: rule id to name to value. They override
+        the recipe's.
     """
 
     name: str
@@ -298,6 +299,19 @@ class Design:
         object.__setattr__(self, "origin", MappingProxyType(dict(self.origin)))
         frozen = {rule: MappingProxyType(dict(named)) for rule, named in self.limits.items()}
         object.__setattr__(self, "limits", MappingProxyType(frozen))
+
+    def __repr__(self) -> str:
+        lengths_mm = " + ".join(
+            [
+                f"{self.trunk_length_mm:.5g}",
+                *(f"{level.length_mm:.5g}" for level in self.levels[:4]),
+            ]
+        )
+        more = " + ..." if len(self.levels) > 4 else ""
+        return (
+            f"<Design {reprlib.repr(self.name)}: {self.depth} levels of {lengths_mm}{more} mm, "
+            f"{self.branch_count} branches, trunk {self.build.widths_mm[0]:.5g} mm wide>"
+        )
 
     @property
     def depth(self) -> int:

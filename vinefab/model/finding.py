@@ -1,5 +1,6 @@
-"""What a design rule found, and the record of a whole check."""
+"""Findings of design rules, and the report of a whole check."""
 
+import reprlib
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -23,19 +24,19 @@ class Finding:
     severity
         How much it matters.
     message
-        One sentence that says what is wrong and what would mend it.
+        One sentence: what is wrong and how to fix it.
     measured, limit
-        The value found and the value allowed, in ``unit``; None where the rule has no number.
+        The measured and the allowed value, in ``unit``; None if the rule has no number.
     unit
         Unit of both (``mm``, ``deg``, ``kPa``, empty for ratios).
     branches
         Ids of the branches concerned.
     x_mm, y_mm
-        The place, in the coordinates of the flat layout; None where the finding has none.
+        The place, in coordinates of the flat layout; None without one.
     marker_wkt
         Geometry that marks the place, as well-known text, or empty.
     fingerprint
-        Stable name: rule and branches, not the measured value.
+        Stable id of rule and branches, independent of the measured value.
     waived
         Whether the design waives it.
     reason
@@ -71,11 +72,11 @@ class RuleRun:
     rule
         Its id.
     checked
-        How many things it looked at (branches, joints, files).
+        Number of items checked (branches, joints, files).
     findings
-        How many findings it made.
+        Number of findings.
     note
-        What the rule could not take into account, or empty.
+        What the rule could not check, or empty.
     """
 
     rule: str
@@ -109,7 +110,7 @@ class ChangedLimit:
     rule, name
         Which limit of which rule.
     value, default
-        What it was in this check, and what it is otherwise.
+        Its value in this check, and its default.
     source
         Who changed it: the recipe, the design or the command line.
     """
@@ -123,7 +124,7 @@ class ChangedLimit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckReport:
-    """Every rule that was run or skipped, and all findings.
+    """Every rule, applied or skipped, and all findings.
 
     Parameters
     ----------
@@ -134,9 +135,9 @@ class CheckReport:
     findings
         In the order of the rules.
     stale_waivers
-        Fingerprints that the design waives and nothing was found for.
+        Waived fingerprints without a finding.
     limits
-        Limits that were not the defaults.
+        Limits that differ from their defaults.
     """
 
     design: str
@@ -147,11 +148,17 @@ class CheckReport:
     stale_waivers: tuple[str, ...] = ()
     limits: tuple[ChangedLimit, ...] = ()
 
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{self.count(severity)} {severity}" for severity in Severity)
+        names = f"{reprlib.repr(self.design)} with {reprlib.repr(self.recipe)}"
+        rules = f"{len(self.run)} rules applied, {len(self.skipped)} skipped"
+        return f"<CheckReport {names}: {counts}; {rules}>"
+
     @property
     def blocking(self) -> tuple[Finding, ...]:
         """The findings that stand in the way of an export."""
         return tuple(finding for finding in self.findings if finding.blocks)
 
     def count(self, severity: Severity) -> int:
-        """Return how many findings of one severity are not waived."""
+        """Return the number of findings of one severity that are not waived."""
         return sum(f.severity is severity and not f.waived for f in self.findings)

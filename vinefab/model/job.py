@@ -1,5 +1,7 @@
-"""What the laser is to do: contours with an operation each, on one sheet."""
+"""Laser jobs: contours with an operation each, on one sheet."""
 
+import reprlib
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -43,7 +45,7 @@ _LAYERS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LaserPath:
-    """One contour with what it is for.
+    """One contour with its operation.
 
     Parameters
     ----------
@@ -52,14 +54,14 @@ class LaserPath:
     contour
         Where the beam's centre goes: seam and kerf offsets are already applied.
     label
-        What it is, for the technician (``outline of six_branch_anchor``).
+        Description for the operator (``outline of six_branch_anchor``).
     of
-        Name of the design that it is part of; empty for none.
+        Name of its design; empty for none.
     variant
         A short name for settings of its own; empty for those of the recipe. Paths of one
         operation and variant share a layer.
     settings
-        These settings, where there is a variant.
+        Settings of the variant, if any.
     """
 
     operation: Operation
@@ -69,13 +71,16 @@ class LaserPath:
     variant: str = ""
     settings: OperationSettings | None = None
 
+    def __repr__(self) -> str:
+        return f"<LaserPath {self.operation} {reprlib.repr(self.label)}: {self.contour!r}>"
+
     def settings_in(self, profile: LaserProfile) -> OperationSettings:
-        """Return how the path is run: its own settings, or else the recipe's.
+        """Return the settings of the path: its own, or else the recipe's.
 
         Raises
         ------
         BadInputError
-            If it has none of its own and the recipe lacks its operation.
+            If the path has none and the recipe lacks its operation.
         """
         return profile.settings(self.operation) if self.settings is None else self.settings
 
@@ -95,10 +100,10 @@ class Job:
     paths
         In process order: mark, weld, weldcut, cut; then what is not machined.
     facts
-        Settings to be recorded beside the paths: offsets applied, recipe, rotation; plain values.
+        Facts recorded beside the paths: offsets applied, recipe, rotation; plain values.
     tiles
-        Where the sheet is larger than the machine's bed: the jobs to run instead, one after the
-        other on the same film.
+        For a sheet larger than the machine's bed: the jobs to run instead, one after the other on
+        the same film.
     """
 
     name: str
@@ -113,9 +118,18 @@ class Job:
         positive("sheet_height_mm", self.sheet_height_mm)
         object.__setattr__(self, "facts", MappingProxyType(dict(self.facts)))
 
+    def __repr__(self) -> str:
+        counts = Counter(path.operation for path in self.paths)
+        paths = ", ".join(f"{count} {operation}" for operation, count in counts.items())
+        tiles = f", {len(self.tiles)} tiles" if self.tiles else ""
+        return (
+            f"<Job {reprlib.repr(self.name)}: {self.sheet_width_mm:.5g} x "
+            f"{self.sheet_height_mm:.5g} mm sheet, paths: {paths or 'none'}{tiles}>"
+        )
+
     @property
     def runs(self) -> "tuple[Job, ...]":
-        """What the machine runs, one after the other: the tiles, or the job itself."""
+        """The jobs that the machine runs, one after the other: the tiles, or the job itself."""
         return self.tiles or (self,)
 
     def along(self, operation: Operation) -> tuple[LaserPath, ...]:

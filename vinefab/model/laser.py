@@ -1,4 +1,4 @@
-"""Machines, materials and recipes, every number with its standing."""
+"""Laser profiles: machines, materials and recipes, every number with its standing."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ class Standing(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantity:
-    """A number with where it comes from; its unit is in the name that holds it.
+    """A number with its standing and source; its unit is in the name of the field that holds it.
 
     Parameters
     ----------
@@ -29,9 +29,9 @@ class Quantity:
     standing
         How far it may be trusted.
     source
-        Who says so, in words.
+        Where it comes from, in words.
     uncertainty
-        Standard uncertainty in the number's own unit, or None where nobody worked it out.
+        Standard uncertainty in the number's own unit, or None if unknown.
     """
 
     value: float
@@ -48,7 +48,7 @@ class Quantity:
         return self.value
 
     def words(self) -> str:
-        """Return the number and, where it is known, its uncertainty.
+        """Return the number and, if known, its uncertainty.
 
         >>> Quantity(value=0.26, standing=Standing.MEASURED, uncertainty=0.013).words()
         '0.26 +- 0.013'
@@ -58,7 +58,7 @@ class Quantity:
 
 
 class RecipeStatus(StrEnum):
-    """How far a recipe has been tried on the user's machine."""
+    """How far a recipe is verified on the user's machine."""
 
     UNVERIFIED = "unverified"
     COUPON_OK = "coupon_ok"
@@ -81,7 +81,7 @@ class Machine:
     name, title
         File name and full name.
     bed_width_mm, bed_height_mm, margin_mm
-        Bed, and the rim of it that is not used.
+        Size of the bed, and the unused rim of it.
     power_w
         Rated power.
     spot_mm, rayleigh_mm
@@ -89,9 +89,9 @@ class Machine:
     speed_max_mm_s, acceleration_mm_s2
         Limits of motion.
     colours
-        Name of the colour preset that its software wants.
+        Name of its software's colour preset.
     hairline_mm
-        Stroke width that its software takes for a vector path.
+        Stroke width that its software reads as a vector path.
     """
 
     name: str
@@ -116,20 +116,20 @@ class Machine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
-    """A film, and what is known of its seam.
+    """A film and its seam.
 
     Parameters
     ----------
     name, title
         File name and full name.
     ply_mm, plies
-        Thickness of one ply, number of plies that are welded.
+        Thickness of one ply, number of welded plies.
     roll_width_mm
-        Width of the roll it is cut from.
+        Width of the film roll.
     density_kg_m3, modulus_mpa, strength_mpa
-        Of the film.
+        Density, Young's modulus and tensile strength of the film.
     friction
-        Coefficient against the environment.
+        Coefficient of friction against the environment.
     burst_kpa, burst_width_mm
         Pressure at which a welded balloon of that lay-flat width burst.
     weldable
@@ -157,14 +157,14 @@ class OperationSettings:
     Parameters
     ----------
     power_percent, min_power_percent
-        Of the machine's rated power; the lower one in corners.
+        Share of the machine's rated power; the lower one in corners.
     speed_mm_s, passes, focus_offset_mm, frequency_hz, air_assist
         The rest of the machine's settings.
     spot_mm, kerf_mm, seam_width_mm, overcut_mm
-        What they do to the film: spot, width removed, width fused inward of the kerf, overlap
-        where a closed path meets its start.
+        Beam diameter on the film, width removed, width fused inward of the kerf, and overlap where
+        a closed path meets its start.
     tool
-        What runs it. Where that is not the laser, its power and speed are 0 and its paths are
+        Tool of the operation. Unless it is the laser, power and speed are 0 and its paths are
         lines to seal along by hand.
     temperature_c, dwell_s
         Settings of an impulse sealer: jaw temperature and time under heat.
@@ -198,16 +198,16 @@ class OperationSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnergyWindow:
-    """Between which line energies coupons came out right.
+    """The range of line energies at which coupons passed.
 
     Parameters
     ----------
     operation
-        What they were right for: ``weld`` sealed, ``weldcut`` sealed and came apart.
+        The operation tested: ``weld`` sealed, ``weldcut`` sealed and cut.
     focus_mm
-        The focus offset that they were run at.
+        Focus offset of the coupons.
     least_mj_mm, most_mj_mm
-        The range, or None where nothing came out right.
+        The range, or None if no coupon passed.
     """
 
     operation: str
@@ -216,13 +216,13 @@ class EnergyWindow:
     most_mj_mm: Quantity | None
 
     def holds(self, energy_mj_mm: float) -> bool:
-        """Whether a line energy lies within; one part in a hundred is no difference."""
+        """Return whether a line energy lies within the range, give or take 1 %."""
         if self.least_mj_mm is None or self.most_mj_mm is None:
             return False
         return 0.99 * self.least_mj_mm.value <= energy_mj_mm <= 1.01 * self.most_mj_mm.value
 
     def words(self) -> str:
-        """Return it as a line."""
+        """Return the range as one line."""
         did = "sealed and cut" if self.operation == "weldcut" else "sealed without cutting"
         where = f"{self.operation} at focus {self.focus_mm:g} mm"
         if self.least_mj_mm is None or self.most_mj_mm is None:
@@ -240,21 +240,21 @@ class Recipe:
     name, title
         File name (``machine__material``) and full name.
     status
-        How far it has been tried.
+        How far it is verified.
     source
         Where it comes from.
     operations
         Settings by operation (``weldcut``, ``weld``, ``cut``, ``mark``).
     growth
         Growth-pressure constants fitted to the user's own tube (``yield_kpa``, ``drag_kpa_m``,
-        ``storage_kpa``, ``friction``, ``width_mm``); empty where nobody measured them.
+        ``storage_kpa``, ``friction``, ``width_mm``); empty if not measured.
     limits
         Limits of design rules that differ for this recipe: rule id to name to value.
     coupons
-        What else coupons said (``peel_n_mm``, ``crotch_burst_kpa``, ``crotch_fillet_mm``); no
-        prediction uses it.
+        Other coupon results (``peel_n_mm``, ``crotch_burst_kpa``, ``crotch_fillet_mm``); no
+        prediction uses them.
     windows
-        Between which line energies coupons came out right.
+        Ranges of line energies at which coupons passed.
     """
 
     name: str
@@ -275,7 +275,7 @@ class LaserProfile:
     Parameters
     ----------
     machine, material, recipe
-        The three.
+        Its three parts.
     """
 
     machine: Machine

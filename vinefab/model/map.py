@@ -1,5 +1,6 @@
-"""A map: bounds, obstacles in them, and where robots may start."""
+"""Maps: bounds, obstacles and starts of robots."""
 
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -14,7 +15,7 @@ from vinefab.core.validation import LARGEST_MM, number
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
-    """Where a robot's base stands and which way its trunk is launched.
+    """Position of a robot's base and direction in which its trunk is launched.
 
     Parameters
     ----------
@@ -36,7 +37,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """A pose that a map offers, and how far poses drawn around it may differ.
+    """A start pose of a map, and the range that poses are drawn from.
 
     Parameters
     ----------
@@ -66,20 +67,20 @@ class Map:
     Parameters
     ----------
     name
-        What reports call it.
+        Name in reports.
     bounds
         Outer limit of the free space; a valid polygon (holes in it count as obstacles).
     obstacles
         Valid polygons, holes allowed; their interiors are solid. They may touch each other and
         reach over the bounds.
     starts
-        Poses that the map offers, in free space.
+        Start poses, in free space.
     environment
-        Which generator or importer made it.
+        Generator or importer of the map.
     seed
         The generator's seed, None for imported maps.
     facts
-        How it was made: parameters or import settings; plain values.
+        Parameters of the generator or settings of the import; plain values.
     """
 
     name: str
@@ -95,6 +96,13 @@ class Map:
         for index, obstacle in enumerate(self.obstacles):
             _check_polygon(f"obstacle {index}", obstacle)
         object.__setattr__(self, "facts", MappingProxyType(dict(self.facts)))
+
+    def __repr__(self) -> str:
+        width_mm, height_mm = self.size_mm
+        return (
+            f"<Map {reprlib.repr(self.name)}: {width_mm:.5g} x {height_mm:.5g} mm, "
+            f"{len(self.obstacles)} obstacles, {self.wall_count} walls, {len(self.starts)} starts>"
+        )
 
     @property
     def free_space(self) -> BaseGeometry:

@@ -11,11 +11,11 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, frozen_floats
 
 FLATTEN_MM = 0.01
-"""Default distance between an arc and the chords that stand for it."""
+"""Default distance between an arc and its chords."""
 
 
 class Part(StrEnum):
-    """What a segment of a contour belongs to."""
+    """The part of the body that a segment of a contour belongs to."""
 
     SIDE = "side"
     TIP = "tip"
@@ -40,9 +40,9 @@ class Segment:
         Tangent of a quarter of the arc's angle; positive when the arc turns counter-clockwise
         from start to end, 0 for a line (the convention of DXF).
     part
-        What it belongs to.
+        Part of the body that it belongs to.
     branch
-        Id of the branch that it belongs to, or an empty string.
+        Id of its branch, or empty.
     """
 
     start_mm: tuple[float, float]
@@ -95,7 +95,7 @@ class Segment:
         """Area between the arc and its chord, positive when it turns counter-clockwise."""
         turn = self.turn_rad
         if abs(turn) < 1e-3:
-            # The closed form is the difference of nearly equal numbers; this is its series.
+            # The closed form subtracts nearly equal numbers; this is its series.
             return self.chord_mm**2 * turn / 12.0 * (1.0 + turn**2 / 30.0)
         return self.chord_mm**2 * (turn - math.sin(turn)) / (8.0 * math.sin(turn / 2.0) ** 2)
 
@@ -129,7 +129,7 @@ class Segment:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Contour:
-    """A run of lines and arcs, each starting where the one before ends.
+    """A chain of lines and arcs, each starting where the one before ends.
 
     Parameters
     ----------
@@ -139,9 +139,9 @@ class Contour:
         One per segment: n for a closed contour (the last goes back to the first vertex), n - 1
         for an open one.
     parts
-        What each segment belongs to.
+        Part of the body that each segment belongs to.
     branches
-        Id of the branch that each segment belongs to.
+        Branch id of each segment.
     closed
         Whether the last vertex joins the first.
     """
@@ -160,6 +160,14 @@ class Contour:
             raise BadInputError("contour", (len(points), len(bulges)), f"{count} segments")
         object.__setattr__(self, "points_mm", points)
         object.__setattr__(self, "bulges", bulges)
+
+    def __repr__(self) -> str:
+        x0, y0, x1, y1 = self.box_mm
+        kind = "closed" if self.closed else "open"
+        return (
+            f"<Contour: {kind}, {len(self)} segments ({self.arc_count} arcs), "
+            f"{self.length_mm:.5g} mm long, {x1 - x0:.5g} x {y1 - y0:.5g} mm>"
+        )
 
     @classmethod
     def from_segments(cls, segments: list[Segment], *, closed: bool) -> "Contour":
@@ -235,7 +243,7 @@ class Contour:
 
     @property
     def box_mm(self) -> tuple[float, float, float, float]:
-        """Least x, least y, greatest x, greatest y; exact for arcs."""
+        """Bounding box: least x, least y, greatest x, greatest y; exact for arcs."""
         points = [self.points_mm]
         points.extend(_extremes_mm(segment) for segment in self.segments if segment.bulge)
         stacked = np.concatenate(points)

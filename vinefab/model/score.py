@@ -1,4 +1,4 @@
-"""What a design is worth on a task, evaluation by evaluation."""
+"""Scores of a design on a task, evaluation by evaluation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class Evaluation:
     score
         The task's score, higher is better.
     terms
-        The numbers that the score is made of.
+        The named numbers that make up the score.
     """
 
     map_name: str
@@ -42,13 +42,16 @@ class Score:
     evaluations
         At least one.
     composite
-        Each way of weighing the evaluations into one number: ``mean``, ``best``,
-        ``min_deviation``.
+        Composites of the scores: ``mean``, ``best``, ``min_deviation``.
     """
 
     task: str
     evaluations: tuple[Evaluation, ...]
     composite: Mapping[str, float]
+
+    def __repr__(self) -> str:
+        weighed = ", ".join(f"{kind} {value:.4g}" for kind, value in self.composite.items())
+        return f"<Score {self.task}: {weighed}; {len(self.evaluations)} evaluations>"
 
     @property
     def scores(self) -> Floats:

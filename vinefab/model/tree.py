@@ -1,4 +1,4 @@
-"""The planned tree of a design: every branch with its parent, angle and length."""
+"""The planned branches of a design, with parent, angle and length."""
 
 from dataclasses import dataclass
 
@@ -36,6 +36,12 @@ class BranchTree:
 
     def __len__(self) -> int:
         return len(self.parent)
+
+    def __repr__(self) -> str:
+        return (
+            f"<BranchTree: {len(self)} branches on {int(self.level.max())} levels, "
+            f"{self.total_length_mm:.5g} mm>"
+        )
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -79,7 +85,7 @@ def child_lengths_mm(level: Level) -> Floats:
 
 
 def _evenly(first: float, last: float, count: int) -> Floats:
-    """Return what `numpy.linspace` does, in a third of the time."""
+    """Return `numpy.linspace` of three numbers, in a third of the time."""
     if count == 1:
         return np.array([first])
     values: Floats = np.arange(count, dtype=np.float64)
@@ -90,7 +96,7 @@ def _evenly(first: float, last: float, count: int) -> Floats:
 
 
 def _repeated(values: Floats, count: int) -> Floats:
-    """Return values over and over, as `numpy.tile` does."""
+    """Return values repeated ``count`` times, as `numpy.tile` does."""
     return np.broadcast_to(values, (count, len(values))).ravel()
 
 

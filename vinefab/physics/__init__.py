@@ -1,1 +1,6 @@
-"""Tube, seam, capstan, growth pressure, anchoring: small pure functions, each with its source."""
+"""Physics of inflated film tubes: small pure functions, each with its source and standing.
+
+Other rooms use ``tube`` (inflated size), ``seam`` (spot, line load, burst pressure),
+``growth_pressure`` (capstan, paths through a tree, growth pressure) and ``anchoring`` (pouch
+force, amplification, payload). Pressures are gauge pressures.
+"""

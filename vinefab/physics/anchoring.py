@@ -1,9 +1,9 @@
-"""What a branched robot holds: pouches jammed in gaps, and bodies wrapped around corners.
+"""Anchoring force: pouches jammed in gaps, and bodies wrapped around corners.
 
-One pouch holds F_tip = 2 P A_c mu, a branch that turned by gamma on its way holds
-F_tip e^(mu gamma) (equations 1 and 2 of the paper). Which branches touch, and how well, is not
-known beforehand: of six branches in the paper's test one touched nothing and one hung slack. A
-prediction is therefore an interval over friction and over how many branches are engaged.
+One pouch holds F_tip = 2 P A_c mu; a branch that turns by gamma on its way holds
+F_tip e^(mu gamma) (Eq. 1 and 2 of the paper). Which branches touch, and how firmly, is unknown
+beforehand: of six branches in the paper's test one touched nothing and one hung slack. A
+prediction is therefore an interval over friction and over the number of engaged branches.
 """
 
 import math
@@ -22,12 +22,12 @@ from vinefab.physics.tube import inflated_diameter_mm
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumberRange:
-    """A number that is known within bounds.
+    """An estimate with bounds, in rising order.
 
     Parameters
     ----------
     low, value, high
-        In rising order.
+        Lower bound, estimate and upper bound.
     """
 
     low: float
@@ -51,7 +51,7 @@ def pouch_contact_mm2(length_mm: float, width_mm: float, gap_mm: float) -> float
     length_mm, width_mm
         Flat size of the pouch, along and across its branch.
     gap_mm
-        Distance of the walls.
+        Distance between the walls.
 
     Returns
     -------
@@ -60,7 +60,7 @@ def pouch_contact_mm2(length_mm: float, width_mm: float, gap_mm: float) -> float
 
     Notes
     -----
-    Standing: computed; the flat circumference 2 w_p less the two half circles across the gap lies
+    Standing: computed. The flat circumference 2 w_p minus the two half circles across the gap lies
     on the walls. Ends and hoop strain are neglected.
 
     Examples
@@ -74,20 +74,20 @@ def pouch_contact_mm2(length_mm: float, width_mm: float, gap_mm: float) -> float
 
 
 def pouch_contacts_mm2(length_mm: Floats, width_mm: Floats, gap_mm: Floats) -> Floats:
-    """Return what `pouch_contact_mm2` does for many pouches at once, shape (m,)."""
+    """Return `pouch_contact_mm2` of many pouches at once; all arrays have shape (m,)."""
     wide = inflated_diameter_mm(width_mm) > gap_mm
     return np.where(wide, length_mm * (width_mm - math.pi * gap_mm / 2.0), 0.0)
 
 
 def tip_force_n(pressure_kpa: float, contact_mm2: float, friction: float) -> float:
-    """Return what one pouch holds between two walls: 2 P A_c mu (Eq. 1 of the paper)."""
+    """Return the force that one pouch holds between two walls: 2 P A_c mu (Eq. 1 of the paper)."""
     return 2.0 * pressure_kpa * N_MM2_PER_KPA * contact_mm2 * friction
 
 
 def branch_limit_n(
     width_mm: float, ply_mm: float, strength_mpa: float, allowed_n_mm: float
 ) -> float:
-    """Return the most that a branch can be pulled with: the film tears or the seam opens.
+    """Return the largest pull that a branch stands before the film tears or the seam opens.
 
     Parameters
     ----------
@@ -96,14 +96,14 @@ def branch_limit_n(
     ply_mm, strength_mpa
         Thickness and strength of the film: it tears at sigma 2 w t.
     allowed_n_mm
-        Line load that the seam stands, from a burst test; the pull is taken to load the whole
-        circumference evenly and no part of it may carry more than a seam does [assumed].
+        Line load that the seam stands, from a burst test. The pull is assumed to load the whole
+        circumference evenly, and no part of it to carry more than a seam does [assumed].
     """
     return 2.0 * width_mm * min(strength_mpa * ply_mm, allowed_n_mm)
 
 
 def branch_force_n(tip_n: float, turn_rad: float, friction: float, limit_n: float) -> float:
-    """Return what a branch holds: F_tip e^(mu gamma) (Eq. 2 of the paper), at most its limit."""
+    """Return the force of a branch: F_tip e^(mu gamma) (Eq. 2 of the paper), at most its limit."""
     return min(limit_n, tip_n * capstan_factor(friction, turn_rad))
 
 
@@ -130,7 +130,7 @@ def amplification_interval(
     turns_rad
         Turn at contacts and base hinges on the way to each engaged branch's tip.
     fewest
-        How many of them hold at least; the low end takes those that turned least.
+        Least number of them that hold; the low bound takes those that turned least.
     friction
         Range of the coefficient.
 
@@ -149,19 +149,8 @@ def amplification_interval(
     )
 
 
-def film_mass_g(area_mm2: float, ply_mm: float, plies: int, density_kg_m3: float) -> float:
-    """Return the mass of a flat robot of an area, all plies together.
-
-    Examples
-    --------
-    >>> round(film_mass_g(55_000.0, 0.0375, 2, 1200.0), 2)
-    4.95
-    """
-    return area_mm2 * ply_mm * plies * density_kg_m3 * 1e-6
-
-
 def payload_over_mass(force_n: float, mass_g: float) -> float:
-    """Return how many times its own weight a robot holds.
+    """Return the force that a robot holds over its own weight.
 
     Examples
     --------

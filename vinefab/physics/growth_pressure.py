@@ -1,16 +1,22 @@
-"""The pressure that a vine robot needs to grow along a path with turns.
+"""Growth pressure: what a vine robot needs to grow along a path, and along every path of a tree.
 
-Undeployed film rides inside the body to the tip. Every stretch of path adds friction and every
-turn multiplies the tension that has built up behind it (the capstan effect), so the same turns
-cost more the later they come.
+Undeployed film travels inside the body to the tip, where it everts. Every straight segment adds
+friction and every turn multiplies the tension built up behind it (the capstan effect), so the
+same turns cost more the later they come.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats
+from vinefab.model.deployment import Deployment
 from vinefab.model.laser import Quantity, Standing
+from vinefab.model.tree import BranchTree
+from vinefab.physics.tube import inflated_diameter_mm
 
 
 def capstan_factor(friction: float, turn_rad: float) -> float:
@@ -62,7 +68,7 @@ class GrowthConstants:
         Parameters
         ----------
         diameter_mm
-            Inflated diameter of the tube asked about.
+            Inflated diameter of the other tube.
         fitted_diameter_mm
             Inflated diameter of the tube that these constants were fitted to.
         """
@@ -88,7 +94,7 @@ class GrowthConstants:
 
     @property
     def standing(self) -> Standing:
-        """How far a pressure worked out from these constants may be trusted: as its weakest."""
+        """Standing of a pressure computed from these constants: that of the weakest one."""
         numbers = (self.yield_kpa, self.drag_kpa_m, self.storage_kpa, self.friction)
         assumed = any(number.standing is Standing.ASSUMED for number in numbers)
         return Standing.ASSUMED if assumed else Standing.COMPUTED
@@ -127,7 +133,7 @@ def growth_pressure_kpa(
     *,
     riding_mm: float = 0.0,
 ) -> float:
-    """Return the pressure that growth to the end of a path takes.
+    """Return the pressure for growth to the end of a path (series of capstans).
 
     tau_0 = T + f l_r; tau_i = (tau_{i-1} + f l_i) e^(mu |theta_i|); P_grow = Y + tau_{n-1} + f l_n.
 
@@ -140,9 +146,9 @@ def growth_pressure_kpa(
     constants
         Y, f, T and mu.
     riding_mm
-        Film of undeployed descendants that is drawn along behind, l_r: their length times their
-        width over that of the growing branch. It is taken to hang on at the store, behind every
-        turn: no less than its true share.
+        Film of undeployed descendants that is dragged along, l_r: their length times their width
+        over that of the growing branch. It is assumed to act at the store, before every turn: an
+        upper bound of its share.
 
     Raises
     ------
@@ -169,24 +175,160 @@ def growth_pressure_kpa(
     return constants.yield_kpa.value + tension_kpa + drag_kpa_mm * lengths_mm[-1]
 
 
-def growth_pressure_bound_kpa(
-    length_mm: float, turn_rad: float, constants: GrowthConstants = FITTED
-) -> float:
-    """Return the upper bound Y + (f L + T) e^(mu sum |theta|) of the pressure that growth takes.
+# --- Paths through a tree -----------------------------------------------------------------------
+
+Steps = list[tuple[float, float]]
+"""Turn (rad) before each segment, and the segment's length (mm)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GrowthPath:
+    """A path from the base to a tip.
 
     Parameters
     ----------
-    length_mm
-        Whole length of the path.
-    turn_rad
-        Sum of its absolute turns.
-    constants
-        Y, f, T and mu.
+    lengths_mm
+        Lengths of the n straight segments, base first.
+    turns_rad
+        The n - 1 absolute turns between them: at contacts, base hinges and joints. A joint that a
+        contact bends at its hinge counts with both turns.
+    """
+
+    lengths_mm: tuple[float, ...]
+    turns_rad: tuple[float, ...]
+
+    @property
+    def length_mm(self) -> float:
+        """Length of the whole path."""
+        return math.fsum(self.lengths_mm)
+
+    @property
+    def turn_rad(self) -> float:
+        """Sum of all turns."""
+        return math.fsum(self.turns_rad)
+
+    def pressure_kpa(self, constants: GrowthConstants, riding_mm: float = 0.0) -> float:
+        """Return the pressure for growth to the path's end; see `growth_pressure_kpa`."""
+        return growth_pressure_kpa(self.lengths_mm, self.turns_rad, constants, riding_mm=riding_mm)
+
+
+def planned_paths(tree: BranchTree) -> tuple[GrowthPath, ...]:
+    """Return the path to every tip in free space: straight branches, turns at joints only.
+
+    No path through obstacles is shorter or turns less, so these paths give a lower bound of the
+    growth pressure.
+    """
+    steps: list[Steps] = []
+    for parent, turn_rad, length_mm in zip(
+        tree.parent.tolist(), np.abs(tree.offset_rad).tolist(), tree.length_mm.tolist(), strict=True
+    ):
+        before = steps[parent] if parent >= 0 else []
+        steps.append([*before, (turn_rad, length_mm)])
+    return tuple(_path(found) for found in steps)
+
+
+def grown_paths(deployment: Deployment) -> dict[int, GrowthPath]:
+    """Return the path to the tip of every branch that deployed, by its index.
 
     Notes
     -----
-    The bound is what the path would need if every turn came at its very end.
+    Turns are taken from the chains: between two segments, and at a branch's base between the
+    planned heading (the parent's last one turned by the joint's angle) and the first segment.
     """
-    drag_kpa = constants.drag_kpa_m.value * length_mm / 1000.0
-    factor = capstan_factor(constants.friction.value, turn_rad)
-    return constants.yield_kpa.value + (drag_kpa + constants.storage_kpa.value) * factor
+    tree = deployment.tree
+    steps: dict[int, Steps] = {}
+    headings_rad: dict[int, float] = {}
+    for branch in np.flatnonzero(deployment.deployed).tolist():
+        parent = int(tree.parent[branch])
+        joint_rad = float(tree.offset_rad[branch])
+        before = headings_rad[parent] if parent >= 0 else deployment.pose.heading_rad
+        own, heading_rad = _chain_steps(deployment.chain_mm(branch), before + joint_rad)
+        first_turn, first_length = own[0]
+        own[0] = (abs(joint_rad) + first_turn, first_length)
+        steps[branch] = [*(steps[parent] if parent >= 0 else []), *own]
+        headings_rad[branch] = heading_rad
+    return {branch: _path(found) for branch, found in steps.items()}
+
+
+def riding_mm(tree: BranchTree, widths_mm: tuple[float, ...]) -> Floats:
+    """Return the film inside each branch for its descendants, as a length of its own film.
+
+    Parameters
+    ----------
+    tree
+        The planned branches.
+    widths_mm
+        Lay-flat width of each level, trunk first.
+
+    Returns
+    -------
+    array
+        Sum of length times width over all descendants, over the branch's width, mm; shape (n,).
+    """
+    width_mm = np.array(widths_mm)[tree.level - 1]
+    film_mm2 = tree.length_mm * width_mm
+    inside_mm2 = np.zeros(len(tree))
+    for branch in range(len(tree) - 1, 0, -1):
+        inside_mm2[tree.parent[branch]] += inside_mm2[branch] + film_mm2[branch]
+    return np.asarray(inside_mm2 / width_mm)
+
+
+def _chain_steps(chain_mm: Floats, planned_rad: float) -> tuple[Steps, float]:
+    """Return turn and length of each segment of a chain, and the last heading."""
+    runs = np.diff(chain_mm, axis=0)
+    lengths = np.hypot(runs[:, 0], runs[:, 1])
+    runs, lengths = runs[lengths > 0.0], lengths[lengths > 0.0]
+    if len(runs) == 0:  # it emerged and stopped at once
+        return [(0.0, 0.0)], planned_rad
+    headings = np.concatenate([[planned_rad], np.arctan2(runs[:, 1], runs[:, 0])])
+    turns = np.abs(np.remainder(np.diff(headings) + math.pi, math.tau) - math.pi)
+    steps = list(zip(turns.tolist(), lengths.tolist(), strict=True))
+    return steps, float(headings[-1])
+
+
+def _path(steps: Steps) -> GrowthPath:
+    """Return a path; a turn at the very base follows a segment of length 0."""
+    (first_turn, first_length), *rest = steps
+    if first_turn > 0.0:
+        steps = [(0.0, 0.0), (first_turn, first_length), *rest]
+    lengths = tuple(length for _, length in steps)
+    return GrowthPath(lengths_mm=lengths, turns_rad=tuple(turn for turn, _ in steps[1:]))
+
+
+def planned_growth_kpa(
+    tree: BranchTree,
+    widths_mm: tuple[float, ...],
+    constants: GrowthConstants,
+    fitted_diameter_mm: float,
+) -> Floats:
+    """Return the pressure for growth to each tip in free space, kPa; shape (n,).
+
+    The same as `growth_pressure_kpa` along each of `planned_paths`, with the constants scaled to
+    the branch's diameter and the film of its descendants, but level by level. Contacts can only
+    add to it.
+
+    Parameters
+    ----------
+    tree
+        The planned branches.
+    widths_mm
+        Lay-flat width of each level, trunk first.
+    constants
+        Y, f, T and mu, fitted to one tube.
+    fitted_diameter_mm
+        Inflated diameter of that tube.
+    """
+    drag_kpa_mm = constants.drag_kpa_m.value / 1000.0
+    bend = np.exp(constants.friction.value * np.abs(tree.offset_rad))
+    # Factor on the store's tension, and the drag of all segments before the last, after turns.
+    factor, before_kpa = np.ones(len(tree)), np.zeros(len(tree))
+    own_kpa = drag_kpa_mm * tree.length_mm
+    for level in range(2, len(widths_mm) + 1):
+        rows = np.flatnonzero(tree.level == level)
+        parent = tree.parent[rows]
+        factor[rows] = factor[parent] * bend[rows]
+        before_kpa[rows] = (before_kpa[parent] + own_kpa[parent]) * bend[rows]
+    store_kpa = constants.storage_kpa.value + drag_kpa_mm * riding_mm(tree, widths_mm)
+    unscaled = constants.yield_kpa.value + store_kpa * factor + before_kpa + own_kpa
+    diameter_mm = inflated_diameter_mm(1.0) * np.array(widths_mm)
+    return np.asarray(unscaled * (fitted_diameter_mm / diameter_mm)[tree.level - 1])

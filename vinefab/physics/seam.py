@@ -1,44 +1,10 @@
-"""What a laser's settings put into the film, and how much pressure a seam and a film stand.
+"""Seams: the spot that welds them, and the pressure that seam and film stand.
 
-The load per length of a tube's wall depends on pressure times width, so a seam that holds in a
-narrow balloon fails in a wide trunk at a fraction of the pressure. All pressures are gauge.
+The load per length of a tube's wall is proportional to pressure times width, so a seam that holds
+in a narrow balloon fails in a wide trunk at a fraction of the pressure. Pressures are gauge.
 """
 
 import math
-
-
-def line_energy_mj_mm(power_w: float, speed_mm_s: float, passes: int = 1) -> float:
-    """Return the energy per length of path, all passes together.
-
-    Parameters
-    ----------
-    power_w
-        Power that the tube gives, rated power times the setting.
-    speed_mm_s
-        Speed of the head.
-    passes
-        How often the path is traced.
-
-    Examples
-    --------
-    >>> line_energy_mj_mm(6.0, 60.0)
-    100.0
-    """
-    return 1000.0 * passes * power_w / speed_mm_s
-
-
-def fluence_j_cm2(energy_mj_mm: float, spot_mm: float) -> float:
-    """Return the energy per area of the track that the beam sweeps, spot wide.
-
-    Standing of what it is compared with (computed): two plies of 0.0375 mm TPU take about
-    2.8 J/cm^2 to melt and 23 J/cm^2 to cut.
-
-    Examples
-    --------
-    >>> fluence_j_cm2(100.0, 0.5)
-    20.0
-    """
-    return 0.1 * energy_mj_mm / spot_mm
 
 
 def spot_at_mm(focus_spot_mm: float, focus_offset_mm: float, rayleigh_mm: float) -> float:
@@ -86,15 +52,15 @@ def membrane_stress_mpa(pressure_kpa: float, width_mm: float, ply_mm: float) -> 
 
 
 def allowed_line_load_n_mm(burst_kpa: float, burst_width_mm: float) -> float:
-    """Return the line load at which a seam gave way in a burst test: N_allow = P_b w_b / pi.
+    """Return the line load at which a seam failed in a burst test: N_allow = P_b w_b / pi.
 
     Parameters
     ----------
     burst_kpa
         Pressure at which a balloon burst.
     burst_width_mm
-        Lay-flat width of that balloon. A burst pressure without its width says nothing about
-        other widths: the 70 kPa of the paper is quoted without one.
+        Lay-flat width of that balloon. Without it a burst pressure says nothing about other
+        widths; the paper's 70 kPa is quoted without one.
     """
     return line_load_n_mm(burst_kpa, burst_width_mm)
 

@@ -1,8 +1,8 @@
-"""What a flat tube and a flat pouch become when they are inflated.
+"""Flat tubes under pressure: diameter, radius and cross-section.
 
-Every function takes the film as inextensible: a circumference that was flat stays as long.
-Standing of the formulas: published, standard results. They hold while the hoop strain (see
-`vinefab.physics.seam.hoop_strain`) is small; thin TPU balloons beyond that.
+All functions treat film as inextensible: the flat circumference 2 w keeps its length. Standing of
+the formulas: published, standard results. They hold while the hoop strain
+(`vinefab.physics.seam.hoop_strain`) is small; thin TPU balloons beyond that.
 """
 
 import math
@@ -11,16 +11,7 @@ from typing import TypeVar
 from vinefab.core.validation import Floats
 
 Widths = TypeVar("Widths", float, Floats)
-"""One, or many at once."""
-
-POUCH_RADIUS = 0.763
-"""Equatorial radius of an inflated round pouch over its flat radius (published, mylar balloon)."""
-
-POUCH_THICKNESS = 0.914
-"""Thickness of an inflated round pouch, pole to pole, over its flat radius (published)."""
-
-POUCH_VOLUME = 1.2185
-"""Volume of an inflated round pouch over its flat radius cubed (published, mylar balloon)."""
+"""A width in mm, or an array of widths, shape (n,)."""
 
 
 def inflated_diameter_mm(width_mm: Widths) -> Widths:
@@ -42,18 +33,3 @@ def inflated_radius_mm(width_mm: float) -> float:
 def lumen_area_mm2(width_mm: float) -> float:
     """Return the cross-section w^2 / pi of an inflated tube of lay-flat lumen width w."""
     return width_mm * width_mm / math.pi
-
-
-def pouch_radius_mm(flat_radius_mm: float) -> float:
-    """Return the equatorial radius of an inflated round pouch."""
-    return POUCH_RADIUS * flat_radius_mm
-
-
-def pouch_thickness_mm(flat_radius_mm: float) -> float:
-    """Return the thickness of an inflated round pouch from pole to pole."""
-    return POUCH_THICKNESS * flat_radius_mm
-
-
-def pouch_volume_mm3(flat_radius_mm: float) -> float:
-    """Return the volume of an inflated round pouch."""
-    return POUCH_VOLUME * flat_radius_mm**3

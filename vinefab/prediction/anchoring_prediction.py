@@ -20,7 +20,7 @@ from vinefab.physics.anchoring import (
 from vinefab.physics.seam import allowed_line_load_n_mm
 from vinefab.prediction.deployments import FamilyDeployments
 from vinefab.prediction.measures import pouch_size_mm
-from vinefab.tasks.leaves import path_turn_rad, tip_gaps_mm
+from vinefab.tasks.anchoring_force import path_turn_rad, tip_gaps_mm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +124,7 @@ def _forces(
     leaves = engaged = limited = 0
     for index, deployment in enumerate(trip.deployments):
         rows = _leaves(deployment)
-        gaps = tip_gaps_mm(deployment, rows, trip.site(index).ground)
+        gaps = tip_gaps_mm(deployment, rows, trip.site(index).context)
         contact = [pouch_contact_mm2(length_mm, width_mm, gap_mm) for gap_mm in gaps.tolist()]
         turns = path_turn_rad(deployment)[rows]
         forces = np.array(

@@ -85,7 +85,7 @@ def deploy_family(
     columns = np.empty((len(deployments), len(MEASURES)))
     terrain = launches.terrain.tolist()
     for index, deployment in enumerate(deployments):
-        columns[index] = measure_deployment(deployment, design, place.sites[terrain[index]].ground)
+        columns[index] = measure_deployment(deployment, design, place.sites[terrain[index]].context)
         tell((index + 1) / len(deployments), f"{index + 1} of {len(deployments)} deployments")
     names = place.names
     outcomes = MeasureTable(

@@ -1,7 +1,7 @@
 """The pressure that growth takes to every tip of a simulated deployment, all tips at once.
 
-The same model as `vinefab.physics.growth_path`, which says what counts as a turn. There every path
-is worked out from its base; here each branch goes on from what its parent came to, on arrays.
+The same model as `vinefab.physics.growth_pressure`, which says what counts as a turn. There every
+path is computed from its base; here each branch continues from its parent's result, on arrays.
 """
 
 import math
@@ -13,8 +13,13 @@ import numpy as np
 from vinefab.core.validation import Floats, Ints
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
-from vinefab.physics.growth_path import riding_mm
-from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, NO_TENSION, GrowthConstants
+from vinefab.physics.growth_pressure import (
+    FITTED,
+    FITTED_DIAMETER_MM,
+    NO_TENSION,
+    GrowthConstants,
+    riding_mm,
+)
 from vinefab.physics.tube import inflated_diameter_mm
 
 LOOSE = FITTED.with_storage(NO_TENSION)

@@ -190,8 +190,8 @@ def design_plan(design: Design, options: GrowthOptions) -> Plan:
 
 def quick_measures(deployment: Deployment, design: Design, site: PreparedMap) -> tuple[float, ...]:
     """Return the measures of `QUICK` for one deployment."""
-    _, terms = Coverage(area="fast").evaluate(deployment, site.ground)
-    reached, _ = Reach(area="fast").evaluate(deployment, site.ground)
+    _, terms = Coverage(area="fast").evaluate(deployment, site.context)
+    reached, _ = Reach(area="fast").evaluate(deployment, site.context)
     grown, stuck, _ = shares_percent(deployment)
     loose_kpa, _ = worst_pressures_kpa(deployment, design)
     return 100.0 * terms["area"], 100.0 * reached, grown, stuck, loose_kpa
@@ -294,7 +294,7 @@ def _moved(
     rows = []
     for site, poses in zip(place.sites, place.poses, strict=True):
         moved = [move(pose) for pose in poses]
-        free = [shapely.intersects_xy(site.ground.free, pose.x_mm, pose.y_mm) for pose in moved]
+        free = [shapely.intersects_xy(site.context.free, pose.x_mm, pose.y_mm) for pose in moved]
         rows.append(tuple(p if ok else None for p, ok in zip(moved, free, strict=True)))
     return tuple(rows)
 

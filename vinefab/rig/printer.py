@@ -8,7 +8,7 @@ from pydantic import Field
 
 from vinefab.core.errors import located
 from vinefab.core.validation import number, positive
-from vinefab.model.files.profile_forms import QuantityForm
+from vinefab.model.files.profile_toml import QuantityForm
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import Form, read_toml, validated
 

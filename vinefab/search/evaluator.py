@@ -23,13 +23,11 @@ from vinefab.search.parallel.executor import Executor, SerialExecutor, WorkUnit,
 from vinefab.search.record.timing import Stopwatch, Work
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings
 from vinefab.search.space import Space
-from vinefab.tasks.composite import composites
 from vinefab.tasks.coverage import Coverage
-from vinefab.tasks.evaluate import Poses, PreparedMap, poses_on, scores_of
+from vinefab.tasks.evaluate import Poses, PreparedMap, composites, poses_on, scores_of
 from vinefab.tasks.reach import Reach
 from vinefab.tasks.shipped_tasks import make_task
-from vinefab.tasks.sliding import Sliding
-from vinefab.tasks.task import Task, TaskOutcomes, concatenated_outcomes, outcomes
+from vinefab.tasks.task import HeadOnPenalty, Task, TaskOutcomes, concatenated_outcomes, outcomes
 
 Penalty = Callable[[Design], float]
 """How far a design is from one that can be made: 0 when it can, else above 0."""
@@ -194,7 +192,7 @@ class Evaluator:
         builds = {depth: self.space.build_of(depth) for depth in set(fleet.depth.tolist())}
         plans = planned_batch(fleet, builds, self.radii_mm)
         batch = Batch(plans, launches, self.growth, self.idle)
-        grounds = [site.ground for site in self.sites]
+        grounds = [site.context for site in self.sites]
 
         def grown(first: int, size: int) -> tuple[TaskOutcomes, Work]:
             watch = Stopwatch()
@@ -286,7 +284,7 @@ def _search_task(settings: PartSettings, head_on_weight: float) -> Task:
     task = make_task(settings.name, settings.parameters)
     if isinstance(task, Coverage | Reach) and "area" not in settings.parameters:
         task = replace(task, area="fast")
-    return Sliding(task=task, weight=head_on_weight) if head_on_weight > 0.0 else task
+    return HeadOnPenalty(task=task, weight=head_on_weight) if head_on_weight > 0.0 else task
 
 
 def _with_range(world: Map, share: float) -> Map:

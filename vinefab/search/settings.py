@@ -8,7 +8,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import number, positive, whole
 from vinefab.growth.options import GrowthOptions
 from vinefab.search.space import BuildSettings, SpaceSettings
-from vinefab.tasks.composite import COMPOSITES, STANDARD_DEVIATION
+from vinefab.tasks.evaluate import COMPOSITES, STANDARD_DEVIATION
 
 MOST_SECONDS = 1e8
 

@@ -93,7 +93,7 @@ class RedeploymentJob:
     def reached(self, place: PreparedMap, grown: list[Deployment]) -> float:
         """Return the share of free space within the buffer of all bodies together."""
         near = near_chains([d.chain_mm(0).tolist() for d in grown], self.buffer_mm)
-        return float(shapely.intersection(near, place.ground.free).area / place.ground.area_mm2)
+        return float(shapely.intersection(near, place.context.free).area / place.context.area_mm2)
 
 
 def _groups(tips_mm: Floats) -> int:

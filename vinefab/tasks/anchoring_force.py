@@ -1,4 +1,4 @@
-"""Anchoring: how much more than one pouch a branched robot holds, and what its leaves hold."""
+"""The anchoring task: how much more than one pouch a branched robot holds, leaf by leaf."""
 
 import math
 from collections.abc import Sequence
@@ -11,57 +11,226 @@ from numpy.typing import NDArray
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints, number
 from vinefab.growth.batch import Block
-from vinefab.model.deployment import Deployment
+from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build
 from vinefab.physics.anchoring import ASSUMED_FRICTION, pouch_contacts_mm2
 from vinefab.physics.seam import N_MM2_PER_KPA
 from vinefab.physics.tube import inflated_diameter_mm
-from vinefab.tasks.leaves import GrownBatch, Leaves, gaps_mm
+from vinefab.tasks.exact_areas import TOUCHING_MM
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome, TaskOutcomes
+
+STEP_BACK_MM = 1e-3
+"""Gaps are measured this far behind the tip."""
+
+
+class GrownBatch(NamedTuple):
+    """The final states of j growths, concatenated."""
+
+    # parent, tree_first: the planned trees, as in `vinefab.growth.arrays.TreesArrays`
+    parent: Ints
+    tree_first: Ints
+    tree: Ints  # tree of each growth, shape (j,)
+    # branch, room: where each growth's branches and chain points begin, shape (j + 1,) each
+    branch: Ints
+    room: Ints
+    # the results, as in `vinefab.growth.arrays.Growth`
+    points: Floats
+    first_point: Ints
+    stop: Ints
+    grown: Floats
+    turn: Floats
+
+    @classmethod
+    def of_block(cls, block: Block) -> "GrownBatch":
+        """Return the growths of a block."""
+        trees, growth = block.plans.trees, block.growth
+        return cls(
+            parent=_fixed(trees.parent),
+            tree_first=_fixed(trees.first),
+            tree=block.plan,
+            branch=block.branch,
+            room=block.room,
+            points=growth.points,
+            first_point=growth.first_point,
+            stop=growth.stop,
+            grown=growth.grown,
+            turn=growth.turn,
+        )
+
+    @classmethod
+    def of(cls, deployment: Deployment) -> "GrownBatch":
+        """Return one growth."""
+        ends = np.array([0, len(deployment.tree)])
+        return cls(
+            parent=_fixed(deployment.tree.parent),
+            tree_first=_fixed(ends),
+            tree=np.zeros(1, dtype=np.int64),
+            branch=ends,
+            room=np.array([0, len(deployment.points_mm)]),
+            points=deployment.points_mm,
+            first_point=deployment.first_point,
+            stop=deployment.stop,
+            grown=deployment.grown_mm,
+            turn=deployment.contact_turn_rad,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Leaves:
+    """The m leaves of j growths that deployed, growth by growth."""
+
+    growths: int  # number of growths
+    growth: Ints  # growth of each leaf, rising, shape (m,)
+    turn_rad: Floats  # sum of absolute turns from the base to each tip, shape (m,)
+    points_mm: Floats  # chain points of all growths, shape (p, 2)
+    tip: Ints  # index of each tip among them, shape (m,)
+
+    @classmethod
+    def of(cls, grown: GrownBatch, joints_rad: Floats | None, *, whole: bool) -> "Leaves":
+        """Return the leaves of some growths.
+
+        Parameters
+        ----------
+        joints_rad
+            Turns that count beside those of the growth, one per branch, or None.
+        whole
+            Whether only leaves grown to their full length count.
+        """
+        turn_rad, is_leaf = summed_turns(grown, joints_rad)
+        out = is_leaf & np.not_equal(grown.stop, Stop.NOT_DEPLOYED) & (grown.grown > 0.0)
+        if whole:
+            out &= np.equal(grown.stop, Stop.FULL_LENGTH)
+        leaf = np.flatnonzero(out)
+        growth = np.searchsorted(grown.branch, leaf, side="right") - 1
+        # Every growth has one more entry in `first_point` than it has branches.
+        tip = grown.room[growth] + grown.first_point[leaf + growth + 1] - 1
+        return cls(
+            growths=len(grown.tree),
+            growth=growth,
+            turn_rad=turn_rad[leaf],
+            points_mm=grown.points,
+            tip=tip,
+        )
+
+    def of_growths(self, one: int, two: int) -> slice:
+        """Return which leaves belong to the growths ``one .. two - 1``."""
+        first, last = np.searchsorted(self.growth, [one, two]).tolist()
+        return slice(first, last)
+
+
+def summed_turns(grown: GrownBatch, joints_rad: Floats | None) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the sum of absolute turns from the base to each tip, and which branches are leaves.
+
+    Parameters
+    ----------
+    joints_rad
+        Turns that count beside those of the growth, shape (n,), or None.
+    """
+    from vinefab.tasks.kernels import tips_kernel  # noqa: PLC0415  numba takes a second to import
+
+    total = grown.turn.copy()
+    if joints_rad is not None:
+        total += joints_rad
+    leaf = np.empty(len(total), dtype=np.bool_)
+    tips_kernel.turns(grown.parent, grown.tree_first, grown.tree, grown.branch, total, leaf)
+    return total, leaf
+
+
+def path_turn_rad(deployment: Deployment) -> Floats:
+    """Return the sum of absolute turns from the base to each tip, without joints, shape (n,)."""
+    return summed_turns(GrownBatch.of(deployment), None)[0]
+
+
+def tip_gaps_mm(deployment: Deployment, branches: Ints, context: MapContext) -> Floats:
+    """Return the width of free space at the tips of some branches, across each, shape (m,).
+
+    Parameters
+    ----------
+    branches
+        Branches that have grown, shape (m,).
+    """
+    return gaps_mm(deployment.points_mm, deployment.first_point[1:][branches] - 1, context)
+
+
+def gaps_mm(points_mm: Floats, tip: Ints, context: MapContext) -> Floats:
+    """Return the width of free space at some tips, across the body there, shape (m,).
+
+    Exact for the map's walls, measured 1e-3 mm behind the tip; a tip that lies on a wall has its
+    gap on the free side.
+
+    Parameters
+    ----------
+    tip
+        Index of each tip among them, shape (m,); the point before each is on the same branch.
+    """
+    from vinefab.tasks.kernels import tips_kernel  # noqa: PLC0415  as above
+
+    tips = points_mm[tip]
+    along = tips - points_mm[tip - 1]
+    length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-12)[:, None]
+    along = along / length
+    # A little behind the tip: where a branch stopped at a wall, across it is along the wall.
+    tips = tips - np.minimum(STEP_BACK_MM, 0.5 * length) * along
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    cells, out = context.cells, np.zeros(len(tip))
+    tips_kernel.gaps(
+        tips, across, cells.walls_mm, cells.grid, cells.first, cells.item, TOUCHING_MM, out
+    )
+    return out
+
+
+def _fixed(array: Ints) -> Ints:
+    # Arrays that may be written to are another type to the compiler, which would compile twice.
+    view = array.view()
+    view.setflags(write=False)
+    return view
 
 
 class Pouches(NamedTuple):
     """The pouches of j robots, each of shape (j,)."""
 
-    # length_mm, width_mm: flat size, 0 where there are none
+    # length_mm, width_mm: flat size, 0 without a pouch
     length_mm: Floats
     width_mm: Floats
-    # force per mm2 of contact on both walls together, 2 P; 0 where it is not known
+    # force per mm2 of contact on both walls together, 2 P; 0 where the pressure is unknown
     press_n_mm2: Floats
-    limit_n: Floats  # the most that one leaf can be pulled with, infinite where that is not known
+    limit_n: Floats  # largest pull that one leaf stands, infinite where it is unknown
 
 
 def contacts(
     leaves: Leaves, pouches: Pouches, places: Sequence[tuple[MapContext, int, int]]
 ) -> tuple[NDArray[np.bool_], Floats]:
-    """Return which leaves are engaged, and the area that each pouch presses on a wall."""
+    """Return which leaves are engaged, and the area that each pouch presses on a wall.
+
+    ``places`` are the growths ``one .. two - 1`` on each map.
+    """
     length_mm, width_mm = pouches.length_mm[leaves.growth], pouches.width_mm[leaves.growth]
     gap_mm, has_pouch = np.zeros(len(width_mm)), width_mm > 0.0
     if not has_pouch.any():
         return ~has_pouch, gap_mm
-    for ground, one, two in places:
+    for context, one, two in places:
         here = leaves.of_growths(one, two)
         rows = here.start + np.flatnonzero(has_pouch[here])
-        gap_mm[rows] = gaps_mm(leaves.points_mm, leaves.tip[rows], ground)
+        gap_mm[rows] = gaps_mm(leaves.points_mm, leaves.tip[rows], context)
     engaged = ~has_pouch | (inflated_diameter_mm(width_mm) > gap_mm)
     return engaged, pouch_contacts_mm2(length_mm, width_mm, gap_mm)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pull:
-    """The engaged leaves of j robots, robot by robot, those that turned least first."""
+class EngagedLeaves:
+    """The m engaged leaves of j robots, robot by robot, those that turned least first."""
 
     growths: int  # number of robots
     growth: Ints  # robot of each leaf, rising, shape (m,)
     turns_rad: Floats  # turn on the way to each tip, shape (m,)
-    press_n: Floats  # force of each pouch on both its walls, shape (m,); 0 where it is not known
-    limit_n: Floats  # the most that each leaf can be pulled with, shape (m,)
+    press_n: Floats  # force of each pouch on both its walls, shape (m,); 0 where it is unknown
+    limit_n: Floats  # largest pull that each leaf stands, shape (m,)
 
     def amplifications(self, friction: float) -> Floats:
-        """Return what each leaf holds over what its pouch alone holds, shape (m,).
+        """Return the force of each leaf over that of its pouch alone, shape (m,).
 
-        e^(mu gamma), or less where the film would tear or the seam open before that.
+        e^(mu gamma), or less where film or seam fails before.
         """
         tip_n = self.press_n * friction
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -77,9 +246,9 @@ class Pull:
     def are_among_first(self, share: float) -> NDArray[np.bool_]:
         """Tell which leaves are among the share that turned least, rounded up, shape (m,)."""
         ends = np.searchsorted(self.growth, np.arange(self.growths + 1))
-        sure = np.ceil(np.diff(ends) * share - 1e-9)
+        count = np.ceil(np.diff(ends) * share - 1e-9)
         rank = np.arange(len(self.growth)) - ends[self.growth]
-        return np.asarray(rank < sure[self.growth])
+        return np.asarray(rank < count[self.growth])
 
     def largest_turns_rad(self) -> Floats:
         """Return the largest turn of each robot's leaves, shape (j,); 0 where it has none."""
@@ -118,8 +287,8 @@ class Anchoring:
     # design's own
     pouch_length_mm: float = 0.0
     pouch_width_mm: float = 0.0
-    # whether a leaf that was stopped early counts as not engaged: its pouch sits at the very end of
-    # the film and has not come out
+    # whether a leaf that stopped early counts as not engaged: its pouch sits at the very end of the
+    # film and has not everted
     only_full_length: bool = False
     # film_n_mm, seam_n_mm: pull per mm of circumference at which the film tears (strength times
     # thickness) and the seam opens; 0: not known. Where one is known, as are pressure and pouch, no
@@ -140,14 +309,14 @@ class Anchoring:
         for name in ("film_n_mm", "seam_n_mm"):
             number(f"task.{name}", getattr(self, name), 0.0, 1e6, "N/mm")
 
-    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
-        """Return the amplification and its terms; the design's own pouch is not known here."""
+    def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
+        """Return the amplification and its terms; the design's own pouch is unknown here."""
         joints_rad = np.abs(deployment.tree.offset_rad) if self.count_joint_angles else None
         leaves = Leaves.of(GrownBatch.of(deployment), joints_rad, whole=self.only_full_length)
         pouches = self._pouches([None], np.zeros(1, dtype=np.int64))
-        return self._outcomes(leaves, pouches, [(ground, 0, 1)]).one(0)
+        return self._outcomes(leaves, pouches, [(context, 0, 1)]).one(0)
 
-    def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
+    def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return amplification and terms for every growth of a block, with the designs' pouches."""
         used, which = np.unique(block.plan, return_inverse=True)
         plans = [block.plans.each[index] for index in used.tolist()]
@@ -156,45 +325,45 @@ class Anchoring:
             own = [np.abs(plan.tree.offset_rad) for plan in plans]
             joints_rad = np.concatenate([own[index] for index in which.tolist()])
         leaves = Leaves.of(GrownBatch.of_block(block), joints_rad, whole=self.only_full_length)
-        places = [(grounds[terrain], one, two) for terrain, one, two in block.by_terrain()]
+        places = [(contexts[terrain], one, two) for terrain, one, two in block.by_terrain()]
         return self._outcomes(leaves, self._pouches([plan.build for plan in plans], which), places)
 
     def _outcomes(
         self, leaves: Leaves, pouches: Pouches, places: Sequence[tuple[MapContext, int, int]]
     ) -> TaskOutcomes:
-        """Return the amplification, its interval over friction and idle branches, and the rest.
+        """Return the amplification, its interval over friction and idle branches, and other terms.
 
         Terms: ``leaves`` that deployed; ``engaged`` of them; ``mean_turn_rad`` and
         ``largest_turn_rad`` of those; ``low``, the amplification at the low friction with a third
         of the engaged leaves idle, those that turned most; ``high``, with all at the high one;
-        ``force_n``, what they hold together, 0 where pouch or pressure are not known; ``capped``,
-        how many are held back by film or seam.
+        ``force_n``, their total force, 0 where pouch or pressure is unknown; ``capped``, how many
+        are limited by film or seam.
         """
-        engaged, contact_mm2 = contacts(leaves, pouches, places)
-        growth, turn_rad = leaves.growth[engaged], leaves.turn_rad[engaged]
+        is_engaged, contact_mm2 = contacts(leaves, pouches, places)
+        growth, turn_rad = leaves.growth[is_engaged], leaves.turn_rad[is_engaged]
         order = np.lexsort((turn_rad, growth))
         growth = growth[order]
-        pull = Pull(
+        engaged = EngagedLeaves(
             growths=leaves.growths,
             growth=growth,
             turns_rad=turn_rad[order],
-            press_n=pouches.press_n_mm2[growth] * contact_mm2[engaged][order],
+            press_n=pouches.press_n_mm2[growth] * contact_mm2[is_engaged][order],
             limit_n=pouches.limit_n[growth],
         )
-        held, count = pull.amplifications(self.friction), pull.summed(np.ones(len(growth)))
-        sure = pull.amplifications(self.friction_low) * pull.are_among_first(1.0 - IDLE_SHARE)
-        free = np.exp(self.friction * pull.turns_rad)
+        count, factor = engaged.summed(np.ones(len(growth))), engaged.amplifications(self.friction)
+        busy = engaged.are_among_first(1.0 - IDLE_SHARE)
+        capstan = np.exp(self.friction * engaged.turns_rad)
         terms = {
             "leaves": np.bincount(leaves.growth, minlength=leaves.growths).astype(np.float64),
             "engaged": count,
-            "mean_turn_rad": pull.summed(pull.turns_rad) / np.maximum(count, 1.0),
-            "largest_turn_rad": pull.largest_turns_rad(),
-            "low": pull.summed(sure),
-            "high": pull.summed(pull.amplifications(self.friction_high)),
-            "force_n": pull.summed(held * pull.press_n) * self.friction,
-            "capped": pull.summed(np.less(held, free).astype(np.float64)),
+            "mean_turn_rad": engaged.summed(engaged.turns_rad) / np.maximum(count, 1.0),
+            "largest_turn_rad": engaged.largest_turns_rad(),
+            "low": engaged.summed(engaged.amplifications(self.friction_low) * busy),
+            "high": engaged.summed(engaged.amplifications(self.friction_high)),
+            "force_n": engaged.summed(factor * engaged.press_n) * self.friction,
+            "capped": engaged.summed(np.less(factor, capstan).astype(np.float64)),
         }
-        return TaskOutcomes(pull.summed(held), terms)
+        return TaskOutcomes(engaged.summed(factor), terms)
 
     def _pouches(self, builds: Sequence[Build | None], which: Ints) -> Pouches:
         """Return the pouches of growths, shape (j,) each.
@@ -211,7 +380,7 @@ class Anchoring:
         return Pouches(*np.array(rows, dtype=np.float64)[which].T)
 
     def _pouch_mm(self, build: Build | None) -> tuple[float, float]:
-        """Return flat length and width of the pouches, zeros where there are none."""
+        """Return flat length and width of the pouches, zeros without any."""
         if self.pouch_width_mm > 0.0:
             return self.pouch_length_mm, self.pouch_width_mm
         pouch = build.pouch if build else None
@@ -226,7 +395,7 @@ class Anchoring:
         return 2.0 * N_MM2_PER_KPA * build.pressure_kpa if build else 0.0
 
     def _limit_n(self, build: Build | None) -> float:
-        """Return the most that one leaf can be pulled with, infinite where that is not known."""
+        """Return the largest pull that one leaf stands, infinite where it is unknown."""
         known = [load for load in (self.film_n_mm, self.seam_n_mm) if load > 0.0]
         if build is None or not known:
             return math.inf

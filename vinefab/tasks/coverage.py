@@ -1,106 +1,29 @@
-"""Sensor coverage: as much seen area as possible from as simple a robot as possible."""
+"""The coverage task: as much seen area as possible from as simple a robot as possible."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar, Literal, Protocol
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints, number, positive, whole
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment
-from vinefab.tasks.line_of_sight import seen_areas
+from vinefab.tasks.exact_areas import disc_union, free_disc_areas_mm2, seen_areas
+from vinefab.tasks.fast_areas import Raster, SightLines
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome, TaskOutcomes, concatenated_outcomes, one_by_one
-
-QUARTER_SEGMENTS = 16
-"""Sides of the polygon that stands for a quarter of a disc in a union. At 16 a disc and its
-polygon, equal in area, differ on less than 0.07 % of the disc's area, so the union is off by less
-than 0.07 % of the discs' summed area; opposite signs make it some thousand times less."""
-
-
-def disc_union(
-    centres_mm: Floats, radius_mm: float, segments: int = QUARTER_SEGMENTS
-) -> BaseGeometry:
-    """Return the union of equal discs as polygons.
-
-    Every disc is a regular polygon of the same area, so that discs that do not meet give their
-    exact area.
-    """
-    step = math.pi / (2 * segments)
-    circumradius_mm = radius_mm * math.sqrt(step / math.sin(step))
-    return shapely.union_all(
-        shapely.buffer(shapely.points(centres_mm), circumradius_mm, quad_segs=segments)
-    )
-
-
-def free_disc_areas_mm2(centres_mm: Floats, radius_mm: float, edges_mm: Floats) -> Floats:
-    """Return the exact area of each disc within a free space, shape (n,).
-
-    The area of a disc within a polygon is the sum over the polygon's edges of the signed area
-    that the disc shares with the triangle from its centre to the edge: chords where the edge is
-    inside the disc, sectors where it is outside.
-
-    Parameters
-    ----------
-    edges_mm
-        Directed edges with the free space on their left, shape (e, 2, 2).
-    """
-    start = edges_mm[None, :, 0] - centres_mm[:, None]
-    along = (edges_mm[:, 1] - edges_mm[:, 0])[None]
-    enter, leave = _within(start, along, radius_mm)
-    sectors = _turn(start, start + along)
-    chords = np.zeros_like(sectors)
-    near = leave > enter
-    if near.any():
-        base, step = start[near], np.broadcast_to(along, start.shape)[near]
-        first = base + enter[near][:, None] * step
-        last = base + leave[near][:, None] * step
-        sectors[near] = _turn(base, first) + _turn(last, base + step)
-        chords[near] = _cross(first, last)
-    areas: Floats = 0.5 * (radius_mm**2 * sectors + chords).sum(axis=1)
-    return areas
-
-
-def _within(start: Floats, along: Floats, radius_mm: float) -> tuple[Floats, Floats]:
-    """Return the share of each edge at which it enters and leaves the disc about the origin."""
-    square = (along * along).sum(axis=-1)
-    half = (start * along).sum(axis=-1)
-    rest = (start * start).sum(axis=-1) - radius_mm**2
-    root = np.sqrt(np.maximum(half * half - square * rest, 0.0))
-    return np.clip((-half - root) / square, 0.0, 1.0), np.clip((-half + root) / square, 0.0, 1.0)
-
-
-def _turn(first: Floats, last: Floats) -> Floats:
-    """Return the angle from one vector to another, -pi to pi, 0 when either has no length."""
-    turn: Floats = np.arctan2(_cross(first, last), (first * last).sum(axis=-1))
-    return turn
-
-
-def _cross(first: Floats, last: Floats) -> Floats:
-    cross: Floats = first[..., 0] * last[..., 1] - first[..., 1] * last[..., 0]
-    return cross
-
 
 ROUNDING = 1e-12
 TERMS = ("area", "count", "length", "film", "eta")
 
 
-class Strips(Protocol):
-    """A free space on which the areas of discs are measured fast."""
-
-    def covered_mm2(self, tips_mm: Floats, first: Ints) -> tuple[Floats, Floats]:
-        """Return the area that sets of discs see together, and the sum of what each sees."""
-        ...
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coverage:
-    """Every deployed branch leaves a disc of sight at its tip; what is seen counts, film costs.
+    """Every deployed branch has a sensor at its tip; seen area counts, branches and film cost.
 
     ``score = w_area A/A_free - w_count N/N_max (1 - eta) - w_length L/L_max (1 - eta)
     - w_film L/L_max`` with A the area of the union of the discs, N their number, L the planned
@@ -124,10 +47,11 @@ class Coverage:
     # discs, as the paper's words have it. ``sight``: free space that no wall hides from the sensor.
     clip: Literal["free", "none", "sight"] = "free"
     # ``exact``: by polygons, for a score that is reported. ``fast``: by strips of free space, or
-    # lines across it in line of sight (`raster.Raster.covered_mm2` and
-    # `sight_lines.SightLines.covered_mm2` say how exact), a hundred times faster, for searching;
-    # taken only where the map is not too large for such discs.
-    area: Literal["exact", "fast"] = "exact"
+    # lines across it in line of sight (`Raster.covered_mm2` and
+    # `SightLines.covered_mm2` state the error), a hundred times faster, for searching;
+    # taken only where the map is not too large for such discs. ``auto``: fast in a search, else
+    # exact.
+    area: Literal["auto", "exact", "fast"] = "auto"
 
     def __post_init__(self) -> None:
         positive("task.radius_mm", self.radius_mm)
@@ -137,46 +61,50 @@ class Coverage:
             number(f"task.weight_{term}", getattr(self, f"weight_{term}"), 0.0, 1e3)
         if self.clip not in ("free", "none", "sight"):
             raise BadInputError("task.clip", self.clip, "'free', 'none' or 'sight'")
-        if self.area not in ("exact", "fast"):
-            raise BadInputError("task.area", self.area, "'exact' or 'fast'")
+        if self.area not in ("auto", "exact", "fast"):
+            raise BadInputError("task.area", self.area, "'auto', 'exact' or 'fast'")
+
+    def for_search(self) -> "Coverage":
+        """Return the task with fast areas, unless its parameters say how to measure them."""
+        return replace(self, area="fast") if self.area == "auto" else self
 
     @property
     def lowest(self) -> float:
-        """The score of a robot that sees nothing and costs everything."""
+        """The score of a robot that sees nothing at the highest cost."""
         return -(self.weight_count + self.weight_length + self.weight_film)
 
-    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
+    def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
         """Return the score and its terms: ``area``, ``count``, ``length``, ``film``, ``eta``.
 
         The first four are the numbers from 0 to 1 that the weights multiply, ``count`` and
-        ``length`` with their (1 - eta). The area's error is that of `discs.disc_union`.
+        ``length`` with their (1 - eta). The area's error is that of `exact_areas.disc_union`.
         """
         tips_mm = deployment.tips_mm
-        seen_mm2, summed_mm2 = self._areas_mm2(tips_mm, ground)
+        seen_mm2, summed_mm2 = self._areas_mm2(tips_mm, context)
         return self._outcomes(
             np.array([seen_mm2]),
             np.array([summed_mm2]),
             np.array([len(tips_mm)]),
             np.array([deployment.tree.total_length_mm]),
-            ground,
+            context,
         ).one(0)
 
-    def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
+    def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
-        if self.area == "exact":
-            return one_by_one(self, block, grounds)
+        if self.area != "fast":
+            return one_by_one(self, block, contexts)
         tips_mm, first = block.tips_mm()
         lengths_mm = block.planned_mm()
         parts: list[TaskOutcomes] = []
         for terrain, one, two in block.by_terrain():
-            strips = self._strips(grounds[terrain])
+            strips = self._strips(contexts[terrain])
             if strips is None:
-                return one_by_one(self, block, grounds)
+                return one_by_one(self, block, contexts)
             begins = first[one : two + 1] - first[one]
             seen, summed = strips.covered_mm2(tips_mm[first[one] : first[two]], begins)
             counts = np.diff(begins)
             parts.append(
-                self._outcomes(seen, summed, counts, lengths_mm[one:two], grounds[terrain])
+                self._outcomes(seen, summed, counts, lengths_mm[one:two], contexts[terrain])
             )
         return concatenated_outcomes(parts)
 
@@ -186,16 +114,16 @@ class Coverage:
         summed_mm2: Floats,
         tips: Ints,
         length_mm: Floats,
-        ground: MapContext,
+        context: MapContext,
     ) -> TaskOutcomes:
         """Return score and terms for several final states on one map."""
         overlap = np.zeros_like(seen_mm2)
         sees = summed_mm2 > 0.0
         overlap[sees] = np.clip(1.0 - seen_mm2[sees] / summed_mm2[sees], 0.0, 1.0)
-        # A union of polygons beside a sum of true discs: what is left at this size is rounding.
+        # A union of polygons beside a sum of true discs: a remainder this small is rounding.
         overlap[overlap <= ROUNDING] = 0.0
-        film = np.minimum(1.0, length_mm / (self.most_diagonals * ground.diagonal_mm))
-        area = np.minimum(1.0, seen_mm2 / ground.area_mm2)
+        film = np.minimum(1.0, length_mm / (self.most_diagonals * context.diagonal_mm))
+        area = np.minimum(1.0, seen_mm2 / context.area_mm2)
         count = np.minimum(1.0, tips / self.most_branches) * overlap
         length = film * overlap
         score = (
@@ -207,25 +135,25 @@ class Coverage:
         columns = (area, count, length, film, 1.0 - overlap)
         return TaskOutcomes(score, dict(zip(TERMS, columns, strict=True)))
 
-    def _areas_mm2(self, tips_mm: Floats, ground: MapContext) -> tuple[float, float]:
+    def _areas_mm2(self, tips_mm: Floats, context: MapContext) -> tuple[float, float]:
         """Return the area of the union of the discs and the sum of their areas."""
         if len(tips_mm) == 0:
             return 0.0, 0.0
-        strips = self._strips(ground) if self.area == "fast" else None
+        strips = self._strips(context) if self.area == "fast" else None
         if strips is not None:
             seen, summed = strips.covered_mm2(tips_mm, np.array([0, len(tips_mm)]))
             return float(seen[0]), float(summed[0])
         if self.clip == "sight":
-            each_mm2, union = seen_areas(tips_mm, self.radius_mm, ground.edges_mm)
+            each_mm2, union = seen_areas(tips_mm, self.radius_mm, context.edges_mm)
             return union.area, float(each_mm2.sum())
         union = disc_union(tips_mm, self.radius_mm)
         if self.clip == "none":
             return union.area, len(tips_mm) * math.pi * self.radius_mm**2
-        each_mm2 = free_disc_areas_mm2(tips_mm, self.radius_mm, ground.edges_mm)
-        return shapely.intersection(union, ground.free).area, float(each_mm2.sum())
+        each_mm2 = free_disc_areas_mm2(tips_mm, self.radius_mm, context.edges_mm)
+        return shapely.intersection(union, context.free).area, float(each_mm2.sum())
 
-    def _strips(self, ground: MapContext) -> Strips | None:
-        """Return what to measure on fast, or None where areas are measured by polygons."""
+    def _strips(self, context: MapContext) -> Raster | SightLines | None:
+        """Return the strips or lines for fast areas; None where the map is too large for them."""
         if self.clip == "sight":
-            return ground.sight_lines(self.radius_mm)
-        return ground.raster(self.radius_mm, walls=self.clip == "free")
+            return context.sight_lines(self.radius_mm)
+        return context.raster(self.radius_mm, walls=self.clip == "free")

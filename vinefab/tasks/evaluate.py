@@ -1,4 +1,4 @@
-"""Score designs over maps and poses."""
+"""Scores of designs over maps and poses, and their composition into one number."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.validation import Floats
 from vinefab.growth.batch import Batch, BlockMapper, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
@@ -15,7 +16,6 @@ from vinefab.maps.poses import draw_poses
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.score import Evaluation, Score
-from vinefab.tasks.composite import composite
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Task, TaskOutcomes, concatenated_outcomes, outcomes
 
@@ -25,28 +25,33 @@ Poses = tuple[tuple[Pose, ...], ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PreparedMap:
-    """A map made ready for growing and scoring."""
+    """A map prepared for growth and scoring."""
 
-    world: Map  # the map
+    world: Map
     terrain: Terrain  # its walls, for growth
-    ground: MapContext  # its free space, for tasks
-    # free space if there were only the obstacles near its starts, to draw poses in
-    around_starts: BaseGeometry
+    context: MapContext  # its free space, for tasks
+    around_starts: BaseGeometry  # bounds minus the obstacles near its starts, to draw poses in
 
     @classmethod
     def of(cls, world: Map) -> "PreparedMap":
-        """Return the site of a map."""
+        """Return a map with all that growth and tasks need of it.
+
+        Raises
+        ------
+        BadInputError
+            If the map has no free space.
+        """
         terrain = Terrain.of(world)
         return cls(
             world=world,
             terrain=terrain,
-            ground=MapContext.of(world, terrain.free_space()),
+            context=MapContext.of(world, terrain.free_space()),
             around_starts=_around_starts(world),
         )
 
 
 def _around_starts(world: Map) -> BaseGeometry:
-    """Return free space beside the obstacles that a pose drawn from a map's starts could lie in."""
+    """Return the bounds minus the obstacles that a pose drawn from a map's starts could lie in."""
     boxes = shapely.box(
         [start.pose.x_mm - start.spread_x_mm for start in world.starts],
         [start.pose.y_mm - start.spread_y_mm for start in world.starts],
@@ -59,54 +64,116 @@ def _around_starts(world: Map) -> BaseGeometry:
     return free
 
 
-def poses_on(sites: Sequence[PreparedMap], count: int, seeds: Sequence[int]) -> Poses:
-    """Draw poses on every map."""
+def poses_on(maps: Sequence[PreparedMap], count: int, seeds: Sequence[int]) -> Poses:
+    """Draw poses from the starts of every map, in free space.
+
+    Parameters
+    ----------
+    maps
+        The maps; each offers at least one start.
+    count
+        Number of poses per map.
+    seeds
+        One seed per map.
+
+    Raises
+    ------
+    BadInputError
+        If a map has no start, or no free place within the range of one.
+    """
     return tuple(
-        draw_poses(site.world, count, seed, free=site.around_starts)
-        for site, seed in zip(sites, seeds, strict=True)
+        draw_poses(prepared.world, count, seed, free=prepared.around_starts)
+        for prepared, seed in zip(maps, seeds, strict=True)
     )
 
 
 def score_design(
     design: Design,
-    sites: Sequence[PreparedMap],
+    maps: Sequence[PreparedMap],
     poses: Poses,
     task: Task,
     options: GrowthOptions | None = None,
 ) -> Score:
-    """Grow a design on every map from every pose and score each final state."""
-    atlas = TerrainSet([site.terrain for site in sites])
-    (score,) = score_designs([design], sites, Launches.of(atlas, poses), task, options)
+    """Grow a design on every map from every pose and score each final state.
+
+    Parameters
+    ----------
+    design
+        The robot.
+    maps
+        The maps, prepared with `PreparedMap.of`.
+    poses
+        Poses on each map, at least one in all.
+    task
+        What final states are scored on; see `make_task`.
+    options
+        Options of the growth model; the defaults if None.
+
+    Returns
+    -------
+    Score
+        The evaluations, map by map and pose by pose, and their composites.
+
+    Raises
+    ------
+    BadInputError
+        If a pose is inside an obstacle or outside the bounds.
+    """
+    terrains = TerrainSet([prepared.terrain for prepared in maps])
+    (score,) = score_designs([design], maps, Launches.of(terrains, poses), task, options)
     return score
 
 
 def score_designs(
     designs: Sequence[Design],
-    sites: Sequence[PreparedMap],
+    maps: Sequence[PreparedMap],
     launches: Launches,
     task: Task,
     options: GrowthOptions | None = None,
     over: BlockMapper = map,
 ) -> tuple[Score, ...]:
-    """Score several designs as `score_design` does, in batches."""
+    """Score several designs as `score_design` does, in blocks of growths.
+
+    Parameters
+    ----------
+    designs, maps, task, options
+        As in `score_design`.
+    launches
+        The poses on the maps, prepared with `Launches.of`.
+    over
+        How blocks are processed: `map`, or that of a pool of threads.
+
+    Returns
+    -------
+    tuple of Score
+        One per design. It depends neither on the other designs nor on the threads.
+    """
     if not designs:
         return ()
     options = options or GrowthOptions()
     batch = Batch(Plans.of(designs, options), launches, options)
-    grounds = [site.ground for site in sites]
-    found = concatenated_outcomes(
-        list(batch.each(lambda block: outcomes(task, block, grounds), over))
+    contexts = [prepared.context for prepared in maps]
+    evaluated = concatenated_outcomes(
+        list(batch.each(lambda block: outcomes(task, block, contexts), over))
     )
-    return tuple(scores_of(found, task, sites, launches))
+    return tuple(scores_of(evaluated, task, maps, launches))
 
 
 def scores_of(
-    found: TaskOutcomes, task: Task, sites: Sequence[PreparedMap], launches: Launches
+    evaluated: TaskOutcomes, task: Task, maps: Sequence[PreparedMap], launches: Launches
 ) -> Iterator[Score]:
-    """Give the score of each design of a batch."""
-    count = len(found.score) // len(launches)
-    names = [sites[terrain].world.name for terrain in launches.terrain.tolist()]
-    values, terms = found.score.tolist(), {n: v.tolist() for n, v in found.terms.items()}
+    """Yield the score of each design of a batch.
+
+    Parameters
+    ----------
+    evaluated
+        Outcomes of all growths: number ``launch * designs + design``.
+    task, maps, launches
+        Of the batch.
+    """
+    count = len(evaluated.score) // len(launches)
+    names = [maps[terrain].world.name for terrain in launches.terrain.tolist()]
+    values, terms = evaluated.score.tolist(), {n: v.tolist() for n, v in evaluated.terms.items()}
     for design in range(count):
         evaluations = tuple(
             Evaluation(
@@ -121,3 +188,57 @@ def scores_of(
         )
         weighed = composite([evaluation.score for evaluation in evaluations])
         yield Score(task=task.name, evaluations=evaluations, composite=weighed)
+
+
+# --- Composition ------------------------------------------------------------------------------
+
+MEAN_SHARE = 0.25
+"""Share of the mean in ``min_deviation`` [paper]; its form is vinefab's."""
+
+STANDARD_DEVIATION = 0.5
+"""The reference deviation: the largest that scores between 0 and 1 can have."""
+
+COMPOSITES = ("mean", "best", "min_deviation", "single")
+"""Composites of scores in a search; ``single`` is the score of one evaluation."""
+
+
+def composite(
+    scores: Sequence[float] | Floats, reference_deviation: float = STANDARD_DEVIATION
+) -> dict[str, float]:
+    """Return every composite of some scores.
+
+    Parameters
+    ----------
+    scores
+        At least one score.
+    reference_deviation
+        Standard deviation at which steadiness earns nothing.
+
+    Returns
+    -------
+    dict
+        ``mean``; ``best``, the largest; ``min_deviation``, a quarter of the mean plus three
+        quarters of ``1 - std / reference_deviation`` (not below 0).
+
+    Examples
+    --------
+    >>> composite([0.2, 0.6])["mean"]
+    0.4
+    """
+    row = np.asarray(scores, dtype=np.float64)[None]
+    kinds = ("mean", "best", "min_deviation")
+    return {kind: float(composites(row, kind, reference_deviation)[0]) for kind in kinds}
+
+
+def composites(
+    scores: Floats, kind: str, reference_deviation: float = STANDARD_DEVIATION
+) -> Floats:
+    """Return one kind of composite for each of m rows of scores, shape (m,)."""
+    rows = np.ascontiguousarray(scores)
+    if kind == "best":
+        return np.asarray(rows.max(axis=1))
+    mean = np.asarray(rows.mean(axis=1))
+    if kind != "min_deviation":
+        return mean
+    steadiness = np.maximum(0.0, 1.0 - rows.std(axis=1) / reference_deviation)
+    return np.asarray(MEAN_SHARE * mean + (1.0 - MEAN_SHARE) * steadiness)

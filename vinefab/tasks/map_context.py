@@ -1,4 +1,4 @@
-"""What tasks need of a map, computed once per map."""
+"""Map contexts: what tasks need of a map, computed once per map."""
 
 import math
 from collections.abc import Callable
@@ -13,26 +13,25 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, frozen_floats
 from vinefab.model.map import Map
-from vinefab.tasks.line_of_sight import SightLines
-from vinefab.tasks.raster_areas import Raster
-from vinefab.tasks.wall_cells import TOUCHING_MM, WallCells
+from vinefab.tasks.exact_areas import TOUCHING_MM
+from vinefab.tasks.fast_areas import Raster, SightLines, WallCells
 
 Key = TypeVar("Key")
-Made = TypeVar("Made")
+Part = TypeVar("Part")
 
-MOST_RASTERS = 4
-"""Rasters, and lines of sight, are kept for so many radii, then the oldest are dropped."""
+MOST_KEPT_RADII = 4
+"""Rasters and lines of sight are kept for so many radii, then the oldest are dropped."""
 
 MARGIN = 1e-6
-"""Walls are listed in cells that they miss by this share of a cell, far above rounding."""
+"""Walls are listed in cells that they miss by this share of a cell: far above rounding."""
 
-_MAKING = Lock()
-"""Threads share grounds, and only one may make or drop such a thing at a time."""
+_BUILD_LOCK = Lock()
+"""Threads share contexts, and only one may build or drop a cached part at a time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapContext:
-    """The free space of a map, ready for many evaluations."""
+    """The free space of a map, prepared for many evaluations."""
 
     free: BaseGeometry  # free space: Polygon or MultiPolygon
     area_mm2: float  # its area
@@ -45,7 +44,7 @@ class MapContext:
 
     @classmethod
     def of(cls, world: Map, free: BaseGeometry | None = None) -> "MapContext":
-        """Return the ground of a map."""
+        """Return the context of a map; ``free`` is its free space where that is known."""
         free = world.free_space if free is None else free
         if not free.area > 0.0:
             raise BadInputError(f"map {world.name}", "no free space", "some free space")
@@ -57,23 +56,25 @@ class MapContext:
         )
 
     def raster(self, radius_mm: float, *, walls: bool = True) -> Raster | None:
-        """Return the raster for discs of some radius, made once; None if it would be too large."""
+        """Return the raster for a radius, cached; None if it would be too large."""
 
-        def make() -> Raster | None:
+        def build() -> Raster | None:
             edges_mm = self.edges_mm if walls else self._open_edges_mm(radius_mm)
             return Raster.of(edges_mm, radius_mm)
 
-        return _kept(self._rasters, (radius_mm, walls), make)
+        return _cached(self._rasters, (radius_mm, walls), build)
 
     def sight_lines(self, radius_mm: float) -> SightLines | None:
-        """Return the lines to measure sight on, made once; None if they would be too many."""
-        return _kept(self._sight_lines, radius_mm, lambda: SightLines.of(self.edges_mm, radius_mm))
+        """Return the lines of sight for a radius, cached; None if they would be too many."""
+        return _cached(
+            self._sight_lines, radius_mm, lambda: SightLines.of(self.edges_mm, radius_mm)
+        )
 
     @property
     def cells(self) -> WallCells:
-        """The edges by cells, about as many as there are edges, made once."""
+        """The edges by cells, about as many as there are edges; cached."""
 
-        def make() -> WallCells:
+        def build() -> WallCells:
             walls_mm = self.edges_mm.reshape(-1, 4)
             size_mm = np.ptp(self.edges_mm, axis=(0, 1))
             even_mm = math.sqrt(float(size_mm.prod()) / len(walls_mm))
@@ -85,7 +86,7 @@ class MapContext:
                     return cells
                 side_mm *= 2.0
 
-        return _kept(self._cells, "all", make)
+        return _cached(self._cells, "all", build)
 
     def _open_edges_mm(self, radius_mm: float) -> Floats:
         """Return the edges of a box that holds every disc about a point of the map."""
@@ -95,14 +96,14 @@ class MapContext:
         return _edges_mm(shapely.box(*box))
 
 
-def _kept(things: dict[Key, Made], key: Key, make: Callable[[], Made]) -> Made:
-    """Return what is kept under a key, made once, dropping the oldest where there are many."""
-    with _MAKING:
-        if key not in things:
-            while len(things) >= MOST_RASTERS:
-                things.pop(next(iter(things)))
-            things[key] = make()
-        return things[key]
+def _cached(parts: dict[Key, Part], key: Key, build: Callable[[], Part]) -> Part:
+    """Return the part cached under a key, built once; beyond the limit the oldest is dropped."""
+    with _BUILD_LOCK:
+        if key not in parts:
+            while len(parts) >= MOST_KEPT_RADII:
+                parts.pop(next(iter(parts)))
+            parts[key] = build()
+        return parts[key]
 
 
 def _edges_mm(free: BaseGeometry) -> Floats:

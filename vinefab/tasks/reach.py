@@ -1,8 +1,8 @@
-"""Reachability: how much of the free space lies close to the deployed body."""
+"""The reach task: how much of the free space lies close to the deployed body."""
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -13,8 +13,8 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints, positive
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment
+from vinefab.tasks.fast_areas import Chains
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.raster_areas import Chains
 from vinefab.tasks.task import Outcome, TaskOutcomes, concatenated_outcomes, one_by_one
 
 QUARTER_SEGMENTS = 32
@@ -30,20 +30,24 @@ class Reach:
 
     buffer_mm: float = 40.0  # largest distance from the body's centreline that counts as reached
     # ``exact``: by polygons, for a score that is reported. ``fast``: on cells of free space
-    # (`raster.Raster.reached_mm2` says how exact), a hundred times faster, for searching; taken
-    # only where the map is not too large for such a buffer.
-    area: Literal["exact", "fast"] = "exact"
+    # (`Raster.reached_mm2` states the error), a hundred times faster, for searching; taken
+    # only where the map is not too large for such a buffer. ``auto``: fast in a search, else exact.
+    area: Literal["auto", "exact", "fast"] = "auto"
 
     def __post_init__(self) -> None:
         positive("task.buffer_mm", self.buffer_mm)
-        if self.area not in ("exact", "fast"):
-            raise BadInputError("task.area", self.area, "'exact' or 'fast'")
+        if self.area not in ("auto", "exact", "fast"):
+            raise BadInputError("task.area", self.area, "'auto', 'exact' or 'fast'")
 
-    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
+    def for_search(self) -> "Reach":
+        """Return the task with fast areas, unless its parameters say how to measure them."""
+        return replace(self, area="fast") if self.area == "auto" else self
+
+    def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
         """Return the share, 0 to 1, and as terms the reached area and the grown length."""
-        raster = ground.raster(self.buffer_mm) if self.area == "fast" else None
+        raster = context.raster(self.buffer_mm) if self.area == "fast" else None
         if raster is None:
-            reached_mm2 = self._exact_mm2(deployment, ground)
+            reached_mm2 = self._exact_mm2(deployment, context)
         else:
             count, points = len(deployment.tree), len(deployment.points_mm)
             (reached_mm2,) = raster.reached_mm2(
@@ -55,18 +59,18 @@ class Reach:
                 )
             ).tolist()
         grown_mm = float(deployment.grown_mm.sum())
-        return _outcomes(np.array([reached_mm2]), np.array([grown_mm]), ground).one(0)
+        return _outcomes(np.array([reached_mm2]), np.array([grown_mm]), context).one(0)
 
-    def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
+    def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
-        if self.area == "exact":
-            return one_by_one(self, block, grounds)
+        if self.area != "fast":
+            return one_by_one(self, block, contexts)
         growth, parts = block.growth, list[TaskOutcomes]()
         for terrain, one, two in block.by_terrain():
-            ground = grounds[terrain]
-            raster = ground.raster(self.buffer_mm)
+            context = contexts[terrain]
+            raster = context.raster(self.buffer_mm)
             if raster is None:
-                return one_by_one(self, block, grounds)
+                return one_by_one(self, block, contexts)
             first, last = block.branch[one], block.branch[two]
             chains = Chains(
                 growth.points,
@@ -76,16 +80,16 @@ class Reach:
             )
             reached_mm2 = raster.reached_mm2(chains)
             grown_mm = _sums(growth.grown, block.branch[one : two + 1])
-            parts.append(_outcomes(reached_mm2, grown_mm, ground))
+            parts.append(_outcomes(reached_mm2, grown_mm, context))
         return concatenated_outcomes(parts)
 
-    def _exact_mm2(self, deployment: Deployment, ground: MapContext) -> float:
+    def _exact_mm2(self, deployment: Deployment, context: MapContext) -> float:
         reached = near_chains(_chains(deployment), self.buffer_mm)
-        return float(shapely.intersection(reached, ground.free).area)
+        return float(shapely.intersection(reached, context.free).area)
 
 
 def near_chains(chains: Sequence[Sequence[Sequence[float]]], buffer_mm: float) -> BaseGeometry:
-    """Return all that lies within a distance of some lines.
+    """Return the area within a distance of some lines.
 
     Notes
     -----
@@ -96,13 +100,13 @@ def near_chains(chains: Sequence[Sequence[Sequence[float]]], buffer_mm: float) -
     return shapely.union_all(shapely.buffer(lines, buffer_mm, quad_segs=QUARTER_SEGMENTS))
 
 
-def _outcomes(reached_mm2: Floats, grown_mm: Floats, ground: MapContext) -> TaskOutcomes:
-    share = np.minimum(1.0, reached_mm2 / ground.area_mm2)
+def _outcomes(reached_mm2: Floats, grown_mm: Floats, context: MapContext) -> TaskOutcomes:
+    share = np.minimum(1.0, reached_mm2 / context.area_mm2)
     return TaskOutcomes(share, {"reached_mm2": reached_mm2, "grown_mm": grown_mm})
 
 
 def _sums(values: Floats, first: Ints) -> Floats:
-    """Return the sum of each stretch, added up as a deployment of its own would be."""
+    """Return the sum of each range, added up as for a single deployment."""
     sums = [float(values[one:two].sum()) for one, two in itertools.pairwise(first.tolist())]
     return np.array(sums, dtype=np.float64)
 

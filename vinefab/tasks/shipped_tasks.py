@@ -1,4 +1,4 @@
-"""The tasks that come with vinefab."""
+"""The registry of tasks."""
 
 from collections.abc import Callable, Mapping
 
@@ -17,6 +17,20 @@ TASKS: Registry[Callable[..., Task]] = Registry(
 
 def make_task(name: str, parameters: Mapping[str, object] | None = None) -> Task:
     """Return a task with its parameters.
+
+    Parameters
+    ----------
+    name
+        Name of a shipped task or of a plug-in.
+    parameters
+        Values of the task's fields; defaults for all others.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such task.
+    BadInputError
+        If a parameter is unknown or its value not allowed.
 
     Examples
     --------

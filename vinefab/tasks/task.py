@@ -1,34 +1,40 @@
-"""What a task is: it looks at one final state and says what it is worth."""
+"""The task protocol: scores of final states, one by one or for a whole block of growths."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import Floats
+from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import Block
-from vinefab.model.deployment import Deployment
+from vinefab.model.deployment import Deployment, Stop
 from vinefab.tasks.map_context import MapContext
 
 Outcome = tuple[float, Mapping[str, float]]
-"""A score, higher is better, and the named numbers that it is made of."""
+"""A score, higher is better, and its terms: the named numbers that make it up."""
 
 
 class TaskOutcomes(NamedTuple):
-    """What j growths are worth."""
+    """Scores and terms of j growths."""
 
     score: Floats  # shape (j,)
-    terms: Mapping[str, Floats]  # the named numbers that the scores are made of, each of shape (j,)
+    terms: Mapping[str, Floats]  # the named numbers that make up the scores, each of shape (j,)
 
     def one(self, index: int) -> Outcome:
-        """Return what one of the growths is worth."""
+        """Return the score and the terms of one growth."""
         terms = {name: float(values[index]) for name, values in self.terms.items()}
         return float(self.score[index]), terms
 
 
 class Task(Protocol):
-    """Scores one deployment; a frozen dataclass whose fields are its parameters."""
+    """Scores one deployment; a frozen dataclass whose fields are its parameters.
+
+    A task may also define ``evaluate_block(block: Block, contexts: Sequence[MapContext]) ->
+    TaskOutcomes``, which returns what `evaluate` would for every growth of a block, but faster;
+    `outcomes` uses it where it exists.
+    """
 
     @property
     def name(self) -> str:
@@ -37,49 +43,55 @@ class Task(Protocol):
 
     @property
     def lowest(self) -> float:
-        """A number that no score falls below; designs that cannot be made rank below it."""
+        """A lower bound of all scores; designs that are not manufacturable rank below it."""
         ...
 
-    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
-        """Return the score of one final state and its terms."""
+    def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
+        """Return the score of one final state and its terms.
+
+        Parameters
+        ----------
+        deployment
+            The final state; positions in mm, turns in rad.
+        context
+            The map that it grew on.
+        """
         ...
 
 
-class BlockTask(Protocol):
-    """A task that scores many growths at once faster than one by one."""
+def outcomes(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
+    """Return a task's score and terms for every growth of a block.
 
-    def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
-        """Return what `Task.evaluate` would for every growth of a block."""
-        ...
-
-
-def outcomes(task: Task, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
-    """Return a task's score and terms for every growth of a block."""
-    # Asked for every block, where asking whether it is a `BlockTask` would take longer.
+    Parameters
+    ----------
+    contexts
+        One per terrain of the block's launches.
+    """
+    # Not a protocol check: this runs for every block, and `isinstance` would take longer.
     at_once: Callable[[Block, Sequence[MapContext]], TaskOutcomes] | None
     at_once = getattr(task, "evaluate_block", None)
-    return one_by_one(task, block, grounds) if at_once is None else at_once(block, grounds)
+    return one_by_one(task, block, contexts) if at_once is None else at_once(block, contexts)
 
 
-def one_by_one(task: Task, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
+def one_by_one(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
     """Return a task's score and terms for every growth of a block, each from its deployment."""
     terrain = block.terrain.tolist()
-    return merged_outcomes(
+    return stacked_outcomes(
         [
-            task.evaluate(block.deployment(index), grounds[terrain[index]])
+            task.evaluate(block.deployment(index), contexts[terrain[index]])
             for index in range(len(block))
         ]
     )
 
 
-def merged_outcomes(found: Sequence[Outcome]) -> TaskOutcomes:
+def stacked_outcomes(single: Sequence[Outcome]) -> TaskOutcomes:
     """Return several growths' scores and terms as columns."""
-    names = tuple(found[0][1]) if found else ()
-    for _, terms in found:
+    names = tuple(single[0][1]) if single else ()
+    for _, terms in single:
         if tuple(terms) != names:
             raise BadInputError("a task's terms", list(terms), f"always the same: {list(names)}")
-    rows = np.array([(score, *terms.values()) for score, terms in found], dtype=np.float64)
-    columns = np.ascontiguousarray(rows.reshape(len(found), 1 + len(names)).T)
+    rows = np.array([(score, *terms.values()) for score, terms in single], dtype=np.float64)
+    columns = np.ascontiguousarray(rows.reshape(len(single), 1 + len(names)).T)
     return TaskOutcomes(columns[0], dict(zip(names, columns[1:], strict=True)))
 
 
@@ -93,3 +105,63 @@ def concatenated_outcomes(parts: Sequence[TaskOutcomes]) -> TaskOutcomes:
             raise BadInputError("a task's terms", list(part.terms), f"always the same: {names}")
     terms = {name: np.concatenate([part.terms[name] for part in parts]) for name in names}
     return TaskOutcomes(np.concatenate([part.score for part in parts]), terms)
+
+
+def search_form(task: Task) -> Task:
+    """Return the form of a task that a search evaluates.
+
+    A task may define ``for_search() -> Task``: itself with faster approximations, unless its
+    parameters ask for exact scores. Reported scores take the task as it is.
+    """
+    faster: Callable[[], Task] | None = getattr(task, "for_search", None)
+    return task if faster is None else faster()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadOnPenalty:
+    """Another task minus a weight times the share of deployed branches that stopped head-on.
+
+    Head-on collisions, at branching points above all, keep real robots from growing on (paper,
+    3.3.2); its discussion asks for penalties that make them rarer.
+    """
+
+    task: Task
+    weight: float  # penalty of a robot whose branches all stop head-on
+
+    @property
+    def name(self) -> str:
+        """The task's name."""
+        return self.task.name
+
+    @property
+    def lowest(self) -> float:
+        """The task's lowest score, with all branches stopped head-on."""
+        return self.task.lowest - self.weight
+
+    def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
+        """Return the task's score minus the penalty, and its terms with ``head_on``, the share."""
+        score, terms = self.task.evaluate(deployment, context)
+        share = float(_shares(deployment.stop, np.array([0, len(deployment.stop)]))[0])
+        return score - self.weight * share, {**terms, "head_on": share}
+
+    def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
+        """Return what `evaluate` would for every growth of a block."""
+        share = _shares(block.growth.stop, block.branch)
+        score, terms = outcomes(self.task, block, contexts)
+        return TaskOutcomes(score - self.weight * share, {**terms, "head_on": share})
+
+
+def _shares(stop: Ints, first: Ints) -> Floats:
+    """Return the share of each growth's deployed branches that stopped head-on; 0 if none did.
+
+    Parameters
+    ----------
+    first
+        Where the branches of each growth begin, shape (j + 1,).
+    """
+    growth = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    deployed, head_on = (
+        np.bincount(growth[which], minlength=len(first) - 1)
+        for which in (np.not_equal(stop, Stop.NOT_DEPLOYED), np.equal(stop, Stop.HEAD_ON))
+    )
+    return np.asarray(head_on / np.maximum(deployed, 1))

@@ -25,8 +25,7 @@ from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design, Pouch
 from vinefab.model.laser import LaserProfile
-from vinefab.physics.growth_path import riding_mm
-from vinefab.physics.growth_pressure import FITTED, NO_TENSION
+from vinefab.physics.growth_pressure import FITTED, NO_TENSION, riding_mm
 
 Make = Callable[..., Design]
 

@@ -20,8 +20,15 @@ from vinefab.fabrication.rules.rule import (
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import Severity
 from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
-from vinefab.physics.growth_path import GrowthPath, grown_paths, planned_paths, riding_mm
-from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, GrowthConstants
+from vinefab.physics.growth_pressure import (
+    FITTED,
+    FITTED_DIAMETER_MM,
+    GrowthConstants,
+    GrowthPath,
+    grown_paths,
+    planned_paths,
+    riding_mm,
+)
 from vinefab.physics.seam import allowed_line_load_n_mm, burst_pressure_kpa, hoop_strain
 from vinefab.physics.tube import inflated_diameter_mm
 

@@ -1,1 +1,1 @@
-"""The file forms of the nouns: TOML, GeoJSON and JSON in and out, and what is shipped."""
+"""File forms of the nouns: TOML, GeoJSON and JSON, and the shipped files by name."""

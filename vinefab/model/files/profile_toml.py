@@ -1,22 +1,13 @@
 """Laser profiles: machine, material and recipe files (TOML), each number with its standing."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import AfterValidator, Field
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.files.profile_forms import (
-    CouponsForm,
-    MachineForm,
-    MaterialForm,
-    MeasuredForm,
-    NamedForm,
-    OperationForm,
-    QuantityForm,
-    RecipeForm,
-    SealerForm,
-)
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import Form, read_toml, validated
 from vinefab.model.laser import (
@@ -27,11 +18,179 @@ from vinefab.model.laser import (
     OperationSettings,
     Quantity,
     Recipe,
+    RecipeStatus,
     Standing,
     Tool,
 )
 
+# --- Schemas ------------------------------------------------------------------------------------
+
+
+class QuantityForm(Form):
+    """Inline table ``{ value, standing, source }``: a number is never without its standing.
+
+    ``uncertainty`` may be added: one standard deviation, in the number's own unit.
+    """
+
+    value: float
+    standing: Annotated[Standing, Field(strict=False)]
+    source: Annotated[str, Field(min_length=1)]
+    uncertainty: Annotated[float, Field(ge=0)] | None = None
+
+    def noun(self) -> Quantity:
+        """Return the number with its standing."""
+        return Quantity(
+            value=self.value,
+            standing=self.standing,
+            source=self.source,
+            uncertainty=self.uncertainty,
+        )
+
+
+def _within(low: float, high: float) -> Callable[[QuantityForm], QuantityForm]:
+    def check_value(form: QuantityForm) -> QuantityForm:
+        if not low <= form.value <= high:
+            raise ValueError(f"a value from {low:g} to {high:g}")
+        return form
+
+    return check_value
+
+
+Positive = Annotated[QuantityForm, AfterValidator(_within(1e-6, 1e9))]
+NotNegative = Annotated[QuantityForm, AfterValidator(_within(0.0, 1e9))]
+Percent = Annotated[QuantityForm, AfterValidator(_within(0.0, 100.0))]
+Offset = Annotated[QuantityForm, AfterValidator(_within(-1000.0, 1000.0))]
+FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]
+
+
+class NamedForm(Form):
+    """Keys of every profile file."""
+
+    name: FileName
+    title: str
+
+
 F = TypeVar("F", bound=NamedForm)
+
+
+class MachineForm(NamedForm):
+    """A file in ``laser_profiles/machines``."""
+
+    schema_: Literal["vinefab/machine-1"] = Field(alias="schema")
+    colours: str = "default"
+    hairline_mm: Annotated[float, Field(gt=0, le=10)] = 0.01
+    bed_width_mm: Positive
+    bed_height_mm: Positive
+    margin_mm: NotNegative
+    power_w: Positive
+    spot_mm: Positive
+    rayleigh_mm: Positive
+    speed_max_mm_s: Positive
+    acceleration_mm_s2: Positive
+
+
+class MaterialForm(NamedForm):
+    """A file in ``laser_profiles/materials``."""
+
+    schema_: Literal["vinefab/material-1"] = Field(alias="schema")
+    plies: Annotated[int, Field(ge=1, le=10)]
+    weldable: bool
+    ply_mm: Positive
+    roll_width_mm: Positive
+    density_kg_m3: Positive
+    modulus_mpa: Positive
+    strength_mpa: Positive
+    friction: NotNegative
+    burst_kpa: Positive
+    burst_width_mm: Positive
+
+
+class OperationForm(Form):
+    """A table ``[operations.NAME]`` of a recipe."""
+
+    passes: Annotated[int, Field(ge=1, le=100)]
+    air_assist: bool
+    power_percent: Percent
+    min_power_percent: Percent
+    speed_mm_s: Positive
+    focus_offset_mm: Offset
+    frequency_hz: NotNegative
+    spot_mm: Positive
+    kerf_mm: NotNegative
+    seam_width_mm: NotNegative
+    overcut_mm: NotNegative
+
+
+class OperationsForm(Form):
+    """The tables ``[operations.NAME]`` of a recipe."""
+
+    mark: OperationForm | None = None
+    weld: OperationForm | None = None
+    weldcut: OperationForm | None = None
+    cut: OperationForm
+
+
+class SealerForm(Form):
+    """The table ``[sealer]`` of a recipe whose seams an impulse sealer makes."""
+
+    temperature_c: Positive
+    dwell_s: Positive
+    seam_width_mm: Positive
+
+
+class MeasuredForm(Form):
+    """The table ``[measured]`` of a recipe: measured values that replace the material's."""
+
+    burst_kpa: Positive | None = None
+    burst_width_mm: Positive | None = None
+    friction: NotNegative | None = None
+
+
+class GrowthForm(Form):
+    """The table ``[growth]`` of a recipe: growth-pressure constants of the user's own tube."""
+
+    yield_kpa: NotNegative
+    drag_kpa_m: NotNegative
+    storage_kpa: NotNegative
+    friction: NotNegative
+    width_mm: Positive
+
+
+class WindowForm(Form):
+    """A table ``[[coupons.windows]]``: line energies at which coupons passed."""
+
+    operation: Literal["weld", "weldcut"]
+    focus_mm: Annotated[float, Field(ge=-1000, le=1000)]
+    least_mj_mm: Positive | None = None
+    most_mj_mm: Positive | None = None
+
+
+class CouponsForm(Form):
+    """The table ``[coupons]`` of a recipe: coupon results that no other table holds."""
+
+    peel_n_mm: NotNegative | None = None
+    crotch_burst_kpa: Positive | None = None
+    crotch_fillet_mm: Positive | None = None
+    windows: list[WindowForm] = Field(default_factory=list)
+
+
+class RecipeForm(NamedForm):
+    """A file in ``laser_profiles/recipes``."""
+
+    schema_: Literal["vinefab/recipe-1"] = Field(alias="schema")
+    machine: FileName
+    material: FileName
+    status: Annotated[RecipeStatus, Field(strict=False)]
+    source: Annotated[str, Field(min_length=1)]
+    operations: OperationsForm
+    sealer: SealerForm | None = None
+    measured: MeasuredForm | None = None
+    growth: GrowthForm | None = None
+    coupons: CouponsForm | None = None
+    limits: dict[str, dict[str, float]] = Field(default_factory=dict)
+
+
+# --- Reading ------------------------------------------------------------------------------------
 
 
 def read_profile(recipe: str | Path) -> LaserProfile:
@@ -41,8 +200,8 @@ def read_profile(recipe: str | Path) -> LaserProfile:
     ----------
     recipe
         Path of a recipe file, or the name of one of the user's own or a shipped one. Its machine
-        and material are looked for in ``../machines`` and ``../materials`` beside it, then by
-        name. What was measured of the film (table ``[measured]``) takes the material's place.
+        and material are searched in ``../machines`` and ``../materials`` beside it, then by name.
+        Measured values of the film (table ``[measured]``) replace the material's.
     """
     path = locate("recipe", recipe)
     return profile_of(read_toml(path), path)
@@ -71,7 +230,7 @@ def profile_of(document: Mapping[str, Any], path: Path) -> LaserProfile:
 
 
 def _with_measured(material: Material, form: MeasuredForm | None) -> Material:
-    """Return a material with the numbers that were measured of it, all others as they are."""
+    """Return a material with its measured values replaced."""
     found = _nouns(form) if form else {}
     return replace(
         material,
@@ -104,7 +263,7 @@ def read_material(name_or_path: str | Path) -> Material:
 
 
 def _ensure_seals(form: RecipeForm, path: Path) -> None:
-    """Refuse a recipe that makes no seam, or the same seam with two tools."""
+    """Refuse a recipe without a seam, or with two tools for the same seam."""
     welded = form.operations.weld is not None
     if form.sealer is None and not welded and form.operations.weldcut is None:
         raise BadInputError(
@@ -115,7 +274,7 @@ def _ensure_seals(form: RecipeForm, path: Path) -> None:
 
 
 def _operations(form: RecipeForm) -> dict[str, OperationSettings]:
-    """Return the settings by operation; what a sealer does is the ``weld``."""
+    """Return the settings by operation; the sealer's is the ``weld``."""
     found = {name: _operation(given) for name, given in form.operations if given}
     if form.sealer is None:
         return found

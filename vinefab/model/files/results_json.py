@@ -40,13 +40,13 @@ def deployment_text(
 
 
 def branches_content(deployment: Deployment) -> list[dict[str, object]]:
-    """Return the branches of a deployment as they stand in our JSON files."""
+    """Return the branches of a deployment as in our JSON files."""
     names = deployment.tree.ids
     return [_branch(deployment, names, index) for index in range(len(names))]
 
 
 def pose_content(pose: Pose) -> dict[str, float]:
-    """Return a pose as it stands in our JSON files."""
+    """Return a pose as in our JSON files."""
     return {"x_mm": pose.x_mm, "y_mm": pose.y_mm, "heading_deg": deg(pose.heading_rad)}
 
 
@@ -72,7 +72,7 @@ SCORE_SCHEMA = "vinefab/score-1"
 
 
 def score_text(score: Score) -> str:
-    """Return a score with every evaluation that it is made of."""
+    """Return a score with all its evaluations as JSON."""
     evaluations = [
         {
             "map": evaluation.map_name,

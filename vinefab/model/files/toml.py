@@ -1,4 +1,4 @@
-"""TOML files in, checked against a schema, every error one line with file, key and value."""
+"""Reading TOML files against a schema; every error is one line with file, key and value."""
 
 import tomllib
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         raise UnreadableFileError(path, f"is not TOML: {error}") from error
     except RecursionError as error:
-        raise UnreadableFileError(path, "is not TOML that can be read: nested too deep") from error
+        raise UnreadableFileError(path, "is not readable TOML: nested too deep") from error
 
 
 def validated(model: type[M], data: Mapping[str, Any], source: str | Path) -> M:
@@ -41,7 +41,7 @@ def validated(model: type[M], data: Mapping[str, Any], source: str | Path) -> M:
 
 
 def _rank(detail: ErrorDetails) -> int:
-    """Return which of several errors to tell first: the smallest."""
+    """Return the rank of an error: the smallest of several is reported."""
     if detail["loc"][:1] == ("schema",) and detail["type"] != "missing":
         return 0  # another kind of file: everything else follows from that
     # A misspelt key shows up twice, as unknown and as missing: the first is the helpful one.

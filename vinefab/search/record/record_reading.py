@@ -29,7 +29,7 @@ from vinefab.search.settings import (
     SearchSettings,
 )
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
-from vinefab.tasks.composite import composite
+from vinefab.tasks.evaluate import composite
 
 
 def to_blob(values: Floats) -> bytes:

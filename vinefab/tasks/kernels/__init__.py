@@ -1,1 +1,1 @@
-"""Compiled inner loops of tasks; each file imports nothing of ours but how to compile."""
+"""Compiled inner loops of tasks; each file imports no module of vinefab but `core.compiling`."""

@@ -1,7 +1,8 @@
 """Compiled measures of free space: strips, and discs and bodies on them.
 
-Like `vinefab.growth.kernel` it imports nothing of ours, because a compiled file does not notice
-when another file changes. The arrays are described in `vinefab.tasks.raster_areas`.
+Like `vinefab.growth.kernel` it imports no module of vinefab but `core.compiling`: the cache of a
+compiled file does not notice changes of another. The arrays are described in
+`vinefab.tasks.fast_areas`.
 """
 
 import math
@@ -21,7 +22,7 @@ NOTHING = -1
 
 @compiled
 def fill_strips(edges, box, free, slope):
-    """Write down how much free area each strip has to the left of each abscissa.
+    """Compute how much free area each strip has to the left of each abscissa.
 
     Every piece of an edge that rises by dy, with free space on its left, ends a run of free space
     there: to its right the strip has ``dy (x - x_piece)`` less of it. Falling pieces begin one.
@@ -108,7 +109,7 @@ def _below(half, place):
 
 @compiled
 def cover_areas(tips, first, radius, half, free, box, work, index, begins, seen, summed):
-    """Write down the free area that equal discs cover together, and the sum of what each covers.
+    """Compute the free area that equal discs cover together, and the sum of each one's free area.
 
     Strip by strip, a disc is taken for the rectangle of the same area in that strip. Rectangles of
     a strip overlap in their x alone, so that their union is a matter of joining stretches.
@@ -227,7 +228,7 @@ def _join(left, right, runs, one, two):
 
 @compiled
 def reach_areas(points, first_point, branch, room, radius, weight, box, level, mark, out):
-    """Write down the free area within a distance of each of several bodies.
+    """Compute the free area within a distance of each of several bodies.
 
     A cell counts by the distance of its centre: in full up to half a side within the radius, not
     at all from half a side beyond it, linearly in between.

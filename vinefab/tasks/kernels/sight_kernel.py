@@ -1,6 +1,6 @@
 """Compiled measure of what sensors see past walls, line by line, and the walls by cells.
 
-The arrays are described in `tasks.line_of_sight` and `tasks.wall_cells`. Walls have free
+The arrays are described in `vinefab.tasks.fast_areas`. Walls have free
 space on their left.
 """
 
@@ -26,7 +26,7 @@ def count_walls(walls, grid, reach, number):
     Parameters
     ----------
     walls, grid
-        As in `tasks.wall_cells.WallCells`, mm.
+        As in `fast_areas.WallCells`, mm.
     reach
         The distance, mm.
     number
@@ -42,7 +42,7 @@ def count_walls(walls, grid, reach, number):
 
 @compiled
 def place_walls(walls, grid, reach, free, item):
-    """Write down which walls come within a distance of each cell.
+    """List the walls within a distance of each cell.
 
     Parameters
     ----------
@@ -94,9 +94,9 @@ def _columns(wall, grid, row, reach):
 def seen_areas_by_lines(
     tips, first, sensor, walls, grid, cell_first, item, line, near, index, begins, run, seen, summed
 ):
-    """Write down the area that sensors see together, and the sum of what each sees.
+    """Compute the area that sensors see together, and the sum of the areas that each sees.
 
-    What a sensor sees of a line is the chord that its disc cuts out, less the shadows of walls.
+    What a sensor sees of a line is the chord that its disc cuts out, minus the shadows of walls.
     Every line stands for a strip about it.
 
     Parameters
@@ -109,7 +109,7 @@ def seen_areas_by_lines(
         How far sensors see, how near a wall counts as touched, and how far off it a sensor is
         moved then, mm; shape (3,).
     walls, grid, cell_first, item
-        As in `tasks.wall_cells.WallCells`: walls that can hide something from a sensor in each
+        As in `fast_areas.WallCells`: walls that can hide something from a sensor in each
         cell, mm.
     line
         Lower side of the lowest strip, and how high each is, mm; shape (2,).
@@ -132,7 +132,7 @@ def seen_areas_by_lines(
             begin, end = _cell(own[k, 0], own[k, 1], grid, cell_first)
             walls_here = item[begin:end]
             _step_off(own[k], sensor, walls, walls_here)
-            index[3, k + 1] = _look(own[k], sensor[0], walls, walls_here, near, index[3, k])
+            index[3, k + 1] = _facing_walls(own[k], sensor[0], walls, walls_here, near, index[3, k])
         seen[j], summed[j] = _see_one(own, sensor[0], line, near, index, begins, run)
 
 
@@ -187,8 +187,8 @@ def _wedge(x, y, near, leaving, walls, items):
 
 
 @inlined
-def _look(tip, radius, walls, items, near, at):
-    """Write down the walls that a sensor may see, after some others; return their number."""
+def _facing_walls(tip, radius, walls, items, near, at):
+    """Append the walls that a sensor may see to ``near``; return where they end."""
     x, y = tip[0], tip[1]
     for e in items:
         ax, ay, bx, by = walls[e, 0] - x, walls[e, 1] - y, walls[e, 2] - x, walls[e, 3] - y
@@ -256,7 +256,7 @@ def _see_one(tips, radius, line, near, index, begins, run):
 
 @inlined
 def _stretches(x, ahead, radius, walls, run):
-    """Write down the stretches of a line that a sensor sees, from left to right.
+    """Compute the stretches of a line that a sensor sees, from left to right.
 
     Parameters
     ----------
@@ -290,7 +290,7 @@ def _stretches(x, ahead, radius, walls, run):
         if max(one, two) > 0.0 and min(one, two) < 1.0:
             begin = _shadow_end(walls[e, 0], one, walls[e, 2], two, ahead)
             end = _shadow_end(walls[e, 2], two, walls[e, 0], one, -ahead)
-            runs = _less(run[0], run[1], runs, min(begin, end), max(begin, end))
+            runs = _minus(run[0], run[1], runs, min(begin, end), max(begin, end))
     for i in range(runs):
         run[0, i] += x
         run[1, i] += x
@@ -318,7 +318,7 @@ def _shadow_end(x, share, other_x, other_share, side):
 
 
 @inlined
-def _less(left, right, runs, one, two):
+def _minus(left, right, runs, one, two):
     """Take a stretch away from disjoint ones in rising order; return their number."""
     kept = 0
     for i in range(runs):

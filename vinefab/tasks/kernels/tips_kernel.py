@@ -46,7 +46,7 @@ def turns(parent, tree_first, tree, branch, total, leaf):
 
 @compiled
 def gaps(tips, across, walls, grid, cell_first, item, tolerance, out):
-    """Write down how wide free space is at some points, each across some direction.
+    """Compute the width of free space at some points, each across some direction.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def gaps(tips, across, walls, grid, cell_first, item, tolerance, out):
     across
         Unit vectors along which to measure, shape (m, 2).
     walls, grid, cell_first, item
-        As in `vinefab.tasks.wall_cells.WallCells`, with free space on the left of the walls, mm.
+        As in `fast_areas.WallCells`, with free space on the left of the walls, mm.
     tolerance
         A wall so near counts as touched, mm; walls are listed in cells that they miss by more.
     out

@@ -11,11 +11,11 @@ from vinefab.tasks.shipped_tasks import TASKS, make_task
 
 @pytest.mark.parametrize("name", list(TASKS))
 def test_every_task_scores_a_final_state_above_its_lowest(
-    name: str, fork: Design, ended: Callable[..., Deployment], room_ground: MapContext
+    name: str, fork: Design, ended: Callable[..., Deployment], room_context: MapContext
 ) -> None:
     task = make_task(name)
     end = ended(fork, [[(0, 0), (500, 500)], [(500, 500), (600, 600)], None])
-    score, terms = task.evaluate(end, room_ground)
+    score, terms = task.evaluate(end, room_context)
     assert task.name == name
     assert score >= task.lowest
     assert terms

@@ -1,4 +1,4 @@
-"""How far fast scores are from exact ones: ``python tests/tasks/errors.py 4000``.
+"""Errors of fast scores against exact ones: ``python tests/tasks/measure_area_errors.py 4000``.
 
 Random designs are grown from random poses on maps of several environments, and every deployment is
 scored both ways. Printed are the number of deployments, the mean, the root mean square and the
@@ -51,7 +51,7 @@ def pairs(number: int, task: Task, term: str) -> tuple[np.ndarray, float, float]
 
     def scored(way: Task) -> tuple[np.ndarray, float]:
         began = time.process_time()
-        blocks = list(batch.each(lambda block: outcomes(way, block, [site.ground])))
+        blocks = list(batch.each(lambda block: outcomes(way, block, [site.context])))
         spent = time.process_time() - began
         found = concatenated_outcomes(blocks)
         return np.column_stack([found.terms[term], found.score]), spent

@@ -1,4 +1,4 @@
-"""A little of `errors.py`, which measures fast scores against exact ones, in every run."""
+"""A small run of `measure_area_errors.py`, which holds fast scores against exact ones."""
 
 import importlib.util
 import sys
@@ -11,9 +11,10 @@ import pytest
 
 @pytest.fixture(scope="module")
 def errors() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("errors", Path(__file__).with_name("errors.py"))
+    name = "measure_area_errors"
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
     module = importlib.util.module_from_spec(spec)
-    sys.modules["errors"] = module
+    sys.modules[name] = module
     spec.loader.exec_module(module)
     return module
 

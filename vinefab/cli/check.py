@@ -27,8 +27,8 @@ from vinefab.fabrication.checking import (
     verdict,
 )
 from vinefab.fabrication.rules.catalog import parsed_limits
-from vinefab.fabrication.rules.rig_facts import RigFacts
 from vinefab.fabrication.rules.run_rules import checks_text
+from vinefab.fabrication.rules.subject import RigFacts
 from vinefab.model.files.design_toml import design_text, read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile

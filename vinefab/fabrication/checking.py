@@ -8,11 +8,10 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import ReadBackError
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.rules.annotated import annotated_job
-from vinefab.fabrication.rules.rig_facts import Corridor, MapCorridors, RigFacts
+from vinefab.fabrication.rules.annotation import annotated_job
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.run_rules import run_checks
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.subject import Corridor, MapCorridors, RigFacts, Subject
 from vinefab.maps.passages import narrow_passages
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design

@@ -15,14 +15,14 @@ from vinefab.core.errors import BadInputError
 from vinefab.fabrication.checking import check_design, subject_of
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits
+from vinefab.fabrication.rules.clearance import POUCH
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH
 from vinefab.fabrication.rules.materials import BED, PLY
 from vinefab.fabrication.rules.penalty import fabrication_penalty, window_penalty
-from vinefab.fabrication.rules.pouches import POUCH
 from vinefab.fabrication.rules.pressure_limits import BURST, RATING, WINDOW
 from vinefab.fabrication.rules.rule import ROUNDING, LimitChanges, Rule
 from vinefab.fabrication.rules.run_rules import run_checks
-from vinefab.fabrication.rules.shapes import excess_mm, shapes_of
+from vinefab.fabrication.rules.spacing import excess_mm, shapes_of
 from vinefab.fabrication.rules.whole import CLAMP, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
 from vinefab.model.design import MOST_BRANCHES, Design

@@ -3,7 +3,7 @@ import string
 import numpy as np
 import pytest
 
-from vinefab.fabrication.job.font import text_strokes_mm, text_width_mm
+from vinefab.fabrication.job.marks import text_strokes_mm, text_width_mm
 
 
 def test_every_letter_and_digit_has_strokes_of_its_own_inside_its_cell():

@@ -7,8 +7,7 @@ import shapely
 
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.job.nesting_on_bed import APART_MM, nest
-from vinefab.fabrication.job.placement import SheetOptions
+from vinefab.fabrication.job.placement import APART_MM, SheetOptions, nest
 from vinefab.model.job import Operation
 from vinefab.model.outline import Contour
 

@@ -4,8 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vinefab.fabrication.outline.crotch import Strip, crotch_reach_mm, largest_fillet_mm
-from vinefab.fabrication.outline.gap import Core, neck, solve_gap
+from vinefab.fabrication.outline.gap import (
+    Core,
+    Strip,
+    crotch_reach_mm,
+    largest_fillet_mm,
+    neck,
+    solve_gap,
+)
 from vinefab.model.outline import Part
 
 

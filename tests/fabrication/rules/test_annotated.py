@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from vinefab.fabrication.rules.annotated import MOST_MARKED, LayoutPlacement, annotated_job
+from vinefab.fabrication.rules.annotation import MOST_MARKED, LayoutPlacement, annotated_job
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design

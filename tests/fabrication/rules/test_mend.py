@@ -12,8 +12,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from vinefab.fabrication.rules.fix import fix_design
-from vinefab.fabrication.rules.fix_space import FixSpace, kept_branches
+from vinefab.fabrication.rules.fix import FixSpace, fix_design, kept_branches
 from vinefab.fabrication.rules.fix_targets import (
     FixTargets,
     change_cost,

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from vinefab.core.rng import child
-from vinefab.fabrication.rules.pouches import between, notches
+from vinefab.fabrication.rules.clearance import between, notches
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design, Pouch

@@ -9,10 +9,15 @@ import pytest
 
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.rules.catalog import RULES
-from vinefab.fabrication.rules.rig_facts import Corridor, MapCorridors, RigFacts, RigPartFacts
 from vinefab.fabrication.rules.rule import Limits, RuleNotApplicable
 from vinefab.fabrication.rules.run_rules import run_checks
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.subject import (
+    Corridor,
+    MapCorridors,
+    RigFacts,
+    RigPartFacts,
+    Subject,
+)
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Collar, Design, Pouch
 from vinefab.model.finding import Finding, Severity

@@ -8,8 +8,7 @@ from vinefab.core.rng import child
 from vinefab.core.validation import Floats
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import flat_layout
-from vinefab.fabrication.rules.shapes import Shapes, shapes_of
-from vinefab.fabrication.rules.spacing import Spacing, closest, spacing
+from vinefab.fabrication.rules.spacing import Shapes, Spacing, closest, shapes_of, spacing
 from vinefab.model.design import Design, Pouch
 
 Make = Callable[..., Design]

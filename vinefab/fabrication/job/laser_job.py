@@ -8,7 +8,6 @@ from dataclasses import replace
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg
 from vinefab.fabrication.job.marks import fold_ticks, marks_of
-from vinefab.fabrication.job.nesting_on_bed import nest
 from vinefab.fabrication.job.passes import BodyPaths, body_paths, in_order
 from vinefab.fabrication.job.placement import (
     ONE,
@@ -16,6 +15,7 @@ from vinefab.fabrication.job.placement import (
     SheetOptions,
     SheetRobot,
     box_around_mm,
+    nest,
     place_contours,
 )
 from vinefab.fabrication.job.tile_jobs import Tiled, target_paths, tile_jobs, tiled

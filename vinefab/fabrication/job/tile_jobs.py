@@ -9,9 +9,10 @@ import numpy as np
 from vinefab.fabrication.job.marks import mark
 from vinefab.fabrication.job.passes import BodyPaths, in_order
 from vinefab.fabrication.job.placement import BedPlacement, box_around_mm, place_contours
-from vinefab.fabrication.job.stretches import OVERLAP_MM, BranchAxes
 from vinefab.fabrication.job.tiling import (
+    OVERLAP_MM,
     TARGET_MM,
+    BranchAxes,
     FilmTile,
     NoTilesError,
     Point,

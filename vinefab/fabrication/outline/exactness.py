@@ -8,7 +8,6 @@ from enum import StrEnum
 import numpy as np
 
 from vinefab.core.validation import LARGEST_MM
-from vinefab.fabrication.outline.crotch import STEEPEST, crotch_reach_mm
 from vinefab.fabrication.outline.ends import (
     Tail,
     TipStroke,
@@ -16,6 +15,7 @@ from vinefab.fabrication.outline.ends import (
     tail_of,
     tip_of,
 )
+from vinefab.fabrication.outline.gap import STEEPEST, crotch_reach_mm
 from vinefab.fabrication.outline.joint import (
     Joint,
     allowed_reach_mm,

@@ -8,16 +8,17 @@ import math
 from dataclasses import dataclass
 from itertools import pairwise
 
-from vinefab.fabrication.outline.crotch import (
+from vinefab.fabrication.outline.gap import (
     LEFT,
     RIGHT,
+    Core,
     Gap,
     JointBranch,
     Strip,
     largest_fillet_mm,
+    solve_gap,
     taper_rad,
 )
-from vinefab.fabrication.outline.gap import Core, solve_gap
 from vinefab.model.design import Design, Level
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 

@@ -9,7 +9,7 @@ import shapely
 
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import closes
-from vinefab.fabrication.outline.crotch import taper_rad
+from vinefab.fabrication.outline.gap import taper_rad
 from vinefab.fabrication.rules.rule import (
     Limits,
     Rule,

@@ -5,14 +5,13 @@ from collections.abc import Iterable, Mapping
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.registry import Registry
 from vinefab.fabrication.rules.as_built import BUILT_WIDTH, READBACK, SEAM_WIDTH
-from vinefab.fabrication.rules.clearance import CLEARANCE, FOREIGN_FILLET, OVERLAP
+from vinefab.fabrication.rules.clearance import CLEARANCE, FOREIGN_FILLET, OVERLAP, POUCH
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, TURN
 from vinefab.fabrication.rules.laser_paths import MARKS, ORDER, PATHS
 from vinefab.fabrication.rules.materials import BED, FILM, MACHINE, PLY, STATUS
-from vinefab.fabrication.rules.pouches import POUCH
 from vinefab.fabrication.rules.pressure_limits import BURST, RATING, STRAIN, WINDOW
+from vinefab.fabrication.rules.rig_rules import CORRIDORS, OBSTACLE_HEIGHT, RIG_SIZE, RIG_SOLIDS
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
-from vinefab.fabrication.rules.test_rig import CORRIDORS, OBSTACLE_HEIGHT, RIG_SIZE, RIG_SOLIDS
 from vinefab.fabrication.rules.whole import CLAMP, MOUTH, POLYGON, REACH, TAIL, TREE
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
 from vinefab.model.design import Design

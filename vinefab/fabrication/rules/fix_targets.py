@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 
 from vinefab.core.units import deg
 from vinefab.fabrication.job.passes import weldcut_offset_mm
-from vinefab.fabrication.outline.crotch import largest_fillet_mm
+from vinefab.fabrication.outline.gap import largest_fillet_mm
 from vinefab.fabrication.outline.joint import level_tapers_rad
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
-from vinefab.fabrication.rules.clearance import CLEARANCE
+from vinefab.fabrication.rules.clearance import CLEARANCE, POUCH
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET
 from vinefab.fabrication.rules.laser_paths import PATHS
 from vinefab.fabrication.rules.penalty import fabrication_penalty
-from vinefab.fabrication.rules.pouches import POUCH
 from vinefab.fabrication.rules.pressure_limits import (
     BURST,
     WINDOW,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.outline.crotch import Gap, crotch_reach_mm
 from vinefab.fabrication.outline.exactness import ProblemKind
+from vinefab.fabrication.outline.gap import Gap, crotch_reach_mm
 from vinefab.fabrication.outline.joint import joint_of, level_tapers_rad
 from vinefab.fabrication.rules.rule import (
     BrokenLimit,

@@ -12,8 +12,7 @@ from vinefab.fabrication.rules.clearance import CLEARANCE
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, allowed_n_mm
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
-from vinefab.fabrication.rules.shapes import Shapes, excess_mm, shapes_of
-from vinefab.fabrication.rules.spacing import spacing
+from vinefab.fabrication.rules.spacing import Shapes, excess_mm, shapes_of, spacing
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile

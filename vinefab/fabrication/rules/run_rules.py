@@ -8,6 +8,7 @@ from typing import Protocol, TypeVar
 from vinefab.core.hashing import fingerprint
 from vinefab.core.jsontext import json_text
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
+from vinefab.fabrication.rules.rig_rules import RIG_CHECKS, RigSubject
 from vinefab.fabrication.rules.rule import (
     LimitChanges,
     Rule,
@@ -16,7 +17,6 @@ from vinefab.fabrication.rules.rule import (
     Violation,
 )
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.fabrication.rules.test_rig import RIG_CHECKS, RigSubject
 from vinefab.model.design import Waiver
 from vinefab.model.finding import CheckReport, Finding, RuleRun, RuleSkipped
 

@@ -1,4 +1,4 @@
-"""What the rules look at: a design, its profile, and all that was derived from them."""
+"""What rules need to know of a test rig and of the corridors of a map."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -9,12 +9,50 @@ from vinefab.fabrication.job.laser_job import check_size, laser_job
 from vinefab.fabrication.job.placement import ONE, SheetOptions
 from vinefab.fabrication.outline.body_outline import BodyOutline, body_outline
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
-from vinefab.fabrication.rules.rig_facts import MapCorridors, RigFacts
-from vinefab.fabrication.rules.shapes import Shapes, shapes_of
+from vinefab.fabrication.rules.spacing import Shapes, shapes_of
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigPartFacts:
+    """A part of a rig."""
+
+    name: str  # its name
+    size_mm: tuple[float, float, float]  # width, depth and height of its box as it is made
+    # why its file, read again, does not hold the closed, oriented solid that it should
+    problems: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigFacts:
+    """A rig, as rules see it."""
+
+    name: str  # its name
+    printer: str  # name of the machine that makes the parts
+    room_mm: tuple[float, float, float]  # width, depth and height that a part may have on it
+    height_mm: float  # height of the obstacles above the floor
+    parts: tuple[RigPartFacts, ...]  # all parts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Corridor:
+    """A narrow place between walls."""
+
+    width_mm: float  # how wide it is where robots run: of a rig, in millimetres of the rig
+    # x_mm, y_mm: its middle, in map coordinates
+    x_mm: float
+    y_mm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapCorridors:
+    """A map or rig with its narrowest corridors."""
+
+    name: str  # of the map or rig
+    corridors: tuple[Corridor, ...]  # the narrowest first
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

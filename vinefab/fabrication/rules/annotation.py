@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.font import lettered, text_width_mm
+from vinefab.fabrication.job.marks import lettered, text_width_mm
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.outline import Contour, Part

@@ -3,9 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from vinefab.fabrication.rules.rig_facts import MapCorridors, RigFacts
 from vinefab.fabrication.rules.rule import Limits, Rule, RuleApplied, RuleNotApplicable, Violation
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.subject import MapCorridors, RigFacts, Subject
 from vinefab.model.design import Design
 from vinefab.physics.tube import inflated_diameter_mm
 

@@ -25,16 +25,16 @@ YARD = Environment(description="their yard", options=GridOptions, make=grid_map)
 
 def count(subject, limits):
     found = float(subject.design.branch_count)
-    breach = limits.most(found)
-    if breach is None:
+    broken = limits.most(found)
+    if broken is None:
         return RuleApplied(checked=1)
-    hit = Violation(
-        message="too many", severity=breach.severity, measured=found, limit=breach.limit
+    violation = Violation(
+        message="too many", severity=broken.severity, measured=found, limit=broken.limit
     )
-    return RuleApplied(checked=1, hits=(hit,))
+    return RuleApplied(checked=1, violations=(violation,))
 
 
-FEW = Rule(id="MY-F01", title="few branches", limits={"error": 4.0}, reason="ours", look=count)
+FEW = Rule(id="MY-F01", title="few branches", limits={"error": 4.0}, reason="ours", check=count)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -107,7 +107,7 @@ def make_rig(
     facts = _facts(rig, solid_problems(files, rig, printing))
     files |= cut.files
     courses = (_course(rig, world),) if wishes.design else ()
-    report = run_rig_checks(RigSubject(design=wishes.design, rig=facts, courses=courses))
+    report = run_rig_checks(RigSubject(design=wishes.design, rig=facts, corridors=courses))
     record = RigRecord(
         rig=rig,
         world=world,

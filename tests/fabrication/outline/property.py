@@ -108,7 +108,7 @@ def look(number_and_seed):
     except Exception as error:
         return number, f"exception {error!r}", {}
     if outline.problems:
-        good = all(problem.words and problem.branches for problem in outline.problems)
+        good = all(problem.message and problem.branches for problem in outline.problems)
         return number, "named" if good else "a problem without words", {}
     contour = outline.contour
     shape = shapely.Polygon(contour.flattened_mm(FINE_MM))

@@ -254,7 +254,7 @@ def test_shapes_that_cannot_be_drawn_are_named(make_plan, make_fan, widths, leve
     assert kind in kinds(outline)
     assert np.isfinite(outline.contour.points_mm).all()
     for problem in outline.problems:
-        assert problem.branches[0] in problem.words
+        assert problem.branches[0] in problem.message
         assert math.isfinite(problem.measured_mm)
 
 

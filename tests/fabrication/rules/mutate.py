@@ -63,14 +63,14 @@ def subjects(rule_id: str, make: Callable[..., object]) -> list[Subject]:
 
 def outcome(rule: Rule, subject: Subject) -> Outcome:
     """Return what a rule finds in a fixture."""
-    looked = rule.look(subject, rule.limits_with({}))
-    hits = looked.hits if isinstance(looked, RuleApplied) else ()
-    return tuple(sorted((_WEIGHTS[hit.severity] for hit in hits), reverse=True))
+    looked = rule.check(subject, rule.limits_with({}))
+    violations = looked.violations if isinstance(looked, RuleApplied) else ()
+    return tuple(sorted((_WEIGHTS[violation.severity] for violation in violations), reverse=True))
 
 
 def mutants(rule: Rule) -> Iterator[tuple[str, tuple[Rule, ...]]]:
     """Yield every mutant by name; a limit's is one of two, as only one of them is lax."""
-    yield "switched off", (replace(rule, look=lambda *_: RuleApplied(checked=1)),)
+    yield "switched off", (replace(rule, check=lambda *_: RuleApplied(checked=1)),)
     for name, value in rule.limits.items():
         values = [value * factor for factor in FACTORS] if value else ZERO_BECOMES
         yield f"lax {name}", tuple(replace(rule, limits={**rule.limits, name: v}) for v in values)

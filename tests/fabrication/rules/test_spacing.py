@@ -8,18 +8,18 @@ from vinefab.core.rng import child
 from vinefab.core.validation import Floats
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import flat_layout
-from vinefab.fabrication.rules.spacing import Shapes, Spacing, closest, shapes_of, spacing
+from vinefab.fabrication.rules.spacing import Capsules, Spacing, capsules_of, closest, spacing
 from vinefab.model.design import Design, Pouch
 
 Make = Callable[..., Design]
 
 
-def lines(shapes: Shapes) -> shapely.Geometry:
-    return shapely.linestrings(np.stack([shapes.start_mm, shapes.end_mm], axis=1))
+def lines(capsules: Capsules) -> shapely.Geometry:
+    return shapely.linestrings(np.stack([capsules.start_mm, capsules.end_mm], axis=1))
 
 
-def shapes(design: Design) -> Shapes:
-    return shapes_of(flat_layout(design), design.build)
+def flat_capsules(design: Design) -> Capsules:
+    return capsules_of(flat_layout(design), design.build)
 
 
 def by_pair(found: Spacing, values: Floats) -> dict[tuple[int, int], float]:
@@ -44,7 +44,7 @@ def test_closest_agrees_with_shapely_also_for_points_parallels_and_touches() -> 
 
 
 def test_all_near_pairs_are_found_and_no_joined_ones(make: Make) -> None:
-    flat = shapes(make((4, 120.0, 150.0), (3, 100.0, 120.0), (2, 60.0, 90.0)))
+    flat = flat_capsules(make((4, 120.0, 150.0), (3, 100.0, 120.0), (2, 60.0, 90.0)))
     found = spacing(flat, 5.0)
     gaps = by_pair(found, found.gap_mm)
     drawn = lines(flat)
@@ -64,7 +64,7 @@ def test_all_near_pairs_are_found_and_no_joined_ones(make: Make) -> None:
 
 
 def test_crossing_tells_how_far_the_nearest_end_runs_past() -> None:
-    cross = Shapes(
+    cross = Capsules(
         start_mm=np.array([[0.0, 0.0], [70.0, -40.0], [0.0, 5.0]]),
         end_mm=np.array([[100.0, 0.0], [70.0, 60.0], [60.0, 5.0]]),
         half_mm=np.full(3, 10.0),
@@ -90,7 +90,7 @@ def test_crossing_tells_how_far_the_nearest_end_runs_past() -> None:
 )
 def test_shapes_cover_the_drawn_outline_but_for_fillets(make: Make, pouch: Pouch | None) -> None:
     design = make((3, 200.0, 120.0), (2, 120.0, 50.0), pouch=pouch, fillet_mm=(2.0, 2.0))
-    flat = shapes(design)
+    flat = flat_capsules(design)
     capsules = shapely.buffer(lines(flat), flat.half_mm, quad_segs=64)
     covered = shapely.union_all(capsules)
     body = shapely.Polygon(body_outline(design).contour.flattened_mm())

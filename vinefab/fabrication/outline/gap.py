@@ -1,4 +1,16 @@
-"""The gap between two neighbours at a joint: what it is, and how large a fillet it allows."""
+"""The gap between two neighbours at a joint: its largest fillet, and the outline through it.
+
+All of it happens in the joint's frame: the joint is the origin and the parent's heading is +x. The
+core is the parent with a rounded end: a disc of its half width R and, behind the disc, its two
+sides. The outline comes along the parent's right side, around the disc and back along its left
+side. The sides of an even parent are y = -R and y = R; those of a tapered one touch the disc a
+little further ahead and lean by the tilt. Children stick out of the core; one that bends backwards
+sticks out of the parent's side, and behind it that side shows again.
+
+A fillet of radius r is a ball that rolls in the gap between two children, down the left side of
+the first and down the right side of the second, until it rests on the core. Where the first would
+rest behind the second, a ball between the two never reaches the core: it rests on both of them.
+"""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +27,7 @@ from vinefab.fabrication.outline.stroke import (
 from vinefab.model.outline import Part
 
 LEFT, RIGHT = 1, -1
-"""Sides of a strip, seen along its direction away from the joint; and of the core."""
+"""Sides of a strip, seen along its direction away from the joint, and of the core."""
 
 
 STEEPEST = 0.99
@@ -34,7 +46,7 @@ class Strip:
     angle_rad: float  # direction of the side away from the joint, relative to the parent's heading
     half_mm: float  # its distance from the joint
     length_mm: float  # its planned length
-    owner: int  # 0 for the parent, 1, 2, ... for the children.
+    owner: int  # 0 for the parent, 1, 2, ... for the children
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,9 +56,9 @@ class JointBranch:
     angle_rad: float  # direction of its axis away from the joint, relative to the parent's heading
     half_mm: float  # half its width at the joint
     length_mm: float  # its planned length
-    owner: int  # 0 for the parent, 1, 2, ... for the children.
-    # angle by which its sides lean towards its axis, away from the joint; negative for a parent
-    # that is narrower here than at its base
+    owner: int  # 0 for the parent, 1, 2, ... for the children
+    # Angle by which its sides lean towards its axis, away from the joint; negative for a parent
+    # that is narrower here than at its base.
     narrowing_rad: float = 0.0
 
     def side(self, side: int) -> Strip:
@@ -72,19 +84,16 @@ def taper_rad(base_half_mm: float, end_half_mm: float, length_mm: float) -> floa
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gap:
-    """What the walk does between two neighbours."""
+    """The outline between two neighbours."""
 
-    # first, second: the neighbours
     first: Strip
     second: Strip
-    run: StrokeRun  # pieces in the joint's frame
-    # first_used_mm, second_used_mm: how far from the joint each one's straight side begins
-    first_used_mm: float
-    second_used_mm: float
+    run: StrokeRun  # in the joint's frame
+    first_used_mm: float  # how far from the joint the straight side of the first begins
+    second_used_mm: float  # and that of the second
     radius_mm: float  # fillet radius drawn
     reach_mm: float  # distance from the joint to the nearest point of the outline in the gap
-    # how far the pieces are from the exact shape: not 0 only where an arc too short to draw became
-    # a corner
+    # Deviation from the exact shape: above 0 only where an arc too short to draw became a corner.
     error_mm: float = 0.0
 
     @property
@@ -184,15 +193,15 @@ class Contact:
     used_mm: float  # how far from the joint, along the child, the child's straight side ends
     side_mm: Point  # the end of the child's straight side
     core_mm: Point  # the point of the core that the ball touches
-    zone: int  # what of the core that is: `LEFT` or `RIGHT` side of the parent, or `DISC`
+    zone: int  # where that is: on the `LEFT` or `RIGHT` side of the parent, or on the `DISC`
     normal_rad: float  # direction out of the core at that point
     radius_mm: float  # the ball's radius, 0 for a bare corner
-    turn_rad: float  # angle that the walk turns clockwise around the ball, not negative
-    # how far ahead of where the parent's side touches the disc the point is, along that side; 0 on
-    # the disc
+    turn_rad: float  # angle that the outline turns clockwise around the ball, not negative
+    # Distance of the point ahead of where the parent's side touches the disc, along that side; 0 on
+    # the disc.
     along_mm: float
-    # how far around the core the point is: 0 where its right side touches the disc, rising counter-
-    # clockwise
+    # Distance of the point around the core: 0 where its right side touches the disc, rising
+    # counter-clockwise.
     position_mm: float
 
     @property

@@ -1,4 +1,4 @@
-"""All design rules by id, and whose limits count: rule, recipe, design or user."""
+"""All design rules by id, and their limits as changed by recipe, design and command line."""
 
 from collections.abc import Iterable, Mapping
 
@@ -45,8 +45,7 @@ RULES: Registry[Rule] = Registry(
 SHEET_RULES = frozenset(
     rule.id for rule in (BED, MARKS, PATHS, ORDER, PLY, MACHINE, STATUS, READBACK)
 )
-"""Rules about a sheet, its recipe and its files; on a sheet of several robots they look once."""
-
+"""Rules about a sheet, its recipe and its files: they run once on a sheet of several robots."""
 
 COMMAND_LINE = "--limit"
 
@@ -54,7 +53,10 @@ COMMAND_LINE = "--limit"
 def changed_limits(
     design: Design, profile: LaserProfile | None = None, given: LimitChanges | None = None
 ) -> tuple[ChangedLimit, ...]:
-    """Return every limit that is not the rule's default, with who changed it last."""
+    """Return every limit that differs from its default, with the source of its value.
+
+    The command line overrides the design, and the design overrides the recipe.
+    """
     sources: list[tuple[str, LimitChanges]] = [
         (f"design {design.name}", design.limits),
         (COMMAND_LINE, given or {}),
@@ -80,8 +82,6 @@ def by_rule(changed: Iterable[ChangedLimit]) -> dict[str, dict[str, float]]:
 def parsed_limits(texts: Iterable[str]) -> dict[str, dict[str, float]]:
     """Return limits from texts like ``VF-C01.warning=6``.
 
-    Examples
-    --------
     >>> parsed_limits(["VF-C01.warning=6", "VF-C01.error=4"])
     {'VF-C01': {'warning': 6.0, 'error': 4.0}}
     """

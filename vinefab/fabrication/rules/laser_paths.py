@@ -28,58 +28,60 @@ _ORDER = tuple(Operation)
 
 
 def check_marks(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
-    """VF-L01: marks stay off the pressurised body; those that found no room are named."""
+    """VF-L01: marks stay off the pressurised body; those left out are reported."""
     if subject.job is None or subject.profile is None:
         return _NO_RECIPE
     marks = subject.job.along(Operation.MARK)
     sealed = (*subject.job.along(Operation.WELD), *subject.job.along(Operation.WELDCUT))
     bodies = [_Body(path) for path in sealed] if marks else []
-    hits: dict[str, Violation] = {}
+    violations: dict[str, Violation] = {}
     for mark in marks:
         away_mm = min((body.apart_mm(mark) for body in bodies), default=math.inf)
-        breach = limits.least(away_mm)
+        broken = limits.least(away_mm)
         # The strokes of one label share its name: the nearest of them stands for all.
-        if breach and (mark.label not in hits or away_mm < (hits[mark.label].measured or 0.0)):
-            hits[mark.label] = Violation(
+        if broken and (
+            mark.label not in violations or away_mm < (violations[mark.label].measured or 0.0)
+        ):
+            violations[mark.label] = Violation(
                 message=f"mark {mark.label!r} touches the body or its rim: move it away",
                 measured=away_mm,
-                limit=breach.limit,
+                limit=broken.limit,
                 aspect=mark.label,
             )
     can_mark = Operation.MARK in subject.profile.recipe.operations
     note = "" if can_mark else "the recipe has no mark: no fold line, no label"
     return RuleApplied(
-        checked=len(marks), hits=(*hits.values(), *_left_out(subject.job)), note=note
+        checked=len(marks), violations=(*violations.values(), *_left_out(subject.job)), note=note
     )
 
 
 def _left_out(job: Job) -> Iterator[Violation]:
-    """Yield a hit for everything that should have been marked and was not."""
-    missing = job.facts.get("marks_left_out", ())
-    for words in missing if isinstance(missing, list) else ():
+    """Yield a violation for each mark that was left out."""
+    reasons = job.facts.get("marks_left_out", ())
+    for reason in reasons if isinstance(reasons, list) else ():
         yield Violation(
-            message=f"{words}: mark the film by hand", severity=Severity.INFO, aspect=words
+            message=f"{reason}: mark the film by hand", severity=Severity.INFO, aspect=reason
         )
 
 
 def check_paths(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
-    """VF-L02: no path runs over another, no piece is too small to be run."""
+    """VF-L02: no path runs over another, no segment is too small for the machine."""
     if subject.job is None:
         return _NO_RECIPE
     paths = [path for path in subject.job.paths if path.operation.is_machined]
-    hits = [hit for path in paths for hit in _small_pieces(path, limits)]
+    violations = [violation for path in paths for violation in _small_segments(path, limits)]
     lines = np.array([_line(path) for path in paths], dtype=object)
     first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
     for one, two in zip(*(rows[first < second].tolist() for rows in (first, second)), strict=True):
         shared_mm = float(shapely.length(shapely.intersection(lines[one], lines[two])))
-        breach = limits.most(shared_mm, "shared")
-        if breach:
-            words = f"{paths[one].label!r} and {paths[two].label!r} run over each other"
-            hits.append(
-                Violation(message=words, measured=shared_mm, limit=breach.limit, aspect="shared")
+        broken = limits.most(shared_mm, "shared")
+        if broken:
+            message = f"{paths[one].label!r} and {paths[two].label!r} run over each other"
+            violations.append(
+                Violation(message=message, measured=shared_mm, limit=broken.limit, aspect="shared")
             )
-    hits += outline_violations(subject, frozenset({ProblemKind.SHORT_SEGMENT}), tuple(hits))
-    return RuleApplied(checked=len(paths), hits=tuple(hits))
+    violations += outline_violations(subject, ProblemKind.SHORT_SEGMENT, known=tuple(violations))
+    return RuleApplied(checked=len(paths), violations=tuple(violations))
 
 
 def check_order(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
@@ -87,22 +89,26 @@ def check_order(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
     if subject.job is None:
         return _NO_RECIPE
     paths = [path for path in subject.job.paths if path.operation.is_machined]
-    hits = []
+    violations = []
     for before, after in pairwise(paths):
         if _ORDER.index(before.operation) > _ORDER.index(after.operation):
-            words = f"{after.operation} {after.label!r} comes after {before.operation}"
-            words += f" {before.label!r}: the film has moved by then"
-            hits.append(Violation(message=words, aspect=f"{before.operation} {after.operation}"))
+            message = f"{after.operation} {after.label!r} comes after {before.operation}"
+            message += f" {before.label!r}: the film has moved by then"
+            violations.append(
+                Violation(message=message, aspect=f"{before.operation} {after.operation}")
+            )
     rings = [(place, path) for place, path in enumerate(paths) if frees(path)]
     for place, before in rings:
         for after in paths[place + 1 :]:
             if before.operation is after.operation and bool(_inside(before, after).all()):
-                words = f"{before.label!r} frees the sheet before {after.label!r} inside it is cut"
-                hits.append(Violation(message=words, aspect="inner"))
-    return RuleApplied(checked=len(paths), hits=tuple(hits))
+                message = (
+                    f"{before.label!r} frees the sheet before {after.label!r} inside it is cut"
+                )
+                violations.append(Violation(message=message, aspect="inner"))
+    return RuleApplied(checked=len(paths), violations=tuple(violations))
 
 
-def _small_pieces(path: LaserPath, limits: Limits) -> list[Violation]:
+def _small_segments(path: LaserPath, limits: Limits) -> list[Violation]:
     segments = list(path.contour.segments)
     short = min(segments, key=lambda segment: segment.length_mm)
     sharp = min(segments, key=lambda segment: segment.radius_mm)
@@ -110,25 +116,25 @@ def _small_pieces(path: LaserPath, limits: Limits) -> list[Violation]:
         ("segment", "line or arc", short, short.length_mm),
         ("radius", "arc's radius", sharp, sharp.radius_mm),
     )
-    hits = []
-    for name, words, segment, size_mm in found:
-        breach = limits.least(size_mm, name)
-        if breach:
-            hits.append(
+    violations = []
+    for name, what, segment, size_mm in found:
+        broken = limits.least(size_mm, name)
+        if broken:
+            violations.append(
                 Violation(
-                    message=f"a {words} of {path.label!r} is too small to be run",
-                    severity=breach.severity,
+                    message=f"a {what} of {path.label!r} is too small to be run",
+                    severity=broken.severity,
                     measured=size_mm,
-                    limit=breach.limit,
+                    limit=broken.limit,
                     branches=(segment.branch,) if segment.branch else (),
                     aspect=f"{name} {path.label}",
                 )
             )
-    return hits
+    return violations
 
 
 class _Body:
-    """A body that marks must stay clear of: what its outline encloses, and the outline itself."""
+    """A body that marks must keep clear of: the area enclosed by its outline, and the outline."""
 
     def __init__(self, outline: LaserPath) -> None:
         points = outline.contour.flattened_mm()
@@ -147,7 +153,7 @@ class _Body:
 
 
 def _inside(outer: LaserPath, inner: LaserPath) -> NDArray[np.bool_]:
-    """Return which points of a path lie inside another one, closed where that is open."""
+    """Return which points of a path lie inside another one, which is closed if it is open."""
     points, around = inner.contour.flattened_mm(), outer.contour.flattened_mm()
     if len(around) < 3:
         return np.zeros(len(points), dtype=np.bool_)
@@ -170,7 +176,7 @@ MARKS = Rule(
     unit="mm",
     limits={"error": 3.0},
     reason="a mark weakens film under pressure; a robot without a label is soon nobody's",
-    look=check_marks,
+    check=check_marks,
 )
 PATHS = Rule(
     id="VF-L02",
@@ -178,11 +184,11 @@ PATHS = Rule(
     unit="mm",
     limits={"segment_error": 0.2, "radius_error": 0.5, "shared_error": 0.2},
     reason="a path run twice cuts through the weld; tiny pieces stop the head and burn",
-    look=check_paths,
+    check=check_paths,
 )
 ORDER = Rule(
     id="VF-L03",
     title="weld before cut, inner before outer",
     reason="film that is cut free moves",
-    look=check_order,
+    check=check_order,
 )

@@ -23,15 +23,15 @@ def check_ply(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicab
             reason="an impulse sealer makes the seams of this recipe, not the laser"
         )
     material = subject.profile.material
-    breach = limits.most(material.ply_mm.value)
-    if material.weldable and not breach:
+    broken = limits.most(material.ply_mm.value)
+    if material.weldable and not broken:
         return RuleApplied(checked=1)
-    hit = Violation(
+    violation = Violation(
         message=f"{material.title} does not weld with a laser: use a thinner film or a heat sealer",
         measured=material.ply_mm.value,
         limit=limits["error"],
     )
-    return RuleApplied(checked=1, hits=(hit,))
+    return RuleApplied(checked=1, violations=(violation,))
 
 
 def check_machine(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
@@ -39,48 +39,48 @@ def check_machine(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicabl
     if subject.profile is None or subject.job is None:
         return _NO_RECIPE
     machine = subject.profile.machine
-    hits = []
+    violations = []
     for operation, settings in subject.profile.recipe.operations.items():
         speed = settings.speed_mm_s.value
         top = machine.speed_max_mm_s.value
         if speed > top:
-            words = f"{operation} is faster than the machine: slow it to {top:g} mm/s"
-            hits.append(_warning(words, f"speed {operation}"))
+            message = f"{operation} is faster than the machine: slow it to {top:g} mm/s"
+            violations.append(_warning(message, f"speed {operation}"))
         radius_mm = _sharpest_mm(subject, operation)
         if speed**2 / radius_mm > machine.acceleration_mm_s2.value:
             fit = math.sqrt(machine.acceleration_mm_s2.value * radius_mm)
-            words = f"{operation} takes arcs of {radius_mm:.2f} mm too fast: the machine slows"
-            words += f" there and burns; run it at {fit:.0f} mm/s or less"
-            hits.append(_warning(words, f"arcs {operation}"))
-    return RuleApplied(checked=len(subject.profile.recipe.operations), hits=tuple(hits))
+            message = f"{operation} takes arcs of {radius_mm:.2f} mm too fast: the machine slows"
+            message += f" there and burns; run it at {fit:.0f} mm/s or less"
+            violations.append(_warning(message, f"arcs {operation}"))
+    return RuleApplied(checked=len(subject.profile.recipe.operations), violations=tuple(violations))
 
 
 def check_status(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
-    """VF-L06: the recipe was tried on the user's machine, and runs what came out right there."""
+    """VF-L06: the recipe is calibrated on the user's machine and runs energies that passed."""
     if subject.profile is None:
         return _NO_RECIPE
     recipe = subject.profile.recipe
-    hits = [*_energy_hits(subject.profile)]
+    violations = [*_energy_violations(subject.profile)]
     if recipe.status is RecipeStatus.UNVERIFIED:
-        words = f"recipe {recipe.name} is unverified: cut the coupons and calibrate it first"
-        hits.insert(0, _warning(words, ""))
-    return RuleApplied(checked=1 + len(recipe.windows), hits=tuple(hits))
+        message = f"recipe {recipe.name} is unverified: cut the coupons and calibrate it first"
+        violations.insert(0, _warning(message, ""))
+    return RuleApplied(checked=1 + len(recipe.windows), violations=tuple(violations))
 
 
-def _energy_hits(profile: LaserProfile) -> Iterator[Violation]:
-    """Yield a hit for each operation that runs an energy that failed on the coupons."""
+def _energy_violations(profile: LaserProfile) -> Iterator[Violation]:
+    """Yield a violation for each operation whose energy failed on the coupons."""
     for window in profile.recipe.windows:
         settings = profile.recipe.operations.get(window.operation)
         if settings is None or settings.focus_offset_mm.value != window.focus_mm:
             continue
         energy = settings.line_energy_mj_mm(profile.machine)
         if not window.holds(energy):
-            words = f"{window.operation} runs {energy:.1f} mJ/mm, but the coupons say: "
-            yield _warning(f"{words}{window.words()}", f"energy {window.operation}")
+            message = f"{window.operation} runs {energy:.1f} mJ/mm, but the coupons say: "
+            yield _warning(f"{message}{window.words()}", f"energy {window.operation}")
 
 
-def _warning(words: str, aspect: str) -> Violation:
-    return Violation(message=words, severity=Severity.WARNING, aspect=aspect)
+def _warning(message: str, aspect: str) -> Violation:
+    return Violation(message=message, severity=Severity.WARNING, aspect=aspect)
 
 
 def _sharpest_mm(subject: Subject, operation: str) -> float:
@@ -95,56 +95,56 @@ PLY = Rule(
     unit="mm",
     limits={"error": 0.0475},
     reason="0.0375 mm film welded and 0.05 mm film did not (paper); the limit between is assumed",
-    look=check_ply,
+    check=check_ply,
 )
 MACHINE = Rule(
     id="VF-L05",
     title="speeds and accelerations within the machine",
     reason="a head that must slow down in an arc puts more energy there than the recipe says",
-    look=check_machine,
+    check=check_machine,
 )
 STATUS = Rule(
     id="VF-L06",
     title="the recipe is calibrated",
     reason="no laser settings for this film were found in any source; only coupons tell",
-    look=check_status,
+    check=check_status,
 )
 
 
-_NO_WELD_LAYER = RuleNotApplicable(reason="needs a recipe, for the machine's bed and the film")
+_NO_PROFILE = RuleNotApplicable(reason="needs a recipe, for the machine's bed and the film")
 _SLACK_MM = 1e-6
 
 
 def check_bed(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
     """VF-S01: every machined path lies on the bed, inside its margins."""
     if subject.profile is None or subject.job is None:
-        return _NO_WELD_LAYER
+        return _NO_PROFILE
     machine, facts = subject.profile.machine, subject.job.facts
     wanted, placed = facts.get("robots_wanted", 1), facts.get("robots_placed", 1)
     if wanted != placed:
-        words = f"only {placed} of {wanted} robots find room on the bed: make fewer at once"
-        return RuleApplied(checked=1, hits=(Violation(message=words, aspect="copies"),))
+        message = f"only {placed} of {wanted} robots find room on the bed: make fewer at once"
+        return RuleApplied(checked=1, violations=(Violation(message=message, aspect="copies"),))
     if subject.job.tiles:
         return RuleApplied(
-            checked=len(subject.job.tiles), hits=tuple(_tile_hits(subject.job, machine))
+            checked=len(subject.job.tiles), violations=tuple(_tile_violations(subject.job, machine))
         )
     over_mm, checked = _over_mm(subject.job, machine)
     if over_mm <= _SLACK_MM:
         return RuleApplied(checked=checked)
     wide_mm, high_mm = machine.usable_mm
-    why = facts.get("tiling")
-    hit = Violation(
+    reason = facts.get("tiling")
+    violation = Violation(
         message=f"the robot does not fit the {wide_mm:g} x {high_mm:g} mm of the bed in any "
-        f"rotation tried{f' and cannot be cut in tiles: {why}' if why else ''}: shorten it, scale "
-        "it down or use a larger machine",
+        f"rotation tried{f' and cannot be cut in tiles: {reason}' if reason else ''}: shorten it, "
+        "scale it down or use a larger machine",
         measured=over_mm,
         limit=0.0,
     )
-    return RuleApplied(checked=checked, hits=(hit,))
+    return RuleApplied(checked=checked, violations=(violation,))
 
 
 def _over_mm(job: Job, machine: Machine) -> tuple[float, int]:
-    """Return how far a job's paths reach beyond the usable bed, and how many there are."""
+    """Return how far a job's paths exceed the usable bed, and the number of paths."""
     paths = [path for path in job.paths if path.operation.is_machined]
     margin_mm = machine.margin_mm.value
     right_mm = machine.bed_width_mm.value - margin_mm
@@ -156,23 +156,23 @@ def _over_mm(job: Job, machine: Machine) -> tuple[float, int]:
     return over_mm, len(paths)
 
 
-def _tile_hits(job: Job, machine: Machine) -> Iterator[Violation]:
-    """Yield a hit for each tile that hangs over the bed or that cannot be aligned."""
+def _tile_violations(job: Job, machine: Machine) -> Iterator[Violation]:
+    """Yield a violation for each tile that hangs over the bed or that cannot be aligned."""
     for number, tile in enumerate(job.tiles, start=1):
         over_mm, _ = _over_mm(tile, machine)
         if over_mm > _SLACK_MM:
-            words = f"tile {number} hangs over the bed"
-            yield Violation(message=words, measured=over_mm, limit=0.0, aspect=f"tile {number}")
+            message = f"tile {number} hangs over the bed"
+            yield Violation(message=message, measured=over_mm, limit=0.0, aspect=f"tile {number}")
         found = tile.facts["targets_found_mm"]
         if number > 1 and not (isinstance(found, list) and len(found) >= 2):
-            words = f"tile {number} has no two targets to align it by"
-            yield Violation(message=words, aspect=f"targets {number}")
+            message = f"tile {number} has no two targets to align it by"
+            yield Violation(message=message, aspect=f"targets {number}")
 
 
 def check_film(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
-    """VF-S02: the robot, turned as it may be, is no wider than the roll of film."""
+    """VF-S02: the robot, in its best rotation, is no wider than the roll of film."""
     if subject.profile is None:
-        return _NO_WELD_LAYER
+        return _NO_PROFILE
     roll_mm = subject.profile.material.roll_width_mm.value
     box = shapely.minimum_rotated_rectangle(
         shapely.MultiPoint(subject.outline.contour.flattened_mm().tolist())
@@ -182,13 +182,13 @@ def check_film(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
     width_mm = float(sides.min())
     if width_mm <= roll_mm:
         return RuleApplied(checked=1)
-    hit = Violation(
+    violation = Violation(
         message="the robot is wider than the roll of film: shorten branches or narrow fans",
         severity=Severity.WARNING,
         measured=width_mm,
         limit=roll_mm,
     )
-    return RuleApplied(checked=1, hits=(hit,))
+    return RuleApplied(checked=1, violations=(violation,))
 
 
 BED = Rule(
@@ -196,12 +196,12 @@ BED = Rule(
     title="fits the bed after rotation, or in tiles",
     unit="mm",
     reason="what hangs over the bed is not cut; tiles need targets to be aligned by",
-    look=check_bed,
+    check=check_bed,
 )
 FILM = Rule(
     id="VF-S02",
     title="fits the roll of film",
     unit="mm",
     reason="a robot wider than the roll needs a seam across the film",
-    look=check_film,
+    check=check_film,
 )

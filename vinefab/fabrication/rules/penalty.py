@@ -1,4 +1,4 @@
-"""How far a design is from being manufacturable, as one number for an optimizer."""
+"""How far a design is from being manufacturable, as one number for a search."""
 
 import math
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ from vinefab.fabrication.rules.clearance import CLEARANCE
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, allowed_n_mm
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
-from vinefab.fabrication.rules.spacing import Shapes, excess_mm, shapes_of, spacing
+from vinefab.fabrication.rules.spacing import Capsules, capsules_of, spacing
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile
@@ -109,8 +109,8 @@ def window_penalty(
     Returns
     -------
     float
-        ``log(1 + excess)``, the excess of what growth to the worst tip takes over what the widest
-        tube stands with safety and margin, relative to that and at most 10.
+        ``log(1 + excess)``: the relative excess, at most 10, of the pressure that growth to the
+        worst tip takes over the one that the widest tube stands with safety factor and margin.
     """
     values = WINDOW.limits_with((limits or {}).get(WINDOW.id, {}))
     fit = GrowthConstantsRange.of(profile, values)
@@ -123,11 +123,36 @@ def window_penalty(
     return math.log1p(min(_MOST, max(0.0, takes_kpa / most_kpa - 1.0)))
 
 
+_TURNS = 180
+
+
+def excess_mm(capsules: Capsules, sheet_mm: tuple[float, float]) -> float:
+    """Return by how much a flat robot exceeds a sheet in its best rotation; 0 or less if it fits.
+
+    Notes
+    -----
+    Whole degrees are tried. `place_contours` tries more, so that a finished outline fits no worse
+    except for seam, kerf and the overcut at the mouth.
+    """
+    turns = np.arange(_TURNS) * np.pi / _TURNS
+    across = np.stack([np.cos(turns), np.sin(turns)])
+    half, end_half = capsules.half_mm[:, None], capsules.end_half_mm[:, None]
+    corners = capsules.start_mm[0] + np.array([[0.0, 1.0], [0.0, -1.0]]) * capsules.half_mm[0]
+    ends, starts = capsules.end_mm @ across, capsules.start_mm[1:] @ across
+    high = np.concatenate([ends + end_half, starts + half[1:], corners @ across]).max(axis=0)
+    low = np.concatenate([ends - end_half, starts - half[1:], corners @ across]).min(axis=0)
+    wide = high - low
+    # Turning by a right angle swaps width and height.
+    tall = np.roll(wide, -_TURNS // 2)
+    over = np.maximum(wide - sheet_mm[0], tall - sheet_mm[1])
+    return float(over.min())
+
+
 DEFAULT_FILM_MM = 0.075
 """Two plies of 0.0375 mm."""
 
 MOST_BRANCHES = 2000
-"""Larger trees are not looked at branch by branch: they are penalized for their size instead."""
+"""Larger trees are penalized for their size, without checking their branches."""
 
 
 def fabrication_penalty(
@@ -137,19 +162,18 @@ def fabrication_penalty(
     film_mm: float = DEFAULT_FILM_MM,
     sheet_mm: tuple[float, float] | None = None,
 ) -> float:
-    """Return how far a design is from passing the cheap geometric rules; 0 when it does.
+    """Return how far a design is from passing the cheap geometric rules; 0 if it passes.
 
-    Looked at are the error limits of VF-W01, VF-W02, VF-W03, VF-C01, VF-C02, VF-C03 and, as
-    negative clearance, VF-T03; with pouches also their clearance (VF-C07), and VF-S01 where a
-    sheet is given. A design without penalty has no error from these rules; fillets count with
-    their designed radius, so that a few designs whose fillets the outline would cut down are
-    penalized without need.
+    These are the error limits of VF-W01, VF-W02, VF-W03, VF-C01, VF-C02, VF-C03 and, as negative
+    clearance, VF-T03; with pouches also their clearance (VF-C07), and VF-S01 if a sheet is given.
+    A design without penalty has no error from these rules. Fillets count with their designed
+    radius, so that a few designs whose fillets the outline would reduce are penalized needlessly.
 
     Parameters
     ----------
     sheet_mm
-        Width and height that the flat robot must fit into after a turn, or None if any size
-        will do. Take off a few millimetres for seam, kerf and the overcut at the mouth.
+        Width and height that the flat robot must fit after a rotation, or None for any size.
+        Subtract a few millimetres for seam, kerf and the overcut at the mouth.
 
     Returns
     -------
@@ -211,21 +235,23 @@ def _packing(design: Design, changed: LimitChanges, film_mm: float) -> float:
 def _on_sheet(design: Design, changed: LimitChanges, sheet_mm: tuple[float, float] | None) -> float:
     if design.branch_count > MOST_BRANCHES:
         return float(design.branch_count) ** 2
-    shapes = shapes_of(flat_layout(design), design.build)
-    near = _too_near(shapes, _limit(CLEARANCE, changed))
+    capsules = capsules_of(flat_layout(design), design.build)
+    near = _too_near(capsules, _limit(CLEARANCE, changed))
     if sheet_mm is None:
         return near
-    return near + max(0.0, excess_mm(shapes, sheet_mm) / min(sheet_mm))
+    return near + max(0.0, excess_mm(capsules, sheet_mm) / min(sheet_mm))
 
 
-def _too_near(shapes: Shapes, clearance_mm: float) -> float:
+def _too_near(capsules: Capsules, clearance_mm: float) -> float:
     """Return the summed depths of all pairs that are nearer than a clearance.
 
     A pair counts from 0 (just clear) to 1 (centre lines touch), and where centre lines cross from
     1 to 2, by how far the nearer end would have to be drawn back.
     """
-    found = spacing(shapes, clearance_mm)
-    room_mm = clearance_mm + shapes.most_half_mm[found.first] + shapes.most_half_mm[found.second]
+    found = spacing(capsules, clearance_mm)
+    room_mm = (
+        clearance_mm + capsules.most_half_mm[found.first] + capsules.most_half_mm[found.second]
+    )
     near = np.maximum(0.0, (clearance_mm - found.gap_mm) / room_mm)
     crossing = found.crossing_mm / (found.crossing_mm + room_mm)
     return float(near.sum() + crossing.sum())

@@ -1,4 +1,4 @@
-"""How far a flat robot hangs over a sheet, over all the ways it may be turned."""
+"""A flat robot as capsules, and which of them come near each other."""
 
 import math
 from dataclasses import dataclass
@@ -16,15 +16,13 @@ Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Shapes:
+class Capsules:
     """Capsules of a flat robot, m of them."""
 
-    # start_mm, end_mm: ends of their segments, shape (m, 2). The trunk's includes the tail.
-    start_mm: Floats
-    end_mm: Floats
-    # half_mm, end_half_mm: half widths at the start and at the end, shape (m,)
-    half_mm: Floats
-    end_half_mm: Floats
+    start_mm: Floats  # starts of their segments, shape (m, 2); the trunk's includes the tail
+    end_mm: Floats  # ends of their segments, shape (m, 2)
+    half_mm: Floats  # half widths at the start, shape (m,)
+    end_half_mm: Floats  # half widths at the end, shape (m,)
     branch: Ints  # index of the branch that each belongs to, shape (m,)
     pouch: NDArray[np.bool_]  # whether each belongs to a pouch, shape (m,)
     parent: Ints  # parent of each branch (not of each capsule), shape (n,)
@@ -38,7 +36,7 @@ class Shapes:
         return np.maximum(self.half_mm, self.end_half_mm)
 
 
-def shapes_of(layout: FlatLayout, build: Build) -> Shapes:
+def capsules_of(layout: FlatLayout, build: Build) -> Capsules:
     """Return the capsules of a flat layout with its pouches.
 
     A round pouch is a disc around the leaf's tip. A rectangular one, centred on the tip, is the
@@ -66,7 +64,7 @@ def shapes_of(layout: FlatLayout, build: Build) -> Shapes:
         end_halves.append(halves[-1])
         branches.append(leaves)
     branch = np.concatenate(branches)
-    return Shapes(
+    return Capsules(
         start_mm=np.concatenate(starts),
         end_mm=np.concatenate(ends),
         half_mm=np.concatenate(halves),
@@ -121,31 +119,6 @@ def _at_tips(layout: FlatLayout, leaves: Ints, point_mm: Point) -> Floats:
     return layout.end_mm[leaves] + np.column_stack([cos * x - sin * y, sin * x + cos * y])
 
 
-_TURNS = 180
-
-
-def excess_mm(shapes: Shapes, sheet_mm: tuple[float, float]) -> float:
-    """Return by how much the robot overshoots a sheet in its best turn; 0 or less where it fits.
-
-    Notes
-    -----
-    Whole degrees are tried; placing the finished outline tries more turns, so that it never fits
-    worse but for the width of seam and kerf and the overcut at the mouth.
-    """
-    turns = np.arange(_TURNS) * np.pi / _TURNS
-    across = np.stack([np.cos(turns), np.sin(turns)])
-    half, end_half = shapes.half_mm[:, None], shapes.end_half_mm[:, None]
-    corners = shapes.start_mm[0] + np.array([[0.0, 1.0], [0.0, -1.0]]) * shapes.half_mm[0]
-    ends, starts = shapes.end_mm @ across, shapes.start_mm[1:] @ across
-    high = np.concatenate([ends + end_half, starts + half[1:], corners @ across]).max(axis=0)
-    low = np.concatenate([ends - end_half, starts - half[1:], corners @ across]).min(axis=0)
-    wide = high - low
-    # Turning by a right angle swaps width and height.
-    tall = np.roll(wide, -_TURNS // 2)
-    over = np.maximum(wide - sheet_mm[0], tall - sheet_mm[1])
-    return float(over.min())
-
-
 _TINY = 1e-12
 
 
@@ -154,9 +127,8 @@ class Closest:
     """Where k pairs of segments are closest."""
 
     distance_mm: Floats  # between the closest points, shape (k,); 0 where the segments cross
-    # along_a, along_b: place of the closest points on each segment, 0 at its start and 1 at its
-    along_a: Floats
-    along_b: Floats
+    along_a: Floats  # closest point on the first, 0 at its start and 1 at its end, shape (k,)
+    along_b: Floats  # closest point on the second, likewise
 
 
 def closest(start_a_mm: Floats, end_a_mm: Floats, start_b_mm: Floats, end_b_mm: Floats) -> Closest:
@@ -198,7 +170,7 @@ def closest(start_a_mm: Floats, end_a_mm: Floats, start_b_mm: Floats, end_b_mm: 
 
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 _STEPS = 48
-"""Each makes the search interval shorter by the golden ratio: 1e-10 of a branch is left."""
+"""Golden-section steps: 1e-10 of a branch is left of the search interval."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -253,7 +225,7 @@ def point_gap_mm(points_mm: Floats, hulls: Hulls) -> Floats:
 
 
 MOST_PAIRS = 2_000_000
-"""So many near pairs are worked out; a tree with more lies on itself everywhere anyway."""
+"""Most near pairs evaluated; a tree with more overlaps itself everywhere anyway."""
 
 _CHUNK = 512
 
@@ -262,50 +234,52 @@ _CHUNK = 512
 class Spacing:
     """Pairs of capsules of different branches that are nearer than a reach, k of them."""
 
-    # first, second: indices of the capsules, shape (k,)
-    first: Ints
-    second: Ints
+    first: Ints  # indices of the first capsules, shape (k,)
+    second: Ints  # indices of the second capsules, shape (k,)
     gap_mm: Floats  # free distance between them, negative where they overlap, shape (k,)
-    # where the segments themselves cross: by how much the nearest end runs past the crossing; 0
+    # By how much the nearest end runs past the place where the segments cross, shape (k,); 0 for
+    # segments that do not
     crossing_mm: Floats
-    # first_mm, second_mm: closest points of the segments, shape (k, 2)
-    first_mm: Floats
-    second_mm: Floats
+    first_mm: Floats  # closest points on the first segments, shape (k, 2)
+    second_mm: Floats  # closest points on the second segments, shape (k, 2)
     joined: NDArray[np.bool_]  # whether the two branches share a joint, shape (k,)
     pouch: NDArray[np.bool_]  # whether one of the two belongs to a pouch, shape (k,)
     complete: bool  # whether all near pairs are here; False past `MOST_PAIRS`
 
 
-def spacing(shapes: Shapes, reach_mm: float) -> Spacing:
+def spacing(capsules: Capsules, reach_mm: float) -> Spacing:
     """Return all pairs of capsules that are nearer to each other than ``reach_mm``.
 
     Capsules of one branch are left out, and so are pairs of branches that share a joint unless a
     pouch is involved: such branches meet by design.
     """
-    first, second, complete = _near(shapes, reach_mm)
-    first, second = _of_different_branches(shapes, first, second)
+    first, second, complete = _near(capsules, reach_mm)
+    first, second = _of_different_branches(capsules, first, second)
     near = closest(
-        shapes.start_mm[first], shapes.end_mm[first], shapes.start_mm[second], shapes.end_mm[second]
+        capsules.start_mm[first],
+        capsules.end_mm[first],
+        capsules.start_mm[second],
+        capsules.end_mm[second],
     )
-    run_a = shapes.end_mm[first] - shapes.start_mm[first]
-    run_b = shapes.end_mm[second] - shapes.start_mm[second]
+    run_a = capsules.end_mm[first] - capsules.start_mm[first]
+    run_b = capsules.end_mm[second] - capsules.start_mm[second]
     short_a = np.minimum(near.along_a, 1.0 - near.along_a) * np.hypot(*run_a.T)
     short_b = np.minimum(near.along_b, 1.0 - near.along_b) * np.hypot(*run_b.T)
     crossing = np.where(near.distance_mm < 1e-9, np.minimum(short_a, short_b), 0.0)
     return Spacing(
         first=first,
         second=second,
-        gap_mm=_gap_mm(shapes, first, second, near.distance_mm),
+        gap_mm=_gap_mm(capsules, first, second, near.distance_mm),
         crossing_mm=crossing,
-        first_mm=shapes.start_mm[first] + near.along_a[:, None] * run_a,
-        second_mm=shapes.start_mm[second] + near.along_b[:, None] * run_b,
-        joined=_joined(shapes, first, second),
-        pouch=shapes.pouch[first] | shapes.pouch[second],
+        first_mm=capsules.start_mm[first] + near.along_a[:, None] * run_a,
+        second_mm=capsules.start_mm[second] + near.along_b[:, None] * run_b,
+        joined=_joined(capsules, first, second),
+        pouch=capsules.pouch[first] | capsules.pouch[second],
         complete=complete,
     )
 
 
-def _gap_mm(shapes: Shapes, first: Ints, second: Ints, distance_mm: Floats) -> Floats:
+def _gap_mm(capsules: Capsules, first: Ints, second: Ints, distance_mm: Floats) -> Floats:
     """Return the free distance between pairs of capsules, shape (k,).
 
     Between even capsules that is the distance of their segments less both half widths. Where one
@@ -313,32 +287,34 @@ def _gap_mm(shapes: Shapes, first: Ints, second: Ints, distance_mm: Floats) -> F
     a convex function of the two places, so that a search along one segment finds it when the other
     place is the best for it.
     """
-    gap = distance_mm - shapes.half_mm[first] - shapes.half_mm[second]
-    even = shapes.half_mm == shapes.end_half_mm
+    gap = distance_mm - capsules.half_mm[first] - capsules.half_mm[second]
+    even = capsules.half_mm == capsules.end_half_mm
     rows = np.flatnonzero(~(even[first] & even[second]))
     if len(rows):
-        gap[rows] = hull_gap_mm(_hulls(shapes, first[rows]), _hulls(shapes, second[rows]))
+        one, two = (capsule_hulls(capsules, pair[rows]) for pair in (first, second))
+        gap[rows] = hull_gap_mm(one, two)
     return gap
 
 
-def _hulls(shapes: Shapes, rows: Ints) -> Hulls:
+def capsule_hulls(capsules: Capsules, rows: Ints) -> Hulls:
+    """Return some capsules as hulls of two discs."""
     return Hulls(
-        start_mm=shapes.start_mm[rows],
-        run_mm=shapes.end_mm[rows] - shapes.start_mm[rows],
-        half_mm=shapes.half_mm[rows],
-        growth_mm=shapes.end_half_mm[rows] - shapes.half_mm[rows],
+        start_mm=capsules.start_mm[rows],
+        run_mm=capsules.end_mm[rows] - capsules.start_mm[rows],
+        half_mm=capsules.half_mm[rows],
+        growth_mm=capsules.end_half_mm[rows] - capsules.half_mm[rows],
     )
 
 
-def _near(shapes: Shapes, reach_mm: float) -> tuple[Ints, Ints, bool]:
+def _near(capsules: Capsules, reach_mm: float) -> tuple[Ints, Ints, bool]:
     """Return pairs (first < second) whose boxes come within the reach, and whether all are."""
-    grown = shapes.most_half_mm[:, None] + reach_mm / 2
-    low = np.minimum(shapes.start_mm, shapes.end_mm) - grown
-    high = np.maximum(shapes.start_mm, shapes.end_mm) + grown
+    grown = capsules.most_half_mm[:, None] + reach_mm / 2
+    low = np.minimum(capsules.start_mm, capsules.end_mm) - grown
+    high = np.maximum(capsules.start_mm, capsules.end_mm) + grown
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
     tree = shapely.STRtree(boxes)
     firsts, seconds, count = [], [], 0
-    for begin in range(0, len(shapes), _CHUNK):
+    for begin in range(0, len(capsules), _CHUNK):
         first, second = tree.query(boxes[begin : begin + _CHUNK])
         first = first + begin
         keep = first < second
@@ -351,15 +327,18 @@ def _near(shapes: Shapes, reach_mm: float) -> tuple[Ints, Ints, bool]:
     return np.concatenate(firsts), np.concatenate(seconds), complete
 
 
-def _of_different_branches(shapes: Shapes, first: Ints, second: Ints) -> tuple[Ints, Ints]:
-    different = shapes.branch[first] != shapes.branch[second]
-    meant = _joined(shapes, first, second) & ~(shapes.pouch[first] | shapes.pouch[second])
+def _of_different_branches(capsules: Capsules, first: Ints, second: Ints) -> tuple[Ints, Ints]:
+    different = capsules.branch[first] != capsules.branch[second]
+    meant = _joined(capsules, first, second) & ~(capsules.pouch[first] | capsules.pouch[second])
     keep = different & ~meant
     return first[keep], second[keep]
 
 
-def _joined(shapes: Shapes, first: Ints, second: Ints) -> NDArray[np.bool_]:
-    """Return whether pairs of capsules belong to siblings or to parent and child, shape (k,)."""
-    a, b = shapes.branch[first], shapes.branch[second]
-    parent_a, parent_b = shapes.parent[a], shapes.parent[b]
-    return np.asarray((parent_a == parent_b) | (parent_a == b) | (parent_b == a))
+def _joined(capsules: Capsules, first: Ints, second: Ints) -> NDArray[np.bool_]:
+    """Return whether the branches of pairs of capsules share a joint, shape (k,)."""
+    return share_joint(capsules.parent, capsules.branch[first], capsules.branch[second])
+
+
+def share_joint(parent: Ints, one: Ints | int, two: Ints | int) -> NDArray[np.bool_]:
+    """Return whether branches are siblings, or parent and child."""
+    return np.asarray((parent[one] == parent[two]) | (parent[one] == two) | (parent[two] == one))

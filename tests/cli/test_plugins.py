@@ -132,7 +132,7 @@ def test_a_plugin_that_does_not_load_is_named_with_the_reason(vinefab, run_file,
 
 
 @pytest.mark.usefixtures("their_package")
-def test_a_rule_of_another_package_is_looked_at_and_a_broken_one_is_named(vinefab, tmp_path):
+def test_a_rule_of_another_package_is_checked_and_a_broken_one_is_named(vinefab, tmp_path):
     code, words, _ = vinefab("check", "three_level_tree")
     assert code == 1
     assert "MY-F01" in words

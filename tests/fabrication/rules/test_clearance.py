@@ -1,4 +1,4 @@
-"""The drawn outline has the last word: what closing it by a disc adds is a notch or a gap."""
+"""Clearance rules against the drawn outline: what closing it by a disc adds is a notch or gap."""
 
 import math
 from collections.abc import Callable

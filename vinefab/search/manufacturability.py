@@ -17,13 +17,13 @@ from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits
 from vinefab.fabrication.rules.clearance import POUCH
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH
-from vinefab.fabrication.rules.materials import BED, PLY
+from vinefab.fabrication.rules.laser_rules import BED, PLY
 from vinefab.fabrication.rules.penalty import excess_mm, fabrication_penalty, window_penalty
 from vinefab.fabrication.rules.pressure_limits import BURST, RATING, WINDOW
 from vinefab.fabrication.rules.rule import ROUNDING, LimitChanges, Rule
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.spacing import capsules_of
-from vinefab.fabrication.rules.whole import CLAMP, TAIL
+from vinefab.fabrication.rules.tree_and_base import CLAMP, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
 from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.laser import LaserProfile

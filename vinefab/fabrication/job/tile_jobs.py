@@ -12,21 +12,20 @@ import numpy as np
 import shapely
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.marks import CLEAR_MM, mark, region
+from vinefab.fabrication.job.marks import CLEAR_MM, Box, mark, region
 from vinefab.fabrication.job.passes import BodyPaths, in_order
 from vinefab.fabrication.job.placement import BedPlacement, box_around_mm, place_contours
 from vinefab.fabrication.job.tiling import (
     OVERLAP_MM,
     TARGET_MM,
-    Box,
     BranchAxes,
     FilmTile,
     NoTilesError,
-    Point,
-    box_around,
     film_tiles,
+    union_box,
 )
 from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.outline.stroke import Point
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
@@ -92,7 +91,7 @@ def tiled(
 def register(tiles: Sequence[FilmTile], room_mm: Point, contours: Sequence[Contour]) -> None:
     """Place two targets for each tile after the first, which an earlier tile makes."""
     taken = shapely.union_all([region(contour) for contour in contours])
-    robot = reduce(box_around, (contour.box_mm for contour in contours))
+    robot = reduce(union_box, (contour.box_mm for contour in contours))
     for row, tile in enumerate(tiles):
         if tile.after is None:
             continue

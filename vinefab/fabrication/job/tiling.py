@@ -16,6 +16,8 @@ from itertools import pairwise
 import numpy as np
 
 from vinefab.core.validation import Floats
+from vinefab.fabrication.job.marks import Box
+from vinefab.fabrication.outline.stroke import Point
 from vinefab.model.job import LaserPath
 from vinefab.model.outline import Contour, Part, Segment
 
@@ -27,7 +29,6 @@ OVERLAP_MM = 12.0
 
 _STEP_MM = 25.0
 
-Box = tuple[float, float, float, float]
 Range = tuple[float, float]
 
 
@@ -151,7 +152,6 @@ MOST_TILES = 64
 _RIM_MM = 15.0
 """Margin around a tile's paths, so that windows overlap enough to share targets."""
 
-Point = tuple[float, float]
 Piece = tuple[int, int]
 
 
@@ -184,7 +184,7 @@ def film_tiles(
     for stretch in (stretch for found in parted for stretch in found):
         piece = _joined(axes, places, stretch.piece)
         box = Contour.from_segments([stretch.segment], closed=False).box_mm
-        boxes[piece] = box_around(boxes[piece], box) if piece in boxes else box
+        boxes[piece] = union_box(boxes[piece], box) if piece in boxes else box
     fits = _fit(boxes, room_mm, pass_through=pass_through)
     grown = _grown(axes, places, boxes, fits)
     # Trying all pairs of very many tiles takes too long; merging rarely leaves a quarter of them.
@@ -206,7 +206,7 @@ def film_tiles(
 
 def _least_tiles(contours: Sequence[Contour], room_mm: Point, *, pass_through: bool) -> float:
     """Return a lower bound of the number of tiles."""
-    whole = reduce(box_around, (contour.box_mm for contour in contours))
+    whole = reduce(union_box, (contour.box_mm for contour in contours))
     wide, high = (whole[2] - whole[0]) / room_mm[0], (whole[3] - whole[1]) / room_mm[1]
     return wide if pass_through else max(wide, high)
 
@@ -230,7 +230,7 @@ def _fit(boxes: dict[Piece, Box], room_mm: Point, *, pass_through: bool) -> Call
     spare = 2.0 * _RIM_MM
     wide, high = room_mm[0] - spare, room_mm[1] - spare
     if pass_through:
-        whole = reduce(box_around, boxes.values())
+        whole = reduce(union_box, boxes.values())
         if whole[3] - whole[1] > room_mm[1]:
             raise NoTilesError("it is wider than the bed, across the way the film is fed")
         high = math.inf
@@ -265,7 +265,7 @@ def _grown(
             raise NoTilesError(f"branch {name} has a joint or tip with no room to part around it")
         for child in sorted(below[piece], key=lambda child: _area(open_tiles[child].box_mm)):
             other = open_tiles.pop(child)
-            both = box_around(tile.box_mm, other.box_mm)
+            both = union_box(tile.box_mm, other.box_mm)
             if fits(both):
                 tile.pieces |= other.pieces
                 tile.box_mm = both
@@ -283,14 +283,14 @@ def _merged(tiles: list[FilmTile], fits: Callable[[Box], bool]) -> list[FilmTile
             (_area(both), one, two)
             for one in range(len(tiles))
             for two in range(one + 1, len(tiles))
-            if fits(both := box_around(tiles[one].box_mm, tiles[two].box_mm))
+            if fits(both := union_box(tiles[one].box_mm, tiles[two].box_mm))
         ]
         if not pairs:
             return tiles
         _, one, two = min(pairs)
         last = tiles.pop(two)
         tiles[one].pieces |= last.pieces
-        tiles[one].box_mm = box_around(tiles[one].box_mm, last.box_mm)
+        tiles[one].box_mm = union_box(tiles[one].box_mm, last.box_mm)
 
 
 def _runs(
@@ -373,7 +373,7 @@ def _place_windows(
         tile.low_mm = (x, floor) if pass_through else (x, y)
 
 
-def box_around(one: Box, two: Box) -> Box:
+def union_box(one: Box, two: Box) -> Box:
     """Return the box around two boxes."""
     return min(one[0], two[0]), min(one[1], two[1]), max(one[2], two[2]), max(one[3], two[3])
 

@@ -7,12 +7,20 @@ from vinefab.core.registry import Registry
 from vinefab.fabrication.rules.as_built import BUILT_WIDTH, READBACK, SEAM_WIDTH
 from vinefab.fabrication.rules.clearance import CLEARANCE, FOREIGN_FILLET, OVERLAP, POUCH
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, TURN
-from vinefab.fabrication.rules.laser_paths import MARKS, ORDER, PATHS
-from vinefab.fabrication.rules.materials import BED, FILM, MACHINE, PLY, STATUS
+from vinefab.fabrication.rules.laser_rules import (
+    BED,
+    FILM,
+    MACHINE,
+    MARKS,
+    ORDER,
+    PATHS,
+    PLY,
+    STATUS,
+)
 from vinefab.fabrication.rules.pressure_limits import BURST, RATING, STRAIN, WINDOW
 from vinefab.fabrication.rules.rig_rules import CORRIDORS, OBSTACLE_HEIGHT, RIG_SIZE, RIG_SOLIDS
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
-from vinefab.fabrication.rules.whole import CLAMP, MOUTH, POLYGON, REACH, TAIL, TREE
+from vinefab.fabrication.rules.tree_and_base import CLAMP, MOUTH, POLYGON, REACH, TAIL, TREE
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
 from vinefab.model.design import Design
 from vinefab.model.finding import ChangedLimit

@@ -9,10 +9,10 @@ import shapely
 from numpy.typing import NDArray
 
 from vinefab.fabrication.outline.exactness import ProblemKind
+from vinefab.fabrication.outline.stroke import Point
 from vinefab.fabrication.rules.rule import (
     BrokenLimit,
     Limits,
-    Point,
     Rule,
     RuleApplied,
     Violation,

@@ -11,22 +11,22 @@ from vinefab.fabrication.outline.joint import level_tapers_rad
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.clearance import CLEARANCE, POUCH
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET
-from vinefab.fabrication.rules.laser_paths import PATHS
+from vinefab.fabrication.rules.laser_rules import PATHS
 from vinefab.fabrication.rules.penalty import fabrication_penalty
 from vinefab.fabrication.rules.pressure_limits import (
     BURST,
     WINDOW,
     GrowthConstantsRange,
-    allowed_n_mm,
+    growth_limit_kpa,
+    safe_pressure_kpa,
 )
 from vinefab.fabrication.rules.rule import LimitChanges, Limits, Rule
-from vinefab.fabrication.rules.whole import CLAMP, MOUTH, TAIL
+from vinefab.fabrication.rules.tree_and_base import CLAMP, MOUTH, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.job import Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.physics.growth_path import GrowthPath
-from vinefab.physics.seam import burst_pressure_kpa
 from vinefab.physics.tube import inflated_diameter_mm
 
 WEIGHTS = {
@@ -259,12 +259,9 @@ class FixTargets:
 
     def most_kpa(self, build: Build) -> float:
         """Return the largest working pressure that the seams stand at a build's widths."""
-        factor = self.of_rule(BURST)["safety_factor"]
-        most = min(self._burst_kpa(build) / factor, self.profile.material.burst_kpa.value)
-        return math.floor(1000.0 * most) / 1000.0
-
-    def _burst_kpa(self, build: Build) -> float:
-        return burst_pressure_kpa(build.widest_mm, allowed_n_mm(self.profile.material))
+        material = self.profile.material
+        safe = safe_pressure_kpa(build.widest_mm, material, self.of_rule(BURST))
+        return math.floor(1000.0 * min(safe, material.burst_kpa.value)) / 1000.0
 
     def _sheet_mm(self) -> tuple[float, float]:
         """Return the room for the bare body: the bed less seam, kerf and the mouth's overcut."""
@@ -286,8 +283,7 @@ class FixTargets:
     def _window(self, design: Design) -> float:
         """Return the relative excess of the pressure that growth in free space takes."""
         limits = self.of_rule(WINDOW)
-        allowed = self._burst_kpa(design.build) / limits["safety_factor"]
-        allowed /= 1.0 + limits["margin_percent"] / 100.0
+        allowed = growth_limit_kpa(design.build.widest_mm, self.profile.material, limits)
         fit = GrowthConstantsRange.of(self.profile, limits)
         worst = 0.0
         for depth, end_mm in enumerate(design.build.end_widths_mm):

@@ -135,10 +135,10 @@ def check_angle(subject: Subject, limits: Limits) -> RuleApplied:
             angle_deg = math.degrees(gap.angle_rad)
             broken = limits.least(angle_deg)
             if broken:
-                words = "almost parallel: widen the fan or have fewer children"
+                predicate = "almost parallel: widen the fan or have fewer children"
                 if 0 in (gap.first.owner, gap.second.owner):
-                    words = "almost folded onto its parent: narrow the fan"
-                violations.append(_violation(subject, (joint, gap), words, (angle_deg, broken)))
+                    predicate = "almost folded onto its parent: narrow the fan"
+                violations.append(_violation(subject, (joint, gap), predicate, (angle_deg, broken)))
     return RuleApplied(
         checked=sum(len(joint.gaps) for joint in joints), violations=tuple(violations)
     )
@@ -153,12 +153,12 @@ def check_crotch(subject: Subject, limits: Limits) -> RuleApplied:
         share = share_in_crotch(gap)
         broken = limits.most(share)
         if broken:
-            words = (
+            predicate = (
                 f"webbed together for {gap.reach_mm:.1f} mm from the joint: lengthen the child, "
                 "widen the angle or narrow the branches"
             )
             in_mm = BrokenLimit(severity=broken.severity, limit=broken.limit * shorter_mm(gap))
-            violations.append(_violation(subject, (joint, gap), words, (gap.reach_mm, in_mm)))
+            violations.append(_violation(subject, (joint, gap), predicate, (gap.reach_mm, in_mm)))
     # The worst gap stands for its joint: the outline's problems in its other gaps add nothing.
     reported = {violation.at_mm for violation in violations}
     crotches = outline_violations(subject, ProblemKind.NARROW_CROTCH)
@@ -179,12 +179,12 @@ def check_fillet(subject: Subject, limits: Limits) -> RuleApplied:
         least_mm = max(limits["warning"], limits["share_of_width"] * width_mm)
         broken = Limits({"error": limits["error"], "warning": least_mm}).least(radius_mm)
         if broken:
-            words = (
+            predicate = (
                 f"joined with too small a fillet: design {least_mm:.1f} mm or more, and widen the "
                 "angle if it is drawn smaller than designed"
             )
             violations.append(
-                _violation(subject, (joint, joint.gaps[0]), words, (radius_mm, broken))
+                _violation(subject, (joint, joint.gaps[0]), predicate, (radius_mm, broken))
             )
         violations += _large_fillet(subject, joint, limits)
     return RuleApplied(checked=len(joints), violations=tuple(violations))
@@ -198,27 +198,32 @@ def _large_fillet(subject: Subject, joint: LevelJoint, limits: Limits) -> list[V
     broken = Limits(shares).most(designed_mm)
     where = joint, joint.gaps[0]
     if broken:
-        words = (
+        predicate = (
             f"joined with so large a fillet that the child is wider than designed far from the "
             f"joint: design {broken.limit:.1f} mm or less"
         )
-        return [_violation(subject, where, words, (designed_mm, broken))]
+        return [_violation(subject, where, predicate, (designed_mm, broken))]
     if joint.fillet_mm < designed_mm * (1.0 - 1e-9):
         less = BrokenLimit(severity=Severity.INFO, limit=designed_mm)
-        words = f"joined with a fillet of {joint.fillet_mm:.2f} mm: the angle has no room for more"
-        return [_violation(subject, where, words, (joint.fillet_mm, less))]
+        predicate = (
+            f"joined with a fillet of {joint.fillet_mm:.2f} mm: the angle has no room for more"
+        )
+        return [_violation(subject, where, predicate, (joint.fillet_mm, less))]
     return []
 
 
 def _violation(
-    subject: Subject, where: tuple[LevelJoint, Gap], words: str, found: tuple[float, BrokenLimit]
+    subject: Subject,
+    where: tuple[LevelJoint, Gap],
+    predicate: str,
+    found: tuple[float, BrokenLimit],
 ) -> Violation:
     """Return a violation by all joints of a level, placed at the first of them."""
     joint, gap = where
     rows = sorted(joint.branch(strip.owner) for strip in (gap.first, gap.second))
     all_joints = f" (and at {joint.joints - 1} more joints)" if joint.joints > 1 else ""
     names = " and ".join(subject.ids(*rows))
-    message = f"branches {names}{all_joints} are {words}"
+    message = f"branches {names}{all_joints} are {predicate}"
     at_mm = branch_start_mm(subject.layout, joint.first_child)
     return branch_violation(subject, rows, message, found, at_mm=at_mm)
 

@@ -10,7 +10,7 @@ from vinefab.fabrication.outline.layout import flat_layout, level_fillets_mm
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
 from vinefab.fabrication.rules.clearance import CLEARANCE
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps
-from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, allowed_n_mm
+from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, growth_limit_kpa
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of, spacing
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
@@ -18,7 +18,6 @@ from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import branch_tree
 from vinefab.physics.growth_path import planned_growth_kpa
-from vinefab.physics.seam import burst_pressure_kpa
 
 Pair = tuple[float, float]
 
@@ -118,8 +117,7 @@ def window_penalty(
     takes_kpa = planned_growth_kpa(
         branch_tree(design), build.widths_mm, fit.loose, fit.diameter_mm
     ).max()
-    burst_kpa = burst_pressure_kpa(build.widest_mm, allowed_n_mm(profile.material))
-    most_kpa = burst_kpa / values["safety_factor"] / (1.0 + values["margin_percent"] / 100.0)
+    most_kpa = growth_limit_kpa(build.widest_mm, profile.material, values)
     return math.log1p(min(_MOST, max(0.0, takes_kpa / most_kpa - 1.0)))
 
 
@@ -151,7 +149,7 @@ def excess_mm(capsules: Capsules, sheet_mm: tuple[float, float]) -> float:
 DEFAULT_FILM_MM = 0.075
 """Two plies of 0.0375 mm."""
 
-MOST_BRANCHES = 2000
+_MOST_CHECKED_BRANCHES = 2000
 """Larger trees are penalized for their size, without checking their branches."""
 
 
@@ -233,7 +231,7 @@ def _packing(design: Design, changed: LimitChanges, film_mm: float) -> float:
 
 
 def _on_sheet(design: Design, changed: LimitChanges, sheet_mm: tuple[float, float] | None) -> float:
-    if design.branch_count > MOST_BRANCHES:
+    if design.branch_count > _MOST_CHECKED_BRANCHES:
         return float(design.branch_count) ** 2
     capsules = capsules_of(flat_layout(design), design.build)
     near = _too_near(capsules, _limit(CLEARANCE, changed))

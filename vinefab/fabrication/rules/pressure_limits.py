@@ -32,9 +32,8 @@ def check_burst(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
     if subject.profile is None:
         return _NO_RECIPE
     material = subject.profile.material
-    allowed = allowed_n_mm(material)
     width_mm, branch = widest(subject)
-    limit_kpa = burst_pressure_kpa(width_mm, allowed) / limits["safety_factor"]
+    limit_kpa = safe_pressure_kpa(width_mm, material, limits)
     broken = Limits({"error": limit_kpa}).most(subject.design.build.pressure_kpa)
     basis = _basis(material.burst_kpa, material.burst_width_mm)
     message = (
@@ -68,9 +67,15 @@ def check_strain(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
     return _applied(subject, branch, message, (strain_percent, broken))
 
 
-def allowed_n_mm(material: Material) -> float:
-    """Return the line load that a material's seam stood in its burst test."""
-    return allowed_line_load_n_mm(material.burst_kpa.value, material.burst_width_mm.value)
+def safe_pressure_kpa(width_mm: float, material: Material, limits: Limits) -> float:
+    """Return the pressure that a tube of a lay-flat width stands with the safety factor."""
+    allowed = allowed_line_load_n_mm(material.burst_kpa.value, material.burst_width_mm.value)
+    return burst_pressure_kpa(width_mm, allowed) / limits["safety_factor"]
+
+
+def growth_limit_kpa(width_mm: float, material: Material, limits: Limits) -> float:
+    """Return the pressure that growth may take in a tube of a width: safe, and with a margin."""
+    return safe_pressure_kpa(width_mm, material, limits) / (1.0 + limits["margin_percent"] / 100.0)
 
 
 def _strain(profile: LaserProfile, pressure_kpa: float, width_mm: float) -> float:
@@ -186,9 +191,8 @@ def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
     loose, tight = (worst_growth(subject, c, fit.diameter_mm) for c in (fit.loose, fit.tight))
     takes = f"{loose.pressure_kpa:.1f} to {tight.pressure_kpa:.1f} kPa ({fit.source})"
     width_mm, _ = widest(subject)
-    burst_kpa = burst_pressure_kpa(width_mm, allowed_n_mm(subject.profile.material))
-    top_kpa = burst_kpa / limits["safety_factor"]
-    most_kpa = top_kpa / (1.0 + limits["margin_percent"] / 100.0)
+    top_kpa = safe_pressure_kpa(width_mm, subject.profile.material, limits)
+    most_kpa = growth_limit_kpa(width_mm, subject.profile.material, limits)
     violations = []
     if too_much := _too_much((loose, tight), most_kpa):
         worst, broken = too_much

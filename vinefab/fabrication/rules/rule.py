@@ -11,6 +11,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import LARGEST_MM, number
 from vinefab.fabrication.outline.exactness import ProblemKind
 from vinefab.fabrication.outline.layout import FlatLayout
+from vinefab.fabrication.outline.stroke import Point
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import Severity
 
@@ -134,7 +135,6 @@ class Rule:
         return Limits({**self.limits, **changed})
 
 
-Point = tuple[float, float]
 _DECIMALS = 3
 
 

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from vinefab.core.validation import Floats, Ints
 from vinefab.fabrication.outline.ends import Leaf, corner_radii_mm
 from vinefab.fabrication.outline.layout import FlatLayout
+from vinefab.fabrication.outline.stroke import Point
 from vinefab.model.design import Build
-
-Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,4 +1,4 @@
-"""Rules about the whole: one tree, one valid sheet, one mouth, its base and its reach."""
+"""Rules about the tree as a whole and its base: polygon, mouth, tail, clamp and reach."""
 
 import math
 import re

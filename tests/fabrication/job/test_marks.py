@@ -89,7 +89,7 @@ def test_letters_that_the_font_lacks_are_named(make_plan, marking):
     assert job.facts["marks_left_out"] == ["no strokes for É in the label of caché"]
 
 
-def test_a_letter_that_is_written_as_two_keeps_its_room(make_plan, marking):
+def test_a_letter_with_a_two_letter_capital_keeps_its_width(make_plan, marking):
     """A sharp s becomes SS: the box must hold both."""
     name = "ß" * 40
     job = laser_job(dataclasses.replace(make_plan((40.0,)), name=name), marking)

@@ -90,7 +90,7 @@ def test_a_cut_around_nothing_but_arcs_begins_at_the_mouth(make_plan, sealing):
     assert cut.length_mm > 200.0
 
 
-def test_process_is_the_recipes_unless_asked_for(tree, profile, sealing):
+def test_the_process_is_the_recipes_by_default(tree, profile, sealing):
     def operations(job):
         return [op for op in (Operation.WELD, Operation.WELDCUT, Operation.CUT) if job.along(op)]
 

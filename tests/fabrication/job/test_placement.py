@@ -110,7 +110,7 @@ def test_different_designs_of_one_name_are_refused(make_plan, profile):
     assert again.facts["robots_placed"] == 2
 
 
-def test_robots_lie_in_each_others_arms(make_plan, make_fan, profile):
+def test_robots_interlock(make_plan, make_fan, profile):
     fork = make_plan((20.0, 12.0), levels=[make_fan(2, 250, 90)], trunk=60.0, tail=60.0)
     together = bodies(laser_job(fork, profile, SheetOptions(copies=2)))
     assert len(together) == 2

@@ -425,7 +425,7 @@ def test_rule_stays_quiet(rule: str, make: Make, profile: LaserProfile) -> None:
 
 
 @pytest.mark.parametrize("rule", ["VF-R01", "VF-R02", "VF-R03", "VF-R04"])
-def test_rules_about_rigs_say_what_they_miss(rule: str, make: Make) -> None:
+def test_skipped_rules_about_rigs_say_what_is_missing(rule: str, make: Make) -> None:
     outcome = RULES[rule].check(Subject.of(make()), Limits({}))
     assert isinstance(outcome, RuleNotApplicable)
     assert "needs a" in outcome.reason
@@ -447,7 +447,7 @@ def test_corridors_are_compared_with_every_level(make: Make, profile: LaserProfi
 
 
 @pytest.mark.parametrize(("rule", "build", "severities"), NEAR_LIMITS)
-def test_each_limit_counts_from_where_it_stands(
+def test_each_limit_applies_at_its_value(
     rule: str, build: Build, severities: set[Severity], make: Make, profile: LaserProfile
 ) -> None:
     assert {finding.severity for finding in found(build(make, profile), rule)} == severities

@@ -138,7 +138,7 @@ def test_rules_can_be_read_without_their_code() -> None:
 
 @pytest.mark.parametrize("name", ["three_level_tree", "grid_explorer"])
 @pytest.mark.parametrize("problems", [(), ("an arc is missing",)])
-def test_a_rule_applied_later_reads_as_if_all_had_been_applied_at_once(
+def test_merged_reports_equal_one_report_of_all_rules(
     name: str, problems: tuple[str, ...], profile: LaserProfile
 ) -> None:
     design = replace(read_design(name), waivers=(Waiver(fingerprint="gone", reason="old"),))

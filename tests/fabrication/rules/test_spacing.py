@@ -74,7 +74,7 @@ def test_all_near_pairs_are_found_and_no_joined_ones(make: Make) -> None:
     assert found.complete
 
 
-def test_crossing_tells_how_far_the_nearest_end_runs_past() -> None:
+def test_the_crossing_is_how_far_the_nearest_end_runs_past() -> None:
     cross = Capsules(
         start_mm=np.array([[0.0, 0.0], [70.0, -40.0], [0.0, 5.0]]),
         end_mm=np.array([[100.0, 0.0], [70.0, 60.0], [60.0, 5.0]]),
@@ -99,7 +99,7 @@ def test_crossing_tells_how_far_the_nearest_end_runs_past() -> None:
         Pouch(shape="rectangle", length_mm=30.0, width_mm=50.0),
     ],
 )
-def test_shapes_cover_the_drawn_outline_but_for_fillets(make: Make, pouch: Pouch | None) -> None:
+def test_capsules_cover_the_drawn_outline_except_fillets(make: Make, pouch: Pouch | None) -> None:
     design = make((3, 200.0, 120.0), (2, 120.0, 50.0), pouch=pouch, fillet_mm=(2.0, 2.0))
     flat = flat_capsules(design)
     capsules = shapely.buffer(lines(flat), flat.half_mm, quad_segs=64)

@@ -217,7 +217,7 @@ def _refuse_many(count: float) -> None:
 
 
 def _joined(axes: BranchAxes, places: list[list[float]], piece: Piece) -> Piece:
-    """Return the piece that stands for one: a branch's base belongs to its parent's end."""
+    """Return the piece that another one is part of: a branch's base belongs to its parent's end."""
     branch, part = piece
     while part == 0 and axes.parent[branch] >= 0:
         branch = axes.parent[branch]
@@ -226,7 +226,7 @@ def _joined(axes: BranchAxes, places: list[list[float]], piece: Piece) -> Piece:
 
 
 def _fit(boxes: dict[Piece, Box], room_mm: Point, *, pass_through: bool) -> Callable[[Box], bool]:
-    """Return how to tell whether a box, and the overlaps around it, fit a window."""
+    """Return a predicate: whether a box and the overlaps around it fit a window."""
     spare = 2.0 * _RIM_MM
     wide, high = room_mm[0] - spare, room_mm[1] - spare
     if pass_through:

@@ -145,14 +145,19 @@ class Neck:
         return math.pi / 2 - self.angle_rad
 
 
+def neck_length_mm(half_mm: float, disc_mm: float, radius_mm: float) -> float:
+    """Return how far from a disc's centre a side at ``half_mm`` from the axis meets its fillet."""
+    # The product keeps its zero exact when side and disc are tangent; a difference of squares
+    # would leave 1e-7 mm of fillet behind.
+    return math.sqrt(max(0.0, (disc_mm - half_mm) * (disc_mm + half_mm + 2.0 * radius_mm)))
+
+
 def neck(half_mm: float, disc_mm: float, radius_mm: float) -> Neck:
     """Return how a side at ``half_mm`` from the axis meets a disc, with a fillet.
 
     A fillet shorter than the shortest segment becomes a corner.
     """
-    # The product keeps its zero exact when side and disc are tangent; a difference of squares
-    # would leave 1e-7 mm of fillet behind.
-    used = math.sqrt(max(0.0, (disc_mm - half_mm) * (disc_mm + half_mm + 2.0 * radius_mm)))
+    used = neck_length_mm(half_mm, disc_mm, radius_mm)
     found = Neck(used, math.atan2(half_mm + radius_mm, used), radius_mm)
     if radius_mm > 0.0 and radius_mm * found.turn_rad < LEAST_SEGMENT_MM:
         return neck(half_mm, disc_mm, 0.0)

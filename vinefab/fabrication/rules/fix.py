@@ -123,12 +123,14 @@ def kept_branches(design: Design) -> list[tuple[int, ...]]:
     children. The first way keeps all branches.
     """
     counts = [level.branches for level in design.levels]
-    ways = [
-        way
+    prunings = [
+        pruning
         for depth in range(len(counts), -1, -1)
-        for way in product(*(_fewer(count) for count in counts[:depth]))
+        for pruning in product(*(_fewer(count) for count in counts[:depth]))
     ]
-    return sorted(ways, key=lambda way: (pruning_cost(design, way), -len(way), way))
+    return sorted(
+        prunings, key=lambda pruning: (pruning_cost(design, pruning), -len(pruning), pruning)
+    )
 
 
 def _fewer(count: int) -> Sequence[int]:
@@ -152,7 +154,7 @@ def _scaled(pouch: Pouch | None, factor: float) -> Pouch | None:
     return Pouch(shape=pouch.shape, radius_mm=radius_mm, length_mm=length_mm, width_mm=width_mm)
 
 
-MOST_WAYS = 12
+MOST_PRUNINGS = 12
 """Most ways to prune that are searched in full, the most promising first."""
 
 MOST_STEPS = 60
@@ -182,14 +184,13 @@ def fix_design(
         Called with the share of the search that is done.
     """
     best: FixedDesign | None = None
-    ways = _ranked_ways(design, targets)
-    for number, way in enumerate(ways):
+    prunings = _ranked_prunings(design, targets)
+    for number, pruning in enumerate(prunings):
         if progress:
-            progress(number / len(ways))
-        pruned = pruning_cost(design, way)
-        if best is not None and pruned >= best.cost:
+            progress(number / len(prunings))
+        if best is not None and pruning_cost(design, pruning) >= best.cost:
             continue
-        space = FixSpace.of(design, way, targets)
+        space = FixSpace.of(design, pruning, targets)
         x = _descended(space, most_cost=best.cost if best else np.inf)
         if x is None:
             continue
@@ -200,15 +201,15 @@ def fix_design(
     return best
 
 
-def _ranked_ways(design: Design, targets: FixTargets) -> list[tuple[int, ...]]:
+def _ranked_prunings(design: Design, targets: FixTargets) -> list[tuple[int, ...]]:
     """Return ways to prune, the most promising first: little lost, and little penalty left."""
 
-    def estimated_cost(way: tuple[int, ...]) -> float:
-        space = FixSpace.of(design, way, targets)
+    def estimated_cost(pruning: tuple[int, ...]) -> float:
+        space = FixSpace.of(design, pruning, targets)
         penalty = space.penalty(np.zeros(len(space)))
-        return pruning_cost(design, way) + PENALTY_COST * penalty
+        return pruning_cost(design, pruning) + PENALTY_COST * penalty
 
-    return sorted(kept_branches(design), key=estimated_cost)[:MOST_WAYS]
+    return sorted(kept_branches(design), key=estimated_cost)[:MOST_PRUNINGS]
 
 
 def _descended(space: FixSpace, *, most_cost: float) -> Floats | None:

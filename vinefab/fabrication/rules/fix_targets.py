@@ -12,7 +12,7 @@ from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.clearance import CLEARANCE, POUCH
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET
 from vinefab.fabrication.rules.laser_rules import PATHS
-from vinefab.fabrication.rules.penalty import fabrication_penalty
+from vinefab.fabrication.rules.penalty import fabrication_penalty, relative_excess
 from vinefab.fabrication.rules.pressure_limits import (
     BURST,
     WINDOW,
@@ -228,8 +228,10 @@ class FixTargets:
         build = design.build
         return found + math.log1p(
             self._clamp(build)
-            + _over(self.of_rule(MOUTH)["error"], build.mouth_width_mm)
-            + _over(self.least_pouch_mm(build), build.pouch.flat_width_mm if build.pouch else 0.0)
+            + relative_excess(self.of_rule(MOUTH)["error"], build.mouth_width_mm)
+            + relative_excess(
+                self.least_pouch_mm(build), build.pouch.flat_width_mm if build.pouch else 0.0
+            )
             + self._window(design)
             + self._fillets(design)
         )
@@ -237,7 +239,7 @@ class FixTargets:
     def _clamp(self, build: Build) -> float:
         """Return by how much the tail is too wide for a clamp; a collar fits its own clamp."""
         most_mm = self.of_rule(CLAMP)["error"]
-        return 0.0 if build.collar else _over(build.mouth_width_mm, most_mm)
+        return 0.0 if build.collar else relative_excess(build.mouth_width_mm, most_mm)
 
     def least_pouch_mm(self, build: Build) -> float:
         """Return the least flat width of a design's pouches, 0 where it has none."""
@@ -278,7 +280,9 @@ class FixTargets:
     def _fillets(self, design: Design) -> float:
         """Return by how much fillets are drawn too small because an angle has no room for more."""
         least_mm = self.least_fillet_mm()
-        return math.fsum(_over(least_mm, drawn_mm) for drawn_mm in _drawn_fillets_mm(design))
+        return math.fsum(
+            relative_excess(least_mm, drawn_mm) for drawn_mm in _drawn_fillets_mm(design)
+        )
 
     def _window(self, design: Design) -> float:
         """Return the relative excess of the pressure that growth in free space takes."""
@@ -290,7 +294,7 @@ class FixTargets:
             constants = fit.loose.at_diameter(inflated_diameter_mm(end_mm), fit.diameter_mm)
             path = _worst_path(design, depth)
             worst = max(worst, path.pressure_kpa(constants, _riding_mm(design, depth)))
-        return _over(worst, self.window_share * allowed)
+        return relative_excess(worst, self.window_share * allowed)
 
 
 def _drawn_fillets_mm(design: Design) -> list[float]:
@@ -315,11 +319,6 @@ def _drawn_fillets_mm(design: Design) -> list[float]:
             found.append(max(0.0, min(designed, most)))
         above_mm = child_mm
     return found
-
-
-def _over(value: float, most: float) -> float:
-    """Return the relative excess of a value over a limit, at most 10."""
-    return 0.0 if value <= most else min(10.0, (value - most) / max(most, 1e-9))
 
 
 def _worst_path(design: Design, depth: int) -> GrowthPath:

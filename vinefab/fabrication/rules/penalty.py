@@ -5,6 +5,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from vinefab.fabrication.outline.gap import neck_length_mm
 from vinefab.fabrication.outline.joint import level_lengths_mm, level_tapers_rad
 from vinefab.fabrication.outline.layout import flat_layout, level_fillets_mm
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
@@ -73,17 +74,12 @@ def _gap(angle_rad: float, halves_mm: Pair, radius_mm: float, disc_mm: float = 0
     one, two = (half + radius_mm for half in halves_mm)
     hidden = sum(math.asin(reach / (disc + radius_mm)) for reach in (one, two))
     if hidden <= angle_rad:
-        first, second = (_neck_mm(half, disc, radius_mm) for half in halves_mm)
+        first, second = (neck_length_mm(half, disc, radius_mm) for half in halves_mm)
         return first, second
     sin, cos = math.sin(angle_rad), math.cos(angle_rad)
     if sin < 1e-9:
         return math.inf, math.inf
     return max(0.0, (two + one * cos) / sin), max(0.0, (one + two * cos) / sin)
-
-
-def _neck_mm(half_mm: float, disc_mm: float, radius_mm: float) -> float:
-    """Return how far from a disc's centre a side at ``half_mm`` meets its fillet."""
-    return math.sqrt(max(0.0, (disc_mm - half_mm) * (disc_mm + half_mm + 2.0 * radius_mm)))
 
 
 def _tip_mm(design: Design) -> float:
@@ -93,11 +89,12 @@ def _tip_mm(design: Design) -> float:
     if pouch is None or pouch.flat_width_mm <= 2.0 * half_mm:
         return 0.0
     if pouch.shape == "round":
-        return _neck_mm(half_mm, pouch.radius_mm or 0.0, radius_mm)
+        return neck_length_mm(half_mm, pouch.radius_mm or 0.0, radius_mm)
     return (pouch.length_mm or 0.0) / 2.0 + radius_mm
 
 
 _MOST = 10.0
+"""Most that a single broken limit adds, so that none outweighs all others."""
 
 
 def window_penalty(
@@ -199,10 +196,14 @@ def _short_of(values: Iterable[float], limit: float) -> float:
     return math.fsum((limit - value) / limit for value in values if value < limit)
 
 
+def relative_excess(value: float, limit: float) -> float:
+    """Return the relative excess of a value over a limit, at most 10; 0 below it."""
+    return 0.0 if value <= limit else min(_MOST, (value - limit) / max(abs(limit), 1e-9))
+
+
 def _over(values: Iterable[float], limit: float) -> float:
-    """Return the summed depths of values that should be at most a limit; each at most 10."""
-    scale = max(abs(limit), 1e-9)
-    return math.fsum(min(10.0, (value - limit) / scale) for value in values if value > limit)
+    """Return the summed excesses of values that should be at most a limit."""
+    return math.fsum(relative_excess(value, limit) for value in values)
 
 
 def _widths(design: Design, changed: LimitChanges) -> float:
@@ -222,7 +223,7 @@ def _joints(design: Design, changed: LimitChanges) -> float:
 
 def _crowded(room_mm: float, length_mm: float) -> float:
     """Return how much of a branch is missing for its two ends to fit on it, at most 10."""
-    return min(10.0, max(0.0, (LEAST_SEGMENT_MM - room_mm) / length_mm))
+    return min(_MOST, max(0.0, (LEAST_SEGMENT_MM - room_mm) / length_mm))
 
 
 def _packing(design: Design, changed: LimitChanges, film_mm: float) -> float:

@@ -328,8 +328,8 @@ def _near(capsules: Capsules, reach_mm: float) -> tuple[Ints, Ints, bool]:
 
 def _of_different_branches(capsules: Capsules, first: Ints, second: Ints) -> tuple[Ints, Ints]:
     different = capsules.branch[first] != capsules.branch[second]
-    meant = _joined(capsules, first, second) & ~(capsules.pouch[first] | capsules.pouch[second])
-    keep = different & ~meant
+    by_design = _joined(capsules, first, second) & ~(capsules.pouch[first] | capsules.pouch[second])
+    keep = different & ~by_design
     return first[keep], second[keep]
 
 

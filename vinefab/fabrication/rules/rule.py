@@ -97,7 +97,7 @@ class Rule:
     Parameters
     ----------
     id
-        Permanent name: ``VF-``, a letter and two digits.
+        Permanent name; of vinefab's own rules ``VF-``, a letter and two digits.
     title
         What must hold.
     unit
@@ -108,11 +108,6 @@ class Rule:
         Why the rule exists and where its limits come from.
     check
         Checks a subject against limits.
-
-    Raises
-    ------
-    BadInputError
-        From `limits_with`, if a limit is unknown or its value out of range.
     """
 
     id: str
@@ -126,7 +121,13 @@ class Rule:
         object.__setattr__(self, "limits", MappingProxyType(dict(self.limits)))
 
     def limits_with(self, changed: Mapping[str, float]) -> Limits:
-        """Return the default limits with some of them changed."""
+        """Return the default limits with some of them changed.
+
+        Raises
+        ------
+        BadInputError
+            If a limit is unknown or its value is out of range.
+        """
         for name, value in changed.items():
             if name not in self.limits:
                 allowed = ", ".join(self.limits) or "nothing: the rule has no limits"

@@ -278,7 +278,7 @@ def check_turn(subject: Subject, limits: Limits) -> RuleApplied:
         if broken:
             message = "the branch turns back at its joint: narrow the fan"
             violations.append(_turn_violation(subject, worst, message, (turn_deg, broken)))
-    path_rad = path_turn_rad(tree, subject)
+    path_rad = _path_turn_rad(tree, subject)
     worst = int(np.argmax(path_rad))
     friction = FITTED.friction.value
     factor = capstan_factor(friction, float(path_rad[worst]))
@@ -296,7 +296,7 @@ def check_turn(subject: Subject, limits: Limits) -> RuleApplied:
     return RuleApplied(checked=len(tree), violations=tuple(violations))
 
 
-def path_turn_rad(tree: BranchTree, subject: Subject) -> Floats:
+def _path_turn_rad(tree: BranchTree, subject: Subject) -> Floats:
     """Return the sum of absolute turns from the base to each branch's tip, shape (n,)."""
     contacts = [_summed_along(tree, d.contact_turn_rad) for d in subject.deployments]
     worst = np.max(contacts, axis=0) if contacts else np.zeros(len(tree))

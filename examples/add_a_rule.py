@@ -1,8 +1,8 @@
 """Add a design rule of your own: how much film may be used.
 
 Run it as ``python examples/add_a_rule.py``. A rule is an id, what must hold, limits, a reason, and
-a function that looks at the subject and says what breaks a limit. A rule of vinefab's own is one
-such object in `vinefab/checks/` and a line in `vinefab/checks/rules.py`.
+a function that checks a subject and returns the violations. A rule of vinefab's own is one such
+object in `vinefab/fabrication/rules/` and a line in its `catalog.py`.
 """
 
 from vinefab.fabrication.checking import subject_of
@@ -14,19 +14,19 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.tree import branch_tree
 
 
-def look_at_film(subject: Subject, limits: Limits) -> RuleApplied:
+def check_film_length(subject: Subject, limits: Limits) -> RuleApplied:
     """MY-F01: all branches together take no more film than the limits."""
     film_m = branch_tree(subject.design).total_length_mm / 1000.0
-    breach = limits.most(film_m)
-    if breach is None:
+    broken = limits.most(film_m)
+    if broken is None:
         return RuleApplied(checked=1)
-    hit = Violation(
+    violation = Violation(
         message="so much film is slow to evert: shorten or leave out branches",
-        severity=breach.severity,
+        severity=broken.severity,
         measured=film_m,
-        limit=breach.limit,
+        limit=broken.limit,
     )
-    return RuleApplied(checked=1, hits=(hit,))
+    return RuleApplied(checked=1, violations=(violation,))
 
 
 RULE = Rule(
@@ -35,7 +35,7 @@ RULE = Rule(
     unit="m",
     limits={"warning": 1.0, "error": 3.0},
     reason="our bench deploys no more than this in a minute [measured]",
-    look=look_at_film,
+    check=check_film_length,
 )
 
 
@@ -43,8 +43,10 @@ def main() -> None:
     profile = read_profile(DEFAULT_RECIPE)
     for name in ("plain_vine", "three_level_tree", "grid_explorer"):
         subject = subject_of(read_design(name), profile)
-        looked = RULE.look(subject, RULE.limits_with({}))
-        found = [f"{h.severity}: {h.measured:.2f} {RULE.unit}, {h.message}" for h in looked.hits]
+        applied = RULE.check(subject, RULE.limits_with({}))
+        found = [
+            f"{v.severity}: {v.measured:.2f} {RULE.unit}, {v.message}" for v in applied.violations
+        ]
         print(f"{name}: {'; '.join(found) or 'keeps the rule'}")
 
 

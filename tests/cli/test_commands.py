@@ -108,7 +108,7 @@ def test_check_of_a_design_that_cannot_be_made(vinefab, plain):
     code, words, _ = vinefab("check", thin)
     assert code == 1
     assert "VF-W01" in words
-    assert "cannot be made" in words
+    assert "not manufacturable" in words
     code, words, _ = vinefab("fabricate", thin, "--out", plain.parent / "p", "--allow-uncalibrated")
     assert code == 1
     assert not (plain.parent / "p").exists()

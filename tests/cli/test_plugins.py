@@ -25,16 +25,16 @@ YARD = Environment(description="their yard", options=GridOptions, make=grid_map)
 
 def count(subject, limits):
     found = float(subject.design.branch_count)
-    breach = limits.most(found)
-    if breach is None:
+    broken = limits.most(found)
+    if broken is None:
         return RuleApplied(checked=1)
-    hit = Violation(
-        message="too many", severity=breach.severity, measured=found, limit=breach.limit
+    violation = Violation(
+        message="too many", severity=broken.severity, measured=found, limit=broken.limit
     )
-    return RuleApplied(checked=1, hits=(hit,))
+    return RuleApplied(checked=1, violations=(violation,))
 
 
-FEW = Rule(id="MY-F01", title="few branches", limits={"error": 4.0}, reason="ours", look=count)
+FEW = Rule(id="MY-F01", title="few branches", limits={"error": 4.0}, reason="ours", check=count)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +132,7 @@ def test_a_plugin_that_does_not_load_is_named_with_the_reason(vinefab, run_file,
 
 
 @pytest.mark.usefixtures("their_package")
-def test_a_rule_of_another_package_is_looked_at_and_a_broken_one_is_named(vinefab, tmp_path):
+def test_a_rule_of_another_package_is_checked_and_a_broken_one_is_named(vinefab, tmp_path):
     code, words, _ = vinefab("check", "three_level_tree")
     assert code == 1
     assert "MY-F01" in words

@@ -13,6 +13,7 @@ from shapely.geometry import box
 
 from vinefab.fabrication.outline.ends import Leaf, corner_radii_mm
 from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
 from vinefab.fabrication.package.package_files import PackageContent
 from vinefab.model.design import Build, Collar, Design, Level, Pouch
 from vinefab.model.job import Job, LaserPath, Operation
@@ -138,7 +139,9 @@ class Twin:
         collar = self.design.build.collar
         if collar is None:
             return parts[0]
-        wide, x = collar.flat_width_mm / 2, collar.length_mm - back
+        # As documented, a straight part that is too short to draw is left out.
+        straight = collar.length_mm if collar.length_mm >= LEAST_SEGMENT_MM else 0.0
+        wide, x = collar.flat_width_mm / 2, straight - back
         rise = wide - half
         # Circles of one radius, one tangent to each of the two sides, that touch halfway.
         radius = (collar.flare_mm**2 / abs(rise) + abs(rise)) / 4

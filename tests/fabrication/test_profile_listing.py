@@ -67,7 +67,7 @@ def test_the_users_own_files_come_first(own_folder):
     assert json.loads(profile_json(None))["user_folder"] == str(own_folder)
 
 
-def test_a_path_is_what_its_folder_says():
+def test_the_kind_of_a_path_follows_from_its_folder():
     folder = shipped_root() / "laser_profiles"
     assert kind_of(str(folder / "machines/co2_60w.toml")) == "machine"
     assert kind_of(str(folder / f"recipes/{RECIPE}.toml")) == "recipe"

@@ -27,8 +27,8 @@ from vinefab.fabrication.checking import (
     verdict,
 )
 from vinefab.fabrication.rules.catalog import parsed_limits
-from vinefab.fabrication.rules.rig_facts import RigFacts
 from vinefab.fabrication.rules.run_rules import checks_text
+from vinefab.fabrication.rules.subject import RigFacts
 from vinefab.model.files.design_toml import design_text, read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
@@ -48,18 +48,20 @@ def check_command(
     recipe: RecipeIn = DEFAULT_RECIPE,
     maps: Annotated[
         list[Path] | None,
-        typer.Option("--map", "--maps", help="Deploy it on this map first; may be repeated."),
+        typer.Option(
+            "--map", "--maps", help="Deploy the design on this map first; may be repeated."
+        ),
     ] = None,
     rig: Annotated[
         Path | None, typer.Option("--rig", help="A folder that vinefab rig wrote.")
     ] = None,
     limit: Annotated[
         list[str] | None,
-        typer.Option("--limit", help="Another limit: VF-C01.warning=6; may be repeated."),
+        typer.Option("--limit", help="Override a limit: VF-C01.warning=6; may be repeated."),
     ] = None,
     svg: Annotated[
         Path | None,
-        typer.Option("--svg", help="Draw where the findings are: an SVG, not to be cut."),
+        typer.Option("--svg", help="Write an SVG that marks the findings; not to be cut."),
     ] = None,
     dxf: Annotated[
         Path | None,
@@ -67,22 +69,24 @@ def check_command(
     ] = None,
     fix: Annotated[
         Path | None,
-        typer.Option("--fix", help="Write the smallest change that clears the errors here."),
+        typer.Option(
+            "--fix", help="Write here the design with the smallest change that clears its errors."
+        ),
     ] = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="List every rule.")] = False,
     json_out: JsonOut = None,
     quiet: Quiet = False,
     force: Force = False,
 ) -> int:
-    """Check a design against the rules; exit code 1 when an error stands in the way of cutting.
+    """Check a design against the rules; exit code 1 if an error forbids cutting it.
 
-    Rules about paths take the way through each --map from its starts (simulated); those about
-    corridors, heights and printed parts look at the --map and the --rig. With --fix, exit code 0
-    means that a design without errors was written or was there already.
+    Rules about growth paths use deployments on each --map from its starts (simulated); rules about
+    corridors, heights and printed parts use the --map and the --rig. With --fix, exit code 0 means
+    that the design has no errors or a fixed design was written.
 
     Example: vinefab check three_level_tree --map cave.geojson --limit VF-C01.warning=6
     """
-    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     robot, profile, limits = read_design(design), read_profile(recipe), parsed_limits(limit or [])
     worlds = [read_map(path) for path in maps or []]
     ensure_kind("--svg", svg, (".svg",), force=force)
@@ -96,45 +100,45 @@ def check_command(
 
         deployed = deploy_from_starts(robot, worlds)
     report = check_design(robot, profile, limits, deployed, worlds, _rig(rig))
-    voice.give_json(checks_text(report))
+    output.give_json(checks_text(report))
     for line in [*deployed_lines(deployed), *check_lines(report, verbose=verbose)]:
-        voice.say(line)
-    _draw(voice, findings_drawing(robot, profile, report) if svg or dxf else None, (svg, dxf))
+        output.say(line)
+    _draw(output, findings_drawing(robot, profile, report) if svg or dxf else None, (svg, dxf))
     if fix is None:
         return EXIT_FINDINGS if report.blocking else 0
-    with voice.progress("mending") as told:
-        proposal = propose_fix(robot, profile, limits, worlds, lambda share: told(share, ""))
-    return _told(
-        voice, proposal, [*score_change_lines(robot, proposal.design or robot, worlds)], fix
+    with output.progress("fixing") as progress:
+        proposal = propose_fix(robot, profile, limits, worlds, lambda share: progress(share, ""))
+    return _write_fix(
+        output, proposal, [*score_change_lines(robot, proposal.design or robot, worlds)], fix
     )
 
 
-def _draw(voice: CommandOutput, drawing: Job | None, paths: tuple[Path | None, ...]) -> None:
-    """Write the drawing of the findings to the files that were asked for."""
+def _draw(output: CommandOutput, drawing: Job | None, paths: tuple[Path | None, ...]) -> None:
+    """Write the drawing of the findings to the requested files."""
     for path in paths:
         if path is not None and drawing is not None:
-            write_text(path, drawing_text(drawing, path), force=voice.force)
-            voice.say(f"wrote {path}")
+            write_text(path, drawing_text(drawing, path), force=output.force)
+            output.say(f"wrote {path}")
 
 
-def _told(voice: CommandOutput, proposal: FixProposal, scores: list[str], fix: Path) -> int:
-    """Say what was found, write the new design if there is one, and return the exit code."""
+def _write_fix(output: CommandOutput, proposal: FixProposal, scores: list[str], fix: Path) -> int:
+    """Report the proposal, write its design if there is one, and return the exit code."""
     for line in proposal.lines():
-        voice.say(line)
+        output.say(line)
     if proposal.design is None or proposal.after is None:
         return EXIT_FINDINGS if proposal.failed else 0
     for line in [*scores, verdict(proposal.after)]:
-        voice.say(line)
-    write_text(fix, design_text(proposal.design), force=voice.force)
-    voice.say(f"wrote {fix}")
+        output.say(line)
+    write_text(fix, design_text(proposal.design), force=output.force)
+    output.say(f"wrote {fix}")
     return 0
 
 
 def _rig(folder: Path | None) -> RigFacts | None:
-    """Return the rig in a folder, if one was named."""
+    """Return the rig in a folder, if any."""
     if folder is None:
         return None
-    # Reading solids loads more than a check without a rig needs.
+    # Reading solids loads modules that a check without a rig does not need.
     from vinefab.rig.rig_json import read_rig  # noqa: PLC0415
 
     return read_rig(folder)

@@ -1,4 +1,4 @@
-"""The design rules over a design and what is known of it on maps: the report of a check."""
+"""Check a design against the rules, and present the report: as lines and as a drawing."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,11 +8,10 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import ReadBackError
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.rules.annotated import annotated_job
-from vinefab.fabrication.rules.rig_facts import Corridor, MapCorridors, RigFacts
+from vinefab.fabrication.rules.annotation import annotated_job
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.run_rules import run_checks
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.subject import Corridor, MapCorridors, RigFacts, Subject
 from vinefab.maps.passages import narrow_passages
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
@@ -21,8 +20,8 @@ from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
 
-MOST = 50
-"""How many of the narrowest corridors are looked at."""
+MOST_CORRIDORS = 50
+"""Most corridors of a map that are checked, narrowest first."""
 
 
 def map_corridors(world: Map) -> MapCorridors:
@@ -40,7 +39,7 @@ def corridors_in(name: str, free: BaseGeometry, scale: float = 1.0) -> MapCorrid
                 x_mm=passage.middle_mm[0],
                 y_mm=passage.middle_mm[1],
             )
-            for passage in narrow_passages(free, MOST)
+            for passage in narrow_passages(free, MOST_CORRIDORS)
         ),
     )
 
@@ -51,7 +50,7 @@ _PEN_MM = 0.4
 _SIGNS = {Severity.ERROR: "ERROR", Severity.WARNING: "warn ", Severity.INFO: "info "}
 
 Deployed = tuple[tuple[str, Deployment], ...]
-"""Deployments, each with what its map is called."""
+"""Deployments, each with the name of its map."""
 
 
 def check_design(
@@ -62,26 +61,38 @@ def check_design(
     maps: Sequence[Map] = (),
     rig: RigFacts | None = None,
 ) -> CheckReport:
-    """Return what every rule says of a design."""
-    courses = tuple(map_corridors(world) for world in maps)
-    subject = replace(subject_of(design, profile, deployed), courses=courses, rig=rig)
+    """Return the report of all rules on a design.
+
+    Parameters
+    ----------
+    limits
+        Limits that override those of recipe and design.
+    deployed
+        Simulated deployments, for rules about growth paths.
+    maps
+        Maps whose corridors the robot must pass.
+    rig
+        A test rig, for the rules about its parts.
+    """
+    corridors = tuple(map_corridors(world) for world in maps)
+    subject = replace(subject_of(design, profile, deployed), corridors=corridors, rig=rig)
     return run_checks(subject, limits)
 
 
 def subject_of(design: Design, profile: LaserProfile, deployed: Deployed = ()) -> Subject:
-    """Return what the rules look at, deployments with the names of their maps among it."""
-    places, deployments = tuple(name for name, _ in deployed), tuple(d for _, d in deployed)
-    return Subject.of(design, profile, deployments=deployments, places=places)
+    """Return what the rules check, deployments with the names of their maps included."""
+    map_names, deployments = tuple(name for name, _ in deployed), tuple(d for _, d in deployed)
+    return Subject.of(design, profile, deployments=deployments, map_names=map_names)
 
 
 def findings_drawing(design: Design, profile: LaserProfile, report: CheckReport) -> Job:
-    """Return the design's outline on the sheet with a marker for every finding; never to be cut."""
+    """Return a drawing of the outline on the sheet with a marker per finding; not to be cut."""
     return annotated_job(laser_job(design, profile), report.findings)
 
 
 def drawing_text(drawing: Job, path: Path) -> str:
-    """Return a drawing as the text of an SVG or a DXF, by the end of a path's name."""
-    # The readers load ezdxf, which a check without a picture has no use for.
+    """Return a drawing as SVG or DXF text, by a path's suffix, after reading it back."""
+    # The readers load ezdxf, which a check without a drawing does not need.
     from vinefab.fabrication.formats.dxf_format import dxf_text, read_dxf  # noqa: PLC0415
     from vinefab.fabrication.formats.readback import drawing_differences  # noqa: PLC0415
     from vinefab.fabrication.formats.svg_format import read_svg, svg_text  # noqa: PLC0415
@@ -95,7 +106,7 @@ def drawing_text(drawing: Job, path: Path) -> str:
 
 
 def deployed_lines(deployed: Deployed) -> list[str]:
-    """Return in words how far each deployment got."""
+    """Return one line for each deployment: how far it got."""
     return [
         f"deployed on {name}: {int(found.deployed.sum())} of {len(found.tree)} branches, "
         f"{found.grown_mm.sum() / found.tree.total_length_mm:.0%} of their length (simulated)"
@@ -107,7 +118,7 @@ def check_lines(report: CheckReport, *, verbose: bool = False) -> list[str]:
     """Return a check as lines for the user."""
     lines = [_finding_line(finding) for finding in report.findings]
     if verbose:
-        lines += [f"ran     {r.rule}  looked at {r.checked}" for r in report.run]
+        lines += [f"ran     {r.rule}  checked {r.checked}" for r in report.run]
     lines += [f"note    {r.rule}  {r.note}" for r in report.run if r.note]
     lines += [
         f"limit   {limit.rule}.{limit.name} is {limit.value:g} (else {limit.default:g}), "
@@ -120,20 +131,20 @@ def check_lines(report: CheckReport, *, verbose: bool = False) -> list[str]:
         for why in reasons
     ]
     lines += [
-        f"warn    stale waiver {name}: nothing of that name was found; take it out of the design"
+        f"warn    stale waiver {name}: no finding has that name; remove it from the design"
         for name in report.stale_waivers
     ]
     return [*lines, verdict(report)]
 
 
 def verdict(report: CheckReport) -> str:
-    """Return the outcome of a check in one sentence."""
+    """Return the outcome of a check in one line."""
     errors, warnings = report.count(Severity.ERROR), report.count(Severity.WARNING)
     rules = f"{len(report.run)} rules run, {len(report.skipped)} skipped"
     found = f"{errors} errors, {warnings} warnings; {rules}"
     if report.blocking:
-        return f"{report.design}: cannot be made as it is: {found}"
-    return f"{report.design}: can be made: {found}"
+        return f"{report.design}: not manufacturable: {found}"
+    return f"{report.design}: manufacturable: {found}"
 
 
 def _finding_line(finding: Finding) -> str:

@@ -1,4 +1,4 @@
-"""The machines, materials and recipes that there are, and what each of them says."""
+"""The known machines, materials and recipes, and their numbers."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -33,13 +33,13 @@ def profile_list() -> list[str]:
 
 
 def kind_of(name: str) -> str:
-    """Return what a name or path is: machine, material or recipe."""
+    """Return the kind of a profile by its name or path: machine, material or recipe."""
     path = Path(name)
     if path.suffix or path.parent != Path():
         parent = path.resolve().parent.name.removesuffix("s")
         return parent if parent in KINDS else "recipe"
     known = {kind: {*names(kind), *user_names(kind)} for kind in KINDS}
-    found = [kind for kind, there in known.items() if name in there]
+    found = [kind for kind, known_names in known.items() if name in known_names]
     if not found:
         raise UnknownNameError("profile", name, set().union(*known.values()))
     return found[0]
@@ -48,7 +48,7 @@ def kind_of(name: str) -> str:
 def profile_numbers(name: str) -> dict[str, Quantity]:
     """Return every number of a machine, material or recipe, by its key.
 
-    A recipe's come with what they do to the film: line energy and fluence, computed.
+    Those of a recipe include line energy and fluence, which are computed.
     """
     kind = kind_of(name)
     if kind == "machine":

@@ -7,9 +7,9 @@ import shapely
 from vinefab.core.errors import BadInputError, ReadBackError
 from vinefab.core.hashing import sha256_of
 from vinefab.fabrication.checking import check_lines, corridors_in
-from vinefab.fabrication.rules.rig_facts import MapCorridors, RigFacts, RigPartFacts
+from vinefab.fabrication.rules.rig_rules import RigSubject
 from vinefab.fabrication.rules.run_rules import run_rig_checks
-from vinefab.fabrication.rules.test_rig import RigSubject
+from vinefab.fabrication.rules.subject import MapCorridors, RigFacts, RigPartFacts
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport
 from vinefab.model.map import Map
@@ -107,7 +107,7 @@ def make_rig(
     facts = _facts(rig, solid_problems(files, rig, printing))
     files |= cut.files
     courses = (_course(rig, world),) if wishes.design else ()
-    report = run_rig_checks(RigSubject(design=wishes.design, rig=facts, courses=courses))
+    report = run_rig_checks(RigSubject(design=wishes.design, rig=facts, corridors=courses))
     record = RigRecord(
         rig=rig,
         world=world,

@@ -15,15 +15,15 @@ from vinefab.core.errors import BadInputError
 from vinefab.fabrication.checking import check_design, subject_of
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits
+from vinefab.fabrication.rules.clearance import POUCH
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH
-from vinefab.fabrication.rules.materials import BED, PLY
-from vinefab.fabrication.rules.penalty import fabrication_penalty, window_penalty
-from vinefab.fabrication.rules.pouches import POUCH
+from vinefab.fabrication.rules.laser_rules import BED, PLY
+from vinefab.fabrication.rules.penalty import excess_mm, fabrication_penalty, window_penalty
 from vinefab.fabrication.rules.pressure_limits import BURST, RATING, WINDOW
 from vinefab.fabrication.rules.rule import ROUNDING, LimitChanges, Rule
 from vinefab.fabrication.rules.run_rules import run_checks
-from vinefab.fabrication.rules.shapes import excess_mm, shapes_of
-from vinefab.fabrication.rules.whole import CLAMP, TAIL
+from vinefab.fabrication.rules.spacing import capsules_of
+from vinefab.fabrication.rules.tree_and_base import CLAMP, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
 from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.laser import LaserProfile
@@ -217,7 +217,7 @@ def _bed(question: SpaceQuery) -> Iterator[BadInputError]:
     build = replace(question.settings.build, pouch=None).build(1)
     key, length = question.bounds(1, "length_mm")
     vine = Design(name="vine", trunk_length_mm=length.low, build=build)
-    if excess_mm(shapes_of(flat_layout(vine), build), question.sheet_mm) > 0.0:
+    if excess_mm(capsules_of(flat_layout(vine), build), question.sheet_mm) > 0.0:
         wide_mm, high_mm = question.sheet_mm
         allowed = f"a trunk that fits {wide_mm:g} x {high_mm:g} mm with its tail"
         if build.tail_mm > length.low:

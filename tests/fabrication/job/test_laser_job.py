@@ -60,7 +60,7 @@ def test_two_cuts_free_the_part_and_leave_the_sheet_in_one_piece(tree, profile):
     assert len(split(sheet, LineString(cut.points_mm)).geoms) == 1
 
 
-def test_long_vine_is_turned_and_too_long_a_vine_says_so(make_plan, profile):
+def test_a_long_vine_is_rotated_and_one_too_long_is_reported(make_plan, profile):
     turned = laser_job(make_plan((40.0,), trunk=360.0, tail=240.0), profile)
     assert turned.facts["fits_bed"] is True
     assert 0.0 < abs(turned.facts["rotation_deg"]) < 40.0

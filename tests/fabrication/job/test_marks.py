@@ -1,10 +1,35 @@
-import dataclasses
+"""Marks: the font, labels and fold lines."""
 
+import dataclasses
+import string
+
+import numpy as np
 import pytest
 import shapely
 
 from vinefab.fabrication.job.laser_job import laser_job
+from vinefab.fabrication.job.marks import text_strokes_mm, text_width_mm
 from vinefab.fabrication.job.placement import SheetOptions
+
+
+def test_every_letter_and_digit_has_strokes_of_its_own_inside_its_cell():
+    seen = set()
+    for letter in string.ascii_uppercase + string.digits + "-_.+/:=":
+        strokes = text_strokes_mm(letter, 6.0)
+        points = np.concatenate(strokes)
+        assert points.min() >= 0.0
+        assert points[:, 0].max() <= 4.0
+        assert points[:, 1].max() <= 6.0
+        for stroke in strokes:
+            assert np.hypot(*np.diff(stroke, axis=0).T).min() >= 1.0
+        seen.add(tuple(map(bytes, strokes)))
+    assert len(seen) == 26 + 10 + 7
+
+
+def test_text_is_as_wide_as_its_letters():
+    points = np.concatenate(text_strokes_mm("HxH", 3.0))
+    assert points.max(axis=0) == pytest.approx([text_width_mm("HXH", 3.0), 3.0])
+    assert text_strokes_mm("\u00e9 ", 3.0) == []
 
 
 @pytest.fixture
@@ -64,7 +89,7 @@ def test_letters_that_the_font_lacks_are_named(make_plan, marking):
     assert job.facts["marks_left_out"] == ["no strokes for É in the label of caché"]
 
 
-def test_a_letter_that_is_written_as_two_keeps_its_room(make_plan, marking):
+def test_a_letter_with_a_two_letter_capital_keeps_its_width(make_plan, marking):
     """A sharp s becomes SS: the box must hold both."""
     name = "ß" * 40
     job = laser_job(dataclasses.replace(make_plan((40.0,)), name=name), marking)

@@ -44,7 +44,7 @@ def sealing(profile):
 
 
 def test_weld_runs_in_the_middle_of_the_seam_and_the_cut_around_it(tree, sealing):
-    weld, cut = body_paths(tree, sealing, apart=True).paths
+    weld, cut = body_paths(tree, sealing, separate=True).paths
     assert weld_offset_mm(sealing) == 1.5
     assert weld.contour.length_mm == pytest.approx(body_outline(tree, 1.5).contour.length_mm)
     assert not weld.contour.closed
@@ -58,7 +58,7 @@ def test_weld_runs_in_the_middle_of_the_seam_and_the_cut_around_it(tree, sealing
 
 
 def test_cut_around_is_closed_starts_on_the_tail_and_runs_past_its_start(tree, sealing):
-    cut = body_paths(tree, sealing, apart=True).paths[1].contour
+    cut = body_paths(tree, sealing, separate=True).paths[1].contour
     assert closes(cut)
     assert not closes(body_outline(tree).contour)
     start, end = cut.points_mm[0], cut.points_mm[-1]
@@ -85,12 +85,12 @@ def test_a_cut_around_nothing_but_arcs_begins_at_the_mouth(make_plan, sealing):
     wide = Collar(clamp_diameter_mm=100.0, length_mm=0.0, flare_mm=100.0)
     vine = make_plan((20.0,), trunk=100.0, tail=0.0, collar=wide)
     assert body_outline(vine, 2.0).problems
-    cut = body_paths(vine, sealing, apart=True).paths[1].contour
+    cut = body_paths(vine, sealing, separate=True).paths[1].contour
     assert closes(cut)
     assert cut.length_mm > 200.0
 
 
-def test_process_is_the_recipes_unless_asked_for(tree, profile, sealing):
+def test_the_process_is_the_recipes_by_default(tree, profile, sealing):
     def operations(job):
         return [op for op in (Operation.WELD, Operation.WELDCUT, Operation.CUT) if job.along(op)]
 

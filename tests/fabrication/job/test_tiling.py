@@ -178,7 +178,7 @@ def test_targets_take_little_more_film_than_the_robot(make_plan, profile):
         assert math.dist(*tile.facts["targets_found_mm"]) >= 150.0
 
 
-def test_what_has_no_place_to_be_parted_says_so(make_plan, small_bed):
+def test_a_robot_that_cannot_be_parted_gives_the_reason(make_plan, small_bed):
     job = laser_job(make_plan((300.0,), trunk=400.0, tail=200.0), small_bed)
     assert job.tiles == ()
     assert "no room to part" in job.facts["tiling"]

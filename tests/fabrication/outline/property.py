@@ -1,6 +1,6 @@
 """Thousands of random designs against an independent union of plain shapes; run on demand.
 
-    python tests/geometry/property.py [--designs N] [--seed S] [--processes P]
+    python tests/fabrication/outline/property.py [--designs N] [--seed S] [--processes P]
 
 Every design must give a valid outline or named problems, never an exception. Valid outlines are
 compared with the union that the tests draw with Shapely: Hausdorff distance, area, radii, tangent
@@ -99,7 +99,7 @@ def random_collar(random):
     )
 
 
-def look(number_and_seed):
+def check_outline(number_and_seed):
     """Return what came of one design: a word, and the figures of a drawn one."""
     number, seed = number_and_seed
     design = random_design(np.random.default_rng([seed, number]))
@@ -108,7 +108,7 @@ def look(number_and_seed):
     except Exception as error:
         return number, f"exception {error!r}", {}
     if outline.problems:
-        good = all(problem.words and problem.branches for problem in outline.problems)
+        good = all(problem.message and problem.branches for problem in outline.problems)
         return number, "named" if good else "a problem without words", {}
     contour = outline.contour
     shape = shapely.Polygon(contour.flattened_mm(FINE_MM))
@@ -181,7 +181,7 @@ def main():
     began = time.monotonic()
     with Pool(given.processes) as pool:
         work = ((number, given.seed) for number in range(given.designs))
-        for number, word, figures in pool.imap_unordered(look, work, chunksize=20):
+        for number, word, figures in pool.imap_unordered(check_outline, work, chunksize=20):
             words[word] += 1
             if word not in ("drawn", "named", "crosses itself"):
                 bad.append((number, word))

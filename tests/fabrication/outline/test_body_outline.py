@@ -254,7 +254,7 @@ def test_shapes_that_cannot_be_drawn_are_named(make_plan, make_fan, widths, leve
     assert kind in kinds(outline)
     assert np.isfinite(outline.contour.points_mm).all()
     for problem in outline.problems:
-        assert problem.branches[0] in problem.words
+        assert problem.branches[0] in problem.message
         assert math.isfinite(problem.measured_mm)
 
 
@@ -272,7 +272,7 @@ def test_inward_offset_that_leaves_nothing_is_named(make_plan, make_fan):
     assert [problem.branches for problem in outline.problems] == [("0.0",)]
 
 
-def test_problem_of_a_level_is_told_once_with_its_count(make_plan, make_fan):
+def test_a_problem_of_a_level_is_reported_once_with_its_count(make_plan, make_fan):
     levels = [make_fan(2, 150, 120), make_fan(2, 40, 30)]
     outline = body_outline(make_plan((40.0, 24.0, 12.0), levels=levels))
     crotches = [p for p in outline.problems if p.kind is ProblemKind.NARROW_CROTCH]

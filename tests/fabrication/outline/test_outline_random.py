@@ -112,7 +112,7 @@ def check(design, twin):
     assert np.isfinite(contour.points_mm).all()
     event("problems" if outline.problems else "drawn")
     if outline.problems:
-        assert all(problem.branches and problem.words for problem in outline.problems)
+        assert all(problem.branches and problem.message for problem in outline.problems)
         return
     segments = list(contour.segments)
     assert min(segment.length_mm for segment in segments) >= 0.05 * (1 - 1e-6)

@@ -53,7 +53,7 @@ def random_tree(
 
 @pytest.fixture(scope="session")
 def random_design() -> Callable[..., Design]:
-    """Return a maker of random trees, some that can be made and some that cannot."""
+    """Return a maker of random trees, some manufacturable and some not."""
     return random_tree
 
 

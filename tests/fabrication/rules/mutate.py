@@ -1,7 +1,7 @@
-"""Switch off and weaken every design rule in turn, and see whether its fixtures notice.
+"""Disable and weaken every design rule in turn, and check that its fixtures notice.
 
-Run it as a script for the whole table: ``python tests/checks/mutate.py``. A mutant survives where
-no fixture of its rule changes: then a test is missing.
+For the whole table run ``python tests/fabrication/rules/mutate.py``. A mutant survives where no
+fixture of its rule changes: then a test is missing.
 """
 
 import importlib.util
@@ -27,7 +27,7 @@ ALIKE = {("VF-C03", "lax error"): "the outline itself has no exact form beyond o
 _WEIGHTS = {Severity.ERROR: 3, Severity.WARNING: 2, Severity.INFO: 1}
 
 Outcome = tuple[int, ...]
-"""Weights of the findings of one fixture, gravest first."""
+"""Weights of the findings of one fixture, most severe first."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,14 +63,14 @@ def subjects(rule_id: str, make: Callable[..., object]) -> list[Subject]:
 
 def outcome(rule: Rule, subject: Subject) -> Outcome:
     """Return what a rule finds in a fixture."""
-    looked = rule.look(subject, rule.limits_with({}))
-    hits = looked.hits if isinstance(looked, RuleApplied) else ()
-    return tuple(sorted((_WEIGHTS[hit.severity] for hit in hits), reverse=True))
+    applied = rule.check(subject, rule.limits_with({}))
+    violations = applied.violations if isinstance(applied, RuleApplied) else ()
+    return tuple(sorted((_WEIGHTS[violation.severity] for violation in violations), reverse=True))
 
 
 def mutants(rule: Rule) -> Iterator[tuple[str, tuple[Rule, ...]]]:
     """Yield every mutant by name; a limit's is one of two, as only one of them is lax."""
-    yield "switched off", (replace(rule, look=lambda *_: RuleApplied(checked=1)),)
+    yield "switched off", (replace(rule, check=lambda *_: RuleApplied(checked=1)),)
     for name, value in rule.limits.items():
         values = [value * factor for factor in FACTORS] if value else ZERO_BECOMES
         yield f"lax {name}", tuple(replace(rule, limits={**rule.limits, name: v}) for v in values)
@@ -83,14 +83,14 @@ def weaker(found: list[Outcome], before: list[Outcome]) -> bool:
 
 def mutate(rule_id: str, make: Callable[..., object]) -> Row:
     """Return how the fixtures of one rule stand up to its mutants."""
-    rule, looked_at = RULES[rule_id], subjects(rule_id, make)
-    before = [outcome(rule, subject) for subject in looked_at]
+    rule, cases = RULES[rule_id], subjects(rule_id, make)
+    before = [outcome(rule, subject) for subject in cases]
     count, survivors = 0, []
     for name, variants in mutants(rule):
         if (rule_id, name) in ALIKE:
             continue
         count += 1
-        found = ([outcome(variant, subject) for subject in looked_at] for variant in variants)
+        found = ([outcome(variant, subject) for subject in cases] for variant in variants)
         if not any(weaker(one, before) for one in found):
             survivors.append(name)
     fires = sum(bool(one) for one in before)
@@ -110,16 +110,16 @@ def main() -> int:
     conftest = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(conftest)
     rows = [mutate(rule_id, conftest.make_design) for rule_id in fixtures().CASES]
-    tell("rule    fire quiet mutants  survived")
+    report("rule    fire quiet mutants  survived")
     for row in rows:
         survived = ", ".join(row.survivors) or "-"
-        tell(f"{row.rule}  {row.fires:4d} {row.quiet:5d} {row.mutants:7d}  {survived}")
+        report(f"{row.rule}  {row.fires:4d} {row.quiet:5d} {row.mutants:7d}  {survived}")
     total, left = sum(row.mutants for row in rows), sum(len(row.survivors) for row in rows)
-    tell(f"{len(rows)} rules, {total} mutants, {left} survived")
+    report(f"{len(rows)} rules, {total} mutants, {left} survived")
     return 1 if left else 0
 
 
-def tell(line: str) -> None:
+def report(line: str) -> None:
     sys.stdout.write(f"{line}\n")
 
 

@@ -1,15 +1,18 @@
+"""The penalty against the rules that it stands for."""
+
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from vinefab.core.rng import child
-from vinefab.fabrication.rules.penalty import fabrication_penalty
+from vinefab.fabrication.rules.penalty import fabrication_penalty, window_penalty
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.model.design import Design
+from vinefab.model.design import Build, Design, Level, default_fillets_mm
 from vinefab.model.finding import Severity
 from vinefab.model.laser import LaserProfile
 
@@ -29,7 +32,7 @@ def errors(design: Design, profile: LaserProfile) -> set[str]:
 
 
 @pytest.fixture(scope="module")
-def judged(profile: LaserProfile, random_design: Make) -> list[tuple[float, set[str]]]:
+def penalties(profile: LaserProfile, random_design: Make) -> list[tuple[float, set[str]]]:
     """Penalty of random designs, and the rules that find errors in them."""
     designs = [random_design(child(11, number)) for number in range(300)]
     return [
@@ -39,16 +42,16 @@ def judged(profile: LaserProfile, random_design: Make) -> list[tuple[float, set[
 
 
 def test_no_penalty_means_no_errors_from_the_rules_it_stands_for(
-    judged: list[tuple[float, set[str]]],
+    penalties: list[tuple[float, set[str]]],
 ) -> None:
-    clean = [found for penalty, found in judged if penalty == 0.0]
+    clean = [found for penalty, found in penalties if penalty == 0.0]
     assert len(clean) > 20
     assert all(found == set() for found in clean)
-    assert sum(penalty > 0.0 and bool(found) for penalty, found in judged) > 100
+    assert sum(penalty > 0.0 and bool(found) for penalty, found in penalties) > 100
 
 
-def test_a_clean_design_is_hardly_ever_penalized(judged: list[tuple[float, set[str]]]) -> None:
-    clean = [penalty for penalty, found in judged if not found]
+def test_a_clean_design_is_hardly_ever_penalized(penalties: list[tuple[float, set[str]]]) -> None:
+    clean = [penalty for penalty, found in penalties if not found]
     assert len(clean) > 20
     assert sum(penalty > 0.0 for penalty in clean) <= 0.1 * len(clean)
 
@@ -119,3 +122,47 @@ def test_the_penalty_is_quick_enough_for_an_optimizer(make: Make) -> None:
         spent.append(time.perf_counter() - began)
     # Measured about 1 ms; the bound leaves room for a busy machine.
     assert min(spent) < 0.02
+
+
+def random_tree(rng: np.random.Generator) -> Design:
+    depth = int(rng.integers(1, 6))
+    widths = tuple((60.0 * rng.uniform(0.4, 0.8, depth).cumprod()).tolist())
+    levels = tuple(
+        Level(
+            branches=int(rng.integers(1, 4)),
+            length_mm=float(rng.uniform(60, 900)),
+            fan_rad=float(rng.uniform(0.2, 3.0)),
+        )
+        for _ in range(depth - 1)
+    )
+    build = Build(widths_mm=widths, fillet_mm=default_fillets_mm(widths))
+    return Design(name="random", trunk_length_mm=300.0, levels=levels, build=build)
+
+
+def test_the_window_penalty_is_zero_just_where_the_rule_finds_no_error(
+    profile: LaserProfile,
+) -> None:
+    closed = 0
+    for number in range(80):
+        design = random_tree(child(5, number))
+        # The rule needs no laser paths, so none are laid out.
+        subject = replace(Subject.of(design), profile=profile)
+        report = run_checks(subject, only=("VF-P03",))
+        broken = any(f.severity is Severity.ERROR for f in report.findings)
+        assert (window_penalty(design, profile) > 0.0) == broken
+        closed += broken
+    assert 10 < closed < 70
+
+
+def test_the_window_penalty_falls_as_leaves_widen_and_follows_changed_limits(
+    profile: LaserProfile, make: Callable[..., Design]
+) -> None:
+    values = [
+        window_penalty(make((2, 300.0, 90.0), widths_mm=(60.0, width)), profile)
+        for width in np.linspace(3.0, 40.0, 30)
+    ]
+    assert values[0] > 0.5
+    assert values[-1] == 0.0
+    assert (np.diff(values) <= 0.0).all()
+    open_one = make((2, 300.0, 90.0), widths_mm=(60.0, 40.0))
+    assert window_penalty(open_one, profile, {"VF-P03": {"loose_kpa": 20.0}}) > 0.0

@@ -9,10 +9,15 @@ import pytest
 
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.rules.catalog import RULES
-from vinefab.fabrication.rules.rig_facts import Corridor, MapCorridors, RigFacts, RigPartFacts
 from vinefab.fabrication.rules.rule import Limits, RuleNotApplicable
 from vinefab.fabrication.rules.run_rules import run_checks
-from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.subject import (
+    Corridor,
+    MapCorridors,
+    RigFacts,
+    RigPartFacts,
+    Subject,
+)
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Collar, Design, Pouch
 from vinefab.model.finding import Finding, Severity
@@ -57,14 +62,14 @@ def near_fillet(gap_mm: float) -> Build:
         ends = arc.flattened_mm(0.001)
         middle, center = ends[len(ends) // 2], np.array(arc.center_mm)
         at = middle + (center - middle) / 9.0 * (gap_mm + 0.5)
-        row, shapes = subject.names.index("0.1.1"), subject.shapes
-        moved = {name: getattr(shapes, name).copy() for name in ("start_mm", "end_mm")}
-        halves = {name: getattr(shapes, name).copy() for name in ("half_mm", "end_half_mm")}
+        row, capsules = subject.names.index("0.1.1"), subject.capsules
+        moved = {name: getattr(capsules, name).copy() for name in ("start_mm", "end_mm")}
+        halves = {name: getattr(capsules, name).copy() for name in ("half_mm", "end_half_mm")}
         for ends in moved.values():
             ends[row] = at
         for half in halves.values():
             half[row] = 0.5
-        return replace(subject, shapes=replace(shapes, **moved, **halves))
+        return replace(subject, capsules=replace(capsules, **moved, **halves))
 
     return build
 
@@ -163,7 +168,7 @@ def corridor(width_mm: float) -> Build:
 
     def build(make: Make, profile: LaserProfile) -> Subject:
         return replace(
-            Subject.of(make(), profile), courses=(MapCorridors(name="hall", corridors=corridors),)
+            Subject.of(make(), profile), corridors=(MapCorridors(name="hall", corridors=corridors),)
         )
 
     return build
@@ -420,8 +425,8 @@ def test_rule_stays_quiet(rule: str, make: Make, profile: LaserProfile) -> None:
 
 
 @pytest.mark.parametrize("rule", ["VF-R01", "VF-R02", "VF-R03", "VF-R04"])
-def test_rules_about_rigs_say_what_they_miss(rule: str, make: Make) -> None:
-    outcome = RULES[rule].look(Subject.of(make()), Limits({}))
+def test_skipped_rules_about_rigs_say_what_is_missing(rule: str, make: Make) -> None:
+    outcome = RULES[rule].check(Subject.of(make()), Limits({}))
     assert isinstance(outcome, RuleNotApplicable)
     assert "needs a" in outcome.reason
 
@@ -431,7 +436,7 @@ def test_corridors_are_compared_with_every_level(make: Make, profile: LaserProfi
     subject = Subject.of(make((2, 200.0, 60.0)), profile)
     wide, narrow = (Corridor(width_mm=mm, x_mm=3.0, y_mm=4.0) for mm in (20.0, 15.0))
     course = MapCorridors(name="hall", corridors=(narrow, wide))
-    findings = found(replace(subject, courses=(course,)), "VF-R03")
+    findings = found(replace(subject, corridors=(course,)), "VF-R03")
     assert [(f.measured, f.limit) for f in findings] == [
         (15.0, pytest.approx(80.0 / math.pi)),
         (15.0, pytest.approx(48.0 / math.pi)),
@@ -442,7 +447,7 @@ def test_corridors_are_compared_with_every_level(make: Make, profile: LaserProfi
 
 
 @pytest.mark.parametrize(("rule", "build", "severities"), NEAR_LIMITS)
-def test_each_limit_counts_from_where_it_stands(
+def test_each_limit_applies_at_its_value(
     rule: str, build: Build, severities: set[Severity], make: Make, profile: LaserProfile
 ) -> None:
     assert {finding.severity for finding in found(build(make, profile), rule)} == severities

@@ -80,7 +80,7 @@ def test_the_robot_that_came_out_narrow_is_named(
     assert [count > 0 for count in seams] == [of_fork > 0, of_vine > 0]
 
 
-def test_an_overcut_is_said_of_its_own_robot_only(
+def test_an_overcut_is_reported_for_its_own_robot_only(
     fork: Design, vine: Design, profile: LaserProfile
 ) -> None:
     job = laser_job(fork, profile, SheetOptions(copies=2, beside=(vine,)))
@@ -101,7 +101,7 @@ def test_an_overcut_is_said_of_its_own_robot_only(
     assert (finding.measured, finding.limit) == (pytest.approx(1.0), pytest.approx(2.0))
 
 
-def test_what_finds_no_room_to_be_marked_is_a_notice(fork: Design, profile: LaserProfile) -> None:
+def test_a_mark_without_room_is_a_notice(fork: Design, profile: LaserProfile) -> None:
     job = laser_job(fork, profile)
     told = replace(job, facts={**job.facts, "marks_left_out": ["no room for the label of fork"]})
     (finding,) = found(fork, profile, told, "VF-L01")

@@ -1,3 +1,6 @@
+"""Capsules and their distances, against Shapely."""
+
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -8,19 +11,26 @@ from vinefab.core.rng import child
 from vinefab.core.validation import Floats
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import flat_layout
-from vinefab.fabrication.rules.shapes import Shapes, shapes_of
-from vinefab.fabrication.rules.spacing import Spacing, closest, spacing
+from vinefab.fabrication.rules.spacing import (
+    Capsules,
+    Hulls,
+    Spacing,
+    capsules_of,
+    closest,
+    hull_gap_mm,
+    spacing,
+)
 from vinefab.model.design import Design, Pouch
 
 Make = Callable[..., Design]
 
 
-def lines(shapes: Shapes) -> shapely.Geometry:
-    return shapely.linestrings(np.stack([shapes.start_mm, shapes.end_mm], axis=1))
+def lines(capsules: Capsules) -> shapely.Geometry:
+    return shapely.linestrings(np.stack([capsules.start_mm, capsules.end_mm], axis=1))
 
 
-def shapes(design: Design) -> Shapes:
-    return shapes_of(flat_layout(design), design.build)
+def flat_capsules(design: Design) -> Capsules:
+    return capsules_of(flat_layout(design), design.build)
 
 
 def by_pair(found: Spacing, values: Floats) -> dict[tuple[int, int], float]:
@@ -45,7 +55,7 @@ def test_closest_agrees_with_shapely_also_for_points_parallels_and_touches() -> 
 
 
 def test_all_near_pairs_are_found_and_no_joined_ones(make: Make) -> None:
-    flat = shapes(make((4, 120.0, 150.0), (3, 100.0, 120.0), (2, 60.0, 90.0)))
+    flat = flat_capsules(make((4, 120.0, 150.0), (3, 100.0, 120.0), (2, 60.0, 90.0)))
     found = spacing(flat, 5.0)
     gaps = by_pair(found, found.gap_mm)
     drawn = lines(flat)
@@ -64,8 +74,8 @@ def test_all_near_pairs_are_found_and_no_joined_ones(make: Make) -> None:
     assert found.complete
 
 
-def test_crossing_tells_how_far_the_nearest_end_runs_past() -> None:
-    cross = Shapes(
+def test_the_crossing_is_how_far_the_nearest_end_runs_past() -> None:
+    cross = Capsules(
         start_mm=np.array([[0.0, 0.0], [70.0, -40.0], [0.0, 5.0]]),
         end_mm=np.array([[100.0, 0.0], [70.0, 60.0], [60.0, 5.0]]),
         half_mm=np.full(3, 10.0),
@@ -89,9 +99,9 @@ def test_crossing_tells_how_far_the_nearest_end_runs_past() -> None:
         Pouch(shape="rectangle", length_mm=30.0, width_mm=50.0),
     ],
 )
-def test_shapes_cover_the_drawn_outline_but_for_fillets(make: Make, pouch: Pouch | None) -> None:
+def test_capsules_cover_the_drawn_outline_except_fillets(make: Make, pouch: Pouch | None) -> None:
     design = make((3, 200.0, 120.0), (2, 120.0, 50.0), pouch=pouch, fillet_mm=(2.0, 2.0))
-    flat = shapes(design)
+    flat = flat_capsules(design)
     capsules = shapely.buffer(lines(flat), flat.half_mm, quad_segs=64)
     covered = shapely.union_all(capsules)
     body = shapely.Polygon(body_outline(design).contour.flattened_mm())
@@ -105,3 +115,62 @@ def test_shapes_cover_the_drawn_outline_but_for_fillets(make: Make, pouch: Pouch
     inside_pouch = 0 if pouch is None else 12
     assert 1 <= len(mouth) <= 1 + inside_pouch
     assert mouth[0].bounds[0] == pytest.approx(-220.0, abs=0.1)
+
+
+def shape(start, run, half, growth):
+    """The hull of two finely drawn discs."""
+    discs = [
+        shapely.Point(start + along * run).buffer(half + along * growth, quad_segs=512)
+        for along in (0.0, 1.0)
+    ]
+    return shapely.union_all(discs).convex_hull
+
+
+def test_gaps_of_random_tapered_branches_are_those_of_their_shapes():
+    random = np.random.default_rng(3)
+
+    def some(count):
+        return Hulls(
+            start_mm=random.uniform(-60, 60, (count, 2)),
+            run_mm=random.uniform(-80, 80, (count, 2)),
+            half_mm=random.uniform(3, 20, count),
+            growth_mm=random.uniform(-3, 0, count),
+        )
+
+    one, two = some(200), some(200)
+    found = hull_gap_mm(one, two)
+    for row, gap in enumerate(found.tolist()):
+        first, second = (
+            shape(h.start_mm[row], h.run_mm[row], h.half_mm[row], h.growth_mm[row])
+            for h in (one, two)
+        )
+        assert max(gap, 0.0) == pytest.approx(first.distance(second), abs=1e-3)
+        assert (gap < -1e-3) <= first.intersects(second)
+    assert 20 < np.count_nonzero(found > 0.0) < 180
+
+
+def test_side_by_side_tapered_branches_gain_room_along_their_length():
+    # Both lean by asin(5 / 100): their sides part from where they begin.
+    lean = math.asin(5.0 / 100.0)
+    one = Hulls(
+        start_mm=np.zeros((1, 2)),
+        run_mm=np.array([[100.0, 0.0]]),
+        half_mm=np.array([10.0]),
+        growth_mm=np.array([-5.0]),
+    )
+    two = Hulls(
+        start_mm=np.array([[0.0, 30.0]]),
+        run_mm=one.run_mm,
+        half_mm=one.half_mm,
+        growth_mm=one.growth_mm,
+    )
+    assert hull_gap_mm(one, two)[0] == pytest.approx(10.0)
+    point = Hulls(
+        start_mm=np.array([[50.0, 30.0]]),
+        run_mm=np.zeros((1, 2)),
+        half_mm=np.zeros(1),
+        growth_mm=np.zeros(1),
+    )
+    assert hull_gap_mm(point, one)[0] == pytest.approx(
+        30.0 * math.cos(lean) + 50.0 * math.sin(lean) - 10.0
+    )

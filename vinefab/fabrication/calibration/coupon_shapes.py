@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.font import lettered
 from vinefab.fabrication.job.laser_job import laser_job
+from vinefab.fabrication.job.marks import lettered
 from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile

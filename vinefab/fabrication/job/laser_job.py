@@ -1,4 +1,4 @@
-"""From designs and a recipe to what the laser is to do, placed on the bed."""
+"""The laser job of a sheet: designs and a recipe in, paths placed on the bed out."""
 
 import itertools
 import math
@@ -8,7 +8,6 @@ from dataclasses import replace
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg
 from vinefab.fabrication.job.marks import fold_ticks, marks_of
-from vinefab.fabrication.job.nesting_on_bed import nest
 from vinefab.fabrication.job.passes import BodyPaths, body_paths, in_order
 from vinefab.fabrication.job.placement import (
     ONE,
@@ -16,6 +15,7 @@ from vinefab.fabrication.job.placement import (
     SheetOptions,
     SheetRobot,
     box_around_mm,
+    nest,
     place_contours,
 )
 from vinefab.fabrication.job.tile_jobs import Tiled, target_paths, tile_jobs, tiled
@@ -24,29 +24,35 @@ from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile
 
 MOST_BRANCHES = 5000
-"""Larger trees are not looked at: no sheet holds them, and pairs grow with the square."""
+"""Larger trees are refused: no sheet holds them, and pairs of branches grow with the square."""
 
 
 def check_size(design: Design) -> None:
-    """Complain of a design with more branches than a flat robot could ever hold."""
+    """Refuse a design with more branches than any sheet could hold."""
     if design.branch_count > MOST_BRANCHES:
         count, allowed = design.branch_count, f"at most {MOST_BRANCHES} for checks and laser files"
         raise BadInputError(f"design {design.name}", f"{count} branches", allowed)
 
 
 def laser_job(design: Design, profile: LaserProfile, sheet: SheetOptions = ONE) -> Job:
-    """Return the job for a design: its outline, the cuts that free it, and marks beside it.
+    """Return the job of a sheet: outlines, the cuts that free them, and marks beside them.
 
-    A robot that does not fit the bed is placed all the same, and ``fits_bed`` in the facts says so.
-    Of several robots those that find no room are left out; ``robots_placed`` counts the others.
+    A single robot that does not fit the bed is cut in tiles where possible, and else placed all the
+    same with ``fits_bed`` false in the facts. Of several robots those that find no room are left
+    out; ``robots_placed`` counts the others.
+
+    Raises
+    ------
+    BadInputError
+        If a design has too many branches, or different designs have the same name.
     """
     for one in (design, *sheet.beside):
         check_size(one)
     robots = _placed_robots(design, profile, sheet)
     machine = profile.machine
-    alone = robots[0].placement if len(robots) == 1 else None
+    single = robots[0].placement if len(robots) == 1 else None
     parted: Tiled | str = ""
-    if alone is not None and not alone.fits:
+    if single is not None and not single.fits:
         body = robots[0].body
         parted = tiled(design, body, profile, pass_through=sheet.pass_through)
         if isinstance(parted, Tiled):
@@ -80,7 +86,7 @@ def _tiled_job(design: Design, body: BodyPaths, profile: LaserProfile, parted: T
     targets = [path for tile in parted.tiles for path in target_paths(tile, profile)]
     marks = marks_of([robot], [*robot.paths, *targets], profile, within)
     facts = {**_recipe_facts(profile), **body.facts, **_body_facts(robot), **marks.facts}
-    # Targets and labels may lie beyond the robot: the film begins a rim below all of them.
+    # Targets and labels may lie beyond the robot: the film begins a margin below all of them.
     paths = [*marks.paths, *targets, *robot.paths]
     margin = profile.machine.margin_mm.value
     x0, y0, x1, y1 = box_around_mm(path.contour for path in paths)
@@ -105,16 +111,16 @@ def _tiled_job(design: Design, body: BodyPaths, profile: LaserProfile, parted: T
 
 
 def _placed_robots(design: Design, profile: LaserProfile, sheet: SheetOptions) -> list[SheetRobot]:
-    machine, apart = profile.machine, sheet.process == "weld+cut"
+    machine, separate = profile.machine, sheet.process == "weld+cut"
     designs = [*[design] * sheet.copies, *sheet.beside]
     _refuse_namesakes(designs)
-    bodies = {id(one): body_paths(one, profile, apart=apart) for one in designs}
+    bodies = {id(one): body_paths(one, profile, separate=separate) for one in designs}
     made = [bodies[id(one)] for one in designs]
     contours = [tuple(path.contour for path in body.paths) for body in made]
     corner = machine.margin_mm.value
     placements: Sequence[BedPlacement | None]
     if len(designs) == 1:
-        placements = [_alone(design, made[0], profile)]
+        placements = [_single_placement(design, made[0], profile)]
     else:
         placements = nest(contours, machine.usable_mm, corner)
     robots = [
@@ -130,16 +136,16 @@ def _placed_robots(design: Design, profile: LaserProfile, sheet: SheetOptions) -
 
 
 def _refuse_namesakes(designs: Sequence[Design]) -> None:
-    """Refuse different designs of one name: paths, labels and findings go by it."""
+    """Refuse different designs of one name, which identifies paths, labels and findings."""
     named: dict[str, Design] = {}
     for design in designs:
         if named.setdefault(design.name, design) != design:
-            words = "designs of different names on one sheet, or the same design again"
-            raise BadInputError("name", f"{design.name} twice", words)
+            allowed = "designs of different names on one sheet, or the same design again"
+            raise BadInputError("name", f"{design.name} twice", allowed)
 
 
-def _alone(design: Design, body: BodyPaths, profile: LaserProfile) -> BedPlacement:
-    """Return where one robot lies: with room for its fold line, if there is any."""
+def _single_placement(design: Design, body: BodyPaths, profile: LaserProfile) -> BedPlacement:
+    """Return the placement of one robot, with room for its fold line if possible."""
     room, corner = profile.machine.usable_mm, profile.machine.margin_mm.value
     contours = [path.contour for path in body.paths]
     if Operation.MARK in profile.recipe.operations:
@@ -198,5 +204,5 @@ def _body_facts(robot: SheetRobot) -> dict[str, object]:
     return {
         "mouth_lumen_mm": robot.design.build.mouth_width_mm,
         "mouth_gap_mm": math.dist(points[0], points[-1]),
-        "outline_problems": [problem.words for problem in outline.problems],
+        "outline_problems": [problem.message for problem in outline.problems],
     }

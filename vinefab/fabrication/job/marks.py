@@ -1,6 +1,6 @@
-"""Marks on the film around robots: fold lines, what each robot is, and what found no room.
+"""Marks on the film around robots: fold lines and labels, with their single-stroke font.
 
-They lie outside the body: a mark weakens film under pressure.
+Marks lie outside the body, because a mark weakens film under pressure.
 """
 
 import math
@@ -12,7 +12,6 @@ import shapely
 
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.font import text_strokes_mm, text_width_mm, unwritten
 from vinefab.fabrication.job.passes import closes
 from vinefab.fabrication.job.placement import SheetRobot
 from vinefab.model.design import Design
@@ -20,12 +19,109 @@ from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
 
+_WIDTH, _HEIGHT, _ADVANCE = 4, 6, 6
+"""Size of the grid on which letters are drawn, and the step from one letter to the next."""
+
+# Lower case is written as upper case. Each word is a stroke, each pair of digits a point (x, y).
+_STROKES = {
+    "A": "002640 1333",
+    "B": "00063645443342413000 0333",
+    "C": "4536160501103041",
+    "D": "00062644422000",
+    "E": "46060040 0333",
+    "F": "460600 0333",
+    "G": "45361605011030414323",
+    "H": "0006 4046 0343",
+    "I": "1636 2620 1030",
+    "J": "4641301001",
+    "K": "0006 460340",
+    "L": "060040",
+    "M": "0006234640",
+    "N": "00064046",
+    "O": "100105163645413010",
+    "P": "00063645443303",
+    "Q": "100105163645413010 2240",
+    "R": "00063645443303 2340",
+    "S": "453616050413334241301001",
+    "T": "0646 2620",
+    "U": "060110304146",
+    "V": "062046",
+    "W": "0610233046",
+    "X": "0046 0640",
+    "Y": "062346 2320",
+    "Z": "06460040",
+    "0": "100105163645413010 1234",
+    "1": "152620 1030",
+    "2": "05163645440040",
+    "3": "0516364544334241301001 1333",
+    "4": "30360242",
+    "5": "460603334241301001",
+    "6": "453616050110304142331302",
+    "7": "064610",
+    "8": "13040516364544331302011030414233",
+    "9": "011030414536160504133344",
+    "-": "1333",
+    "_": "0040",
+    ".": "2021",
+    "+": "1333 2422",
+    "/": "0046",
+    ":": "2122 2425",
+    "=": "1232 1434",
+}
+
+
+def _points(word: str) -> list[tuple[int, int]]:
+    return [(int(word[i]), int(word[i + 1])) for i in range(0, len(word), 2)]
+
+
+def unwritten(text: str) -> str:
+    """Return the letters of a text that the font lacks, each once.
+
+    >>> unwritten("caché no. 2 é")
+    'É'
+    """
+    return "".join(dict.fromkeys(c for c in text.upper() if c != " " and c not in _STROKES))
+
+
+def text_width_mm(text: str, height_mm: float) -> float:
+    """Return the width of a line of text."""
+    return max(0, _ADVANCE * len(text.upper()) - (_ADVANCE - _WIDTH)) * height_mm / _HEIGHT
+
+
+def text_strokes_mm(text: str, height_mm: float) -> list[Floats]:
+    """Return the strokes of one line of text that begins at the origin, each shape (k, 2).
+
+    Examples
+    --------
+    >>> [stroke.tolist() for stroke in text_strokes_mm("l", 6.0)]
+    [[[0.0, 6.0], [0.0, 0.0], [4.0, 0.0]]]
+    """
+    unit = height_mm / _HEIGHT
+    return [
+        (np.array(_points(word)) + np.array([_ADVANCE * place, 0.0])) * unit
+        for place, letter in enumerate(text.upper())
+        for word in _STROKES.get(letter, "").split()
+    ]
+
+
+def lettered(text: str, corner_mm: tuple[float, float], height_mm: float) -> tuple[Contour, ...]:
+    """Return a line of text as open contours, one per stroke.
+
+    Examples
+    --------
+    >>> [len(stroke.points_mm) for stroke in lettered("T1", (0.0, 0.0), 6.0)]
+    [2, 2, 3, 2]
+    """
+    strokes = text_strokes_mm(text, height_mm)
+    return tuple(Contour.polyline(np.array(corner_mm) + s, closed=False) for s in strokes)
+
+
 CLEAR_MM = 3.5
 """Marks stay this far from everything else: VF-L01 asks for 3 mm."""
 
 TICK_MM = 7.0
 HEIGHTS_MM = (4.0, 3.0, 2.5)
-"""Heights of letters that are tried, the largest first; the least keeps strokes over 0.4 mm."""
+"""Letter heights to try, largest first; the smallest keeps strokes over 0.4 mm."""
 
 _STEP_MM = 5.0
 _LINE = 1.5
@@ -34,23 +130,20 @@ Box = tuple[float, float, float, float]
 
 
 def fold_ticks(design: Design, reach_mm: float) -> list[Contour]:
-    """Return the two ends of the line along which the tail is folded over its base.
-
-    That is where the trunk begins; within the body the line is not drawn.
-    """
+    """Return the two ends of the fold line of the tail, at the trunk's base, outside the body."""
     first = design.build.widths_mm[0] / 2.0 + reach_mm + CLEAR_MM
     ends = [[[0.0, side * first], [0.0, side * (first + TICK_MM)]] for side in (-1.0, 1.0)]
     return [Contour.polyline(np.array(line), closed=False) for line in ends]
 
 
 def label_lines(name: str, profile: LaserProfile, part: tuple[int, int]) -> list[str]:
-    """Return what to write beside a robot: name, recipe, version and which part of how many."""
+    """Return the lines of a robot's label: name, recipe, version and part number."""
     version = GENERATOR.removeprefix("written by ")
     return [name, profile.recipe.name, f"{version} part {part[0]} of {part[1]}"]
 
 
-class Free:
-    """The room on a sheet that no path has taken yet."""
+class FreeRoom:
+    """The area of a sheet that no path occupies."""
 
     def __init__(self, paths: Sequence[LaserPath], within: Box) -> None:
         self.within = within
@@ -58,18 +151,18 @@ class Free:
         shapely.prepare(self.taken)
 
     def has(self, contour: Contour) -> bool:
-        """Whether a mark lies on the sheet and clear of everything."""
+        """Whether a mark lies on the sheet, clear of everything else."""
         line = shapely.LineString(contour.points_mm)
         inside = shapely.box(*self.within).buffer(1e-6).covers(line)
         return bool(inside) and not shapely.dwithin(self.taken, line, CLEAR_MM - 1e-6)
 
     def take(self, shape: shapely.Geometry) -> None:
-        """Keep later marks away from a shape."""
+        """Occupy a shape, so that later marks keep clear of it."""
         self.taken = shapely.union(self.taken, shape)
         shapely.prepare(self.taken)
 
     def box_near(self, size_mm: tuple[float, float], to_mm: tuple[float, float]) -> Box | None:
-        """Return the free box of some size whose middle is nearest to a place, or None."""
+        """Return the free box of a size whose middle is nearest to a point, or None."""
         x0, y0, x1, y1 = self.within
         across = np.arange(x0, x1 - size_mm[0] + 1e-9, _STEP_MM)
         up = np.arange(y0, y1 - size_mm[1] + 1e-9, _STEP_MM)
@@ -86,9 +179,9 @@ class Free:
 
 
 def label_paths(
-    lines: Sequence[str], free: Free, near_mm: tuple[float, float], label: str, name: str
+    lines: Sequence[str], free: FreeRoom, near_mm: tuple[float, float], label: str, name: str
 ) -> tuple[LaserPath, ...]:
-    """Return lines of text as strokes near a place, level or upright; none if there is no room."""
+    """Return a text as strokes near a point, horizontal or vertical; none if there is no room."""
     for height in HEIGHTS_MM:
         wide = max(text_width_mm(line, height) for line in lines)
         high = height * (1.0 + _LINE * (len(lines) - 1))
@@ -108,7 +201,7 @@ def label_paths(
 
 
 def mark(contour: Contour, label: str, name: str) -> LaserPath:
-    """Return a mark."""
+    """Return a contour as a path to be marked."""
     return LaserPath(operation=Operation.MARK, contour=contour, label=label, of=name)
 
 
@@ -128,7 +221,7 @@ def _strokes(lines: Sequence[str], height: float, box: Box, *, upright: bool) ->
 
 
 def region(contour: Contour) -> shapely.Geometry:
-    """Return what a path takes of the sheet: a line, or all that it encloses."""
+    """Return the area that a path occupies: a line, or all that it encloses."""
     points = contour.flattened_mm(0.05)
     line = shapely.LineString(points)
     if closes(contour) and not contour.closed:
@@ -145,45 +238,45 @@ def _middle(box: Box) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Marking:
-    """Marks of a sheet."""
+    """The marks of a sheet."""
 
-    paths: tuple[LaserPath, ...] = ()  # the marks
-    left_out: tuple[str, ...] = ()  # in words, what should have been marked and was not
+    paths: tuple[LaserPath, ...] = ()
+    left_out: tuple[str, ...] = ()  # one message per mark that was left out
 
     @property
     def facts(self) -> dict[str, object]:
-        """What a job records of it."""
+        """The entries of a job's facts."""
         return {"marks_left_out": list(self.left_out)} if self.left_out else {}
 
 
 def marks_of(
     robots: Sequence[SheetRobot], bodies: Sequence[LaserPath], profile: LaserProfile, within: Box
 ) -> Marking:
-    """Return fold lines and labels of robots, as far as there is room for them."""
+    """Return fold lines and labels of robots, as far as there is room."""
     if Operation.MARK not in profile.recipe.operations:
         return Marking()
-    free = Free(bodies, within)
+    free = FreeRoom(bodies, within)
     placed = [robot for robot in robots if robot.placement]
     folds = [_fold(robot, free) for robot in placed]
     for path in (path for fold in folds for path in fold.paths):
-        free.take(Free([path], within).taken)
+        free.take(FreeRoom([path], within).taken)
     labels = [_label(robot, free, profile) for robot in placed]
     made = [*folds, *labels]
     return Marking(
         paths=tuple(path for one in made for path in one.paths),
-        left_out=tuple(words for one in made for words in one.left_out),
+        left_out=tuple(message for one in made for message in one.left_out),
     )
 
 
-def _fold(robot: SheetRobot, free: Free) -> Marking:
-    """Return the ends of the line along which the tail is folded; one of them tells where."""
+def _fold(robot: SheetRobot, free: FreeRoom) -> Marking:
+    """Return the ends of a robot's fold line; one of them suffices."""
     label = f"fold line of {robot.title}"
     ticks = [robot.on_sheet(tick) for tick in fold_ticks(robot.design, robot.body.reach_mm)]
     paths = tuple(mark(tick, label, robot.design.name) for tick in ticks if free.has(tick))
     return Marking(paths=paths, left_out=() if paths else (f"no room for the {label}",))
 
 
-def _label(robot: SheetRobot, free: Free, profile: LaserProfile) -> Marking:
+def _label(robot: SheetRobot, free: FreeRoom, profile: LaserProfile) -> Marking:
     name = robot.design.name
     lines = label_lines(name, profile, (robot.number, robot.count))
     tail = robot.on_sheet(robot.body.outline.contour).points_mm

@@ -1,7 +1,4 @@
-"""What the laser does around one robot, and in which order.
-
-Everything is in the coordinates of the flat layout.
-"""
+"""The laser's paths around one robot and their order, in the coordinates of the flat layout."""
 
 import math
 from collections.abc import Iterable
@@ -21,7 +18,7 @@ _MEETS_MM = 1e-6
 
 
 def closes(contour: Contour) -> bool:
-    """Whether a path ends where it began, or past that, on its first segment."""
+    """Whether a path ends where it began, or past that point on its first segment."""
     if contour.closed:
         return True
     first = next(iter(contour.segments))
@@ -42,7 +39,7 @@ def frees(path: LaserPath) -> bool:
 def in_order(paths: Iterable[LaserPath]) -> tuple[LaserPath, ...]:
     """Return paths in process order.
 
-    Within an operation, paths inside of many others come first; paths alike keep their order.
+    Within an operation, the paths inside the most others come first; ties keep their order.
     """
     given = list(paths)
     depth = dict.fromkeys(range(len(given)), 0)
@@ -63,7 +60,7 @@ def _area(path: LaserPath) -> shapely.Polygon:
 
 
 WEB_MM = 2.0
-"""Film left between the seam and the cut where both are made apart (assumed)."""
+"""Film left between the seam and the cut where they are separate (assumed)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,9 +68,9 @@ class BodyPaths:
     """The paths of one robot."""
 
     paths: tuple[LaserPath, ...]  # in process order
-    outline: BodyOutline  # the outline that forms the body, and what is wrong with it
+    outline: BodyOutline  # the outline that forms the body, with its problems
     reach_mm: float  # how far outside the lumen the paths reach
-    facts: dict[str, object]  # offsets that were applied
+    facts: dict[str, object]  # offsets applied
 
 
 def weldcut_offset_mm(profile: LaserProfile) -> float:
@@ -98,15 +95,15 @@ def cut_offset_mm(profile: LaserProfile) -> float:
 
 
 def in_one_pass(profile: LaserProfile) -> bool:
-    """Whether a recipe cuts and seals at once; else it welds and cuts apart."""
+    """Whether a recipe cuts and seals in one pass; else it welds and cuts separately."""
     operations = profile.recipe.operations
     return Operation.WELDCUT in operations or Operation.WELD not in operations
 
 
-def body_paths(design: Design, profile: LaserProfile, *, apart: bool = False) -> BodyPaths:
-    """Return the paths of one robot."""
-    if apart or not in_one_pass(profile):
-        return _apart(design, profile)
+def body_paths(design: Design, profile: LaserProfile, *, separate: bool = False) -> BodyPaths:
+    """Return the paths of one robot; ``separate`` welds and cuts in two passes."""
+    if separate or not in_one_pass(profile):
+        return _two_passes(design, profile)
     return _one_pass(design, profile)
 
 
@@ -132,7 +129,7 @@ def _one_pass(design: Design, profile: LaserProfile) -> BodyPaths:
     return BodyPaths(paths=paths, outline=outline, reach_mm=offset, facts=facts)
 
 
-def _apart(design: Design, profile: LaserProfile) -> BodyPaths:
+def _two_passes(design: Design, profile: LaserProfile) -> BodyPaths:
     """Weld the seam, open at the mouth; then cut around it and across the mouth in one go."""
     weld, cut = profile.settings(Operation.WELD), profile.settings(Operation.CUT)
     overcut = cut.overcut_mm.value
@@ -179,9 +176,9 @@ def mouth_cut(outline: Contour, overcut_mm: float) -> Contour:
 def closed_cut(outline: Contour, overcut_mm: float) -> Contour:
     """Return the cut all around an open outline and across its mouth.
 
-    It begins in the middle of the longest straight of the tail, away from crotches and tips (of
-    the mouth, where nothing else is straight), and runs past its start by the overcut: a path
-    without ends would leave a bridge where the laser turns on and off.
+    It begins in the middle of the longest straight segment of the tail, away from crotches and
+    tips (of the mouth, if nothing else is straight), and runs past its start by the overcut, so
+    that no bridge is left where the laser turns on and off.
     """
     segments = list(outline.segments)
     mouth = Segment(

@@ -1,11 +1,17 @@
-"""What a sheet is to hold, and how contours and robots lie on the bed."""
+"""Placement on the bed: rotation of one robot, and nesting of several.
+
+Nesting works on a grid: a robot covers the cells that it comes near, and a place is free where none
+of its cells is taken. The correlation of the two grids gives all free places at once. Robots may
+interlock, which boxes around them would not allow.
+"""
 
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from shapely import MultiPoint, get_coordinates
+import shapely
+from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, whole
@@ -19,19 +25,19 @@ PROCESSES = ("auto", "weldcut", "weld+cut")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SheetOptions:
-    """What a sheet is to hold, beside the design itself.
+    """What a sheet holds, and how it is made.
 
     Parameters
     ----------
     copies
-        How many of the design.
+        Number of copies of the design.
     beside
-        Further designs, one of each.
+        Further designs, one copy each.
     process
-        ``weldcut`` seals and cuts in one pass, ``weld+cut`` does it apart; ``auto`` takes what the
-        recipe has, one pass if it has both.
+        ``weldcut`` seals and cuts in one pass, ``weld+cut`` in two; ``auto`` takes what the recipe
+        has, one pass if it has both.
     pass_through
-        Whether the film may be fed through the machine along the bed's width, and may be longer
+        Whether the film is fed through the machine along the bed's width, so that it may be longer
         than the bed.
     """
 
@@ -47,11 +53,11 @@ class SheetOptions:
 
 
 ONE = SheetOptions()
-"""One robot, as the recipe makes it."""
+"""One copy, by the process of the recipe."""
 
 
 STEP_RAD = math.radians(0.25)
-"""Turns are tried this far apart, and wherever an edge of the convex hull lies along an axis."""
+"""Step of the rotations tried, besides those that align an edge of the convex hull to an axis."""
 
 FIT_TOLERANCE_MM = 1e-6
 MOST_TRIES = 20
@@ -59,29 +65,26 @@ MOST_TRIES = 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BedPlacement:
-    """Where contours lie on the bed."""
+    """Where contours lie on the bed: a rotation about the origin, then a shift."""
 
-    # turn about the origin, counter-clockwise, within -pi/2 to pi/2; applied before the shift
-    angle_rad: float
-    # dx_mm, dy_mm: shift
+    angle_rad: float  # counter-clockwise, within -pi/2 to pi/2
     dx_mm: float
     dy_mm: float
-    # width_mm, height_mm: size of the box around everything, after the turn
-    width_mm: float
+    width_mm: float  # of the box around everything, after the rotation
     height_mm: float
-    fits: bool  # whether the box fits inside the room allowed
+    fits: bool  # whether the box fits the room
 
     def moved(self, contour: Contour) -> Contour:
-        """Return a contour where it lies on the bed."""
+        """Return a contour of the flat layout as it lies on the bed."""
         return contour.moved(self.angle_rad, self.dx_mm, self.dy_mm)
 
     def shifted(self, dx_mm: float, dy_mm: float) -> "BedPlacement":
-        """Return the same, lying elsewhere."""
+        """Return this placement, shifted further."""
         return replace(self, dx_mm=self.dx_mm + dx_mm, dy_mm=self.dy_mm + dy_mm)
 
 
 def box_around_mm(contours: Iterable[Contour]) -> tuple[float, float, float, float]:
-    """Return least x and y, greatest x and y of several contours; exact for arcs."""
+    """Return least x and y, greatest x and y of contours; exact for arcs."""
     boxes = np.array([contour.box_mm for contour in contours])
     (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0).tolist(), boxes[:, 2:].max(axis=0).tolist()
     return x0, y0, x1, y1
@@ -90,18 +93,26 @@ def box_around_mm(contours: Iterable[Contour]) -> tuple[float, float, float, flo
 def place_contours(
     contours: Sequence[Contour], room_mm: tuple[float, float], corner_mm: float
 ) -> BedPlacement:
-    """Return the smallest turn that fits contours into a room, or else the one that fits best."""
+    """Return the smallest rotation that fits contours into a room, else the one that fits best.
+
+    Parameters
+    ----------
+    room_mm
+        Width and height of the room.
+    corner_mm
+        Both coordinates of the room's lower left corner.
+    """
     hull = _hull_mm(np.concatenate([contour.flattened_mm() for contour in contours]))
     steps, flush = _steps_rad(), _flush_rad(hull)
     turns = np.concatenate([steps, flush])
     excess = _excess_mm(hull, turns, room_mm)
-    # A turn that fits counts as 0, however much room it leaves: then the smallest round turn wins,
-    # and the turns of single edges count only where nothing else fits.
+    # A rotation that fits counts as 0, however much room it leaves: then the smallest round one
+    # wins, and those of single edges count only where nothing else fits.
     badness = np.where(excess <= FIT_TOLERANCE_MM, 0.0, excess)
     order = np.lexsort((-turns, np.abs(turns), np.arange(len(turns)) >= len(steps), badness))
-    # The hull's corners lie on chords, a little inside the arcs: the exact box has the last word.
-    hopeful = [row for row in order[:MOST_TRIES].tolist() if badness[row] == 0.0]
-    for turn in turns[hopeful].tolist():
+    # The hull's corners lie on chords, a little inside the arcs: the exact box decides.
+    candidates = [row for row in order[:MOST_TRIES].tolist() if badness[row] == 0.0]
+    for turn in turns[candidates].tolist():
         placement = _placed(contours, turn, room_mm, corner_mm)
         if placement.fits:
             return placement
@@ -111,7 +122,7 @@ def place_contours(
 def _placed(
     contours: Sequence[Contour], turn_rad: float, room_mm: tuple[float, float], corner_mm: float
 ) -> BedPlacement:
-    """Return the placement after one turn, measured on the exact arcs."""
+    """Return the placement after one rotation, measured on the exact arcs."""
     x0, y0, x1, y1 = box_around_mm(contour.moved(turn_rad, 0.0, 0.0) for contour in contours)
     width, height = x1 - x0, y1 - y0
     return BedPlacement(
@@ -126,18 +137,18 @@ def _placed(
 
 def _hull_mm(points_mm: Floats) -> Floats:
     """Return the convex hull's corners, shape (k, 2)."""
-    corners: Floats = get_coordinates(MultiPoint(points_mm).convex_hull)
+    corners: Floats = shapely.get_coordinates(shapely.MultiPoint(points_mm).convex_hull)
     return corners
 
 
 def _steps_rad() -> Floats:
-    """Return round turns from -pi/2 to pi/2, no turn at all among them."""
+    """Return round rotations from -pi/2 to pi/2, 0 included."""
     count = round(math.pi / 2 / STEP_RAD)
     return np.arange(-count, count + 1, dtype=np.float64) * STEP_RAD
 
 
 def _flush_rad(hull_mm: Floats) -> Floats:
-    """Return the turns from -pi/2 to pi/2 that lay an edge of a hull along an axis."""
+    """Return the rotations from -pi/2 to pi/2 that align an edge of a hull to an axis."""
     edges = np.diff(hull_mm, axis=0)
     turns = -np.arctan2(edges[:, 1], edges[:, 0])
     turns = np.remainder(turns[:, None] + np.arange(4) * math.pi / 2, math.tau) - math.pi
@@ -145,7 +156,7 @@ def _flush_rad(hull_mm: Floats) -> Floats:
 
 
 def _excess_mm(hull_mm: Floats, turns_rad: Floats, room_mm: tuple[float, float]) -> Floats:
-    """Return by how much the hull overshoots the room after each turn, shape (turns,)."""
+    """Return by how much the hull exceeds the room after each rotation, shape (rotations,)."""
     cos, sin = np.cos(turns_rad)[:, None], np.sin(turns_rad)[:, None]
     x, y = hull_mm[:, 0], hull_mm[:, 1]
     wide, high = np.ptp(cos * x - sin * y, axis=1), np.ptp(sin * x + cos * y, axis=1)
@@ -157,29 +168,192 @@ def _excess_mm(hull_mm: Floats, turns_rad: Floats, room_mm: tuple[float, float])
 class SheetRobot:
     """One robot on a sheet."""
 
-    design: Design  # what it is
+    design: Design
     body: BodyPaths  # its paths in the flat layout
-    placement: BedPlacement | None  # where it lies, or None where there was no room for it
-    # number, count: which of how many robots that found room; the label beside it says so too
-    number: int = 1
-    count: int = 1
+    placement: BedPlacement | None  # None if there was no room for it
+    number: int = 1  # among the robots placed, from 1
+    count: int = 1  # robots placed
 
     @property
     def title(self) -> str:
-        """Its name and, where it is not alone, its number."""
-        alone = self.count == 1
-        return self.design.name + ("" if alone else f", part {self.number} of {self.count}")
+        """Its name and, among several, its number."""
+        single = self.count == 1
+        return self.design.name + ("" if single else f", part {self.number} of {self.count}")
 
     @property
     def paths(self) -> tuple[LaserPath, ...]:
-        """Its paths on the sheet; none without a place."""
+        """Its paths on the sheet; none if it was not placed."""
         return tuple(self.moved(path) for path in self.body.paths if self.placement)
 
     def moved(self, path: LaserPath) -> LaserPath:
-        """Return one of its paths where it lies, called by the robot's title."""
+        """Return one of its paths as it lies on the sheet, labelled with the robot's title."""
         label = path.label.removesuffix(self.design.name) + self.title
         return replace(path, contour=self.on_sheet(path.contour), label=label)
 
     def on_sheet(self, contour: Contour) -> Contour:
-        """Return a contour of the flat layout where it lies."""
+        """Return a contour of the flat layout as it lies on the sheet."""
         return contour if self.placement is None else self.placement.moved(contour)
+
+
+Cells = NDArray[np.bool_]
+
+APART_MM = 8.0
+"""Film left between two robots: for their heat, and for marks (assumed)."""
+
+CELL_MM = 2.0
+MOST_CELLS = 400_000
+TURNS = 24
+"""Rotations tried of each robot."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Stamp:
+    """The cells that a robot takes in one rotation."""
+
+    turn_rad: float
+    low_mm: tuple[float, float]  # lower left corner of the rotated robot's box
+    size_mm: tuple[float, float]  # width and height of the box
+    cells: Cells  # the box's corner lies ``rim`` cells from the array's corner
+
+
+class _Bed:
+    """The cells of the bed that are taken."""
+
+    def __init__(self, room_mm: tuple[float, float]) -> None:
+        self.room_mm = room_mm
+        self.cell_mm = max(CELL_MM, math.sqrt(room_mm[0] * room_mm[1] / MOST_CELLS))
+        self.near_mm = APART_MM / 2.0 + self.cell_mm * math.sqrt(0.5)
+        self.rim = math.ceil(self.near_mm / self.cell_mm) + 1
+        shape = [math.ceil(side / self.cell_mm) + 2 * self.rim for side in reversed(room_mm)]
+        self.taken: Cells = np.zeros(shape, dtype=np.bool_)
+        self.used_mm = (0.0, 0.0)
+
+    def stamp(self, robot: shapely.Polygon, turn_rad: float) -> _Stamp:
+        """Return the cells nearer to a robot than half the distance kept."""
+        turned = shapely.affinity.rotate(robot, turn_rad, origin=(0, 0), use_radians=True)
+        x0, y0, x1, y1 = turned.bounds
+        near = shapely.buffer(turned, self.near_mm, quad_segs=4)
+        counts = [math.ceil(side / self.cell_mm) + 2 * self.rim for side in (x1 - x0, y1 - y0)]
+        across, up = (
+            low + (np.arange(count) - self.rim + 0.5) * self.cell_mm
+            for low, count in zip((x0, y0), counts, strict=True)
+        )
+        x, y = np.meshgrid(across, up)
+        shapely.prepare(near)
+        return _Stamp(
+            turn_rad=turn_rad,
+            low_mm=(x0, y0),
+            size_mm=(x1 - x0, y1 - y0),
+            cells=np.asarray(shapely.contains_xy(near, x, y)),
+        )
+
+    def best(self, stamp: _Stamp) -> tuple[float, int, int] | None:
+        """Return the least use of the bed with the robot in a free cell, and that cell; or None."""
+        last = [
+            math.floor((room - size) / self.cell_mm + 1e-9)
+            for room, size in zip(self.room_mm, stamp.size_mm, strict=True)
+        ]
+        if min(last) < 0:
+            return None
+        shape = self.taken.shape
+        collisions = np.fft.irfft2(
+            np.fft.rfft2(self.taken) * np.conj(np.fft.rfft2(stamp.cells, s=shape)), s=shape
+        )
+        free = collisions[: last[1] + 1, : last[0] + 1] < 0.5
+        rows, columns = np.nonzero(free)
+        if not len(rows):
+            return None
+        wide = np.maximum(self.used_mm[0], columns * self.cell_mm + stamp.size_mm[0])
+        high = np.maximum(self.used_mm[1], rows * self.cell_mm + stamp.size_mm[1])
+        # The film used; ties go to the place nearest to the corner.
+        used = wide * high + 1e-3 * (rows + columns)
+        first = int(np.argmin(used))
+        return float(used[first]), int(rows[first]), int(columns[first])
+
+    def put(self, stamp: _Stamp, row: int, column: int) -> None:
+        """Take the cells of a robot."""
+        high, wide = stamp.cells.shape
+        self.taken[row : row + high, column : column + wide] |= stamp.cells[
+            : self.taken.shape[0] - row, : self.taken.shape[1] - column
+        ]
+        self.used_mm = (
+            max(self.used_mm[0], column * self.cell_mm + stamp.size_mm[0]),
+            max(self.used_mm[1], row * self.cell_mm + stamp.size_mm[1]),
+        )
+
+
+def nest(
+    robots: Sequence[tuple[Contour, ...]], room_mm: tuple[float, float], corner_mm: float
+) -> list[BedPlacement | None]:
+    """Return the placement of each robot on the bed; None for those that find no room."""
+    if len(robots) == 1:
+        return [place_contours(robots[0], room_mm, corner_mm)]
+    shapes = [_shape(contours) for contours in robots]
+    rows = range(len(robots))
+    # The largest first: small ones find room between its branches. If that leaves some without a
+    # place, the longest first: robots nearly as long as the bed have few places.
+    orders = (
+        sorted(rows, key=lambda row: (-shapes[row].area, row)),
+        sorted(rows, key=lambda row: (-_long_mm(shapes[row]), row)),
+    )
+    found: list[BedPlacement | None] = []
+    for order in orders:
+        tried = _nested(shapes, order, room_mm, corner_mm)
+        if not found or _count(tried) > _count(found):
+            found = tried
+        if None not in found:
+            break
+    return found
+
+
+def _nested(
+    shapes: Sequence[shapely.Polygon],
+    order: Sequence[int],
+    room_mm: tuple[float, float],
+    corner_mm: float,
+) -> list[BedPlacement | None]:
+    """Return the placement of each robot when they are placed in an order."""
+    bed = _Bed(room_mm)
+    stamps: dict[bytes, list[_Stamp]] = {}
+    found: list[BedPlacement | None] = [None] * len(shapes)
+    for row in order:
+        key = shapes[row].wkb
+        if key not in stamps:
+            turns = np.arange(TURNS) * math.tau / TURNS
+            stamps[key] = [bed.stamp(shapes[row], turn) for turn in turns.tolist()]
+        found[row] = _put(bed, stamps[key], corner_mm)
+    return found
+
+
+def _count(placements: Sequence[BedPlacement | None]) -> int:
+    return sum(placement is not None for placement in placements)
+
+
+def _long_mm(shape: shapely.Polygon) -> float:
+    """Return the length of a robot: the longer side of its minimum rotated rectangle."""
+    x, y = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shape))[:3].T
+    return float(np.hypot(np.diff(x), np.diff(y)).max())
+
+
+def _put(bed: _Bed, stamps: list[_Stamp], corner_mm: float) -> BedPlacement | None:
+    tries = [(best, stamp) for stamp in stamps if (best := bed.best(stamp)) is not None]
+    if not tries:
+        return None
+    (_, row, column), stamp = min(tries, key=lambda found: found[0][0])
+    bed.put(stamp, row, column)
+    return BedPlacement(
+        angle_rad=math.remainder(stamp.turn_rad, math.tau),
+        dx_mm=corner_mm + column * bed.cell_mm - stamp.low_mm[0],
+        dy_mm=corner_mm + row * bed.cell_mm - stamp.low_mm[1],
+        width_mm=stamp.size_mm[0],
+        height_mm=stamp.size_mm[1],
+        fits=True,
+    )
+
+
+def _shape(contours: tuple[Contour, ...]) -> shapely.Polygon:
+    """Return a robot with all its paths as one shape, a little too large."""
+    lines = [shapely.LineString(contour.flattened_mm(0.05)) for contour in contours]
+    body = shapely.Polygon(contours[0].flattened_mm(0.05))
+    around = body if body.is_valid else body.convex_hull
+    return shapely.union_all([around, *lines]).buffer(0.06, quad_segs=4)

@@ -1,48 +1,66 @@
-"""The jobs of a robot that is cut in tiles, and the job of the whole for pictures and checks."""
+"""Registration of the tiles of a robot, and the jobs that cut them.
+
+Two registration targets are marked with one tile and found again for the next one.
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
+import shapely
 
-from vinefab.fabrication.job.marks import mark
+from vinefab.core.validation import Floats
+from vinefab.fabrication.job.marks import CLEAR_MM, Box, mark, region
 from vinefab.fabrication.job.passes import BodyPaths, in_order
 from vinefab.fabrication.job.placement import BedPlacement, box_around_mm, place_contours
-from vinefab.fabrication.job.stretches import OVERLAP_MM, BranchAxes
 from vinefab.fabrication.job.tiling import (
+    OVERLAP_MM,
     TARGET_MM,
+    BranchAxes,
     FilmTile,
     NoTilesError,
-    Point,
     film_tiles,
-    register,
+    union_box,
 )
 from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.outline.stroke import Point
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
 
+LEAST_APART_MM = 50.0
+"""Least distance between the two targets of a tile."""
+
+APART_ENOUGH_MM = 150.0
+"""Distance between targets beyond which no more film is spent on them (assumed)."""
+
+_BESIDE_MM = (15.0, 30.0, 60.0, 120.0, 180.0, 240.0)
+"""Distances from the robot's box within which targets are placed, before all of the window is."""
+
+_GRID_MM = 5.0
+
 TARGET = "registration target"
-"""What the lines of a registration target are called."""
+"""Label of the lines of a registration target."""
 
 _TURNS_RAD = (0.0, math.pi / 2, math.pi / 4, -math.pi / 4)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tiled:
-    """A robot in tiles."""
+    """A robot in tiles, in the coordinates of its film."""
 
-    placement: BedPlacement  # where the whole lies
-    tiles: tuple[FilmTile, ...]  # the tiles, in the same coordinates
-    film_mm: Point = (0.0, 0.0)  # lower left corner of the film, in the same coordinates
+    placement: BedPlacement  # of the whole robot
+    tiles: tuple[FilmTile, ...]
+    film_mm: Point = (0.0, 0.0)  # lower left corner of the film
 
 
 def tiled(
     design: Design, body: BodyPaths, profile: LaserProfile, *, pass_through: bool = False
 ) -> Tiled | str:
-    """Return a robot in as few tiles as a turn of it allows, or why it cannot be tiled."""
+    """Return a robot in as few tiles as the rotations tried allow, or why it cannot be tiled."""
     room, margin = profile.machine.usable_mm, profile.machine.margin_mm.value
     contours = [path.contour for path in body.paths]
     best = place_contours(contours, (1e9, room[1]) if pass_through else room, margin)
@@ -59,7 +77,7 @@ def tiled(
             reasons[row] = str(error)
         else:
             found.append((row, Tiled(placement=placement, tiles=tuple(tiles)), paths))
-    # Targets take longest to find, so they are looked for in the fewest tiles first.
+    # Targets take longest to place, so the fewest tiles come first.
     for row, one, paths in sorted(found, key=lambda option: len(option[1].tiles)):
         try:
             register(one.tiles, room, [path.contour for path in paths])
@@ -68,6 +86,70 @@ def tiled(
         else:
             return one
     return reasons[min(reasons)]
+
+
+def register(tiles: Sequence[FilmTile], room_mm: Point, contours: Sequence[Contour]) -> None:
+    """Place two targets for each tile after the first, which an earlier tile makes."""
+    taken = shapely.union_all([region(contour) for contour in contours])
+    robot = reduce(union_box, (contour.box_mm for contour in contours))
+    for row, tile in enumerate(tiles):
+        if tile.after is None:
+            continue
+        others = [tile.after, *(other for other in range(row) if other != tile.after)]
+        for other in others:
+            pair = _near_pair(_shared(tile.low_mm, tiles[other].low_mm, room_mm), robot, taken)
+            if pair:
+                tile.after, tile.found_mm = other, pair
+                tiles[other].made_mm += pair
+                crosses = [shapely.Point(point).buffer(TARGET_MM) for point in pair]
+                taken = shapely.union_all([taken, *crosses])
+                break
+        else:
+            raise NoTilesError(f"tile {row + 1} has no room for two registration targets")
+
+
+def _shared(one: Point, two: Point, room_mm: Point) -> Box:
+    """Return the overlap of two windows, reduced by the size of a target."""
+    rim = TARGET_MM / 2.0 + 0.5
+    low = [max(a, b) + rim for a, b in zip(one, two, strict=True)]
+    high = [min(a, b) + room - rim for a, b, room in zip(one, two, room_mm, strict=True)]
+    return low[0], low[1], high[0], high[1]
+
+
+def _near_pair(box: Box, robot: Box, taken: shapely.Geometry) -> list[Point]:
+    """Return two free points of a box that are far enough apart, or else as far as possible.
+
+    Points near the robot's own box are preferred: film that holds only a target is wasted.
+    """
+    for beside_mm in _BESIDE_MM:
+        low = [max(a, b - beside_mm) for a, b in zip(box[:2], robot[:2], strict=True)]
+        high = [min(a, b + beside_mm) for a, b in zip(box[2:], robot[2:], strict=True)]
+        pair = _pair((low[0], low[1], high[0], high[1]), taken)
+        if pair and math.dist(*pair) >= APART_ENOUGH_MM:
+            return pair
+    return _pair(box, taken)
+
+
+def _pair(box: Box, taken: shapely.Geometry) -> list[Point]:
+    """Return the two free points of a box that are farthest apart, or nothing."""
+    if box[2] < box[0] or box[3] < box[1]:
+        return []
+    across, up = (
+        np.linspace(low, high, max(2, math.ceil((high - low) / _GRID_MM) + 1))
+        for low, high in ((box[0], box[2]), (box[1], box[3]))
+    )
+    grid: Floats = np.stack(np.meshgrid(across, up), axis=-1).reshape(-1, 2)
+    shapely.prepare(taken)
+    clear = CLEAR_MM + TARGET_MM * math.sqrt(0.5)
+    free = grid[~shapely.dwithin(taken, shapely.points(grid), clear)]
+    if len(free) < 2:
+        return []
+    corners = shapely.get_coordinates(shapely.MultiPoint(free).convex_hull)
+    apart = np.hypot(*(corners[:, None] - corners[None]).transpose(2, 0, 1))
+    one, two = np.unravel_index(int(apart.argmax()), apart.shape)
+    if apart[one, two] < LEAST_APART_MM:
+        return []
+    return [(float(x), float(y)) for x, y in (corners[one], corners[two])]
 
 
 def target_paths(tile: FilmTile, profile: LaserProfile) -> list[LaserPath]:
@@ -85,7 +167,7 @@ def tile_jobs(
     marks: Sequence[LaserPath],
     facts: dict[str, object],
 ) -> tuple[Job, ...]:
-    """Return one job per tile, in the order in which they are cut."""
+    """Return one job per tile, in the order of cutting."""
     machine, tiles, jobs = profile.machine, parted.tiles, []
     corner = machine.margin_mm.value
     for number, tile in enumerate(tiles, start=1):

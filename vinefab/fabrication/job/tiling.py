@@ -1,51 +1,157 @@
-"""A robot that is larger than the bed, parted into tiles that are cut one after the other.
+"""Parting a robot that is larger than the bed into tiles that are cut one after the other.
 
-The tree of a robot's pieces is parted from its tips on: a piece joins the tile of its parent as
-long as that still fits. Each tile is a window of the size of the bed onto the same film. Two
-registration targets are marked with one tile and found again for the next one.
+Paths are parted across the straight stretches of branches: both sides at the same place of the
+branch's axis, away from joints, tips and pouches. The tree of the resulting pieces is divided into
+tiles from its tips on: a piece joins the tile of its parent as long as that still fits. Each tile
+is a window of the size of the bed onto the same film.
 """
 
 import math
+from bisect import bisect
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
+from itertools import pairwise
 
 import numpy as np
-import shapely
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.marks import CLEAR_MM, region
-from vinefab.fabrication.job.stretches import (
-    OVERLAP_MM,
-    Box,
-    BranchAxes,
-    lengthened,
-    stations_mm,
-    stretches,
-)
+from vinefab.fabrication.job.marks import Box
+from vinefab.fabrication.outline.stroke import Point
 from vinefab.model.job import LaserPath
-from vinefab.model.outline import Contour, Segment
+from vinefab.model.outline import Contour, Part, Segment
+
+FROM_BEND_MM = 10.0
+"""Least distance between a parting and a joint, tip, pouch or collar."""
+
+OVERLAP_MM = 12.0
+"""Overlap of paths where they are parted, half of it on each side."""
+
+_STEP_MM = 25.0
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BranchAxes:
+    """The axes of the branches on the sheet, n of them; the trunk's begins at the mouth."""
+
+    names: tuple[str, ...]  # ids of the branches
+    parent: tuple[int, ...]  # index of each branch's parent, -1 for the trunk
+    start_mm: Floats  # starts of the axes, shape (n, 2)
+    along: Floats  # unit vectors, shape (n, 2)
+
+    def station_mm(self, branch: int, point_mm: Sequence[float]) -> float:
+        """Return how far along a branch's axis a point is."""
+        return float(np.dot(np.subtract(point_mm, self.start_mm[branch]), self.along[branch]))
+
+    def is_left(self, branch: int, point_mm: Sequence[float]) -> bool:
+        """Whether a point lies left of a branch."""
+        x, y = np.subtract(point_mm, self.start_mm[branch])
+        return bool(self.along[branch][0] * y - self.along[branch][1] * x > 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stretch:
+    """Part of a segment of a path that lies in one piece of a branch."""
+
+    segment: Segment  # that part
+    piece: tuple[int, int]  # branch, and number of its piece, counted from its base
+
+
+def stations_mm(axes: BranchAxes, contours: Sequence[Contour]) -> list[list[float]]:
+    """Return the places along each branch's axis where all paths may be parted."""
+    allowed: dict[tuple[int, Part], list[Range]] = {}
+    around = [contour for contour in contours if len(contour) > 1]
+    for contour in around:
+        sides = _sides(axes, contour)
+        for row, part, left in sides:
+            if left and (row, part, False) in sides:
+                both = sides[row, part, True], sides[row, part, False]
+                allowed.setdefault((row, part), []).extend(both)
+    found: list[list[float]] = [[] for _ in axes.names]
+    clear = FROM_BEND_MM + OVERLAP_MM / 2.0
+    for (row, _), ranges in allowed.items():
+        low, high = max(one for one, _ in ranges) + clear, min(two for _, two in ranges) - clear
+        if high >= low and len(ranges) == 2 * len(around):
+            count = math.floor((high - low) / _STEP_MM)
+            step = (high - low) / (count + 1)
+            found[row] += [low + step * (k + 0.5) for k in range(count + 1)]
+    return [sorted(places) for places in found]
+
+
+def _sides(axes: BranchAxes, contour: Contour) -> dict[tuple[int, Part, bool], Range]:
+    """Return the longest straight stretch of each side of a branch, along the branch's axis."""
+    rows = {name: row for row, name in enumerate(axes.names)}
+    sides: dict[tuple[int, Part, bool], Range] = {}
+    for segment in contour.segments:
+        if segment.bulge or segment.part not in (Part.SIDE, Part.TAIL):
+            continue
+        row = rows[segment.branch]
+        low, high = sorted(axes.station_mm(row, p) for p in (segment.start_mm, segment.end_mm))
+        key = row, segment.part, axes.is_left(row, segment.start_mm)
+        had = sides.get(key, (0.0, -1.0))
+        # A cut that starts in the middle of a side has two segments there.
+        if had[1] >= had[0] and low <= had[1] + 1e-6 and high >= had[0] - 1e-6:
+            low, high = min(low, had[0]), max(high, had[1])
+        if high - low >= had[1] - had[0]:
+            sides[key] = low, high
+    return sides
+
+
+def stretches(axes: BranchAxes, contour: Contour, places_mm: list[list[float]]) -> list[Stretch]:
+    """Return a path parted at all places allowed."""
+    rows = {name: row for row, name in enumerate(axes.names)}
+    found = []
+    for segment in contour.segments:
+        row = rows[segment.branch]
+        for part in _parted(axes, row, segment, places_mm[row]):
+            middle = part.flattened_mm()
+            station = axes.station_mm(row, (middle[0] + middle[-1]) / 2.0)
+            piece = row, bisect(places_mm[row], station)
+            found.append(Stretch(segment=part, piece=piece))
+    return found
+
+
+def _parted(axes: BranchAxes, row: int, segment: Segment, places_mm: list[float]) -> list[Segment]:
+    if segment.bulge or segment.part is Part.MOUTH:
+        return [segment]
+    first, last = (axes.station_mm(row, p) for p in (segment.start_mm, segment.end_mm))
+    between = [place for place in places_mm if min(first, last) < place < max(first, last)]
+    shares = sorted((place - first) / (last - first) for place in between)
+    start, run = np.array(segment.start_mm), np.subtract(segment.end_mm, segment.start_mm)
+    ends = [segment.start_mm, *(_point(start + share * run) for share in shares), segment.end_mm]
+    return [replace(segment, start_mm=one, end_mm=two) for one, two in pairwise(ends)]
+
+
+def lengthened(run: list[Segment], *, at_start: bool, at_end: bool) -> list[Segment]:
+    """Return a run of segments extended by half the overlap at its parted ends."""
+    longer = list(run)
+    for row, wanted, sign in ((0, at_start, -1.0), (-1, at_end, 1.0)):
+        if wanted:
+            segment = longer[row]
+            start, end = np.array(segment.start_mm), np.array(segment.end_mm)
+            beyond = sign * OVERLAP_MM / 2.0 * (end - start) / segment.length_mm
+            if sign < 0.0:
+                longer[row] = replace(segment, start_mm=_point(start + beyond))
+            else:
+                longer[row] = replace(segment, end_mm=_point(end + beyond))
+    return longer
+
+
+def _point(point: Floats) -> tuple[float, float]:
+    return float(point[0]), float(point[1])
+
 
 TARGET_MM = 8.0
-"""Size of a registration target, a cross."""
+"""Width and height of a registration target, a cross."""
 
 MOST_TILES = 64
-"""Nobody puts more sheets together than that; a robot of a kilometre is refused at once."""
-
-LEAST_APART_MM = 50.0
-"""Two targets of a tile are at least so far apart."""
-
-APART_ENOUGH_MM = 150.0
-"""Targets this far apart need no more film than that (assumed)."""
-
-_BESIDE_MM = (15.0, 30.0, 60.0, 120.0, 180.0, 240.0)
-"""How far beyond the robot's box targets are looked for, before the whole window is."""
+"""Most tiles of a robot; a robot of a kilometre is refused at once."""
 
 _RIM_MM = 15.0
-"""Kept free around a tile's paths, so that windows overlap enough to share targets."""
+"""Margin around a tile's paths, so that windows overlap enough to share targets."""
 
-_GRID_MM = 5.0
-Point = tuple[float, float]
 Piece = tuple[int, int]
 
 
@@ -53,29 +159,23 @@ Piece = tuple[int, int]
 class FilmTile:
     """One window onto the film."""
 
-    pieces: set[Piece]  # what of the robot belongs to it
+    pieces: set[Piece]  # the pieces of the robot in it
     box_mm: Box  # box around its paths
-    # its paths, in the coordinates of the whole robot
-    paths: list[LaserPath] = field(default_factory=list)
+    paths: list[LaserPath] = field(default_factory=list)  # in the coordinates of the whole robot
     low_mm: Point = (0.0, 0.0)  # lower left corner of its window
-    after: int | None = None  # number of an earlier tile that it is aligned to; None for the first
-    # found_mm, made_mm: middles of the targets that it is aligned to, and of those that it makes
-    # for later tiles
-    found_mm: list[Point] = field(default_factory=list)
-    made_mm: list[Point] = field(default_factory=list)
+    after: int | None = None  # number of the earlier tile that it is aligned to; None for the first
+    found_mm: list[Point] = field(default_factory=list)  # targets that it is aligned to
+    made_mm: list[Point] = field(default_factory=list)  # targets that it makes for later tiles
 
 
 class NoTilesError(Exception):
-    """A robot cannot be parted; the text says why. Never leaves this room."""
+    """A robot cannot be parted into tiles, for the reason given; `tiled` catches it."""
 
 
 def film_tiles(
     axes: BranchAxes, paths: Sequence[LaserPath], room_mm: Point, *, pass_through: bool = False
 ) -> list[FilmTile]:
-    """Return the tiles of a robot, in the order in which they are cut, the mouth's first.
-
-    They have no targets yet: see `register`.
-    """
+    """Return the tiles of a robot in the order of cutting, the mouth's first; see `register`."""
     contours = [path.contour for path in paths]
     _refuse_many(_least_tiles(contours, room_mm, pass_through=pass_through))
     places = stations_mm(axes, contours)
@@ -84,10 +184,10 @@ def film_tiles(
     for stretch in (stretch for found in parted for stretch in found):
         piece = _joined(axes, places, stretch.piece)
         box = Contour.from_segments([stretch.segment], closed=False).box_mm
-        boxes[piece] = _around(boxes[piece], box) if piece in boxes else box
+        boxes[piece] = union_box(boxes[piece], box) if piece in boxes else box
     fits = _fit(boxes, room_mm, pass_through=pass_through)
     grown = _grown(axes, places, boxes, fits)
-    # Trying all pairs of very many takes too long; merging rarely leaves a quarter of them.
+    # Trying all pairs of very many tiles takes too long; merging rarely leaves a quarter of them.
     _refuse_many(len(grown) // 4)
     tiles = _merged(grown, fits)
     _refuse_many(len(tiles))
@@ -105,8 +205,8 @@ def film_tiles(
 
 
 def _least_tiles(contours: Sequence[Contour], room_mm: Point, *, pass_through: bool) -> float:
-    """Return a number of windows without which the robot cannot be covered."""
-    whole = reduce(_around, (contour.box_mm for contour in contours))
+    """Return a lower bound of the number of tiles."""
+    whole = reduce(union_box, (contour.box_mm for contour in contours))
     wide, high = (whole[2] - whole[0]) / room_mm[0], (whole[3] - whole[1]) / room_mm[1]
     return wide if pass_through else max(wide, high)
 
@@ -117,7 +217,7 @@ def _refuse_many(count: float) -> None:
 
 
 def _joined(axes: BranchAxes, places: list[list[float]], piece: Piece) -> Piece:
-    """Return the piece that stands for one: a branch's base belongs to its parent's end."""
+    """Return the piece that another one is part of: a branch's base belongs to its parent's end."""
     branch, part = piece
     while part == 0 and axes.parent[branch] >= 0:
         branch = axes.parent[branch]
@@ -126,11 +226,11 @@ def _joined(axes: BranchAxes, places: list[list[float]], piece: Piece) -> Piece:
 
 
 def _fit(boxes: dict[Piece, Box], room_mm: Point, *, pass_through: bool) -> Callable[[Box], bool]:
-    """Return how to tell whether a box, and the overlaps around it, fit a window."""
+    """Return a predicate: whether a box and the overlaps around it fit a window."""
     spare = 2.0 * _RIM_MM
     wide, high = room_mm[0] - spare, room_mm[1] - spare
     if pass_through:
-        whole = reduce(_around, boxes.values())
+        whole = reduce(union_box, boxes.values())
         if whole[3] - whole[1] > room_mm[1]:
             raise NoTilesError("it is wider than the bed, across the way the film is fed")
         high = math.inf
@@ -165,7 +265,7 @@ def _grown(
             raise NoTilesError(f"branch {name} has a joint or tip with no room to part around it")
         for child in sorted(below[piece], key=lambda child: _area(open_tiles[child].box_mm)):
             other = open_tiles.pop(child)
-            both = _around(tile.box_mm, other.box_mm)
+            both = union_box(tile.box_mm, other.box_mm)
             if fits(both):
                 tile.pieces |= other.pieces
                 tile.box_mm = both
@@ -183,14 +283,14 @@ def _merged(tiles: list[FilmTile], fits: Callable[[Box], bool]) -> list[FilmTile
             (_area(both), one, two)
             for one in range(len(tiles))
             for two in range(one + 1, len(tiles))
-            if fits(both := _around(tiles[one].box_mm, tiles[two].box_mm))
+            if fits(both := union_box(tiles[one].box_mm, tiles[two].box_mm))
         ]
         if not pairs:
             return tiles
         _, one, two = min(pairs)
         last = tiles.pop(two)
         tiles[one].pieces |= last.pieces
-        tiles[one].box_mm = _around(tiles[one].box_mm, last.box_mm)
+        tiles[one].box_mm = union_box(tiles[one].box_mm, last.box_mm)
 
 
 def _runs(
@@ -273,71 +373,8 @@ def _place_windows(
         tile.low_mm = (x, floor) if pass_through else (x, y)
 
 
-def register(tiles: Sequence[FilmTile], room_mm: Point, contours: Sequence[Contour]) -> None:
-    """Find two targets for each tile after the first that an earlier tile can make."""
-    taken = shapely.union_all([region(contour) for contour in contours])
-    robot = reduce(_around, (contour.box_mm for contour in contours))
-    for row, tile in enumerate(tiles):
-        if tile.after is None:
-            continue
-        others = [tile.after, *(other for other in range(row) if other != tile.after)]
-        for other in others:
-            pair = _near_pair(_shared(tile.low_mm, tiles[other].low_mm, room_mm), robot, taken)
-            if pair:
-                tile.after, tile.found_mm = other, pair
-                tiles[other].made_mm += pair
-                crosses = [shapely.Point(point).buffer(TARGET_MM) for point in pair]
-                taken = shapely.union_all([taken, *crosses])
-                break
-        else:
-            raise NoTilesError(f"tile {row + 1} has no room for two registration targets")
-
-
-def _shared(one: Point, two: Point, room_mm: Point) -> Box:
-    """Return where two windows overlap, less the reach of a target."""
-    rim = TARGET_MM / 2.0 + 0.5
-    low = [max(a, b) + rim for a, b in zip(one, two, strict=True)]
-    high = [min(a, b) + room - rim for a, b, room in zip(one, two, room_mm, strict=True)]
-    return low[0], low[1], high[0], high[1]
-
-
-def _near_pair(box: Box, robot: Box, taken: shapely.Geometry) -> list[Point]:
-    """Return two free places of a box that are far enough apart, or else as far as possible.
-
-    Places near the robot's own box go first: film that holds nothing but a target is lost.
-    """
-    for beside_mm in _BESIDE_MM:
-        low = [max(a, b - beside_mm) for a, b in zip(box[:2], robot[:2], strict=True)]
-        high = [min(a, b + beside_mm) for a, b in zip(box[2:], robot[2:], strict=True)]
-        pair = _pair((low[0], low[1], high[0], high[1]), taken)
-        if pair and math.dist(*pair) >= APART_ENOUGH_MM:
-            return pair
-    return _pair(box, taken)
-
-
-def _pair(box: Box, taken: shapely.Geometry) -> list[Point]:
-    """Return the two free places of a box that are farthest apart, or nothing."""
-    if box[2] < box[0] or box[3] < box[1]:
-        return []
-    across, up = (
-        np.linspace(low, high, max(2, math.ceil((high - low) / _GRID_MM) + 1))
-        for low, high in ((box[0], box[2]), (box[1], box[3]))
-    )
-    grid: Floats = np.stack(np.meshgrid(across, up), axis=-1).reshape(-1, 2)
-    shapely.prepare(taken)
-    clear = CLEAR_MM + TARGET_MM * math.sqrt(0.5)
-    free = grid[~shapely.dwithin(taken, shapely.points(grid), clear)]
-    if len(free) < 2:
-        return []
-    corners = shapely.get_coordinates(shapely.MultiPoint(free).convex_hull)
-    apart = np.hypot(*(corners[:, None] - corners[None]).transpose(2, 0, 1))
-    one, two = np.unravel_index(int(apart.argmax()), apart.shape)
-    if apart[one, two] < LEAST_APART_MM:
-        return []
-    return [(float(x), float(y)) for x, y in (corners[one], corners[two])]
-
-
-def _around(one: Box, two: Box) -> Box:
+def union_box(one: Box, two: Box) -> Box:
+    """Return the box around two boxes."""
     return min(one[0], two[0]), min(one[1], two[1]), max(one[2], two[2]), max(one[3], two[3])
 
 

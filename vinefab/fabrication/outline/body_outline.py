@@ -27,8 +27,8 @@ from vinefab.model.outline import Contour, Part
 class BodyOutline:
     """The outline of a design."""
 
-    # open, from the mouth's right corner counter-clockwise around the body to its left corner.
-    # Where there are problems it is a sketch for a picture, not a shape to cut.
+    # Open, from the mouth's right corner counter-clockwise around the body to its left corner.
+    # With problems it is a sketch for a picture, not a shape to cut.
     contour: Contour
     problems: tuple[OutlineProblem, ...]  # why the contour is not exact; empty if it is
 
@@ -64,7 +64,7 @@ def body_outline(design: Design, offset_mm: float = 0.0) -> BodyOutline:
 
 
 class _Walk:
-    """One walk around a tree; made for one contour and thrown away."""
+    """One walk around a tree, which draws one contour."""
 
     def __init__(self, layout: FlatLayout, pattern: Pattern) -> None:
         self.pattern = pattern
@@ -127,10 +127,9 @@ class _Walk:
         self.pen.go_to(point, self._trunk_part(point), self.ids[0])
 
     def _base(self, here: Point, point: Point) -> list[tuple[Point, float]]:
-        """Return the way past the trunk's base, as far as a straight way passes it.
+        """Return the points and bulges past the trunk's base, where a straight side passes it.
 
-        An even trunk has its base there only where it divides the way into two that can both be
-        drawn.
+        The side of an even trunk is divided there only if both parts are long enough to draw.
         """
         tail = self.pattern.tail
         way = [(tail.base_mm, 0.0), *((piece.end_mm, piece.bulge) for piece in tail.bend)]
@@ -146,7 +145,7 @@ class _Walk:
         return way if nearest >= LEAST_SEGMENT_MM else []
 
     def _trunk_part(self, point: Point) -> Part:
-        """Return what the straight way to a point on the trunk's side belongs to."""
+        """Return the part of the straight side that leads to a point of the trunk."""
         middle = (self.pen.points[-1][0] + point[0]) / 2
         return Part.TAIL if middle < 0.0 else Part.SIDE
 

@@ -1,11 +1,11 @@
 """The ends of an outline: the tail with its collar and mouth, rounded tips and pouches.
 
-Coordinates are those of the flat layout: the trunk's base is the origin and the tail lies along
--x. Only the right side is worked out; the left one mirrors it.
+The tail is in the coordinates of the flat layout: the trunk's base is the origin and the tail lies
+along -x. Only its right side is computed; the left one mirrors it.
 
-The frame's origin is the end of the branch's planned length and +x is the branch's heading. A
-rounded tip and a round pouch are centred on the origin, a rectangular pouch is too: half of its
-length lies beyond the planned length.
+In the frame of a tip, the origin is the end of the branch's planned length and +x is the branch's
+heading. Rounded tips and pouches are centred on the origin: half of a pouch's length lies beyond
+the planned length.
 """
 
 import math
@@ -32,12 +32,11 @@ class Tail:
     """The right side of a tail."""
 
     start_mm: Point  # right corner of the mouth
-    # from the mouth to where the tail is as wide as the trunk; none without a collar
+    # From the mouth to where the tail is as wide as the trunk; none without a collar.
     pieces: tuple[StrokeSegment, ...]
-    # where that is, along x; not after the trunk's base unless the collar is too long
-    even_mm: float
+    even_mm: float  # x where that is; beyond the trunk's base only if the collar is too long
     base_mm: Point  # where the trunk's base ends the tail's side
-    # from there to where a tapered trunk's side begins; none for an even trunk
+    # From there to where a tapered trunk's side begins; none for an even trunk.
     bend: tuple[StrokeSegment, ...] = ()
 
 
@@ -64,7 +63,7 @@ def tail_of(design: Design, offset_mm: float) -> Tail:
 
 
 def _bend(half_mm: float, lean_rad: float) -> tuple[Point, tuple[StrokeSegment, ...]]:
-    """Return where the tail's side ends and how it goes over into the trunk's."""
+    """Return where the tail's side ends, and the pieces from there to the trunk's side."""
     if half_mm * lean_rad < LEAST_SEGMENT_MM:
         return (half_mm * math.tan(lean_rad / 2), -half_mm), ()
     end = turned((0.0, -half_mm), lean_rad)
@@ -117,10 +116,10 @@ class Leaf:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TipStroke:
-    """What the walk does at the end of a leaf."""
+    """The outline at the end of a leaf."""
 
     run: StrokeRun  # from the branch's right side to its left side
-    used_mm: float  # how far before the end of the branch its straight sides stop
+    used_mm: float  # how far before the end of the branch its straight sides end
 
 
 def tip_of(design: Design, offset_mm: float, lean_rad: float = 0.0) -> TipStroke:
@@ -236,7 +235,7 @@ def _rectangle(pouch: Pouch, leaf: Leaf, offset_mm: float) -> TipStroke:
 
 
 def _shoulder(leaf: Leaf, axis: Point, radius_mm: float) -> tuple[list[StrokeSegment], Point]:
-    """Return the way from the branch's side round the back corner, and where it starts."""
+    """Return the pieces from the branch's side around the back corner, and their start."""
     back, lean, fillet = axis[0] - radius_mm, leaf.lean_rad, leaf.fillet_mm
     ball = back - fillet, -leaf.half_at_mm(back) - leaf.rise * fillet
     if axis[1] - ball[1] > 1e-9:

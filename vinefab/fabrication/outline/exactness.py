@@ -1,4 +1,4 @@
-"""Where a design has no exact outline, found on the pieces that the walk repeats."""
+"""The pieces of a design's outline, and the reasons why they may not form an exact one."""
 
 import math
 from collections.abc import Iterator
@@ -8,7 +8,6 @@ from enum import StrEnum
 import numpy as np
 
 from vinefab.core.validation import LARGEST_MM
-from vinefab.fabrication.outline.crotch import STEEPEST, crotch_reach_mm
 from vinefab.fabrication.outline.ends import (
     Tail,
     TipStroke,
@@ -16,6 +15,7 @@ from vinefab.fabrication.outline.ends import (
     tail_of,
     tip_of,
 )
+from vinefab.fabrication.outline.gap import STEEPEST, crotch_reach_mm
 from vinefab.fabrication.outline.joint import (
     Joint,
     allowed_reach_mm,
@@ -61,28 +61,26 @@ class ProblemKind(StrEnum):
 class OutlineProblem:
     """One reason why an outline is not exact."""
 
-    kind: ProblemKind  # what is wrong
-    branches: tuple[str, ...]  # ids of the branches concerned, at the first place where it happens
-    # x_mm, y_mm: that place in the flat layout
-    x_mm: float
+    kind: ProblemKind
+    branches: tuple[str, ...]  # ids of the branches concerned, at the first place of the problem
+    x_mm: float  # of that place in the flat layout
     y_mm: float
-    count: int = 1  # at how many places it happens: all joints of a level are alike
-    # measured_mm, limit_mm: the length found and the length allowed
+    count: int = 1  # number of places: all joints of a level are alike
     measured_mm: float
     limit_mm: float
-    words: str  # one sentence that says what is wrong and what would mend it
+    message: str  # one sentence: what is wrong and what would fix it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pattern:
-    """The pieces that a walk around a design is made of."""
+    """The pieces that an outline repeats."""
 
     offset_mm: float  # how far outside the lumen's edge they run
     tail: Tail  # from the mouth to the trunk's base
-    # for each level that sprouts, trunk first: one kind of joint, or where the level tapers one for
-    # each child of a fan
+    # For each level with children, trunk first: one kind of joint, or, where the level tapers, one
+    # for each child of a fan.
     joints: tuple[tuple[Joint, ...], ...]
-    tips: tuple[TipStroke, ...]  # the far end of every leaf: one, or one for each child of a fan
+    tips: tuple[TipStroke, ...]  # the far end of a leaf: one, or one for each child of a fan
 
     def joint(self, level: int, sibling: int) -> Joint:
         """Return the joint at the end of a branch."""
@@ -114,7 +112,7 @@ def pattern_of(design: Design, offset_mm: float) -> Pattern:
 
 
 def _kinds(design: Design, level: int) -> int:
-    """Return how many kinds of ends the branches of a level have: one where all are even."""
+    """Return how many kinds of ends the branches of a level have: one if all are even."""
     leans = level_tapers_rad(design, level)
     return 1 if len(set(leans)) == 1 else len(leans)
 
@@ -130,7 +128,7 @@ WORST_ERROR_MM = 0.002
 
 
 class _Places:
-    """Names the branches of a pattern and the place where it first occurs."""
+    """Where the pieces of a pattern first occur: branch ids and coordinates."""
 
     def __init__(self, layout: FlatLayout) -> None:
         self.layout = layout
@@ -152,7 +150,9 @@ class _Places:
         """Return a problem that occurs at the end of every branch of one level."""
         count = int(np.count_nonzero(self.layout.tree.level == level))
         x, y = self.layout.end_mm[self.first[level]].tolist()
-        words = _WORDS[kind].format(names=" and ".join(branches), found=found[0], limit=found[1])
+        message = _MESSAGES[kind].format(
+            names=" and ".join(branches), found=found[0], limit=found[1]
+        )
         return OutlineProblem(
             kind=kind,
             branches=branches,
@@ -161,11 +161,11 @@ class _Places:
             count=count,
             measured_mm=min(max(found[0], -LARGEST_MM), LARGEST_MM),
             limit_mm=found[1],
-            words=words if count == 1 else f"{words} It is so at {count} places alike.",
+            message=message if count == 1 else f"{message} It is so at {count} places alike.",
         )
 
 
-_WORDS = {
+_MESSAGES = {
     ProblemKind.CHILD_WIDTH: (
         "Of {names} the child is {found:.3g} mm wide and its parent leaves it {limit:.3g} mm: "
         "make the child's level narrower."
@@ -209,7 +209,7 @@ def pattern_problems(
     found = [*_widths(design, places, pattern.offset_mm)]
     for kinds in pattern.joints:
         for number in range(len(kinds[0].gaps)):
-            # Joints that differ by the taper of their parents' sides only have one problem at most.
+            # Joints that differ only by the taper of their parents' sides share one problem.
             each = (_gap_problems(places, joint, number, pattern.offset_mm) for joint in kinds)
             found += next(filter(None, map(list, each)), [])
     return (*found, *_tail(design, places, pattern), *_rooms(design, places, pattern))
@@ -220,7 +220,7 @@ def drawing_problems(
 ) -> tuple[OutlineProblem, ...]:
     """Return a problem for the shortest segment of a contour, if it is too short to draw."""
     shortest = min(contour.segments, key=lambda segment: segment.length_mm)
-    # The mouth's width, the tip's arcs: anything here comes from a design of microscopic size.
+    # The mouth's width, the tip's arcs: only designs of microscopic size get here.
     if shortest.length_mm >= LEAST_SEGMENT_MM * (1.0 - 1e-6) and pattern.tail.start_mm[1] < 0.0:
         return ()
     level = int(layout.tree.level[layout.tree.ids.index(shortest.branch)])
@@ -269,7 +269,7 @@ def _gap_problems(
 
 
 def _tail(design: Design, places: _Places, pattern: Pattern) -> Iterator[OutlineProblem]:
-    """Check that a collar leaves some of the tail, and its arcs some radius."""
+    """Check that a collar leaves some straight tail, and that its arcs are not too small."""
     collar, tail = design.build.collar, pattern.tail
     if collar is None:
         return
@@ -309,7 +309,7 @@ def _rooms(design: Design, places: _Places, pattern: Pattern) -> Iterator[Outlin
 def _side_mm(design: Design, level: int, child: int) -> float:
     """Return the length of a branch's side between the discs at its ends.
 
-    It is negative where the larger disc hides the smaller one: what the branch is too short by.
+    Where the larger disc hides the smaller one it is negative: by how much the branch is too short.
     """
     build, length = design.build, level_lengths_mm(design, level)[child]
     least = (build.widths_mm[level - 1] - build.end_widths_mm[level - 1]) / 2.0 / STEEPEST

@@ -1,11 +1,11 @@
-"""The walk between two neighbours at a joint, past the core that a rolling ball rests on.
+"""The gap between two neighbours at a joint: its largest fillet, and the outline through it.
 
 All of it happens in the joint's frame: the joint is the origin and the parent's heading is +x. The
 core is the parent with a rounded end: a disc of its half width R and, behind the disc, its two
-sides. The walk round the core comes along the parent's right side, around the disc and back along
-its left side. The sides of an even parent are y = -R and y = R; those of a tapered one touch the
-disc a little further ahead and lean by the tilt. Children stick out of the core; one that bends
-backwards sticks out of the parent's side, and behind it that side shows again.
+sides. The outline comes along the parent's right side, around the disc and back along its left
+side. The sides of an even parent are y = -R and y = R; those of a tapered one touch the disc a
+little further ahead and lean by the tilt. Children stick out of the core; one that bends backwards
+sticks out of the parent's side, and behind it that side shows again.
 
 A fillet of radius r is a ball that rolls in the gap between two children, down the left side of
 the first and down the right side of the second, until it rests on the core. Where the first would
@@ -15,7 +15,6 @@ rest behind the second, a ball between the two never reaches the core: it rests 
 import math
 from dataclasses import dataclass
 
-from vinefab.fabrication.outline.crotch import LEFT, RIGHT, Gap, Strip
 from vinefab.fabrication.outline.stroke import (
     LEAST_SEGMENT_MM,
     Point,
@@ -26,6 +25,110 @@ from vinefab.fabrication.outline.stroke import (
     turned,
 )
 from vinefab.model.outline import Part
+
+LEFT, RIGHT = 1, -1
+"""Sides of a strip, seen along its direction away from the joint, and of the core."""
+
+
+STEEPEST = 0.99
+"""Sine of the largest angle by which the sides of a tapered branch may lean."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Strip:
+    """One side of a branch as its joint sees it.
+
+    A tapered branch is the hull of two discs: its sides touch the disc at the joint and lean
+    against its axis. Seen from the joint, such a side is the side of an even strip of the disc's
+    half width whose axis leans as the side does.
+    """
+
+    angle_rad: float  # direction of the side away from the joint, relative to the parent's heading
+    half_mm: float  # its distance from the joint
+    length_mm: float  # its planned length
+    owner: int  # 0 for the parent, 1, 2, ... for the children
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointBranch:
+    """One branch as its joint sees it."""
+
+    angle_rad: float  # direction of its axis away from the joint, relative to the parent's heading
+    half_mm: float  # half its width at the joint
+    length_mm: float  # its planned length
+    owner: int  # 0 for the parent, 1, 2, ... for the children
+    # Angle by which its sides lean towards its axis, away from the joint; negative for a parent
+    # that is narrower here than at its base.
+    narrowing_rad: float = 0.0
+
+    def side(self, side: int) -> Strip:
+        """Return its left or right side."""
+        return Strip(
+            angle_rad=self.angle_rad - side * self.narrowing_rad,
+            half_mm=self.half_mm,
+            length_mm=self.length_mm,
+            owner=self.owner,
+        )
+
+
+def taper_rad(base_half_mm: float, end_half_mm: float, length_mm: float) -> float:
+    """Return the angle by which a branch's sides lean towards its axis: 0 for an even one.
+
+    The hull of two discs of radii a and b, a length l apart, has sides that lean by
+    asin((a - b) / l); discs that hide each other have none, and give what is left of a right angle.
+    Such a branch is a named problem.
+    """
+    sin = (base_half_mm - end_half_mm) / length_mm
+    return math.asin(max(-STEEPEST, min(STEEPEST, sin)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gap:
+    """The outline between two neighbours."""
+
+    first: Strip
+    second: Strip
+    run: StrokeRun  # in the joint's frame
+    first_used_mm: float  # how far from the joint the straight side of the first begins
+    second_used_mm: float  # and that of the second
+    radius_mm: float  # fillet radius drawn
+    reach_mm: float  # distance from the joint to the nearest point of the outline in the gap
+    # Deviation from the exact shape: above 0 only where an arc too short to draw became a corner.
+    error_mm: float = 0.0
+
+    @property
+    def angle_rad(self) -> float:
+        """Angle from the first strip to the second, 0 to 2 pi."""
+        return self.second.angle_rad - self.first.angle_rad
+
+
+def crotch_reach_mm(angle_rad: float, first_half_mm: float, second_half_mm: float) -> float:
+    """Return how far from the joint the lines of two sides cross; infinite if they never do."""
+    sin, cos = math.sin(angle_rad), math.cos(angle_rad)
+    if sin < 1e-9:
+        return math.inf
+    a, b = first_half_mm, second_half_mm
+    return math.sqrt(a * a + b * b + 2.0 * a * b * cos) / sin
+
+
+def largest_fillet_mm(angle_rad: float, halves_mm: Point, reach_mm: float) -> float:
+    """Return the radius whose fillet comes to ``reach_mm`` from the joint, negative if none does.
+
+    For strips of one width w this is (reach sin(a/2) - w/2) / (1 - sin(a/2)).
+    """
+    sin, cos = math.sin(angle_rad), math.cos(angle_rad)
+    if angle_rad >= math.pi - 1e-6:
+        return math.inf
+    a, b = halves_mm
+    # At an obtuse angle a wide strip hides where the sides' lines cross: that is behind the joint.
+    ahead = min(b + a * cos, a + b * cos) >= 0.0
+    if sin < 1e-9 or (ahead and crotch_reach_mm(angle_rad, a, b) > reach_mm):
+        return -1.0
+    square = (1.0 + cos) / (1.0 - cos)
+    half_linear = (a + b) / (1.0 - cos) - reach_mm
+    constant = (a * a + b * b + 2.0 * a * b * cos) / (sin * sin) - reach_mm * reach_mm
+    root = math.sqrt(max(0.0, half_linear**2 - square * constant))
+    return (root - half_linear) / square
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +145,19 @@ class Neck:
         return math.pi / 2 - self.angle_rad
 
 
+def neck_length_mm(half_mm: float, disc_mm: float, radius_mm: float) -> float:
+    """Return how far from a disc's centre a side at ``half_mm`` from the axis meets its fillet."""
+    # The product keeps its zero exact when side and disc are tangent; a difference of squares
+    # would leave 1e-7 mm of fillet behind.
+    return math.sqrt(max(0.0, (disc_mm - half_mm) * (disc_mm + half_mm + 2.0 * radius_mm)))
+
+
 def neck(half_mm: float, disc_mm: float, radius_mm: float) -> Neck:
     """Return how a side at ``half_mm`` from the axis meets a disc, with a fillet.
 
     A fillet shorter than the shortest segment becomes a corner.
     """
-    # The product keeps its zero exact when side and disc are tangent; a difference of squares
-    # would leave 1e-7 mm of fillet behind.
-    used = math.sqrt(max(0.0, (disc_mm - half_mm) * (disc_mm + half_mm + 2.0 * radius_mm)))
+    used = neck_length_mm(half_mm, disc_mm, radius_mm)
     found = Neck(used, math.atan2(half_mm + radius_mm, used), radius_mm)
     if radius_mm > 0.0 and radius_mm * found.turn_rad < LEAST_SEGMENT_MM:
         return neck(half_mm, disc_mm, 0.0)
@@ -90,15 +198,15 @@ class Contact:
     used_mm: float  # how far from the joint, along the child, the child's straight side ends
     side_mm: Point  # the end of the child's straight side
     core_mm: Point  # the point of the core that the ball touches
-    zone: int  # what of the core that is: `LEFT` or `RIGHT` side of the parent, or `DISC`
+    zone: int  # where that is: on the `LEFT` or `RIGHT` side of the parent, or on the `DISC`
     normal_rad: float  # direction out of the core at that point
     radius_mm: float  # the ball's radius, 0 for a bare corner
-    turn_rad: float  # angle that the walk turns clockwise around the ball, not negative
-    # how far ahead of where the parent's side touches the disc the point is, along that side; 0 on
-    # the disc
+    turn_rad: float  # angle that the outline turns clockwise around the ball, not negative
+    # Distance of the point ahead of where the parent's side touches the disc, along that side; 0 on
+    # the disc.
     along_mm: float
-    # how far around the core the point is: 0 where its right side touches the disc, rising counter-
-    # clockwise
+    # Distance of the point around the core: 0 where its right side touches the disc, rising
+    # counter-clockwise.
     position_mm: float
 
     @property

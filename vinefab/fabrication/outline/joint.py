@@ -8,32 +8,33 @@ import math
 from dataclasses import dataclass
 from itertools import pairwise
 
-from vinefab.fabrication.outline.crotch import (
+from vinefab.fabrication.outline.gap import (
     LEFT,
     RIGHT,
+    Core,
     Gap,
     JointBranch,
     Strip,
     largest_fillet_mm,
+    solve_gap,
     taper_rad,
 )
-from vinefab.fabrication.outline.gap import Core, solve_gap
 from vinefab.model.design import Design, Level
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joint:
-    """What the walk does at every joint of one level."""
+    """The outline at every joint of one level."""
 
     level: int  # level of the parents, 1 for the trunk
     disc_mm: float  # radius of the joint's disc on the lumen
-    # from the parent's right side to the first child, between children, and from the last child to
-    # the parent's left side
+    # From the parent's right side to the first child, between children, and from the last child to
+    # the parent's left side.
     gaps: tuple[Gap, ...]
     fillet_mm: float  # designed fillet radius
-    # the largest radius that the angle allows in each gap, negative if the neighbours part too late
-    # for any
+    # Largest fillet radius that the angle allows in each gap; negative if the neighbours part too
+    # far from the joint for any.
     allowed_mm: tuple[float, ...]
 
 
@@ -43,8 +44,8 @@ def joint_of(design: Design, level: int, offset_mm: float, sibling: int = 0) -> 
     Fillet radii are capped on the lumen itself, so that every offset has the same fillet centres.
     """
     around = _around(design, level, sibling)
-    # The joint's disc is the parent's; a child that is wider is a problem of its own, and the
-    # larger disc at least draws it as it would be.
+    # The joint's disc is the parent's. A wider child is a problem of its own; the larger disc at
+    # least draws it as it would be.
     disc = max(branch.half_mm for branch in around)
     tilt = -around[0].narrowing_rad
     designed = design.build.fillet_mm[level - 1]
@@ -70,9 +71,9 @@ def joint_of(design: Design, level: int, offset_mm: float, sibling: int = 0) -> 
 
 
 def allowed_reach_mm(first: Strip, second: Strip, disc_mm: float) -> float:
-    """Return how far from the joint two neighbours must have parted.
+    """Return how far from the joint two neighbours must have parted: half the shorter one.
 
-    Half the shorter neighbour; within the joint's disc there is nothing to web.
+    Within the joint's disc there is nothing to web.
     """
     return max(0.5 * min(first.length_mm, second.length_mm), disc_mm)
 

@@ -18,15 +18,13 @@ class FlatLayout:
     """
 
     tree: BranchTree  # the planned branches
-    # start_mm, end_mm: joint where each branch begins and joint or tip where it ends, shape (n, 2)
-    start_mm: Floats
-    end_mm: Floats
+    start_mm: Floats  # joint where each branch begins, shape (n, 2)
+    end_mm: Floats  # joint or tip where each branch ends, shape (n, 2)
     heading_rad: Floats  # direction of each branch, counter-clockwise from +x, shape (n,)
-    # width_mm, end_width_mm: lay-flat lumen width where each branch begins and where it ends, shape
-    width_mm: Floats
-    end_width_mm: Floats
-    # designed fillet radius where each branch sprouts, and of its pouch's neck, shape (n,). The
-    # trunk sprouts from nothing: its value is the default radius for its width.
+    width_mm: Floats  # lay-flat lumen width where each branch begins, shape (n,)
+    end_width_mm: Floats  # lay-flat lumen width where each branch ends, shape (n,)
+    # Designed fillet radius at the base of each branch and at the neck of its pouch, shape (n,).
+    # The trunk has no joint at its base: its value is the default radius for its width.
     fillet_mm: Floats
     is_leaf: NDArray[np.bool_]  # whether each branch has no children, shape (n,)
     tail_mm: float  # straight length below the trunk's base

@@ -9,37 +9,37 @@ import numpy as np
 from vinefab.model.outline import Contour, Part
 
 LEAST_SEGMENT_MM = 0.05
-"""No segment of an outline is shorter."""
+"""Length of the shortest segment of an outline."""
 
 MOST_TURN_RAD = math.radians(174.9)
-"""Arcs are split so that none turns further: readers go wrong near half a circle."""
+"""Largest turn of an arc, longer ones are split: readers fail near half a circle."""
 
 Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class StrokeSegment:
-    """One line or arc that begins where the piece before ended."""
+    """One line or arc that begins at the end of the previous one."""
 
-    end_mm: Point  # where it ends, in the frame of its run
+    end_mm: Point  # in the frame of its run
     bulge: float  # tangent of a quarter of its turn, as in `Segment`
-    part: Part  # what it belongs to
+    part: Part
     owner: int = 0  # which of the run's branches it belongs to
 
 
 @dataclass(frozen=True, slots=True)
 class StrokeRun:
-    """Pieces one after the other, in a frame of their own."""
+    """Connected lines and arcs, in a frame of their own."""
 
     start_mm: Point  # where the first piece begins
-    pieces: tuple[StrokeSegment, ...] = ()  # the lines and arcs; none for a bare corner
+    pieces: tuple[StrokeSegment, ...] = ()  # none for a bare corner
 
 
 @dataclass(frozen=True, slots=True)
 class LocalFrame:
-    """Where a run's own x axis lies on the sheet."""
+    """A frame of a run, placed on the sheet."""
 
-    origin_mm: Point  # place of the frame's origin
+    origin_mm: Point
     heading_rad: float  # direction of its x axis
 
 
@@ -70,16 +70,15 @@ def arc(
 
 @dataclass(slots=True)
 class Pen:
-    """Collects the vertices of one contour while it walks."""
+    """Collects the vertices of a contour; the fields are those of `Contour`."""
 
-    # what has been drawn so far, as in `Contour`
     points: list[Point]
     bulges: list[float] = field(default_factory=list)
     parts: list[Part] = field(default_factory=list)
     branches: list[str] = field(default_factory=list)
 
     def go_to(self, point: Point, part: Part, branch: str, bulge: float = 0.0) -> None:
-        """Draw to a point, unless the pen is there already; an arc that turns too far in two."""
+        """Draw to a point, unless the pen is there already; an arc that turns too far as two."""
         if math.dist(self.points[-1], point) < 1e-9:
             return
         if abs(bulge) > math.tan(MOST_TURN_RAD / 4.0):

@@ -1,4 +1,4 @@
-"""Rules about what came out: widths, seams and overcut in the paths, and the files read again."""
+"""Rules about the result: widths, seams and overcut in the paths, and the files read back."""
 
 import math
 from collections.abc import Iterator
@@ -9,15 +9,17 @@ import shapely
 
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import closes
-from vinefab.fabrication.outline.crotch import taper_rad
+from vinefab.fabrication.outline.gap import taper_rad
 from vinefab.fabrication.rules.rule import (
+    BrokenLimit,
     Limits,
     Rule,
     RuleApplied,
     RuleNotApplicable,
     Violation,
+    branch_middle_mm,
+    branch_violation,
     mark_branches,
-    middle_mm,
 )
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import Severity
@@ -28,11 +30,10 @@ from vinefab.model.outline import Contour, Part, Segment
 _NEAR_MM = 1e-3
 
 
-def excesses_mm(subject: Subject, contour: Contour, offset_mm: float) -> dict[int, float]:
-    """Return by how much branches come out wider than designed, as far as both sides are straight.
+def _excess_widths_mm(subject: Subject, contour: Contour, offset_mm: float) -> dict[int, float]:
+    """Return by how much branches are drawn wider than designed, where both sides are straight.
 
-    A branch of whose sides one is gone is left out: its neighbour's crotch took it, and VF-C03
-    says so.
+    A branch that lost a side to its neighbour's crotch is left out: VF-C03 reports it.
     """
     flat = _flat(subject, contour)
     rows = {name: row for row, name in enumerate(subject.names)}
@@ -81,18 +82,18 @@ def _beyond_mm(
     across = ends @ np.array([-along[1], along[0]])
     half, end_half = layout.width_mm[row] / 2.0, layout.end_width_mm[row] / 2.0
     lean_rad = taper_rad(half, end_half, float(layout.tree.length_mm[row]))
-    meant = half + offset_mm - np.maximum(ends @ along, 0.0) * math.sin(lean_rad)
-    meant /= math.cos(lean_rad)
+    designed = half + offset_mm - np.maximum(ends @ along, 0.0) * math.sin(lean_rad)
+    designed /= math.cos(lean_rad)
     if segment.part is Part.TAIL:
-        meant = np.full(2, half + offset_mm)
-    beyond = np.abs(across) - meant
+        designed = np.full(2, half + offset_mm)
+    beyond = np.abs(across) - designed
     return bool(across.mean() > 0.0), float(beyond[np.abs(beyond).argmax()])
 
 
-def webs_mm(subject: Subject, profile: LaserProfile) -> Iterator[tuple[float, str]]:
-    """Yield the film between each seam of a design and the nearest kerf, and whose it is.
+def _webs_mm(subject: Subject, profile: LaserProfile) -> Iterator[tuple[float, str]]:
+    """Yield the film between each seam of a design and the nearest kerf, and the seam's owner.
 
-    It is negative where the kerf reaches into the seam. At the mouth the cut is meant to cross it.
+    It is negative where the kerf reaches into the seam. At the mouth the cut crosses it by design.
     """
     welds = subject.own(Operation.WELD)
     if not welds:
@@ -103,25 +104,25 @@ def webs_mm(subject: Subject, profile: LaserProfile) -> Iterator[tuple[float, st
     cuts = shapely.union_all([_line(run) for run in runs])
     for path in welds:
         apart_mm = shapely.distance(_line(path.contour), cuts)
-        yield apart_mm - (seam_mm + kerf_mm) / 2.0, whose(path, welds)
+        yield apart_mm - (seam_mm + kerf_mm) / 2.0, _owner(path, welds)
 
 
-def overlaps_mm(subject: Subject) -> Iterator[tuple[float, str]]:
-    """Yield by how much each cut that goes all around runs past its start, and whose it is."""
+def _overlaps_mm(subject: Subject) -> Iterator[tuple[float, str]]:
+    """Yield by how much each closed cut runs past its start, and its owner."""
     cuts = subject.own(Operation.CUT)
     for path in cuts:
         contour = path.contour
         if closes(contour) and not contour.closed:
-            yield math.dist(contour.points_mm[0], contour.points_mm[-1]), whose(path, cuts)
+            yield math.dist(contour.points_mm[0], contour.points_mm[-1]), _owner(path, cuts)
 
 
-def whose(path: LaserPath, paths: tuple[LaserPath, ...]) -> str:
-    """Return words for whose a path is, where that is a question."""
+def _owner(path: LaserPath, paths: tuple[LaserPath, ...]) -> str:
+    """Return " of ..." with a path's label, or nothing where it is the only one."""
     return f" of {path.label!r}" if len(paths) > 1 else ""
 
 
 def _beside_mouth(contour: Contour) -> Iterator[Contour]:
-    """Yield the runs of a cut that lie before, between and after its mouths."""
+    """Yield the runs of a cut before, between and after its mouths."""
     for at_mouth, run in groupby(contour.segments, key=lambda part: part.part is Part.MOUTH):
         if not at_mouth:
             yield Contour.from_segments(list(run), closed=False)
@@ -136,57 +137,52 @@ def check_built_width(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
     if subject.job is None or subject.profile is None:
         return RuleNotApplicable(reason="needs a recipe, for seam and kerf")
     operation = Operation.WELDCUT if subject.job.along(Operation.WELDCUT) else Operation.WELD
-    settings = subject.profile.settings(operation)
-    offset_mm = beam_offset_mm(settings) if operation is Operation.WELDCUT else weld_mm(settings)
+    offset_mm = _designed_offset_mm(operation, subject.profile.settings(operation))
     paths = subject.own(operation)
     checked, worst = 0, dict[int, tuple[float, str]]()
     for path in paths:
-        for row, excess_mm in excesses_mm(subject, path.contour, offset_mm).items():
+        for row, excess_mm in _excess_widths_mm(subject, path.contour, offset_mm).items():
             checked += 1
             if abs(excess_mm) > abs(worst.get(row, (0.0, ""))[0]):
-                worst[row] = excess_mm, whose(path, paths)
-    hits = []
+                worst[row] = excess_mm, _owner(path, paths)
+    violations = []
     for row, (excess_mm, of) in sorted(worst.items()):
-        breach = limits.most(abs(excess_mm))
-        if breach:
-            hits.append(_too_wide(subject, row, excess_mm, of, breach.limit))
-    return RuleApplied(checked=checked, hits=tuple(hits))
+        broken = limits.most(abs(excess_mm))
+        if broken:
+            violations.append(_too_wide(subject, row, excess_mm, of, broken))
+    return RuleApplied(checked=checked, violations=tuple(violations))
 
 
-def _too_wide(subject: Subject, row: int, excess_mm: float, of: str, limit: float) -> Violation:
+def _too_wide(
+    subject: Subject, row: int, excess_mm: float, of: str, broken: BrokenLimit
+) -> Violation:
     layout = subject.layout
     built_mm = float(layout.width_mm[row] + layout.end_width_mm[row]) / 2.0 + excess_mm
-    return Violation(
-        message=f"the branch{of} comes out {built_mm:.2f} mm wide in the paths: its joint took "
-        "its sides, or their seam and kerf are not the recipe's",
-        measured=abs(excess_mm),
-        limit=limit,
-        branches=subject.ids(row),
-        at_mm=middle_mm(layout, row),
-        marker=mark_branches(layout, [row]),
+    message = (
+        f"the branch{of} comes out {built_mm:.2f} mm wide in the paths: its joint took "
+        "its sides, or their seam and kerf are not the recipe's"
     )
+    return branch_violation(subject, [row], message, (abs(excess_mm), broken))
 
 
-def beam_offset_mm(settings: OperationSettings) -> float:
-    """Return how far outside the lumen the beam runs to cut and seal in one pass: s + k/2."""
-    return settings.seam_width_mm.value + settings.kerf_mm.value / 2.0
-
-
-def weld_mm(settings: OperationSettings) -> float:
-    """Return how far outside the lumen the middle of a seam runs that is welded alone: s/2."""
+def _designed_offset_mm(operation: Operation, settings: OperationSettings) -> float:
+    """Return how far outside the lumen the beam runs: s + k/2 in one pass, s/2 to weld alone."""
+    # Not `weldcut_offset_mm` that the paths were drawn with: the rule must notice if that is wrong.
+    if operation is Operation.WELDCUT:
+        return settings.seam_width_mm.value + settings.kerf_mm.value / 2.0
     return settings.seam_width_mm.value / 2.0
 
 
 def check_readback(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
-    """VF-X01: every file that was written says, read again, what it was meant to say."""
+    """VF-X01: every file written equals the model when it is read back."""
     if subject.readback is None:
         return RuleNotApplicable(reason="no file was written and read back")
-    hits = [
+    violations = [
         Violation(message=f"{name}: {problem}", aspect=name)
         for name, problems in subject.readback.items()
         for problem in problems
     ]
-    return RuleApplied(checked=len(subject.readback), hits=tuple(hits))
+    return RuleApplied(checked=len(subject.readback), violations=tuple(violations))
 
 
 BUILT_WIDTH = Rule(
@@ -195,18 +191,18 @@ BUILT_WIDTH = Rule(
     unit="mm",
     limits={"error": 0.1},
     reason="a forgotten seam and kerf offset narrows an 8 mm branch by 6 to 12 % (computed)",
-    look=check_built_width,
+    check=check_built_width,
 )
 READBACK = Rule(
     id="VF-X01",
     title="exported files, read again, equal the model",
     reason="programs read files, not intentions",
-    look=check_readback,
+    check=check_readback,
 )
 
 
 _ON_LINE_MM = 0.05
-"""An end of the outline that is so near to the mouth's cut lies on it."""
+"""An end of the outline within this distance of the mouth's cut lies on it."""
 
 
 def check_seams(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
@@ -214,10 +210,10 @@ def check_seams(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
     if subject.job is None or subject.profile is None:
         return RuleNotApplicable(reason="needs a recipe, for seam and overcut")
     profile, slack_mm = subject.profile, limits["slack"]
-    seams_mm, webs = _seams_mm(subject, profile), list(webs_mm(subject, profile))
-    overcuts_mm, laps_mm = list(_overcuts_mm(subject)), list(overlaps_mm(subject))
-    hits = [*_seam_hits(subject, profile, seams_mm, slack_mm)]
-    hits += _web_hits(profile, webs, slack_mm)
+    seams_mm, webs = _seams_mm(subject, profile), list(_webs_mm(subject, profile))
+    overcuts_mm, laps_mm = list(_overcuts_mm(subject)), list(_overlaps_mm(subject))
+    violations = [*_seam_violations(subject, profile, seams_mm, slack_mm)]
+    violations += _web_violations(profile, webs, slack_mm)
     least_mm = profile.settings(Operation.CUT).overcut_mm.value
     ways = (
         (
@@ -231,7 +227,7 @@ def check_seams(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
     for found, where, fails, so in ways:
         overcut_mm, of = min(found, default=(math.inf, ""))
         if overcut_mm < least_mm - slack_mm:
-            hits.append(
+            violations.append(
                 Violation(
                     message=f"the cut {where}{of} does not {fails} by the recipe's overcut: {so}",
                     severity=Severity.WARNING,
@@ -243,13 +239,13 @@ def check_seams(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
                 )
             )
     checked = len(seams_mm) + len(webs) + len(overcuts_mm) + len(laps_mm)
-    return RuleApplied(checked=checked, hits=tuple(hits))
+    return RuleApplied(checked=checked, violations=tuple(violations))
 
 
-def _web_hits(
+def _web_violations(
     profile: LaserProfile, webs: list[tuple[float, str]], slack_mm: float
 ) -> Iterator[Violation]:
-    """Yield a hit about the seam that a cut of its own takes most of."""
+    """Yield a violation by the seam that a separate cut takes most of."""
     web_mm, of = min(webs, default=(math.inf, ""))
     if web_mm < -slack_mm:
         seam_mm = profile.settings(Operation.WELD).seam_width_mm.value
@@ -262,13 +258,13 @@ def _web_hits(
         )
 
 
-def _seam_hits(
+def _seam_violations(
     subject: Subject,
     profile: LaserProfile,
     seams_mm: dict[str, tuple[float, str]],
     slack_mm: float,
 ) -> Iterator[Violation]:
-    """Yield one hit about the branches whose seam is too narrow, at the narrowest."""
+    """Yield one violation by all branches whose seam is too narrow, placed at the narrowest."""
     if not seams_mm:
         return
     least_mm = profile.settings(Operation.WELDCUT).seam_width_mm.value
@@ -283,7 +279,7 @@ def _seam_hits(
             measured=low[worst][0],
             limit=least_mm,
             branches=(worst,),
-            at_mm=middle_mm(subject.layout, row),
+            at_mm=branch_middle_mm(subject.layout, row),
             marker=mark_branches(subject.layout, [subject.names.index(name) for name in low]),
             aspect="seam",
         )
@@ -294,24 +290,24 @@ def _worst_of(of: str) -> str:
 
 
 def _seams_mm(subject: Subject, profile: LaserProfile) -> dict[str, tuple[float, str]]:
-    """Return the seam between lumen and kerf on the sides of each branch that has two, and whose.
+    """Return the seam between lumen and kerf of each branch with two sides, and its owner.
 
-    Of several robots alike, the narrowest counts.
+    Of several copies of a robot, the narrowest seam counts.
     """
     found: dict[str, tuple[float, str]] = {}
     paths = subject.own(Operation.WELDCUT)
     for path in paths:
         half_kerf_mm = profile.settings(Operation.WELDCUT).kerf_mm.value / 2.0
-        for row, wider_mm in excesses_mm(subject, path.contour, 0.0).items():
+        for row, wider_mm in _excess_widths_mm(subject, path.contour, 0.0).items():
             seam_mm = wider_mm / 2.0 - half_kerf_mm
             name = subject.names[row]
             if seam_mm < found.get(name, (math.inf, ""))[0]:
-                found[name] = seam_mm, whose(path, paths)
+                found[name] = seam_mm, _owner(path, paths)
     return found
 
 
 def _overcuts_mm(subject: Subject) -> Iterator[tuple[float, str]]:
-    """Yield by how much a cut at a mouth runs past each end of an outline on it, and whose."""
+    """Yield by how much a cut at a mouth runs past each end of an outline on it, and its owner."""
     ends = [
         path.contour.points_mm[row]
         for path in subject.own(Operation.WELDCUT)
@@ -323,7 +319,7 @@ def _overcuts_mm(subject: Subject) -> Iterator[tuple[float, str]]:
         for segment in path.contour.segments:
             if segment.part is Part.MOUTH and not segment.bulge:
                 for past_mm in _past_mm(segment, ends):
-                    yield past_mm, whose(path, cuts)
+                    yield past_mm, _owner(path, cuts)
 
 
 def _past_mm(cut: Segment, ends: list[Floats]) -> Iterator[float]:
@@ -345,5 +341,5 @@ SEAM_WIDTH = Rule(
     limits={"slack": 0.005},
     reason="a narrower seam was never tested, and a mouth that is not cut through tears it open; "
     "the slack is what a laser's steps round away (assumed)",
-    look=check_seams,
+    check=check_seams,
 )

@@ -1,19 +1,26 @@
-"""All design rules by id, and whose limits count: rule, recipe, design or user."""
+"""All design rules by id, and their limits as changed by recipe, design and command line."""
 
 from collections.abc import Iterable, Mapping
 
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.registry import Registry
 from vinefab.fabrication.rules.as_built import BUILT_WIDTH, READBACK, SEAM_WIDTH
-from vinefab.fabrication.rules.clearance import CLEARANCE, FOREIGN_FILLET, OVERLAP
+from vinefab.fabrication.rules.clearance import CLEARANCE, FOREIGN_FILLET, OVERLAP, POUCH
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, TURN
-from vinefab.fabrication.rules.laser_paths import MARKS, ORDER, PATHS
-from vinefab.fabrication.rules.materials import BED, FILM, MACHINE, PLY, STATUS
-from vinefab.fabrication.rules.pouches import POUCH
+from vinefab.fabrication.rules.laser_rules import (
+    BED,
+    FILM,
+    MACHINE,
+    MARKS,
+    ORDER,
+    PATHS,
+    PLY,
+    STATUS,
+)
 from vinefab.fabrication.rules.pressure_limits import BURST, RATING, STRAIN, WINDOW
+from vinefab.fabrication.rules.rig_rules import CORRIDORS, OBSTACLE_HEIGHT, RIG_SIZE, RIG_SOLIDS
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
-from vinefab.fabrication.rules.test_rig import CORRIDORS, OBSTACLE_HEIGHT, RIG_SIZE, RIG_SOLIDS
-from vinefab.fabrication.rules.whole import CLAMP, MOUTH, POLYGON, REACH, TAIL, TREE
+from vinefab.fabrication.rules.tree_and_base import CLAMP, MOUTH, POLYGON, REACH, TAIL, TREE
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
 from vinefab.model.design import Design
 from vinefab.model.finding import ChangedLimit
@@ -46,8 +53,7 @@ RULES: Registry[Rule] = Registry(
 SHEET_RULES = frozenset(
     rule.id for rule in (BED, MARKS, PATHS, ORDER, PLY, MACHINE, STATUS, READBACK)
 )
-"""Rules about a sheet, its recipe and its files; on a sheet of several robots they look once."""
-
+"""Rules about a sheet, its recipe and its files: they run once on a sheet of several robots."""
 
 COMMAND_LINE = "--limit"
 
@@ -55,7 +61,10 @@ COMMAND_LINE = "--limit"
 def changed_limits(
     design: Design, profile: LaserProfile | None = None, given: LimitChanges | None = None
 ) -> tuple[ChangedLimit, ...]:
-    """Return every limit that is not the rule's default, with who changed it last."""
+    """Return every limit that differs from its default, with the source of its value.
+
+    The command line overrides the design, and the design overrides the recipe.
+    """
     sources: list[tuple[str, LimitChanges]] = [
         (f"design {design.name}", design.limits),
         (COMMAND_LINE, given or {}),
@@ -81,8 +90,6 @@ def by_rule(changed: Iterable[ChangedLimit]) -> dict[str, dict[str, float]]:
 def parsed_limits(texts: Iterable[str]) -> dict[str, dict[str, float]]:
     """Return limits from texts like ``VF-C01.warning=6``.
 
-    Examples
-    --------
     >>> parsed_limits(["VF-C01.warning=6", "VF-C01.error=4"])
     {'VF-C01': {'warning': 6.0, 'error': 4.0}}
     """

@@ -1,34 +1,44 @@
-"""Rules about branches and fillets that come too near each other on the flat sheet."""
+"""Rules about branches, fillets and pouches that come too near each other on the flat sheet."""
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from vinefab.fabrication.outline.exactness import ProblemKind
+from vinefab.fabrication.outline.stroke import Point
 from vinefab.fabrication.rules.rule import (
     BrokenLimit,
     Limits,
-    Point,
     Rule,
     RuleApplied,
     Violation,
+    branch_tip_mm,
+    branch_violation,
     mark_line,
+    outline_violations,
 )
-from vinefab.fabrication.rules.shapes import Shapes
-from vinefab.fabrication.rules.spacing import Hulls, Spacing, point_gap_mm, spacing
+from vinefab.fabrication.rules.spacing import (
+    Capsules,
+    Spacing,
+    capsule_hulls,
+    point_gap_mm,
+    share_joint,
+    spacing,
+)
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import Severity
 from vinefab.model.outline import Part, Segment
 
 MOST_FINDINGS = 100
-"""A rule names so many pairs, the tightest ones; the rest are counted in one more finding."""
+"""Most pairs that a rule reports, tightest first; one more finding counts the rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Near:
+class NearBranches:
     """Two branches and where they are nearest."""
 
     branches: tuple[str, ...]  # ids of both
@@ -36,43 +46,51 @@ class Near:
     at_mm: Point  # middle of the gap
     marker: str  # line across the gap, from centre line to centre line
 
+    def violation(self, message: str, broken: BrokenLimit) -> Violation:
+        """Return the violation by this pair."""
+        return Violation(
+            message=message,
+            severity=broken.severity,
+            measured=self.gap_mm,
+            limit=broken.limit,
+            branches=self.branches,
+            at_mm=self.at_mm,
+            marker=self.marker,
+        )
 
-def near_branches(
+
+def _nearest_pairs(
     subject: Subject, found: Spacing, chosen: NDArray[np.bool_]
-) -> tuple[list[Near], int]:
-    """Return pairs of branches by their smallest gap, tightest first, and how many there are.
-
-    Parameters
-    ----------
-    chosen
-        Which of them count, shape (k,).
-    """
-    rows = _tightest_of_each(subject.shapes, found, np.flatnonzero(chosen))
+) -> tuple[list[NearBranches], int]:
+    """Return chosen pairs of branches by their smallest gap, tightest first, and their count."""
+    rows = _tightest_of_each(subject.capsules, found, np.flatnonzero(chosen))
     return [_near(subject, found, row) for row in rows[:MOST_FINDINGS].tolist()], len(rows)
 
 
-def remaining_violations(pairs: int, words: str) -> tuple[Violation, ...]:
-    """Return one more hit for the pairs beyond `MOST_FINDINGS`, if there are any."""
+def _remaining(pairs: int, predicate: str) -> tuple[Violation, ...]:
+    """Return one violation for all pairs beyond `MOST_FINDINGS`, if there are any."""
     if pairs <= MOST_FINDINGS:
         return ()
-    rest = f"{pairs - MOST_FINDINGS} more pairs of branches {words}"
+    rest = f"{pairs - MOST_FINDINGS} more pairs of branches {predicate}"
     return (Violation(message=rest, severity=Severity.INFO, aspect="rest"),)
 
 
-def _tightest_of_each(shapes: Shapes, found: Spacing, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+def _tightest_of_each(
+    capsules: Capsules, found: Spacing, rows: NDArray[np.intp]
+) -> NDArray[np.intp]:
     rows = rows[np.argsort(found.gap_mm[rows] - found.crossing_mm[rows], kind="stable")]
     pair = np.sort(
-        np.column_stack([shapes.branch[found.first[rows]], shapes.branch[found.second[rows]]])
+        np.column_stack([capsules.branch[found.first[rows]], capsules.branch[found.second[rows]]])
     )
     _, first = np.unique(pair, axis=0, return_index=True)
     return np.asarray(rows[np.sort(first)])
 
 
-def _near(subject: Subject, found: Spacing, row: int) -> Near:
+def _near(subject: Subject, found: Spacing, row: int) -> NearBranches:
     capsules = (int(found.first[row]), int(found.second[row]))
-    branches = sorted(int(subject.shapes.branch[capsule]) for capsule in capsules)
+    branches = sorted(int(subject.capsules.branch[capsule]) for capsule in capsules)
     (x0, y0), (x1, y1) = found.first_mm[row].tolist(), found.second_mm[row].tolist()
-    return Near(
+    return NearBranches(
         branches=subject.ids(*branches),
         gap_mm=float(found.gap_mm[row]),
         at_mm=((x0 + x1) / 2.0, (y0 + y1) / 2.0),
@@ -82,22 +100,14 @@ def _near(subject: Subject, found: Spacing, row: int) -> Near:
 
 def check_overlap(subject: Subject, _: Limits) -> RuleApplied:
     """VF-T03: branches that share no joint do not overlap."""
-    found = spacing(subject.shapes, 0.0)
-    nears, pairs = near_branches(subject, found, ~found.joined & (found.gap_mm < 0.0))
-    hits = [
-        Violation(
-            message="the branches overlap when flat: widen the fan, or shorten one of them",
-            measured=near.gap_mm,
-            limit=0.0,
-            branches=near.branches,
-            at_mm=near.at_mm,
-            marker=near.marker,
-        )
-        for near in nears
-    ]
+    found = spacing(subject.capsules, 0.0)
+    nears, pairs = _nearest_pairs(subject, found, ~found.joined & (found.gap_mm < 0.0))
+    message = "the branches overlap when flat: widen the fan, or shorten one of them"
+    broken = BrokenLimit(severity=Severity.ERROR, limit=0.0)
+    violations = [near.violation(message, broken) for near in nears]
     return RuleApplied(
         checked=len(subject.layout.tree),
-        hits=(*hits, *remaining_violations(pairs, "overlap when flat")),
+        violations=(*violations, *_remaining(pairs, "overlap when flat")),
     )
 
 
@@ -108,41 +118,24 @@ def check_clearance(subject: Subject, limits: Limits) -> RuleApplied:
     half of the shorter one (VF-C03), and from there on two straight sides only part: at the end of
     the shorter one they are a branch's width apart. Pouches can close a notch again: VF-C07.
     """
-    found = spacing(subject.shapes, max(limits["error"], limits["warning"]))
+    found = spacing(subject.capsules, max(limits["error"], limits["warning"]))
     apart = ~found.joined & (found.gap_mm >= 0.0)
     return RuleApplied(
-        checked=len(subject.layout.tree), hits=gap_violations(subject, limits, found, apart)
+        checked=len(subject.layout.tree), violations=_gap_violations(subject, limits, found, apart)
     )
 
 
-def gap_violations(
+def _gap_violations(
     subject: Subject, limits: Limits, found: Spacing, chosen: NDArray[np.bool_]
 ) -> tuple[Violation, ...]:
-    """Return a hit for each pair of branches whose gap is below the limits.
-
-    Parameters
-    ----------
-    chosen
-        Which of them count, shape (k,).
-    """
+    """Return a violation for each chosen pair of branches whose gap is below the limits."""
     low = chosen & (found.gap_mm < max(limits["error"], limits["warning"]))
-    nears, pairs = near_branches(subject, found, low)
-    hits = []
-    for near in nears:
-        breach = limits.least(near.gap_mm)
-        if breach:
-            hits.append(
-                Violation(
-                    message="too little film is left between the branches: move them apart",
-                    severity=breach.severity,
-                    measured=near.gap_mm,
-                    limit=breach.limit,
-                    branches=near.branches,
-                    at_mm=near.at_mm,
-                    marker=near.marker,
-                )
-            )
-    return (*hits, *remaining_violations(pairs, "come too near each other"))
+    nears, pairs = _nearest_pairs(subject, found, low)
+    message = "too little film is left between the branches: move them apart"
+    violations = [
+        near.violation(message, broken) for near in nears if (broken := limits.least(near.gap_mm))
+    ]
+    return (*violations, *_remaining(pairs, "come too near each other"))
 
 
 OVERLAP = Rule(
@@ -150,7 +143,7 @@ OVERLAP = Rule(
     title="branches that are not joined do not overlap when flat",
     unit="mm",
     reason="a flat sheet has no room for two branches at one place",
-    look=check_overlap,
+    check=check_overlap,
 )
 CLEARANCE = Rule(
     id="VF-C01",
@@ -158,7 +151,7 @@ CLEARANCE = Rule(
     unit="mm",
     limits={"error": 3.0, "warning": 5.0},
     reason="seam, kerf and heat of two outlines need room between them, or they melt into one",
-    look=check_clearance,
+    check=check_clearance,
 )
 
 
@@ -176,15 +169,15 @@ def check_foreign(subject: Subject, limits: Limits) -> RuleApplied:
     The capsules of VF-C01 leave fillets out; a large fillet can close the gap to a branch that is
     clear of both its sides. A fillet at a pouch's neck belongs to the joint of its branch.
     """
-    webs = list(_webs(subject))
+    webs = list(_fillet_webs(subject))
     reach_mm = max(limits["error"], limits["warning"])
-    shapes = subject.shapes
-    hulls = _hulls(subject)
+    capsules = subject.capsules
+    hulls = _capsule_polygons(subject)
     tree = shapely.STRtree(hulls)
     nearest: dict[tuple[int, int], tuple[float, _Web, int]] = {}
     for web in webs:
         for row in tree.query(web.area, predicate="dwithin", distance=reach_mm).tolist():
-            other = int(shapes.branch[row])
+            other = int(capsules.branch[row])
             if _related(subject, web.branch, other):
                 continue
             gap_mm = _gap_mm(subject, web.area, hulls[row], row)
@@ -192,37 +185,37 @@ def check_foreign(subject: Subject, limits: Limits) -> RuleApplied:
             if pair not in nearest or gap_mm < nearest[pair][0]:
                 nearest[pair] = gap_mm, web, row
     order = sorted(nearest.items(), key=lambda item: item[1][0])
-    hits = []
+    violations = []
     for (one, two), (gap_mm, web, row) in order[:MOST_FINDINGS]:
-        breach = limits.least(gap_mm)
-        if breach:
-            hits.append(_hit(subject, (one, two), (web, hulls[row]), (gap_mm, breach)))
-    rest = remaining_violations(len(order), "are reached by a fillet of another joint")
-    return RuleApplied(checked=len(webs), hits=(*hits, *rest))
+        broken = limits.least(gap_mm)
+        if broken:
+            violations.append(_violation(subject, (one, two), (web, hulls[row]), (gap_mm, broken)))
+    rest = _remaining(len(order), "are reached by a fillet of another joint")
+    return RuleApplied(checked=len(webs), violations=(*violations, *rest))
 
 
-def _hit(
+def _violation(
     subject: Subject,
     branches: tuple[int, int],
-    shapes: tuple[_Web, shapely.Geometry],
+    geometry: tuple[_Web, shapely.Geometry],
     found: tuple[float, BrokenLimit],
 ) -> Violation:
-    gap_mm, breach = found
-    web, hull = shapes
+    gap_mm, broken = found
+    web, hull = geometry
     points = shapely.get_coordinates(shapely.shortest_line(web.area, hull)).tolist()
     start, end = (points[0][0], points[0][1]), (points[-1][0], points[-1][1])
     return Violation(
         message="a fillet reaches a branch of another joint: make it smaller, or part the branches",
-        severity=breach.severity,
+        severity=broken.severity,
         measured=gap_mm,
-        limit=breach.limit,
+        limit=broken.limit,
         branches=subject.ids(*branches),
         at_mm=start,
         marker=mark_line(start, end),
     )
 
 
-def _webs(subject: Subject) -> Iterator[_Web]:
+def _fillet_webs(subject: Subject) -> Iterator[_Web]:
     rows = {name: row for row, name in enumerate(subject.names)}
     for segment in subject.outline.contour.segments:
         if segment.part is Part.FILLET and segment.bulge:
@@ -244,10 +237,10 @@ def _web(segment: Segment) -> shapely.Polygon:
     return shapely.Polygon([*segment.flattened_mm().tolist(), *corners])
 
 
-def _hulls(subject: Subject) -> np.ndarray:
-    """Return the capsules as shapes."""
-    shapes = subject.shapes
-    ends = (shapes.start_mm, shapes.half_mm), (shapes.end_mm, shapes.end_half_mm)
+def _capsule_polygons(subject: Subject) -> np.ndarray:
+    """Return the capsules as polygons."""
+    capsules = subject.capsules
+    ends = (capsules.start_mm, capsules.half_mm), (capsules.end_mm, capsules.end_half_mm)
     discs = [
         shapely.buffer(shapely.points(centre), np.maximum(half, 1e-6), quad_segs=64)
         for centre, half in ends
@@ -260,23 +253,14 @@ def _gap_mm(subject: Subject, area: shapely.Polygon, hull: shapely.Geometry, row
     gap_mm = float(shapely.distance(area, hull))
     if gap_mm > 0.0:
         return gap_mm
-    points, shapes = shapely.get_coordinates(area), subject.shapes
+    points, capsules = shapely.get_coordinates(area), subject.capsules
     rows = np.full(len(points), row)
-    capsules = Hulls(
-        start_mm=shapes.start_mm[rows],
-        run_mm=shapes.end_mm[rows] - shapes.start_mm[rows],
-        half_mm=shapes.half_mm[rows],
-        growth_mm=shapes.end_half_mm[rows] - shapes.half_mm[rows],
-    )
-    return min(-1e-6, float(point_gap_mm(points, capsules).min()))
+    return min(-1e-6, float(point_gap_mm(points, capsule_hulls(capsules, rows)).min()))
 
 
 def _related(subject: Subject, one: int, two: int) -> bool:
     """Whether two branches share a joint, or are the same."""
-    parent = subject.layout.tree.parent
-    return bool(
-        one == two or parent[one] == parent[two] or parent[one] == two or parent[two] == one
-    )
+    return one == two or bool(share_joint(subject.layout.tree.parent, one, two))
 
 
 FOREIGN_FILLET = Rule(
@@ -285,5 +269,124 @@ FOREIGN_FILLET = Rule(
     unit="mm",
     limits={"error": 0.0, "warning": 3.0},
     reason="a fillet that swallows another branch's side changes the robot",
-    look=check_foreign,
+    check=check_foreign,
+)
+
+
+_ARC_STEPS = 32
+_LEAST_NOTCH_MM2 = 0.05
+_SLACK_MM = 0.02
+
+
+def notches(body: shapely.Polygon, width_mm: float) -> list[shapely.Polygon]:
+    """Return where a disc of a diameter does not fit into the film around a body.
+
+    Returns
+    -------
+    list of Polygon
+        What morphological closing of the body by the disc adds, without slivers. A fillet of at
+        least half the width adds nothing, nor does film between sides that part from such a fillet.
+    """
+    closed = shapely.buffer(body, width_mm / 2.0, quad_segs=_ARC_STEPS)
+    closed = shapely.buffer(closed, -width_mm / 2.0, quad_segs=_ARC_STEPS)
+    # The chords of both buffers leave a film as thin as their sagitta all around.
+    sagitta_mm = width_mm * (1.0 - math.cos(math.pi / (4 * _ARC_STEPS)))
+    added = shapely.difference(closed, shapely.buffer(body, _SLACK_MM + sagitta_mm))
+    return [part for part in shapely.get_parts(added).tolist() if part.area > _LEAST_NOTCH_MM2]
+
+
+def lies_between(
+    subject: Subject, found: list[shapely.Polygon], branches: tuple[str, ...], within_mm: float
+) -> bool:
+    """Whether one of the notches lies near all of the branches."""
+    capsules = subject.capsules
+    near = []
+    for name in branches:
+        rows = capsules.branch == subject.names.index(name)
+        lines = [
+            shapely.LineString([a, b])
+            for a, b in zip(capsules.start_mm[rows], capsules.end_mm[rows], strict=True)
+        ]
+        near.append(list(zip(lines, capsules.half_mm[rows].tolist(), strict=True)))
+    return any(
+        all(
+            min(shapely.distance(notch, line) - half for line, half in one) < within_mm
+            for one in near
+        )
+        for notch in found
+    )
+
+
+def check_pouch(subject: Subject, limits: Limits) -> RuleApplied:
+    """VF-C07: pouches are wider than their branch, as long, and clear of branches at its joint.
+
+    Near its own parent a pouch ends in the fillets of joint and neck; where these fill the room
+    between, no film is left that could be too narrow. So the drawn outline decides there.
+
+    Their clearance to all other branches is VF-C01's and VF-T03's business, as for any branch.
+    """
+    pouch = subject.design.build.pouch
+    if pouch is None:
+        return RuleApplied(checked=0)
+    reach_mm = max(limits["error"], limits["warning"])
+    found = spacing(subject.capsules, reach_mm)
+    near = _gap_violations(subject, limits, found, found.joined & found.pouch)
+    violations = (*_confirmed(subject, limits, near),)
+    width_mm = subject.design.build.end_widths_mm[-1]
+    leaves = np.flatnonzero(subject.layout.is_leaf).tolist()
+    if pouch.length_mm is not None and pouch.length_mm < width_mm:
+        small = _too_small(
+            subject, leaves, pouch.length_mm, "shorter than its branch is wide: lengthen"
+        )
+        violations = (replace(small, aspect="length"), *violations)
+    if pouch.flat_width_mm <= width_mm:
+        small = _too_small(subject, leaves, pouch.flat_width_mm, "no wider than its branch: widen")
+        violations = (replace(small, aspect="width"), *violations)
+    more = outline_violations(subject, ProblemKind.POUCH_WIDTH, known=violations)
+    return RuleApplied(checked=len(leaves), violations=(*violations, *more))
+
+
+def _too_small(
+    subject: Subject, leaves: list[int], measured_mm: float, predicate: str
+) -> Violation:
+    """Return a violation by the pouches, all alike, of which a size is below the leaf's width."""
+    message = f"the pouch is {predicate} it or leave it out"
+    limit = BrokenLimit(severity=Severity.ERROR, limit=subject.design.build.end_widths_mm[-1])
+    at_mm = branch_tip_mm(subject.layout, leaves[0])
+    return branch_violation(
+        subject, leaves[:1], message, (measured_mm, limit), at_mm=at_mm, marked=leaves
+    )
+
+
+def _confirmed(
+    subject: Subject, limits: Limits, violations: tuple[Violation, ...]
+) -> Iterator[Violation]:
+    """Yield violations; of a pouch and its own parent only where the outline has a notch."""
+    body = subject.body
+    parents = {name: name.rpartition(".")[0] for name in subject.names}
+    seen: dict[float, list[shapely.Polygon]] = {}
+    for violation in violations:
+        pair = violation.branches
+        own = len(pair) == 2 and pair[0] == parents[pair[1]]
+        if not own or not body.is_valid:
+            yield violation
+            continue
+        for severity in (Severity.ERROR, Severity.WARNING):
+            width_mm = limits[severity]
+            if violation.measured is None or violation.measured > width_mm:
+                continue
+            if width_mm not in seen:
+                seen[width_mm] = notches(body, width_mm)
+            if lies_between(subject, seen[width_mm], violation.branches, width_mm):
+                yield replace(violation, severity=severity, limit=width_mm)
+                break
+
+
+POUCH = Rule(
+    id="VF-C07",
+    title="pouch wider and longer than its branch is wide, clear of its neighbours at the joint",
+    unit="mm",
+    limits={"error": 3.0, "warning": 5.0},
+    reason="a pouch holds by being wider than its branch; two pouches that touch melt into one",
+    check=check_pouch,
 )

@@ -1,4 +1,4 @@
-"""What a changed design has to keep, and how much it differs from the one that it was made of."""
+"""What a fixed design must meet, and the cost of its changes."""
 
 import math
 from collections.abc import Iterator
@@ -6,28 +6,27 @@ from dataclasses import dataclass, replace
 
 from vinefab.core.units import deg
 from vinefab.fabrication.job.passes import weldcut_offset_mm
-from vinefab.fabrication.outline.crotch import largest_fillet_mm
+from vinefab.fabrication.outline.gap import largest_fillet_mm
 from vinefab.fabrication.outline.joint import level_tapers_rad
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
-from vinefab.fabrication.rules.clearance import CLEARANCE
+from vinefab.fabrication.rules.clearance import CLEARANCE, POUCH
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET
-from vinefab.fabrication.rules.laser_paths import PATHS
-from vinefab.fabrication.rules.penalty import fabrication_penalty
-from vinefab.fabrication.rules.pouches import POUCH
+from vinefab.fabrication.rules.laser_rules import PATHS
+from vinefab.fabrication.rules.penalty import fabrication_penalty, relative_excess
 from vinefab.fabrication.rules.pressure_limits import (
     BURST,
     WINDOW,
     GrowthConstantsRange,
-    allowed_n_mm,
+    growth_limit_kpa,
+    safe_pressure_kpa,
 )
 from vinefab.fabrication.rules.rule import LimitChanges, Limits, Rule
-from vinefab.fabrication.rules.whole import CLAMP, MOUTH, TAIL
+from vinefab.fabrication.rules.tree_and_base import CLAMP, MOUTH, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.job import Operation
 from vinefab.model.laser import LaserProfile
-from vinefab.physics.growth_pressure import GrowthPath
-from vinefab.physics.seam import burst_pressure_kpa
+from vinefab.physics.growth_path import GrowthPath
 from vinefab.physics.tube import inflated_diameter_mm
 
 WEIGHTS = {
@@ -41,8 +40,8 @@ WEIGHTS = {
     "tail": 0.1,
     "pressure": 0.1,
 }
-"""What a change of each kind costs: a length or width by its relative change (absolute logarithm),
-an angle by its change in radians, pruned branches by the logarithm of the planned length left.
+"""Cost of a change by its kind: of a length or width by the absolute logarithm of its ratio, of an
+angle by its change in radians, of pruned branches by the logarithm of the planned length left.
 Where the robot goes counts most, how it is made least; the numbers are vinefab's own."""
 
 _UNCHANGED = 1e-9
@@ -53,15 +52,14 @@ class DesignChange:
     """One value of a design that was changed."""
 
     what: str  # which value (``level 2 length``)
-    # before, after: its values, in ``unit``
-    before: float
-    after: float
-    unit: str  # their unit, empty for numbers of things
-    cost: float  # its share of the whole change
+    before: float  # in `unit`
+    after: float  # in `unit`
+    unit: str  # empty for counts
+    cost: float  # its share of the cost of all changes
 
     @property
     def text(self) -> str:
-        """Return the change in words."""
+        """The change as a line for the user."""
         unit = f" {self.unit}" if self.unit else ""
         percent = 100.0 * (self.after / self.before - 1.0) if self.before else 0.0
         relative = f" ({percent:+.1f} %)" if self.unit not in ("", "deg") and percent else ""
@@ -69,7 +67,7 @@ class DesignChange:
 
 
 def design_changes(before: Design, after: Design) -> tuple[DesignChange, ...]:
-    """Return every value that differs between two designs, the later one pruned or not."""
+    """Return every value that differs between a design and its fixed version."""
     found = [*_pruned(before, after), *_sizes(before, after), *_built(before.build, after.build)]
     return tuple(change for change in found if change.cost > _UNCHANGED)
 
@@ -90,7 +88,7 @@ def planned_length_mm(trunk_mm: float, levels: tuple[Level, ...]) -> float:
 
 
 def pruning_cost(before: Design, branches: tuple[int, ...]) -> float:
-    """Return what it costs to keep only some branches, by the planned length that is left."""
+    """Return the cost of keeping only some branches, by the planned length that is left."""
     kept = tuple(
         Level(
             branches=count,
@@ -155,7 +153,7 @@ def _built(before: Build, after: Build) -> Iterator[DesignChange]:
 def _relative(
     kind: str, where: str, before: float, after: float, unit: str = "mm", scale: float = 1.0
 ) -> DesignChange:
-    """Return a change that counts by its logarithm; from or to nothing it counts as doubled."""
+    """Return a change with a logarithmic cost; from or to zero it costs as much as doubling."""
     same = before == after
     size = 0.0 if same else math.log(2.0)
     if not same and before > 0.0 and after > 0.0:
@@ -175,13 +173,12 @@ _MOST = (PACKING, CROTCH, CLAMP)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixTargets:
-    """What a design is held against while it is mended."""
+    """The limits that a fixed design must keep."""
 
     profile: LaserProfile  # machine, material and recipe
-    # limits that differ from the defaults, a little stricter than those of the check
-    limits: LimitChanges
-    # how much of the allowed pressure growth in free space may take: less than 1 where contacts on
-    # a map add to it
+    limits: LimitChanges  # that differ from the defaults, slightly stricter than those of the check
+    # Share of the allowed pressure that growth in free space may take: below 1 where contacts on a
+    # map add to it.
     window_share: float = 1.0
 
     @classmethod
@@ -194,10 +191,18 @@ class FixTargets:
         margin: float = 0.0,
         window_share: float = 1.0,
     ) -> "FixTargets":
-        """Return the bench for a design."""
-        limits = {
-            rule: dict(v) for rule, v in by_rule(changed_limits(design, profile, given)).items()
-        }
+        """Return the targets for a design.
+
+        Parameters
+        ----------
+        given
+            Limits that override those of recipe and design.
+        margin
+            How much stricter the targets are than the limits, relative to them.
+        window_share
+            See the field.
+        """
+        limits = by_rule(changed_limits(design, profile, given))
         for rules, factor in ((_LEAST, 1.0 + margin), (_MOST, 1.0 - margin)):
             for rule in rules:
                 named = limits.setdefault(rule.id, {})
@@ -208,10 +213,10 @@ class FixTargets:
         """Return a rule's limits."""
         return RULES[rule.id].limits_with(self.limits.get(rule.id, {}))
 
-    def trouble(self, design: Design) -> float:
-        """Return how far a design is from keeping the error limits; 0 where it does.
+    def penalty(self, design: Design) -> float:
+        """Return how far a design is from keeping the error limits; 0 if it keeps them.
 
-        Not looked at are rules that only the laser's paths can answer.
+        Rules about the laser's paths are not included.
         """
         material = self.profile.material
         found = fabrication_penalty(
@@ -223,23 +228,25 @@ class FixTargets:
         build = design.build
         return found + math.log1p(
             self._clamp(build)
-            + _over(self.of_rule(MOUTH)["error"], build.mouth_width_mm)
-            + _over(self.least_pouch_mm(build), build.pouch.flat_width_mm if build.pouch else 0.0)
+            + relative_excess(self.of_rule(MOUTH)["error"], build.mouth_width_mm)
+            + relative_excess(
+                self.least_pouch_mm(build), build.pouch.flat_width_mm if build.pouch else 0.0
+            )
             + self._window(design)
             + self._fillets(design)
         )
 
     def _clamp(self, build: Build) -> float:
-        """Return by how much the tail is too wide for a clamp; a collar fits it to its own."""
+        """Return by how much the tail is too wide for a clamp; a collar fits its own clamp."""
         most_mm = self.of_rule(CLAMP)["error"]
-        return 0.0 if build.collar else _over(build.mouth_width_mm, most_mm)
+        return 0.0 if build.collar else relative_excess(build.mouth_width_mm, most_mm)
 
     def least_pouch_mm(self, build: Build) -> float:
         """Return the least flat width of a design's pouches, 0 where it has none."""
         return 1.01 * build.widths_mm[-1] if build.pouch else 0.0
 
     def settled(self, build: Build) -> Build:
-        """Return a build with what follows from its widths alone: fillets, tail and pressure."""
+        """Return a build whose fillets, tail and pressure keep the limits at its widths."""
         fillet, widths = self.of_rule(FILLET), build.widths_mm
         fillets_mm = tuple(
             max(self.least_fillet_mm(), min(radius, fillet["most_error_share"] * width))
@@ -253,13 +260,10 @@ class FixTargets:
         )
 
     def most_kpa(self, build: Build) -> float:
-        """Return the largest working pressure that seams may be given at a build's widths."""
-        factor = self.of_rule(BURST)["safety_factor"]
-        most = min(self._burst_kpa(build) / factor, self.profile.material.burst_kpa.value)
-        return math.floor(1000.0 * most) / 1000.0
-
-    def _burst_kpa(self, build: Build) -> float:
-        return burst_pressure_kpa(build.widest_mm, allowed_n_mm(self.profile.material))
+        """Return the largest working pressure that the seams stand at a build's widths."""
+        material = self.profile.material
+        safe = safe_pressure_kpa(build.widest_mm, material, self.of_rule(BURST))
+        return math.floor(1000.0 * min(safe, material.burst_kpa.value)) / 1000.0
 
     def _sheet_mm(self) -> tuple[float, float]:
         """Return the room for the bare body: the bed less seam, kerf and the mouth's overcut."""
@@ -269,33 +273,34 @@ class FixTargets:
         return wide - rim_mm, high - rim_mm
 
     def least_fillet_mm(self) -> float:
-        """Return the least fillet radius that is allowed and that the laser can still run."""
+        """Return the least fillet radius that the rules allow and the laser can run."""
         least_run_mm = self.of_rule(PATHS)["radius_error"] + weldcut_offset_mm(self.profile)
         return max(self.of_rule(FILLET)["error"], 1.001 * least_run_mm)
 
     def _fillets(self, design: Design) -> float:
-        """Return by how much fillets are drawn too small, where an angle has no room for more."""
+        """Return by how much fillets are drawn too small because an angle has no room for more."""
         least_mm = self.least_fillet_mm()
-        return math.fsum(_over(least_mm, drawn_mm) for drawn_mm in _drawn_fillets_mm(design))
+        return math.fsum(
+            relative_excess(least_mm, drawn_mm) for drawn_mm in _drawn_fillets_mm(design)
+        )
 
     def _window(self, design: Design) -> float:
-        """Return by how much growth in free space takes too much, relative to what is allowed."""
+        """Return the relative excess of the pressure that growth in free space takes."""
         limits = self.of_rule(WINDOW)
-        allowed = self._burst_kpa(design.build) / limits["safety_factor"]
-        allowed /= 1.0 + limits["margin_percent"] / 100.0
+        allowed = growth_limit_kpa(design.build.widest_mm, self.profile.material, limits)
         fit = GrowthConstantsRange.of(self.profile, limits)
         worst = 0.0
         for depth, end_mm in enumerate(design.build.end_widths_mm):
             constants = fit.loose.at_diameter(inflated_diameter_mm(end_mm), fit.diameter_mm)
             path = _worst_path(design, depth)
             worst = max(worst, path.pressure_kpa(constants, _riding_mm(design, depth)))
-        return _over(worst, self.window_share * allowed)
+        return relative_excess(worst, self.window_share * allowed)
 
 
 def _drawn_fillets_mm(design: Design) -> list[float]:
-    """Return the radii that angles leave of the fillets: beside the parent, between the shortest.
+    """Return the fillet radii that the angles allow in the two tightest gaps of each level.
 
-    Of all gaps of a level these two have the least room.
+    These are the gap beside the parent and the one between the two shortest children.
     """
     found: list[float] = []
     build, above_mm = design.build, design.trunk_length_mm
@@ -316,13 +321,8 @@ def _drawn_fillets_mm(design: Design) -> list[float]:
     return found
 
 
-def _over(value: float, most: float) -> float:
-    """Return by how much a value is above another one, relative to it, at most 10."""
-    return 0.0 if value <= most else min(10.0, (value - most) / max(most, 1e-9))
-
-
 def _worst_path(design: Design, depth: int) -> GrowthPath:
-    """Return a path to a level that is no shorter and no straighter than any of its own."""
+    """Return a path to a level as long as its longest and as winding as its most winding."""
     lengths, turns = [design.trunk_length_mm], []
     for level in design.levels[:depth]:
         lengths.append(level.length_mm * (max(1.0, level.growth) if level.branches > 1 else 1.0))
@@ -331,7 +331,7 @@ def _worst_path(design: Design, depth: int) -> GrowthPath:
 
 
 def _riding_mm(design: Design, depth: int) -> float:
-    """Return the film that rides behind each branch of a level, as a length of its own width."""
+    """Return the film carried by each branch of a level, as a length of the branch's own width."""
     widths_mm = design.build.widths_mm
     film_mm2 = 0.0
     for below in range(depth, len(design.levels)):

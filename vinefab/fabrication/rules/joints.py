@@ -1,13 +1,13 @@
 """Rules about joints: angles, crotches, fillets and turns."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.outline.crotch import Gap, crotch_reach_mm
 from vinefab.fabrication.outline.exactness import ProblemKind
+from vinefab.fabrication.outline.gap import Gap, crotch_reach_mm
 from vinefab.fabrication.outline.joint import joint_of, level_tapers_rad
 from vinefab.fabrication.rules.rule import (
     BrokenLimit,
@@ -15,9 +15,9 @@ from vinefab.fabrication.rules.rule import (
     Rule,
     RuleApplied,
     Violation,
-    mark_branches,
+    branch_start_mm,
+    branch_violation,
     outline_violations,
-    place_mm,
 )
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
@@ -35,15 +35,13 @@ class LevelJoint:
 
     level: int  # level of the children, 2 or more
     joints: int  # how many such joints the design has
-    # parent, first_child: indices in the tree of the first of these joints' parent and clockwise-
-    # most child
-    parent: int
-    first_child: int
-    # the gaps around the joint on the lumen's edge, counter-clockwise, the parent's body first and
-    # last. An owner of 0 in a gap is the parent, 1 the first child, and so on.
+    parent: int  # tree index of the parent at the first of these joints
+    first_child: int  # tree index of that parent's clockwise-most child
+    # Gaps around the joint on the lumen's edge, counter-clockwise, the parent's body first and
+    # last. Owner 0 is the parent, 1 the first child, and so on.
     gaps: tuple[Gap, ...]
-    # smallest fillet radius that is drawn: the designed one, or less where the angle allows no
-    # more. Infinite if no gap has room for any fillet.
+    # Smallest fillet radius drawn: the designed one, or less where the angle allows no more;
+    # infinite if no gap has room for a fillet.
     fillet_mm: float
 
     def branch(self, owner: int) -> int:
@@ -94,13 +92,12 @@ def share_in_crotch(gap: Gap) -> float:
 
 
 def bare_gaps(design: Design) -> list[tuple[float, float]]:
-    """Return angle and share in the crotch of every kind of gap, without working out fillets.
+    """Return angle and share in the crotch of every kind of gap, in closed form, without fillets.
 
-    Parents that taper count with the side that leans most, children that do as if they were even.
-
-    For each level the gap beside the parent and, between children, the one between the two
-    shortest neighbours, in closed form. Fillets are drawn no larger than the crotch allows, so
-    these shares are above one half exactly when those of `share_in_crotch` are.
+    For each level that is the gap beside the parent and, between children, the one between the two
+    shortest neighbours. Fillets are drawn no larger than the crotch allows, so these shares exceed
+    one half exactly when those of `share_in_crotch` do. Tapered parents count with the side that
+    leans most, tapered children as if they were even.
     """
     found = []
     widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
@@ -130,101 +127,105 @@ def _bare_reach_mm(angle_rad: float, halves_mm: tuple[float, float], disc_mm: fl
 def check_angle(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-C02: neighbours round a joint, the parent's body among them, part at an angle."""
     joints = level_joints(subject.design)
-    hits = []
+    violations = []
     for joint in joints:
         # Between children all angles are alike, and the last one beside the parent mirrors the
         # first: two gaps stand for all.
         for gap in joint.gaps[:2][: len(joint.gaps) - 1]:
             angle_deg = math.degrees(gap.angle_rad)
-            breach = limits.least(angle_deg)
-            if breach:
-                words = "almost parallel: widen the fan or have fewer children"
+            broken = limits.least(angle_deg)
+            if broken:
+                predicate = "almost parallel: widen the fan or have fewer children"
                 if 0 in (gap.first.owner, gap.second.owner):
-                    words = "almost folded onto its parent: narrow the fan"
-                hits.append(_hit(subject, (joint, gap), words, (angle_deg, breach)))
-    return RuleApplied(checked=sum(len(joint.gaps) for joint in joints), hits=tuple(hits))
+                    predicate = "almost folded onto its parent: narrow the fan"
+                violations.append(_violation(subject, (joint, gap), predicate, (angle_deg, broken)))
+    return RuleApplied(
+        checked=sum(len(joint.gaps) for joint in joints), violations=tuple(violations)
+    )
 
 
 def check_crotch(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-C03: the filleted crotch ends within a share of the shorter neighbour."""
     joints = level_joints(subject.design)
-    hits = []
+    violations = []
     for joint in joints:
         gap = max(joint.gaps, key=share_in_crotch)
         share = share_in_crotch(gap)
-        breach = limits.most(share)
-        if breach:
-            words = (
+        broken = limits.most(share)
+        if broken:
+            predicate = (
                 f"webbed together for {gap.reach_mm:.1f} mm from the joint: lengthen the child, "
                 "widen the angle or narrow the branches"
             )
-            in_mm = BrokenLimit(severity=breach.severity, limit=breach.limit * shorter_mm(gap))
-            hits.append(_hit(subject, (joint, gap), words, (gap.reach_mm, in_mm)))
-    # The worst gap stands for its joint: the outline's word about its other gaps adds nothing.
-    told = {hit.at_mm for hit in hits}
-    crotches = outline_violations(subject, frozenset({ProblemKind.NARROW_CROTCH}))
-    hits += [hit for hit in crotches if hit.at_mm not in told]
-    hits += outline_violations(subject, frozenset({ProblemKind.NO_ROOM}))
-    return RuleApplied(checked=sum(len(joint.gaps) for joint in joints), hits=tuple(hits))
+            in_mm = BrokenLimit(severity=broken.severity, limit=broken.limit * shorter_mm(gap))
+            violations.append(_violation(subject, (joint, gap), predicate, (gap.reach_mm, in_mm)))
+    # The worst gap stands for its joint: the outline's problems in its other gaps add nothing.
+    reported = {violation.at_mm for violation in violations}
+    crotches = outline_violations(subject, ProblemKind.NARROW_CROTCH)
+    violations += [violation for violation in crotches if violation.at_mm not in reported]
+    violations += outline_violations(subject, ProblemKind.NO_ROOM)
+    return RuleApplied(
+        checked=sum(len(joint.gaps) for joint in joints), violations=tuple(violations)
+    )
 
 
 def check_fillet(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-C04: fillets are large enough, for the laser and for their child."""
     joints = level_joints(subject.design)
-    hits = []
+    violations = []
     for joint in joints:
         radius_mm = joint.fillet_mm
         width_mm = subject.design.build.widths_mm[joint.level - 1]
         least_mm = max(limits["warning"], limits["share_of_width"] * width_mm)
-        breach = Limits({"error": limits["error"], "warning": least_mm}).least(radius_mm)
-        if breach:
-            words = (
+        broken = Limits({"error": limits["error"], "warning": least_mm}).least(radius_mm)
+        if broken:
+            predicate = (
                 f"joined with too small a fillet: design {least_mm:.1f} mm or more, and widen the "
                 "angle if it is drawn smaller than designed"
             )
-            hits.append(_hit(subject, (joint, joint.gaps[0]), words, (radius_mm, breach)))
-        hits += _large_fillet(subject, joint, limits)
-    return RuleApplied(checked=len(joints), hits=tuple(hits))
+            violations.append(
+                _violation(subject, (joint, joint.gaps[0]), predicate, (radius_mm, broken))
+            )
+        violations += _large_fillet(subject, joint, limits)
+    return RuleApplied(checked=len(joints), violations=tuple(violations))
 
 
 def _large_fillet(subject: Subject, joint: LevelJoint, limits: Limits) -> list[Violation]:
-    """Return hits about a fillet that swells its child, or that is drawn smaller than designed."""
+    """Check for a fillet that swells its child, or that is drawn smaller than designed."""
     width_mm = subject.design.build.widths_mm[joint.level - 1]
     designed_mm = subject.design.build.fillet_mm[joint.level - 2]
     shares = {name: limits[f"most_{name}_share"] * width_mm for name in ("error", "warning")}
-    breach = Limits(shares).most(designed_mm)
+    broken = Limits(shares).most(designed_mm)
     where = joint, joint.gaps[0]
-    if breach:
-        words = (
+    if broken:
+        predicate = (
             f"joined with so large a fillet that the child is wider than designed far from the "
-            f"joint: design {breach.limit:.1f} mm or less"
+            f"joint: design {broken.limit:.1f} mm or less"
         )
-        return [_hit(subject, where, words, (designed_mm, breach))]
+        return [_violation(subject, where, predicate, (designed_mm, broken))]
     if joint.fillet_mm < designed_mm * (1.0 - 1e-9):
         less = BrokenLimit(severity=Severity.INFO, limit=designed_mm)
-        words = f"joined with a fillet of {joint.fillet_mm:.2f} mm: the angle has no room for more"
-        return [_hit(subject, where, words, (joint.fillet_mm, less))]
+        predicate = (
+            f"joined with a fillet of {joint.fillet_mm:.2f} mm: the angle has no room for more"
+        )
+        return [_violation(subject, where, predicate, (joint.fillet_mm, less))]
     return []
 
 
-def _hit(
-    subject: Subject, where: tuple[LevelJoint, Gap], words: str, found: tuple[float, BrokenLimit]
+def _violation(
+    subject: Subject,
+    where: tuple[LevelJoint, Gap],
+    predicate: str,
+    found: tuple[float, BrokenLimit],
 ) -> Violation:
-    """Return a hit about all joints of a level, at the first of them."""
+    """Return a violation by all joints of a level, placed at the first of them."""
     joint, gap = where
-    measured, breach = found
     rows = sorted(joint.branch(strip.owner) for strip in (gap.first, gap.second))
     all_joints = f" (and at {joint.joints - 1} more joints)" if joint.joints > 1 else ""
     names = " and ".join(subject.ids(*rows))
-    return Violation(
-        message=f"branches {names}{all_joints} are {words}",
-        severity=breach.severity,
-        measured=measured,
-        limit=breach.limit,
-        branches=subject.ids(*rows),
-        at_mm=place_mm(subject.layout, joint.first_child),
-        marker=mark_branches(subject.layout, rows),
-    )
+    message = f"branches {names}{all_joints} are {predicate}"
+    at_mm = branch_start_mm(subject.layout, joint.first_child)
+    return branch_violation(subject, rows, message, found, at_mm=at_mm)
 
 
 ANGLE = Rule(
@@ -233,7 +234,7 @@ ANGLE = Rule(
     unit="deg",
     limits={"error": 15.0, "warning": 20.0},
     reason="narrower crotches leave a sliver of film that the laser melts shut",
-    look=check_angle,
+    check=check_angle,
 )
 CROTCH = Rule(
     id="VF-C03",
@@ -241,7 +242,7 @@ CROTCH = Rule(
     unit="mm",
     limits={"error": 0.5},
     reason="a longer web ties branches together that should bend apart",
-    look=check_crotch,
+    check=check_crotch,
 )
 FILLET = Rule(
     id="VF-C04",
@@ -256,7 +257,7 @@ FILLET = Rule(
     },
     reason="a sharp crotch is where seams begin to peel; the radius should grow with the child, "
     "but a fillet much larger than the child makes it wide where it should be narrow",
-    look=check_fillet,
+    check=check_fillet,
 )
 
 
@@ -268,32 +269,34 @@ def check_turn(subject: Subject, limits: Limits) -> RuleApplied:
     """
     tree = subject.layout.tree
     turns_rad = np.abs(tree.offset_rad)
-    hits = []
+    violations = []
     for level in range(2, subject.design.depth + 1):
         rows = np.flatnonzero(tree.level == level)
         worst = int(rows[np.argmax(turns_rad[rows])])
         turn_deg = math.degrees(turns_rad[worst])
-        breach = limits.most(turn_deg, "joint")
-        if breach:
-            words = "the branch turns back at its joint: narrow the fan"
-            hits.append(_turn_violation(subject, worst, words, (turn_deg, breach)))
-    gathered_rad = gathered_turn_rad(tree, subject)
-    worst = int(np.argmax(gathered_rad))
+        broken = limits.most(turn_deg, "joint")
+        if broken:
+            message = "the branch turns back at its joint: narrow the fan"
+            violations.append(_turn_violation(subject, worst, message, (turn_deg, broken)))
+    path_rad = _path_turn_rad(tree, subject)
+    worst = int(np.argmax(path_rad))
     friction = FITTED.friction.value
-    factor = capstan_factor(friction, float(gathered_rad[worst]))
-    breach = limits.most(factor, "capstan")
-    if breach:
-        words = f"turns on the way to this tip multiply the film's tension by {factor:.1f}"
-        at_limit = math.degrees(math.log(breach.limit) / friction)
-        as_turn = BrokenLimit(severity=breach.severity, limit=at_limit)
-        found = (math.degrees(gathered_rad[worst]), as_turn)
-        hits.append(
-            _turn_violation(subject, worst, f"{words}: straighten the path", found, "capstan")
+    factor = capstan_factor(friction, float(path_rad[worst]))
+    broken = limits.most(factor, "capstan")
+    if broken:
+        message = (
+            f"turns on the way to this tip multiply the film's tension by {factor:.1f}: "
+            "straighten the path"
         )
-    return RuleApplied(checked=len(tree), hits=tuple(hits))
+        at_limit = math.degrees(math.log(broken.limit) / friction)
+        as_turn = BrokenLimit(severity=broken.severity, limit=at_limit)
+        found = (math.degrees(path_rad[worst]), as_turn)
+        violation = _turn_violation(subject, worst, message, found)
+        violations.append(replace(violation, aspect="capstan"))
+    return RuleApplied(checked=len(tree), violations=tuple(violations))
 
 
-def gathered_turn_rad(tree: BranchTree, subject: Subject) -> Floats:
+def _path_turn_rad(tree: BranchTree, subject: Subject) -> Floats:
     """Return the sum of absolute turns from the base to each branch's tip, shape (n,)."""
     contacts = [_summed_along(tree, d.contact_turn_rad) for d in subject.deployments]
     worst = np.max(contacts, axis=0) if contacts else np.zeros(len(tree))
@@ -310,19 +313,10 @@ def _summed_along(tree: BranchTree, values: Floats) -> Floats:
 
 
 def _turn_violation(
-    subject: Subject, branch: int, message: str, found: tuple[float, BrokenLimit], aspect: str = ""
+    subject: Subject, branch: int, message: str, found: tuple[float, BrokenLimit]
 ) -> Violation:
-    measured_deg, breach = found
-    return Violation(
-        message=message,
-        severity=breach.severity,
-        measured=measured_deg,
-        limit=breach.limit,
-        branches=subject.ids(branch),
-        at_mm=place_mm(subject.layout, branch),
-        marker=mark_branches(subject.layout, [branch]),
-        aspect=aspect,
-    )
+    at_mm = branch_start_mm(subject.layout, branch)
+    return branch_violation(subject, [branch], message, found, at_mm=at_mm)
 
 
 TURN = Rule(
@@ -331,5 +325,5 @@ TURN = Rule(
     unit="deg",
     limits={"joint_warning": 90.0, "capstan_warning": 10.0},
     reason="friction at turns multiplies the pressure that growth takes (mu 0.234, published)",
-    look=check_turn,
+    check=check_turn,
 )

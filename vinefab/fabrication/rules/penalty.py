@@ -1,25 +1,24 @@
-"""How far a design is from being manufacturable, as one number for an optimizer."""
+"""How far a design is from being manufacturable, as one number for a search."""
 
 import math
 from collections.abc import Iterable
 
 import numpy as np
 
+from vinefab.fabrication.outline.gap import neck_length_mm
 from vinefab.fabrication.outline.joint import level_lengths_mm, level_tapers_rad
 from vinefab.fabrication.outline.layout import flat_layout, level_fillets_mm
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
 from vinefab.fabrication.rules.clearance import CLEARANCE
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps
-from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, allowed_n_mm
+from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, growth_limit_kpa
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
-from vinefab.fabrication.rules.shapes import Shapes, excess_mm, shapes_of
-from vinefab.fabrication.rules.spacing import spacing
+from vinefab.fabrication.rules.spacing import Capsules, capsules_of, spacing
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import branch_tree
-from vinefab.physics.growth_pressure import planned_growth_kpa
-from vinefab.physics.seam import burst_pressure_kpa
+from vinefab.physics.growth_path import planned_growth_kpa
 
 Pair = tuple[float, float]
 
@@ -75,17 +74,12 @@ def _gap(angle_rad: float, halves_mm: Pair, radius_mm: float, disc_mm: float = 0
     one, two = (half + radius_mm for half in halves_mm)
     hidden = sum(math.asin(reach / (disc + radius_mm)) for reach in (one, two))
     if hidden <= angle_rad:
-        first, second = (_neck_mm(half, disc, radius_mm) for half in halves_mm)
+        first, second = (neck_length_mm(half, disc, radius_mm) for half in halves_mm)
         return first, second
     sin, cos = math.sin(angle_rad), math.cos(angle_rad)
     if sin < 1e-9:
         return math.inf, math.inf
     return max(0.0, (two + one * cos) / sin), max(0.0, (one + two * cos) / sin)
-
-
-def _neck_mm(half_mm: float, disc_mm: float, radius_mm: float) -> float:
-    """Return how far from a disc's centre a side at ``half_mm`` meets its fillet."""
-    return math.sqrt(max(0.0, (disc_mm - half_mm) * (disc_mm + half_mm + 2.0 * radius_mm)))
 
 
 def _tip_mm(design: Design) -> float:
@@ -95,11 +89,12 @@ def _tip_mm(design: Design) -> float:
     if pouch is None or pouch.flat_width_mm <= 2.0 * half_mm:
         return 0.0
     if pouch.shape == "round":
-        return _neck_mm(half_mm, pouch.radius_mm or 0.0, radius_mm)
+        return neck_length_mm(half_mm, pouch.radius_mm or 0.0, radius_mm)
     return (pouch.length_mm or 0.0) / 2.0 + radius_mm
 
 
 _MOST = 10.0
+"""Most that a single broken limit adds, so that none outweighs all others."""
 
 
 def window_penalty(
@@ -110,8 +105,8 @@ def window_penalty(
     Returns
     -------
     float
-        ``log(1 + excess)``, the excess of what growth to the worst tip takes over what the widest
-        tube stands with safety and margin, relative to that and at most 10.
+        ``log(1 + excess)``: the relative excess, at most 10, of the pressure that growth to the
+        worst tip takes over the one that the widest tube stands with safety factor and margin.
     """
     values = WINDOW.limits_with((limits or {}).get(WINDOW.id, {}))
     fit = GrowthConstantsRange.of(profile, values)
@@ -119,16 +114,40 @@ def window_penalty(
     takes_kpa = planned_growth_kpa(
         branch_tree(design), build.widths_mm, fit.loose, fit.diameter_mm
     ).max()
-    burst_kpa = burst_pressure_kpa(build.widest_mm, allowed_n_mm(profile.material))
-    most_kpa = burst_kpa / values["safety_factor"] / (1.0 + values["margin_percent"] / 100.0)
+    most_kpa = growth_limit_kpa(build.widest_mm, profile.material, values)
     return math.log1p(min(_MOST, max(0.0, takes_kpa / most_kpa - 1.0)))
+
+
+_TURNS = 180
+
+
+def excess_mm(capsules: Capsules, sheet_mm: tuple[float, float]) -> float:
+    """Return by how much a flat robot exceeds a sheet in its best rotation; 0 or less if it fits.
+
+    Notes
+    -----
+    Whole degrees are tried. `place_contours` tries more, so that a finished outline fits no worse
+    except for seam, kerf and the overcut at the mouth.
+    """
+    turns = np.arange(_TURNS) * np.pi / _TURNS
+    across = np.stack([np.cos(turns), np.sin(turns)])
+    half, end_half = capsules.half_mm[:, None], capsules.end_half_mm[:, None]
+    corners = capsules.start_mm[0] + np.array([[0.0, 1.0], [0.0, -1.0]]) * capsules.half_mm[0]
+    ends, starts = capsules.end_mm @ across, capsules.start_mm[1:] @ across
+    high = np.concatenate([ends + end_half, starts + half[1:], corners @ across]).max(axis=0)
+    low = np.concatenate([ends - end_half, starts - half[1:], corners @ across]).min(axis=0)
+    wide = high - low
+    # Turning by a right angle swaps width and height.
+    tall = np.roll(wide, -_TURNS // 2)
+    over = np.maximum(wide - sheet_mm[0], tall - sheet_mm[1])
+    return float(over.min())
 
 
 DEFAULT_FILM_MM = 0.075
 """Two plies of 0.0375 mm."""
 
-MOST_BRANCHES = 2000
-"""Larger trees are not looked at branch by branch: they are penalized for their size instead."""
+_MOST_CHECKED_BRANCHES = 2000
+"""Larger trees are penalized for their size, without checking their branches."""
 
 
 def fabrication_penalty(
@@ -138,19 +157,18 @@ def fabrication_penalty(
     film_mm: float = DEFAULT_FILM_MM,
     sheet_mm: tuple[float, float] | None = None,
 ) -> float:
-    """Return how far a design is from passing the cheap geometric rules; 0 when it does.
+    """Return how far a design is from passing the cheap geometric rules; 0 if it passes.
 
-    Looked at are the error limits of VF-W01, VF-W02, VF-W03, VF-C01, VF-C02, VF-C03 and, as
-    negative clearance, VF-T03; with pouches also their clearance (VF-C07), and VF-S01 where a
-    sheet is given. A design without penalty has no error from these rules; fillets count with
-    their designed radius, so that a few designs whose fillets the outline would cut down are
-    penalized without need.
+    These are the error limits of VF-W01, VF-W02, VF-W03, VF-C01, VF-C02, VF-C03 and, as negative
+    clearance, VF-T03; with pouches also their clearance (VF-C07), and VF-S01 if a sheet is given.
+    A design without penalty has no error from these rules. Fillets count with their designed
+    radius, so that a few designs whose fillets the outline would reduce are penalized needlessly.
 
     Parameters
     ----------
     sheet_mm
-        Width and height that the flat robot must fit into after a turn, or None if any size
-        will do. Take off a few millimetres for seam, kerf and the overcut at the mouth.
+        Width and height that the flat robot must fit after a rotation, or None for any size.
+        Subtract a few millimetres for seam, kerf and the overcut at the mouth.
 
     Returns
     -------
@@ -178,10 +196,14 @@ def _short_of(values: Iterable[float], limit: float) -> float:
     return math.fsum((limit - value) / limit for value in values if value < limit)
 
 
+def relative_excess(value: float, limit: float) -> float:
+    """Return the relative excess of a value over a limit, at most 10; 0 below it."""
+    return 0.0 if value <= limit else min(_MOST, (value - limit) / max(abs(limit), 1e-9))
+
+
 def _over(values: Iterable[float], limit: float) -> float:
-    """Return the summed depths of values that should be at most a limit; each at most 10."""
-    scale = max(abs(limit), 1e-9)
-    return math.fsum(min(10.0, (value - limit) / scale) for value in values if value > limit)
+    """Return the summed excesses of values that should be at most a limit."""
+    return math.fsum(relative_excess(value, limit) for value in values)
 
 
 def _widths(design: Design, changed: LimitChanges) -> float:
@@ -201,7 +223,7 @@ def _joints(design: Design, changed: LimitChanges) -> float:
 
 def _crowded(room_mm: float, length_mm: float) -> float:
     """Return how much of a branch is missing for its two ends to fit on it, at most 10."""
-    return min(10.0, max(0.0, (LEAST_SEGMENT_MM - room_mm) / length_mm))
+    return min(_MOST, max(0.0, (LEAST_SEGMENT_MM - room_mm) / length_mm))
 
 
 def _packing(design: Design, changed: LimitChanges, film_mm: float) -> float:
@@ -210,23 +232,25 @@ def _packing(design: Design, changed: LimitChanges, film_mm: float) -> float:
 
 
 def _on_sheet(design: Design, changed: LimitChanges, sheet_mm: tuple[float, float] | None) -> float:
-    if design.branch_count > MOST_BRANCHES:
+    if design.branch_count > _MOST_CHECKED_BRANCHES:
         return float(design.branch_count) ** 2
-    shapes = shapes_of(flat_layout(design), design.build)
-    near = _too_near(shapes, _limit(CLEARANCE, changed))
+    capsules = capsules_of(flat_layout(design), design.build)
+    near = _too_near(capsules, _limit(CLEARANCE, changed))
     if sheet_mm is None:
         return near
-    return near + max(0.0, excess_mm(shapes, sheet_mm) / min(sheet_mm))
+    return near + max(0.0, excess_mm(capsules, sheet_mm) / min(sheet_mm))
 
 
-def _too_near(shapes: Shapes, clearance_mm: float) -> float:
+def _too_near(capsules: Capsules, clearance_mm: float) -> float:
     """Return the summed depths of all pairs that are nearer than a clearance.
 
     A pair counts from 0 (just clear) to 1 (centre lines touch), and where centre lines cross from
     1 to 2, by how far the nearer end would have to be drawn back.
     """
-    found = spacing(shapes, clearance_mm)
-    room_mm = clearance_mm + shapes.most_half_mm[found.first] + shapes.most_half_mm[found.second]
+    found = spacing(capsules, clearance_mm)
+    room_mm = (
+        clearance_mm + capsules.most_half_mm[found.first] + capsules.most_half_mm[found.second]
+    )
     near = np.maximum(0.0, (clearance_mm - found.gap_mm) / room_mm)
     crossing = found.crossing_mm / (found.crossing_mm + room_mm)
     return float(near.sum() + crossing.sum())

@@ -4,7 +4,7 @@ Narrow leaves at the end of long, winding paths need much pressure to grow; the 
 at the least. Whether anything is left between the two decides whether a robot can be deployed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vinefab.fabrication.rules.rule import (
     BrokenLimit,
@@ -13,9 +13,8 @@ from vinefab.fabrication.rules.rule import (
     RuleApplied,
     RuleNotApplicable,
     Violation,
-    mark_branches,
-    middle_mm,
-    place_mm,
+    branch_tip_mm,
+    branch_violation,
 )
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import Severity
@@ -40,16 +39,15 @@ def check_burst(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
     if subject.profile is None:
         return _NO_RECIPE
     material = subject.profile.material
-    allowed = allowed_n_mm(material)
     width_mm, branch = widest(subject)
-    limit_kpa = burst_pressure_kpa(width_mm, allowed) / limits["safety_factor"]
-    breach = Limits({"error": limit_kpa}).most(subject.design.build.pressure_kpa)
+    limit_kpa = safe_pressure_kpa(width_mm, material, limits)
+    broken = Limits({"error": limit_kpa}).most(subject.design.build.pressure_kpa)
     basis = _basis(material.burst_kpa, material.burst_width_mm)
-    words = (
+    message = (
         f"{width_mm:.1f} mm of lay-flat width may be inflated to {limit_kpa:.1f} kPa{basis}: "
         "lower the pressure or narrow the widest part"
     )
-    return _looked(subject, branch, words, (subject.design.build.pressure_kpa, breach))
+    return _applied(subject, branch, message, (subject.design.build.pressure_kpa, broken))
 
 
 def check_rating(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
@@ -57,9 +55,9 @@ def check_rating(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable
     if subject.profile is None:
         return _NO_RECIPE
     rated = subject.profile.material.burst_kpa
-    breach = Limits({"error": rated.value}).most(subject.design.build.pressure_kpa)
-    words = f"the seam is rated for {rated.value:g} kPa{_basis(rated)}: lower the pressure"
-    return _looked(subject, 0, words, (subject.design.build.pressure_kpa, breach))
+    broken = Limits({"error": rated.value}).most(subject.design.build.pressure_kpa)
+    message = f"the seam is rated for {rated.value:g} kPa{_basis(rated)}: lower the pressure"
+    return _applied(subject, 0, message, (subject.design.build.pressure_kpa, broken))
 
 
 def check_strain(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
@@ -68,17 +66,23 @@ def check_strain(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
         return _NO_RECIPE
     width_mm, branch = widest(subject)
     strain_percent = 100.0 * _strain(subject.profile, subject.design.build.pressure_kpa, width_mm)
-    breach = limits.most(strain_percent)
-    words = (
+    broken = limits.most(strain_percent)
+    message = (
         f"the film stretches a lot around {width_mm:.1f} mm of lay-flat width"
         f"{_basis(subject.profile.material.modulus_mpa)}: lower the pressure"
     )
-    return _looked(subject, branch, words, (strain_percent, breach))
+    return _applied(subject, branch, message, (strain_percent, broken))
 
 
-def allowed_n_mm(material: Material) -> float:
-    """Return the line load that a material's seam stood in its burst test."""
-    return allowed_line_load_n_mm(material.burst_kpa.value, material.burst_width_mm.value)
+def safe_pressure_kpa(width_mm: float, material: Material, limits: Limits) -> float:
+    """Return the pressure that a tube of a lay-flat width stands with the safety factor."""
+    allowed = allowed_line_load_n_mm(material.burst_kpa.value, material.burst_width_mm.value)
+    return burst_pressure_kpa(width_mm, allowed) / limits["safety_factor"]
+
+
+def growth_limit_kpa(width_mm: float, material: Material, limits: Limits) -> float:
+    """Return the pressure that growth may take in a tube of a width: safe, and with a margin."""
+    return safe_pressure_kpa(width_mm, material, limits) / (1.0 + limits["margin_percent"] / 100.0)
 
 
 def _strain(profile: LaserProfile, pressure_kpa: float, width_mm: float) -> float:
@@ -97,27 +101,19 @@ def widest(subject: Subject) -> tuple[float, int]:
 
 
 def _basis(*numbers: Quantity) -> str:
-    """Return in words how far the numbers behind a limit may be trusted."""
+    """Return the standing of the numbers behind a limit, as a phrase."""
     standings = sorted({number.standing.value for number in numbers})
     return f" (from {' and '.join(standings)} numbers)"
 
 
-def _looked(
-    subject: Subject, branch: int, words: str, found: tuple[float, BrokenLimit | None]
+def _applied(
+    subject: Subject, branch: int, message: str, found: tuple[float, BrokenLimit | None]
 ) -> RuleApplied:
-    measured, breach = found
-    if breach is None:
+    measured, broken = found
+    if broken is None:
         return RuleApplied(checked=1)
-    hit = Violation(
-        message=words,
-        severity=breach.severity,
-        measured=measured,
-        limit=breach.limit,
-        branches=subject.ids(branch),
-        at_mm=middle_mm(subject.layout, branch),
-        marker=mark_branches(subject.layout, [branch]),
-    )
-    return RuleApplied(checked=1, hits=(hit,))
+    violation = branch_violation(subject, [branch], message, (measured, broken))
+    return RuleApplied(checked=1, violations=(violation,))
 
 
 BURST = Rule(
@@ -126,14 +122,14 @@ BURST = Rule(
     unit="kPa",
     limits={"safety_factor": 1.5},
     reason="the load on a seam is pressure times width, so the widest tube bursts first",
-    look=check_burst,
+    check=check_burst,
 )
 RATING = Rule(
     id="VF-P02",
     title="working pressure within the seam's rating",
     unit="kPa",
     reason="no seam was ever seen to hold more than its burst test, whatever its width",
-    look=check_rating,
+    check=check_rating,
 )
 STRAIN = Rule(
     id="VF-P04",
@@ -141,7 +137,7 @@ STRAIN = Rule(
     unit="%",
     limits={"warning": 50.0},
     reason="thin TPU balloons long before it bursts, and a ballooned robot is another robot",
-    look=check_strain,
+    check=check_strain,
 )
 
 
@@ -152,20 +148,19 @@ _FREE = "no map given: joints only, in free space; contacts on the way add to it
 class WorstBranch:
     """The branch whose growth takes the most pressure."""
 
-    pressure_kpa: float  # what it takes
+    pressure_kpa: float  # the pressure it takes
     branch: int  # its index
-    place: str  # where it grows, in words
+    place: str  # where it grows, as a phrase
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GrowthConstantsRange:
     """Growth constants for film that is stored loosely and tightly."""
 
-    # loose, tight: the two; the same where the tension of stored film was measured
     loose: GrowthConstants
-    tight: GrowthConstants
+    tight: GrowthConstants  # equal to `loose` where the tension of stored film was measured
     diameter_mm: float  # inflated diameter of the tube that they were fitted to
-    words: str  # where they come from
+    source: str  # where they come from, as a phrase
 
     @classmethod
     def of(cls, profile: LaserProfile, limits: Limits) -> "GrowthConstantsRange":
@@ -174,8 +169,8 @@ class GrowthConstantsRange:
         if own:
             diameter_mm = inflated_diameter_mm(own.pop("width_mm").value)
             fit = GrowthConstants(**own)
-            words = "fit of the recipe, scaled by 1/D (assumed)"
-            return cls(loose=fit, tight=fit, diameter_mm=diameter_mm, words=words)
+            source = "fit of the recipe, scaled by 1/D (assumed)"
+            return cls(loose=fit, tight=fit, diameter_mm=diameter_mm, source=source)
         loose, tight = (
             FITTED.with_storage(Quantity(value=limits[name], standing=Standing.ASSUMED))
             for name in ("loose_kpa", "tight_kpa")
@@ -184,7 +179,7 @@ class GrowthConstantsRange:
             loose=loose,
             tight=tight,
             diameter_mm=FITTED_DIAMETER_MM.value,
-            words="published fit, its tube's diameter and scaling by 1/D assumed; from loosely to "
+            source="published fit, its tube's diameter and scaling by 1/D assumed; from loosely to "
             "tightly stored film, assumed",
         )
 
@@ -192,7 +187,7 @@ class GrowthConstantsRange:
 def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
     """VF-P03: growth to the worst tip takes less than the widest tube stands, with a margin.
 
-    Looked at are the paths in free space and, where there are deployments, those on the maps.
+    Checked are the paths in free space and, where there are deployments, those on the maps.
 
     Film that leaves its store without tension gives the least pressure that growth can take (an
     error where even that is too much), a tight spool the most (a warning).
@@ -201,30 +196,31 @@ def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
         return RuleNotApplicable(reason="needs a recipe, for the seam")
     fit = GrowthConstantsRange.of(subject.profile, limits)
     loose, tight = (worst_growth(subject, c, fit.diameter_mm) for c in (fit.loose, fit.tight))
-    takes = f"{loose.pressure_kpa:.1f} to {tight.pressure_kpa:.1f} kPa ({fit.words})"
+    takes = f"{loose.pressure_kpa:.1f} to {tight.pressure_kpa:.1f} kPa ({fit.source})"
     width_mm, _ = widest(subject)
-    burst_kpa = burst_pressure_kpa(width_mm, allowed_n_mm(subject.profile.material))
-    top_kpa = burst_kpa / limits["safety_factor"]
-    most_kpa = top_kpa / (1.0 + limits["margin_percent"] / 100.0)
-    hits = []
+    top_kpa = safe_pressure_kpa(width_mm, subject.profile.material, limits)
+    most_kpa = growth_limit_kpa(width_mm, subject.profile.material, limits)
+    violations = []
     if too_much := _too_much((loose, tight), most_kpa):
-        worst, breach = too_much
-        words = (
+        worst, broken = too_much
+        message = (
             f"growth to this tip {worst.place} takes {takes}, and {width_mm:.1f} mm of lay-flat "
             f"width stands {top_kpa:.1f} kPa with safety: narrow the widest part, widen the narrow "
             "branches, or shorten and straighten the way"
         )
-        hits.append(_hit(subject, worst, words, breach))
+        violations.append(_violation(subject, worst, message, broken))
     elif subject.design.build.pressure_kpa < loose.pressure_kpa:
         working_kpa = subject.design.build.pressure_kpa
-        words = (
+        message = (
             f"at its working pressure it does not grow to this tip {loose.place}: that takes "
             f"{takes}; set build.pressure_kpa, to at most {top_kpa:.1f}"
         )
-        breach = BrokenLimit(severity=Severity.WARNING, limit=working_kpa)
-        hits.append(_hit(subject, loose, words, breach, "working"))
+        broken = BrokenLimit(severity=Severity.WARNING, limit=working_kpa)
+        violations.append(replace(_violation(subject, loose, message, broken), aspect="working"))
     note = "" if subject.deployments else _FREE
-    return RuleApplied(checked=max(1, len(subject.deployments)), hits=tuple(hits), note=note)
+    return RuleApplied(
+        checked=max(1, len(subject.deployments)), violations=tuple(violations), note=note
+    )
 
 
 def _too_much(
@@ -263,28 +259,26 @@ def _paths(subject: Subject) -> list[tuple[str, dict[int, GrowthPath]]]:
     free = ("in free space", dict(enumerate(planned_paths(tree))))
     grown = [
         (f"on {name}", grown_paths(deployment))
-        for name, deployment in zip(subject.place_names, subject.deployments, strict=True)
+        for name, deployment in zip(subject.deployment_names, subject.deployments, strict=True)
     ]
-    # What got stuck on a map grows in free space all the same: that is always looked at.
+    # A branch that got stuck on a map still has to grow in free space, which is always checked.
     return [free, *grown]
 
 
-def _hit(
-    subject: Subject, worst: WorstBranch, words: str, breach: BrokenLimit, aspect: str = ""
+def _violation(
+    subject: Subject, worst: WorstBranch, message: str, broken: BrokenLimit
 ) -> Violation:
-    return Violation(
-        message=words,
-        severity=breach.severity,
-        measured=worst.pressure_kpa,
-        limit=breach.limit,
-        branches=subject.ids(worst.branch),
-        at_mm=place_mm(subject.layout, worst.branch, at_tip=True),
-        marker=mark_branches(subject.layout, _way(subject, worst.branch)),
-        aspect=aspect,
+    return branch_violation(
+        subject,
+        [worst.branch],
+        message,
+        (worst.pressure_kpa, broken),
+        at_mm=branch_tip_mm(subject.layout, worst.branch),
+        marked=_path_rows(subject, worst.branch),
     )
 
 
-def _way(subject: Subject, branch: int) -> list[int]:
+def _path_rows(subject: Subject, branch: int) -> list[int]:
     """Return a branch and all its ancestors."""
     rows = []
     while branch >= 0:
@@ -305,5 +299,5 @@ WINDOW = Rule(
     },
     reason="growth through narrow leaves must take less than the wide trunk stands; crumpled film "
     "may leave its store without any tension, a spool held back 8.32 kPa (published)",
-    look=check_window,
+    check=check_window,
 )

@@ -1,4 +1,4 @@
-"""What a design rule is, what checking with it yields, and the markers of violations."""
+"""What a design rule is, what its check returns, and how a violation is placed and marked."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -11,6 +11,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import LARGEST_MM, number
 from vinefab.fabrication.outline.exactness import ProblemKind
 from vinefab.fabrication.outline.layout import FlatLayout
+from vinefab.fabrication.outline.stroke import Point
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import Severity
 
@@ -25,8 +26,8 @@ LimitChanges = Mapping[str, Mapping[str, float]]
 class BrokenLimit:
     """A limit that a value breaks."""
 
-    severity: Severity  # the most severe limit that is broken
-    limit: float  # its value
+    severity: Severity  # that of the most severe limit broken
+    limit: float  # the value of that limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +42,11 @@ class Limits:
         return self.values[name]
 
     def least(self, value: float, name: str = "") -> BrokenLimit | None:
-        """Return the breach of a value that should be at least the limits, or None."""
+        """Return the most severe limit that a value falls below, or None."""
         return self._worst(lambda limit: value < limit - ROUNDING * abs(limit), name)
 
     def most(self, value: float, name: str = "") -> BrokenLimit | None:
-        """Return the breach of a value that should be at most the limits, or None."""
+        """Return the most severe limit that a value exceeds, or None."""
         return self._worst(lambda limit: value > limit + ROUNDING * abs(limit), name)
 
     def _worst(self, breaks: Callable[[float], bool], name: str) -> BrokenLimit | None:
@@ -59,55 +60,74 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Violation:
-    """One place where a rule is broken; the run turns it into a Finding."""
+    """One place where a design breaks a rule; `run_checks` turns it into a `Finding`."""
 
-    message: str  # one sentence: what is wrong, and what would mend it
-    severity: Severity = Severity.ERROR  # how much it matters
-    # measured, limit: in the rule's unit; None where there is no number
-    measured: float | None = None
-    limit: float | None = None
-    # ids of the branches concerned; with the rule they make the fingerprint
-    branches: tuple[str, ...] = ()
-    at_mm: tuple[float, float] | None = None  # the place in the flat layout, or None
-    marker: str = ""  # well-known text that marks the place, or empty
-    aspect: str = ""  # tells findings of one rule at one place apart; part of the fingerprint
+    message: str  # one sentence: what is wrong, and what would fix it
+    severity: Severity = Severity.ERROR
+    measured: float | None = None  # in the rule's unit; None if nothing was measured
+    limit: float | None = None  # in the rule's unit; None if there is no limit
+    branches: tuple[str, ...] = ()  # ids of the branches concerned; part of the fingerprint
+    at_mm: tuple[float, float] | None = None  # the place in the flat layout
+    marker: str = ""  # geometry that marks the place, as well-known text
+    aspect: str = ""  # separates findings of one rule at one place; part of the fingerprint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RuleApplied:
-    """A rule was applied."""
+    """The outcome of a check."""
 
-    checked: int  # how many things were looked at
-    hits: tuple[Violation, ...] = ()  # what was found
-    # what the rule could not take into account, or empty: the report shows it, so that no finding
-    # does not look like more than it is
+    checked: int  # how many items were checked
+    violations: tuple[Violation, ...] = ()
+    # What the check could not take into account. The report shows it, so that an empty report does
+    # not promise more than was checked.
     note: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RuleNotApplicable:
-    """A rule could not be applied."""
+    """The outcome of a check whose input is missing."""
 
-    reason: str  # what was missing
+    reason: str  # what is missing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rule:
-    """A design rule: pure, and complete without the code around it."""
+    """A design rule: a pure check with its limits and its justification.
 
-    id: str  # fixed name, ``VF-`` and a letter with two digits
-    title: str  # what must hold
-    unit: str = ""  # unit of what is measured; empty for ratios and yes-or-no rules
-    limits: Mapping[str, float] = field(default_factory=dict)  # default limits; see `Limits`
-    reason: str  # why the rule is there and where its limits come from
-    # looks at a subject under limits
-    look: Callable[[Subject, Limits], RuleApplied | RuleNotApplicable]
+    Parameters
+    ----------
+    id
+        Permanent name; of vinefab's own rules ``VF-``, a letter and two digits.
+    title
+        What must hold.
+    unit
+        Unit of the measured values; empty for ratios and yes-or-no rules.
+    limits
+        Default limits by name; see `Limits`.
+    reason
+        Why the rule exists and where its limits come from.
+    check
+        Checks a subject against limits.
+    """
+
+    id: str
+    title: str
+    unit: str = ""
+    limits: Mapping[str, float] = field(default_factory=dict)
+    reason: str
+    check: Callable[[Subject, Limits], RuleApplied | RuleNotApplicable]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "limits", MappingProxyType(dict(self.limits)))
 
     def limits_with(self, changed: Mapping[str, float]) -> Limits:
-        """Return the default limits with some of them changed."""
+        """Return the default limits with some of them changed.
+
+        Raises
+        ------
+        BadInputError
+            If a limit is unknown or its value is out of range.
+        """
         for name, value in changed.items():
             if name not in self.limits:
                 allowed = ", ".join(self.limits) or "nothing: the rule has no limits"
@@ -116,12 +136,11 @@ class Rule:
         return Limits({**self.limits, **changed})
 
 
-Point = tuple[float, float]
 _DECIMALS = 3
 
 
 def mark_point(at_mm: Point) -> str:
-    """Return a point.
+    """Return a point as well-known text.
 
     >>> mark_point((1.0, 2.00004))
     'POINT (1 2)'
@@ -130,28 +149,34 @@ def mark_point(at_mm: Point) -> str:
 
 
 def mark_line(start_mm: Point, end_mm: Point) -> str:
-    """Return a line between two places, such as the ends of a gap; a point where they coincide."""
+    """Return the line between two points as well-known text; a point where they coincide."""
     if np.allclose(start_mm, end_mm, rtol=0.0, atol=10.0**-_DECIMALS):
         return mark_point(start_mm)
     return _text(shapely.LineString([start_mm, end_mm]))
 
 
 def mark_branches(layout: FlatLayout, branches: Iterable[int]) -> str:
-    """Return the centre lines of some branches, by index."""
+    """Return the centre lines of branches, by index, as well-known text."""
     rows = list(branches)
     ends = np.stack([layout.start_mm[rows], layout.end_mm[rows]], axis=1)
     return _text(shapely.MultiLineString(ends.tolist()))
 
 
-def middle_mm(layout: FlatLayout, branch: int) -> Point:
-    """Return the middle of a branch."""
+def branch_middle_mm(layout: FlatLayout, branch: int) -> Point:
+    """Return the midpoint of a branch's centre line."""
     x, y = (layout.start_mm[branch] + layout.end_mm[branch]) / 2.0
     return float(x), float(y)
 
 
-def place_mm(layout: FlatLayout, branch: int, *, at_tip: bool = False) -> Point:
-    """Return where a branch begins, or its tip."""
-    x, y = layout.end_mm[branch] if at_tip else layout.start_mm[branch]
+def branch_start_mm(layout: FlatLayout, branch: int) -> Point:
+    """Return where a branch begins."""
+    x, y = layout.start_mm[branch]
+    return float(x), float(y)
+
+
+def branch_tip_mm(layout: FlatLayout, branch: int) -> Point:
+    """Return where a branch ends."""
+    x, y = layout.end_mm[branch]
     return float(x), float(y)
 
 
@@ -159,14 +184,49 @@ def _text(geometry: shapely.Geometry) -> str:
     return str(shapely.to_wkt(geometry, rounding_precision=_DECIMALS))
 
 
+def branch_violation(
+    subject: Subject,
+    branches: Iterable[int],
+    message: str,
+    found: tuple[float, BrokenLimit],
+    *,
+    at_mm: Point | None = None,
+    marked: Iterable[int] | None = None,
+) -> Violation:
+    """Return a violation by branches.
+
+    Parameters
+    ----------
+    branches
+        Indices of the branches named.
+    found
+        The measured value and the limit that it breaks.
+    at_mm
+        The place; the midpoint of the first branch named by default.
+    marked
+        Indices of the branches marked; those named by default.
+    """
+    rows = list(branches)
+    measured, broken = found
+    return Violation(
+        message=message,
+        severity=broken.severity,
+        measured=measured,
+        limit=broken.limit,
+        branches=subject.ids(*rows),
+        at_mm=at_mm or branch_middle_mm(subject.layout, rows[0]),
+        marker=mark_branches(subject.layout, rows if marked is None else marked),
+    )
+
+
 def outline_violations(
-    subject: Subject, kinds: frozenset[ProblemKind], known: tuple[Violation, ...] = ()
+    subject: Subject, *kinds: ProblemKind, known: tuple[Violation, ...] = ()
 ) -> tuple[Violation, ...]:
-    """Return an error for each of the outline's problems of some kinds."""
-    named = [set(hit.branches) for hit in known]
+    """Return an error for each outline problem of some kinds that no known violation names."""
+    named = [set(violation.branches) for violation in known]
     return tuple(
         Violation(
-            message=problem.words,
+            message=problem.message,
             measured=problem.measured_mm,
             limit=problem.limit_mm,
             branches=problem.branches,

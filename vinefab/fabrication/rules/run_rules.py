@@ -1,4 +1,4 @@
-"""Apply every rule to a subject, and record what was checked, skipped and found."""
+"""Run all rules on a subject, and report what was checked, skipped and found."""
 
 import math
 from collections.abc import Collection, Sequence
@@ -8,6 +8,7 @@ from typing import Protocol, TypeVar
 from vinefab.core.hashing import fingerprint
 from vinefab.core.jsontext import json_text
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
+from vinefab.fabrication.rules.rig_rules import RIG_CHECKS, RigSubject
 from vinefab.fabrication.rules.rule import (
     LimitChanges,
     Rule,
@@ -16,13 +17,12 @@ from vinefab.fabrication.rules.rule import (
     Violation,
 )
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.fabrication.rules.test_rig import RIG_CHECKS, RigSubject
 from vinefab.model.design import Waiver
 from vinefab.model.finding import CheckReport, Finding, RuleRun, RuleSkipped
 
 
 class _OfRule(Protocol):
-    """What a check says of one rule."""
+    """An entry of a report that belongs to one rule."""
 
     @property
     def rule(self) -> str:
@@ -39,12 +39,25 @@ def run_checks(
     *,
     only: Collection[str] | None = None,
 ) -> CheckReport:
-    """Return what every registered rule found, and why any of them could not look."""
+    """Return the report of all registered rules: their findings, and why any was skipped.
+
+    Parameters
+    ----------
+    limits
+        Limits that override those of recipe and design.
+    only
+        Ids of the rules to run; all by default.
+
+    Raises
+    ------
+    UnknownNameError, BadInputError
+        If a changed limit names no rule or limit, or its value is out of range.
+    """
     RULES.load_plugins()
     changed = changed_limits(subject.design, subject.profile, limits)
     values = by_rule(changed)
     outcomes = [
-        (rule, rule.look(subject, rule.limits_with(values.get(rule.id, {}))))
+        (rule, rule.check(subject, rule.limits_with(values.get(rule.id, {}))))
         for rule in RULES.values()
         if only is None or rule.id in only
     ]
@@ -61,35 +74,35 @@ def run_checks(
 
 
 def merged_reports(report: CheckReport, more: CheckReport) -> CheckReport:
-    """Return a check in which some rules were applied later, once they could look."""
+    """Return a report in which the entries of some rules are replaced by those of a later run."""
     later = {run.rule for run in more.run} | {skipped.rule for skipped in more.skipped}
     return replace(
         report,
-        run=_instead(report.run, more.run, later),
-        skipped=_instead(report.skipped, more.skipped, later),
-        findings=_instead(report.findings, more.findings, later),
+        run=_replaced(report.run, more.run, later),
+        skipped=_replaced(report.skipped, more.skipped, later),
+        findings=_replaced(report.findings, more.findings, later),
         stale_waivers=tuple(name for name in report.stale_waivers if name in more.stale_waivers),
     )
 
 
-def _instead(old: Sequence[_Entry], new: Sequence[_Entry], rules: set[str]) -> tuple[_Entry, ...]:
-    """Return new entries in the place of the old ones about some rules, in the rules' order."""
+def _replaced(old: Sequence[_Entry], new: Sequence[_Entry], rules: set[str]) -> tuple[_Entry, ...]:
+    """Return the old entries with those of some rules replaced, in the rules' order."""
     place = {rule: number for number, rule in enumerate(RULES)}
     entries = [*(entry for entry in old if entry.rule not in rules), *new]
     # A rule of another package that does not load has no place.
     return tuple(sorted(entries, key=lambda entry: place.get(entry.rule, len(place))))
 
 
-def run_rig_checks(stand: RigSubject) -> CheckReport:
-    """Return what the rules about test rigs found; the only ones that can do without a design."""
-    changed = changed_limits(stand.design, None, None) if stand.design else ()
+def run_rig_checks(subject: RigSubject) -> CheckReport:
+    """Return the report of the rules about test rigs, the only ones that need no design."""
+    changed = changed_limits(subject.design, None, None) if subject.design else ()
     own = tuple(limit for limit in changed if limit.rule in RIG_CHECKS)
     values = by_rule(own)
     outcomes = [
-        (rule, look(stand, rule.limits_with(values.get(rule.id, {}))))
-        for rule, look in RIG_CHECKS.values()
+        (rule, check(subject, rule.limits_with(values.get(rule.id, {}))))
+        for rule, check in RIG_CHECKS.values()
     ]
-    name, waivers = (stand.design.name, stand.design.waivers) if stand.design else ("", ())
+    name, waivers = (subject.design.name, subject.design.waivers) if subject.design else ("", ())
     return replace(_report(name, outcomes, waivers), limits=own)
 
 
@@ -103,8 +116,15 @@ def _report(
     findings: list[Finding] = []
     for rule, outcome in outcomes:
         if isinstance(outcome, RuleApplied):
-            run.append(_run(rule, outcome))
-            findings.extend(_finding(rule, hit) for hit in outcome.hits)
+            run.append(
+                RuleRun(
+                    rule=rule.id,
+                    checked=outcome.checked,
+                    findings=len(outcome.violations),
+                    note=outcome.note,
+                )
+            )
+            findings.extend(_finding(rule, violation) for violation in outcome.violations)
         else:
             skipped.append(RuleSkipped(rule=rule.id, reason=outcome.reason))
     return CheckReport(
@@ -116,30 +136,21 @@ def _report(
     )
 
 
-def _run(rule: Rule, outcome: RuleApplied) -> RuleRun:
-    return RuleRun(
-        rule=rule.id,
-        checked=outcome.checked,
-        findings=len(outcome.hits),
-        note=outcome.note,
-    )
-
-
-def _finding(rule: Rule, hit: Violation) -> Finding:
-    x_mm, y_mm = hit.at_mm if hit.at_mm else (None, None)
+def _finding(rule: Rule, violation: Violation) -> Finding:
+    x_mm, y_mm = violation.at_mm if violation.at_mm else (None, None)
     return Finding(
         rule=rule.id,
-        severity=hit.severity,
-        message=hit.message,
-        measured=hit.measured,
-        limit=hit.limit,
+        severity=violation.severity,
+        message=violation.message,
+        measured=violation.measured,
+        limit=violation.limit,
         unit=rule.unit,
-        branches=hit.branches,
+        branches=violation.branches,
         x_mm=x_mm,
         y_mm=y_mm,
-        marker_wkt=hit.marker,
-        # Without the measured value: a waiver must survive a change that is not about the place.
-        fingerprint=fingerprint(rule.id, hit.aspect, *hit.branches),
+        marker_wkt=violation.marker,
+        # Without the measured value: a waiver must survive changes elsewhere in the design.
+        fingerprint=fingerprint(rule.id, violation.aspect, *violation.branches),
     )
 
 
@@ -162,7 +173,7 @@ CHECKS_SCHEMA = "vinefab/checks-1"
 
 
 def checks_text(report: CheckReport, beside: Sequence[CheckReport] = ()) -> str:
-    """Return every rule that was run or skipped, and all findings, waived ones included."""
+    """Return a report as JSON: rules run and skipped, and all findings, waived ones included."""
     names = {"design": report.design, "recipe": report.recipe, "units": "mm"}
     others = [{"design": other.design, **checks_content(other)} for other in beside]
     more = {"beside": others} if others else {}
@@ -170,7 +181,7 @@ def checks_text(report: CheckReport, beside: Sequence[CheckReport] = ()) -> str:
 
 
 def checks_content(report: CheckReport) -> dict[str, object]:
-    """Return the same without the names, to be part of another document."""
+    """Return a report without its names, as part of another JSON document."""
     return {
         "rules_run": [
             {"id": run.rule, "checked": run.checked, "findings": run.findings} for run in report.run
@@ -211,5 +222,5 @@ def _finding_content(finding: Finding) -> dict[str, object]:
 
 
 def _number(value: float | None) -> float | None:
-    """Return a number, or None where JSON has none: a rule may measure something infinite."""
+    """Return a finite number, or None: JSON has no infinity, which a rule may measure."""
     return None if value is None or not math.isfinite(value) else float(value)

@@ -1,4 +1,4 @@
-"""Which parts of a flat robot come near each other, and how near."""
+"""A flat robot as capsules, and which of them come near each other."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,115 @@ import shapely
 from numpy.typing import NDArray
 
 from vinefab.core.validation import Floats, Ints
-from vinefab.fabrication.rules.shapes import Shapes
+from vinefab.fabrication.outline.ends import Leaf, corner_radii_mm
+from vinefab.fabrication.outline.layout import FlatLayout
+from vinefab.fabrication.outline.stroke import Point
+from vinefab.model.design import Build
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Capsules:
+    """Capsules of a flat robot, m of them."""
+
+    start_mm: Floats  # starts of their segments, shape (m, 2); the trunk's includes the tail
+    end_mm: Floats  # ends of their segments, shape (m, 2)
+    half_mm: Floats  # half widths at the start, shape (m,)
+    end_half_mm: Floats  # half widths at the end, shape (m,)
+    branch: Ints  # index of the branch that each belongs to, shape (m,)
+    pouch: NDArray[np.bool_]  # whether each belongs to a pouch, shape (m,)
+    parent: Ints  # parent of each branch (not of each capsule), shape (n,)
+
+    def __len__(self) -> int:
+        return len(self.branch)
+
+    @property
+    def most_half_mm(self) -> Floats:
+        """The larger half width of each, shape (m,)."""
+        return np.maximum(self.half_mm, self.end_half_mm)
+
+
+def capsules_of(layout: FlatLayout, build: Build) -> Capsules:
+    """Return the capsules of a flat layout with its pouches.
+
+    A round pouch is a disc around the leaf's tip. A rectangular one, centred on the tip, is the
+    capsules around its four sides with the corners' radius as half width, and one along its
+    middle: exact for everything outside it.
+    """
+    start = layout.start_mm.copy()
+    start[0, 0] -= layout.tail_mm
+    rows = np.arange(len(layout.tree), dtype=np.int64)
+    end_half = layout.end_width_mm / 2.0
+    starts, ends = [start], [layout.end_mm]
+    halves, end_halves, branches = [layout.width_mm / 2.0], [end_half], [rows]
+    for low_mm, high_mm, half_mm in _tail_capsules(layout, build):
+        starts.append(np.array([low_mm]))
+        ends.append(np.array([high_mm]))
+        halves.append(np.array([half_mm]))
+        end_halves.append(halves[-1])
+        branches.append(rows[:1])
+    tails = sum(map(len, branches))
+    leaves = rows[layout.is_leaf]
+    for low_mm, high_mm, half_mm in _pouch_capsules(layout, build):
+        starts.append(_at_tips(layout, leaves, low_mm))
+        ends.append(_at_tips(layout, leaves, high_mm))
+        halves.append(np.full(len(leaves), half_mm))
+        end_halves.append(halves[-1])
+        branches.append(leaves)
+    branch = np.concatenate(branches)
+    return Capsules(
+        start_mm=np.concatenate(starts),
+        end_mm=np.concatenate(ends),
+        half_mm=np.concatenate(halves),
+        end_half_mm=np.concatenate(end_halves),
+        branch=branch,
+        pouch=np.arange(len(branch)) >= tails,
+        parent=layout.tree.parent,
+    )
+
+
+def _tail_capsules(layout: FlatLayout, build: Build) -> list[tuple[Point, Point, float]]:
+    """Return ends and half widths of what the trunk's own capsule leaves out of tail and collar.
+
+    They begin so far from the mouth that their round ends do not reach beyond it. A collar's
+    transition counts as if it were as wide as the mouth.
+    """
+    half, wide = build.widths_mm[0] / 2.0, build.mouth_width_mm / 2.0
+    found = []
+    if build.taper and build.taper[0] < 1.0:
+        found.append(((min(0.0, half - layout.tail_mm), 0.0), (0.0, 0.0), half))
+    if build.collar is not None and wide > half:
+        end_mm = min(0.0, build.collar.reach_mm - layout.tail_mm)
+        found.append(((min(end_mm, wide - layout.tail_mm), 0.0), (end_mm, 0.0), wide))
+    return found
+
+
+def _pouch_capsules(layout: FlatLayout, build: Build) -> list[tuple[Point, Point, float]]:
+    """Return ends and half widths of a pouch's capsules in the frame of the tip."""
+    pouch = build.pouch
+    if pouch is None:
+        return []
+    if pouch.shape == "round":
+        return [((0.0, 0.0), (0.0, 0.0), pouch.radius_mm or 0.0)]
+    leaf = Leaf(
+        half_mm=build.end_widths_mm[-1] / 2.0, lean_rad=0.0, fillet_mm=float(layout.fillet_mm[-1])
+    )
+    _, corner_mm = corner_radii_mm(pouch, leaf)
+    corner_mm = max(0.0, corner_mm)
+    x, y = (pouch.length_mm or 0.0) / 2.0 - corner_mm, (pouch.width_mm or 0.0) / 2.0 - corner_mm
+    corners = [(x, y), (-x, y), (-x, -y), (x, -y)]
+    sides = [(a, b, corner_mm) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+    # A disc that touches the long sides, slid along the middle between the short ones.
+    along_mm, across_mm = max(0.0, x - y), max(0.0, y - x)
+    middle = ((-along_mm, -across_mm), (along_mm, across_mm), min(x, y) + corner_mm)
+    return [*sides, middle]
+
+
+def _at_tips(layout: FlatLayout, leaves: Ints, point_mm: Point) -> Floats:
+    """Return where a point of the tip's frame lies on the sheet, for each leaf, shape (k, 2)."""
+    cos, sin = np.cos(layout.heading_rad[leaves]), np.sin(layout.heading_rad[leaves])
+    x, y = point_mm
+    return layout.end_mm[leaves] + np.column_stack([cos * x - sin * y, sin * x + cos * y])
+
 
 _TINY = 1e-12
 
@@ -18,9 +126,8 @@ class Closest:
     """Where k pairs of segments are closest."""
 
     distance_mm: Floats  # between the closest points, shape (k,); 0 where the segments cross
-    # along_a, along_b: place of the closest points on each segment, 0 at its start and 1 at its
-    along_a: Floats
-    along_b: Floats
+    along_a: Floats  # closest point on the first, 0 at its start and 1 at its end, shape (k,)
+    along_b: Floats  # closest point on the second, likewise
 
 
 def closest(start_a_mm: Floats, end_a_mm: Floats, start_b_mm: Floats, end_b_mm: Floats) -> Closest:
@@ -62,7 +169,7 @@ def closest(start_a_mm: Floats, end_a_mm: Floats, start_b_mm: Floats, end_b_mm: 
 
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 _STEPS = 48
-"""Each makes the search interval shorter by the golden ratio: 1e-10 of a branch is left."""
+"""Golden-section steps: 1e-10 of a branch is left of the search interval."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,7 +224,7 @@ def point_gap_mm(points_mm: Floats, hulls: Hulls) -> Floats:
 
 
 MOST_PAIRS = 2_000_000
-"""So many near pairs are worked out; a tree with more lies on itself everywhere anyway."""
+"""Most near pairs evaluated; a tree with more overlaps itself everywhere anyway."""
 
 _CHUNK = 512
 
@@ -126,50 +233,52 @@ _CHUNK = 512
 class Spacing:
     """Pairs of capsules of different branches that are nearer than a reach, k of them."""
 
-    # first, second: indices of the capsules, shape (k,)
-    first: Ints
-    second: Ints
+    first: Ints  # indices of the first capsules, shape (k,)
+    second: Ints  # indices of the second capsules, shape (k,)
     gap_mm: Floats  # free distance between them, negative where they overlap, shape (k,)
-    # where the segments themselves cross: by how much the nearest end runs past the crossing; 0
+    # By how much the nearest end runs past the place where the segments cross, shape (k,); 0 for
+    # segments that do not
     crossing_mm: Floats
-    # first_mm, second_mm: closest points of the segments, shape (k, 2)
-    first_mm: Floats
-    second_mm: Floats
+    first_mm: Floats  # closest points on the first segments, shape (k, 2)
+    second_mm: Floats  # closest points on the second segments, shape (k, 2)
     joined: NDArray[np.bool_]  # whether the two branches share a joint, shape (k,)
     pouch: NDArray[np.bool_]  # whether one of the two belongs to a pouch, shape (k,)
     complete: bool  # whether all near pairs are here; False past `MOST_PAIRS`
 
 
-def spacing(shapes: Shapes, reach_mm: float) -> Spacing:
+def spacing(capsules: Capsules, reach_mm: float) -> Spacing:
     """Return all pairs of capsules that are nearer to each other than ``reach_mm``.
 
     Capsules of one branch are left out, and so are pairs of branches that share a joint unless a
     pouch is involved: such branches meet by design.
     """
-    first, second, complete = _near(shapes, reach_mm)
-    first, second = _of_different_branches(shapes, first, second)
+    first, second, complete = _near(capsules, reach_mm)
+    first, second = _of_different_branches(capsules, first, second)
     near = closest(
-        shapes.start_mm[first], shapes.end_mm[first], shapes.start_mm[second], shapes.end_mm[second]
+        capsules.start_mm[first],
+        capsules.end_mm[first],
+        capsules.start_mm[second],
+        capsules.end_mm[second],
     )
-    run_a = shapes.end_mm[first] - shapes.start_mm[first]
-    run_b = shapes.end_mm[second] - shapes.start_mm[second]
+    run_a = capsules.end_mm[first] - capsules.start_mm[first]
+    run_b = capsules.end_mm[second] - capsules.start_mm[second]
     short_a = np.minimum(near.along_a, 1.0 - near.along_a) * np.hypot(*run_a.T)
     short_b = np.minimum(near.along_b, 1.0 - near.along_b) * np.hypot(*run_b.T)
     crossing = np.where(near.distance_mm < 1e-9, np.minimum(short_a, short_b), 0.0)
     return Spacing(
         first=first,
         second=second,
-        gap_mm=_gap_mm(shapes, first, second, near.distance_mm),
+        gap_mm=_gap_mm(capsules, first, second, near.distance_mm),
         crossing_mm=crossing,
-        first_mm=shapes.start_mm[first] + near.along_a[:, None] * run_a,
-        second_mm=shapes.start_mm[second] + near.along_b[:, None] * run_b,
-        joined=_joined(shapes, first, second),
-        pouch=shapes.pouch[first] | shapes.pouch[second],
+        first_mm=capsules.start_mm[first] + near.along_a[:, None] * run_a,
+        second_mm=capsules.start_mm[second] + near.along_b[:, None] * run_b,
+        joined=_joined(capsules, first, second),
+        pouch=capsules.pouch[first] | capsules.pouch[second],
         complete=complete,
     )
 
 
-def _gap_mm(shapes: Shapes, first: Ints, second: Ints, distance_mm: Floats) -> Floats:
+def _gap_mm(capsules: Capsules, first: Ints, second: Ints, distance_mm: Floats) -> Floats:
     """Return the free distance between pairs of capsules, shape (k,).
 
     Between even capsules that is the distance of their segments less both half widths. Where one
@@ -177,32 +286,34 @@ def _gap_mm(shapes: Shapes, first: Ints, second: Ints, distance_mm: Floats) -> F
     a convex function of the two places, so that a search along one segment finds it when the other
     place is the best for it.
     """
-    gap = distance_mm - shapes.half_mm[first] - shapes.half_mm[second]
-    even = shapes.half_mm == shapes.end_half_mm
+    gap = distance_mm - capsules.half_mm[first] - capsules.half_mm[second]
+    even = capsules.half_mm == capsules.end_half_mm
     rows = np.flatnonzero(~(even[first] & even[second]))
     if len(rows):
-        gap[rows] = hull_gap_mm(_hulls(shapes, first[rows]), _hulls(shapes, second[rows]))
+        one, two = (capsule_hulls(capsules, pair[rows]) for pair in (first, second))
+        gap[rows] = hull_gap_mm(one, two)
     return gap
 
 
-def _hulls(shapes: Shapes, rows: Ints) -> Hulls:
+def capsule_hulls(capsules: Capsules, rows: Ints) -> Hulls:
+    """Return some capsules as hulls of two discs."""
     return Hulls(
-        start_mm=shapes.start_mm[rows],
-        run_mm=shapes.end_mm[rows] - shapes.start_mm[rows],
-        half_mm=shapes.half_mm[rows],
-        growth_mm=shapes.end_half_mm[rows] - shapes.half_mm[rows],
+        start_mm=capsules.start_mm[rows],
+        run_mm=capsules.end_mm[rows] - capsules.start_mm[rows],
+        half_mm=capsules.half_mm[rows],
+        growth_mm=capsules.end_half_mm[rows] - capsules.half_mm[rows],
     )
 
 
-def _near(shapes: Shapes, reach_mm: float) -> tuple[Ints, Ints, bool]:
+def _near(capsules: Capsules, reach_mm: float) -> tuple[Ints, Ints, bool]:
     """Return pairs (first < second) whose boxes come within the reach, and whether all are."""
-    grown = shapes.most_half_mm[:, None] + reach_mm / 2
-    low = np.minimum(shapes.start_mm, shapes.end_mm) - grown
-    high = np.maximum(shapes.start_mm, shapes.end_mm) + grown
+    grown = capsules.most_half_mm[:, None] + reach_mm / 2
+    low = np.minimum(capsules.start_mm, capsules.end_mm) - grown
+    high = np.maximum(capsules.start_mm, capsules.end_mm) + grown
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
     tree = shapely.STRtree(boxes)
     firsts, seconds, count = [], [], 0
-    for begin in range(0, len(shapes), _CHUNK):
+    for begin in range(0, len(capsules), _CHUNK):
         first, second = tree.query(boxes[begin : begin + _CHUNK])
         first = first + begin
         keep = first < second
@@ -215,15 +326,18 @@ def _near(shapes: Shapes, reach_mm: float) -> tuple[Ints, Ints, bool]:
     return np.concatenate(firsts), np.concatenate(seconds), complete
 
 
-def _of_different_branches(shapes: Shapes, first: Ints, second: Ints) -> tuple[Ints, Ints]:
-    different = shapes.branch[first] != shapes.branch[second]
-    meant = _joined(shapes, first, second) & ~(shapes.pouch[first] | shapes.pouch[second])
-    keep = different & ~meant
+def _of_different_branches(capsules: Capsules, first: Ints, second: Ints) -> tuple[Ints, Ints]:
+    different = capsules.branch[first] != capsules.branch[second]
+    by_design = _joined(capsules, first, second) & ~(capsules.pouch[first] | capsules.pouch[second])
+    keep = different & ~by_design
     return first[keep], second[keep]
 
 
-def _joined(shapes: Shapes, first: Ints, second: Ints) -> NDArray[np.bool_]:
-    """Return whether pairs of capsules belong to siblings or to parent and child, shape (k,)."""
-    a, b = shapes.branch[first], shapes.branch[second]
-    parent_a, parent_b = shapes.parent[a], shapes.parent[b]
-    return np.asarray((parent_a == parent_b) | (parent_a == b) | (parent_b == a))
+def _joined(capsules: Capsules, first: Ints, second: Ints) -> NDArray[np.bool_]:
+    """Return whether the branches of pairs of capsules share a joint, shape (k,)."""
+    return share_joint(capsules.parent, capsules.branch[first], capsules.branch[second])
+
+
+def share_joint(parent: Ints, one: Ints | int, two: Ints | int) -> NDArray[np.bool_]:
+    """Return whether branches are siblings, or parent and child."""
+    return np.asarray((parent[one] == parent[two]) | (parent[one] == two) | (parent[two] == one))

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from vinefab.fabrication.outline.exactness import ProblemKind
 from vinefab.fabrication.rules.rule import (
     BrokenLimit,
@@ -10,8 +12,7 @@ from vinefab.fabrication.rules.rule import (
     RuleApplied,
     RuleNotApplicable,
     Violation,
-    mark_branches,
-    middle_mm,
+    branch_violation,
     outline_violations,
 )
 from vinefab.fabrication.rules.subject import Subject
@@ -28,16 +29,15 @@ def occupancies(
     """Return, for each level that has children, how much of its lumen its descendants fill.
 
     While a branch grows, all its undeployed descendants are drawn through it one level after
-    the other, the branches of one level side by side. A branch of width w is w x (film) of solid
-    cross-section, which crumpling blows up to w x (film) / packing. The fullest cross-section
-    below level i is that of the level with the most width in it:
+    the other, the branches of one level side by side. A branch of width w has a solid cross-section
+    of w x film, which crumpling expands to w x film / packing. The fullest cross-section below
+    level i is that of the level with the most width in it:
 
         occupancy_i = max over j > i of  n_ij w_j film / packing / (w_i^2 / pi)
 
     with n_ij descendants of level j per branch of level i. Where a level tapers, w_i is its width
-    at the end and w_j at the beginning. The branch's own inverted wall is not
-    counted. The formula is vinefab's and uncalibrated; it neglects that levels of uneven branch
-    lengths overlap.
+    at the end and w_j at the beginning. The branch's own inverted wall is not counted. The formula
+    is vinefab's and uncalibrated; it neglects that levels of uneven branch lengths overlap.
     """
     widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
     shares = []
@@ -54,30 +54,31 @@ def check_least_width(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-W01: no level is too narrow to be inflated and turned inside out."""
     build = subject.design.build
     widths_mm = build.end_widths_mm
-    hits = [
-        level_violation(
+    violations = [
+        _level_violation(
             subject,
             level,
             f"level {level} is too narrow: widen it, or widen the trunk and keep the ratios",
-            (width_mm, breach),
+            (width_mm, broken),
         )
         for level, width_mm in enumerate(widths_mm, start=1)
-        if (breach := limits.least(width_mm))
+        if (broken := limits.least(width_mm))
     ]
-    more = outline_violations(subject, frozenset({ProblemKind.VANISHED}), tuple(hits))
+    more = outline_violations(subject, ProblemKind.VANISHED, known=tuple(violations))
     short = _short_pouch(subject, limits)
-    return RuleApplied(checked=len(widths_mm), hits=(*hits, *more, *short))
+    return RuleApplied(checked=len(widths_mm), violations=(*violations, *more, *short))
 
 
 def _short_pouch(subject: Subject, limits: Limits) -> tuple[Violation, ...]:
-    """Return a hit if a rectangular pouch is too short along the branch to be a lumen."""
+    """Return a violation if a rectangular pouch is too short along the branch to be a lumen."""
     pouch = subject.design.build.pouch
-    breach = limits.least(pouch.length_mm) if pouch and pouch.length_mm else None
-    if pouch is None or breach is None:
+    broken = limits.least(pouch.length_mm) if pouch and pouch.length_mm else None
+    if pouch is None or broken is None:
         return ()
-    words = "the pouch is too short along its branch to be inflated: lengthen it"
-    hit = level_violation(subject, subject.design.depth, words, (pouch.length_mm or 0.0, breach))
-    return (replace(hit, aspect="pouch"),)
+    message = "the pouch is too short along its branch to be inflated: lengthen it"
+    found = (pouch.length_mm or 0.0, broken)
+    violation = _level_violation(subject, subject.design.depth, message, found)
+    return (replace(violation, aspect="pouch"),)
 
 
 def check_width_ratio(subject: Subject, limits: Limits) -> RuleApplied:
@@ -85,18 +86,18 @@ def check_width_ratio(subject: Subject, limits: Limits) -> RuleApplied:
     widths_mm = subject.design.build.widths_mm
     ends_mm = subject.design.build.end_widths_mm
     ratios = [wide / narrow for wide, narrow in zip(ends_mm, widths_mm[1:], strict=False)]
-    hits = [
-        level_violation(
+    violations = [
+        _level_violation(
             subject,
             level,
             f"level {level} is too wide for the level before it: narrow it or widen its parent",
-            (ratio, breach),
+            (ratio, broken),
         )
         for level, ratio in enumerate(ratios, start=2)
-        if (breach := limits.least(ratio))
+        if (broken := limits.least(ratio))
     ]
-    more = outline_violations(subject, frozenset({ProblemKind.CHILD_WIDTH}), tuple(hits))
-    return RuleApplied(checked=len(ratios), hits=(*hits, *more))
+    more = outline_violations(subject, ProblemKind.CHILD_WIDTH, known=tuple(violations))
+    return RuleApplied(checked=len(ratios), violations=(*violations, *more))
 
 
 def check_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
@@ -105,34 +106,25 @@ def check_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppl
         return RuleNotApplicable(reason="needs a recipe, for the film's thickness")
     film_mm = subject.profile.material.ply_mm.value * subject.profile.material.plies
     found = occupancies(subject.design, film_mm, limits["packing"])
-    hits = [
-        level_violation(
+    violations = [
+        _level_violation(
             subject,
             level,
             f"what grows out of level {level} fills too much of it: fewer or narrower children",
-            (100.0 * share, breach),
+            (100.0 * share, broken),
         )
         for level, share in enumerate(found, start=1)
-        if (breach := limits.most(100.0 * share))
+        if (broken := limits.most(100.0 * share))
     ]
-    return RuleApplied(checked=len(found), hits=tuple(hits))
+    return RuleApplied(checked=len(found), violations=tuple(violations))
 
 
-def level_violation(
+def _level_violation(
     subject: Subject, level: int, message: str, found: tuple[float, BrokenLimit]
 ) -> Violation:
-    """Return a hit about a whole level: named by its first branch, marking all of them."""
-    rows = subject.level_rows(level)
-    measured, breach = found
-    return Violation(
-        message=message,
-        severity=breach.severity,
-        measured=measured,
-        limit=breach.limit,
-        branches=subject.ids(rows[0]),
-        at_mm=middle_mm(subject.layout, rows[0]),
-        marker=mark_branches(subject.layout, rows),
-    )
+    """Return a violation by a level: its first branch is named, all of them are marked."""
+    rows = np.flatnonzero(subject.layout.tree.level == level).tolist()
+    return branch_violation(subject, rows[:1], message, found, marked=rows)
 
 
 LEAST_WIDTH = Rule(
@@ -141,14 +133,14 @@ LEAST_WIDTH = Rule(
     unit="mm",
     limits={"error": 5.0, "warning": 8.0},
     reason="narrow tubes burst before they grow: 3 mm tubes did, 4 to 7 mm worked (published)",
-    look=check_least_width,
+    check=check_least_width,
 )
 WIDTH_RATIO = Rule(
     id="VF-W02",
     title="width of the parent over that of the child",
     limits={"error": 1.2, "warning": 1.5},
     reason="each level should be much wider than the next one, or it does not deploy (paper)",
-    look=check_width_ratio,
+    check=check_width_ratio,
 )
 PACKING = Rule(
     id="VF-W03",
@@ -156,5 +148,5 @@ PACKING = Rule(
     unit="%",
     limits={"error": 60.0, "warning": 30.0, "packing": 0.1},
     reason="undeployed film rides inside the body and jams when it is packed (uncalibrated)",
-    look=check_packing,
+    check=check_packing,
 )

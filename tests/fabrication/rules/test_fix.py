@@ -1,4 +1,4 @@
-"""Mending against a search of its own and against what can be worked out by hand."""
+"""Fixes against a grid search and against values computed by hand."""
 
 import importlib.util
 import math
@@ -12,8 +12,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from vinefab.fabrication.rules.fix import fix_design
-from vinefab.fabrication.rules.fix_space import FixSpace, kept_branches
+from vinefab.fabrication.rules.fix import FixSpace, fix_design, kept_branches
 from vinefab.fabrication.rules.fix_targets import (
     FixTargets,
     change_cost,
@@ -32,10 +31,10 @@ Make = Callable[..., Design]
 
 @pytest.fixture(scope="module")
 def many() -> ModuleType:
-    path = Path(__file__).with_name("mend_many.py")
-    spec = importlib.util.spec_from_file_location("mend_many", path)
+    path = Path(__file__).with_name("fix_many.py")
+    spec = importlib.util.spec_from_file_location("fix_many", path)
     module = importlib.util.module_from_spec(spec)
-    sys.modules["mend_many"] = module
+    sys.modules["fix_many"] = module
     spec.loader.exec_module(module)
     return module
 
@@ -54,7 +53,7 @@ def test_a_sound_design_is_left_alone(make: Make, profile: LaserProfile) -> None
     assert (found.design, found.cost) == (design, 0.0)
 
 
-def test_each_simple_fault_is_mended_where_it_is(make: Make, profile: LaserProfile) -> None:
+def test_each_simple_fault_is_fixed_where_it_is(make: Make, profile: LaserProfile) -> None:
     fan = make((2, 300.0, 14.0), widths_mm=(20.0, 6.0))
     assert only_change(fan, profile).startswith("level 2 fan: 14 -> 15")
     assert only_change(make(tail_mm=100.0), profile) == "the tail: 100 -> 150 mm (+50.0 %)"
@@ -73,9 +72,9 @@ def test_the_change_is_near_the_smallest_that_a_grid_finds(
 ) -> None:
     # Three cousins overlap: fan, length and width can each part them, and together.
     design = make((2, 110.0, 30.0), (2, 70.0, 110.0))
-    bench = FixTargets.of(design, profile)
-    found = fix_design(design, bench)
-    space = FixSpace.of(design, (2, 2), bench)
+    targets = FixTargets.of(design, profile)
+    found = fix_design(design, targets)
+    space = FixSpace.of(design, (2, 2), targets)
     names = {variable: entry for entry, variable in enumerate(space.variables)}
     steps = {
         ("fan", 1): np.linspace(0.0, 0.6, 9),
@@ -91,7 +90,7 @@ def test_the_change_is_near_the_smallest_that_a_grid_finds(
             x[names[variable]] = value
         changed = space.at(x)
         cost = change_cost(design, changed)
-        if cost < least and bench.trouble(changed) == 0.0:
+        if cost < least and targets.penalty(changed) == 0.0:
             least = cost
     assert 0.1 < least < 1.0, (least, found.cost, design_changes(design, found.design))
     assert found.cost < 1.15 * least, (least, found.cost, design_changes(design, found.design))
@@ -121,8 +120,8 @@ def test_the_designs_own_limits_are_kept_to(make: Make, profile: LaserProfile) -
 
 def test_nothing_is_found_for_an_impossible_limit(make: Make, profile: LaserProfile) -> None:
     design = make((2, 200.0, 60.0))
-    bench = FixTargets.of(design, profile, {"VF-W01": {"error": 50.0}, "VF-B02": {"error": 45.0}})
-    assert fix_design(design, bench) is None
+    targets = FixTargets.of(design, profile, {"VF-W01": {"error": 50.0}, "VF-B02": {"error": 45.0}})
+    assert fix_design(design, targets) is None
 
 
 def test_ways_to_prune_begin_with_none_and_end_with_the_trunk(make: Make) -> None:
@@ -135,7 +134,7 @@ def test_ways_to_prune_begin_with_none_and_end_with_the_trunk(make: Make) -> Non
     assert pruning_cost(design, (3,)) == pytest.approx(2.0 * math.log(2.0))
 
 
-def test_the_window_of_the_bench_is_never_below_the_rules_own(
+def test_the_window_of_the_targets_is_never_below_the_rules_own(
     make: Make, profile: LaserProfile
 ) -> None:
     for fans in (((2, 200.0, 60.0),), ((3, 100.0, 170.0), (4, 80.0, 100.0))):
@@ -150,9 +149,9 @@ def test_the_window_of_the_bench_is_never_below_the_rules_own(
         )
 
 
-def test_random_designs_of_table_1_are_mended(many: ModuleType, profile: LaserProfile) -> None:
-    cases = many.mend_many(8, profile, deepest=2)
-    assert all(case.mended is not None for case in cases)
+def test_random_designs_of_table_1_are_fixed(many: ModuleType, profile: LaserProfile) -> None:
+    cases = many.fix_many(8, profile, deepest=2)
+    assert all(case.fixed is not None for case in cases)
     for case in cases:
-        assert run_checks(Subject.of(case.mended, profile)).blocking == ()
+        assert run_checks(Subject.of(case.fixed, profile)).blocking == ()
         assert 0.0 < case.size < 6.0

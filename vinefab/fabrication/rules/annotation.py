@@ -1,7 +1,7 @@
-"""Where the findings are: the outline on the sheet with a marker and a label for each of them.
+"""A drawing of the findings: the outline on the sheet, with a marker and a label for each.
 
 Everything lies on layers that are never cut: the outline among the registration marks, markers and
-words among the documentation. A design that breaks a rule must not leave as a file to be run.
+text among the documentation. A design that breaks a rule must not become a file that can be run.
 """
 
 import math
@@ -12,13 +12,13 @@ import numpy as np
 import shapely
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.font import lettered, text_width_mm
+from vinefab.fabrication.job.marks import lettered, text_width_mm
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.outline import Contour, Part
 
 MOST_MARKED = 60
-"""So many findings are drawn, errors first; the legend counts the rest."""
+"""Most findings drawn, errors first; the legend counts the rest."""
 
 _TEXT_MM = 5.0
 _SIGN_MM = 4.0
@@ -30,23 +30,22 @@ _CORNERS = {Severity.ERROR: 0, Severity.WARNING: 3, Severity.INFO: 4}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayoutPlacement:
-    """Where the flat layout lies on the sheet."""
+    """Where the flat layout lies on the sheet: a rotation about the origin, then a shift."""
 
-    # angle_rad, dx_mm, dy_mm: turn about the origin, then shift
     angle_rad: float
     dx_mm: float
     dy_mm: float
 
     @classmethod
     def of(cls, job: Job) -> "LayoutPlacement":
-        """Return the placement that a job's facts tell."""
+        """Return the placement recorded in a job's facts."""
         turn_deg, dx, dy = (
             float(str(job.facts[name])) for name in ("rotation_deg", "shift_x_mm", "shift_y_mm")
         )
         return cls(angle_rad=math.radians(turn_deg), dx_mm=dx, dy_mm=dy)
 
     def on_sheet(self, points_mm: Floats) -> Floats:
-        """Return points of the flat layout where they lie on the sheet, shape (k, 2)."""
+        """Return points of the flat layout as they lie on the sheet, shape (k, 2)."""
         cos, sin = math.cos(self.angle_rad), math.sin(self.angle_rad)
         turned = points_mm @ np.array([[cos, sin], [-sin, cos]])
         return np.asarray(turned + np.array([self.dx_mm, self.dy_mm]))
@@ -72,7 +71,7 @@ def annotated_job(job: Job, findings: Sequence[Finding]) -> Job:
 
 
 def numbered(findings: Sequence[Finding]) -> list[str]:
-    """Return the legend's lines: number, gravity, rule, branches and values of each finding."""
+    """Return the legend's lines: number, severity, rule, branches and values of each finding."""
     return [
         f"{number} {finding.severity} {finding.rule} {' '.join(finding.branches[:4])}"
         f"{_values(finding)}"
@@ -153,10 +152,10 @@ def _sign(at: Floats, severity: Severity) -> Contour:
 def _free_place(
     at: Floats, label: str, taken: Sequence[shapely.Geometry]
 ) -> tuple[tuple[float, float], Floats, shapely.Geometry]:
-    """Return a label's corner, its leader and its box: of the places around, the one freest."""
+    """Return the corner, leader and box of the least obstructed place for a label."""
 
     def hidden(place: tuple[tuple[float, float], Floats, shapely.Geometry]) -> int:
-        # Words on a line can still be read, words on words cannot.
+        # Text on a line can still be read, text on text cannot.
         met = [one for one in taken if shapely.intersects(place[2], one)]
         return sum(1 if shapely.get_dimensions(one) == 1 else 10 for one in met)
 

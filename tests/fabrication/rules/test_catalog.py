@@ -18,7 +18,7 @@ def with_limits(profile: LaserProfile, **rules: dict[str, float]) -> LaserProfil
     return replace(profile, recipe=replace(profile.recipe, limits=limits))
 
 
-def test_the_command_line_goes_before_the_design_and_the_design_before_the_recipe(
+def test_the_command_line_overrides_the_design_and_the_design_the_recipe(
     make: Make, profile: LaserProfile
 ) -> None:
     recipe = with_limits(
@@ -26,8 +26,10 @@ def test_the_command_line_goes_before_the_design_and_the_design_before_the_recip
     )
     design = replace(make(), limits={"VF-B01": {"warning": 4.0, "error": 5.0}})
     found = changed_limits(design, recipe, {"VF-B01": {"error": 6.0}})
-    told = {(limit.rule, limit.name): (limit.value, limit.default, limit.source) for limit in found}
-    assert told == {
+    sources = {
+        (limit.rule, limit.name): (limit.value, limit.default, limit.source) for limit in found
+    }
+    assert sources == {
         ("VF-B01", "error"): (6.0, 150.0, "--limit"),
         ("VF-B01", "warning"): (4.0, 200.0, "design case"),
         ("VF-W01", "error"): (3.0, 5.0, "recipe co2_60w__stretchlon_200"),
@@ -35,7 +37,7 @@ def test_the_command_line_goes_before_the_design_and_the_design_before_the_recip
 
 
 @pytest.mark.parametrize("where", ["recipe", "design", "given"])
-def test_a_limit_counts_wherever_it_comes_from_and_the_report_says_so(
+def test_a_limit_of_any_source_counts_and_is_reported(
     make: Make, profile: LaserProfile, where: str
 ) -> None:
     limits = {"VF-B01": {"error": 190.0}}
@@ -48,7 +50,7 @@ def test_a_limit_counts_wherever_it_comes_from_and_the_report_says_so(
     assert [(limit.value, limit.default) for limit in report.limits] == [(190.0, 150.0)]
 
 
-def test_no_change_is_no_news(make: Make, profile: LaserProfile) -> None:
+def test_an_unchanged_limit_is_not_reported(make: Make, profile: LaserProfile) -> None:
     assert run_checks(Subject.of(make(), profile)).limits == ()
     assert changed_limits(make(), profile, {"VF-B01": {"error": 150.0}}) == ()
 
@@ -64,6 +66,6 @@ def test_wrong_limits_are_named_with_where_they_stand(make: Make, profile: Laser
 
 
 @pytest.mark.parametrize("text", ["VF-C01", "VF-C01=6", "VF-C01.warning=", "VF-C01.warning=six"])
-def test_what_is_no_limit_is_refused(text: str) -> None:
+def test_a_malformed_limit_is_refused(text: str) -> None:
     with pytest.raises(BadInputError, match=r"RULE\.NAME=NUMBER"):
         parsed_limits([text])

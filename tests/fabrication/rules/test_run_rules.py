@@ -30,8 +30,8 @@ def test_every_rule_is_either_run_or_skipped_with_a_reason(
     make: Make, profile: LaserProfile, recipe: str
 ) -> None:
     report = run_checks(Subject.of(make(), profile if recipe == "with" else None))
-    told = [*(run.rule for run in report.run), *(skipped.rule for skipped in report.skipped)]
-    assert sorted(told) == sorted(RULES)
+    reported = [*(run.rule for run in report.run), *(skipped.rule for skipped in report.skipped)]
+    assert sorted(reported) == sorted(RULES)
     assert all(skipped.reason for skipped in report.skipped)
 
 
@@ -53,10 +53,10 @@ def test_the_report_counts_what_was_found(make: Make) -> None:
 
 def test_a_waiver_names_a_finding_and_lets_it_pass(make: Make) -> None:
     design = narrow(make)
-    waiver = Waiver(fingerprint=fingerprint(design, "VF-W01"), reason="tried on the bench")
+    waiver = Waiver(fingerprint=fingerprint(design, "VF-W01"), reason="tested in the lab")
     report = run_checks(Subject.of(replace(design, waivers=(waiver,))))
     waived = [finding for finding in report.findings if finding.rule == "VF-W01"]
-    assert [(f.waived, f.reason, f.blocks) for f in waived] == [(True, "tried on the bench", False)]
+    assert [(f.waived, f.reason, f.blocks) for f in waived] == [(True, "tested in the lab", False)]
     assert all(not finding.waived for finding in report.findings if finding.rule != "VF-W01")
     assert report.stale_waivers == ()
 
@@ -138,7 +138,7 @@ def test_rules_can_be_read_without_their_code() -> None:
 
 @pytest.mark.parametrize("name", ["three_level_tree", "grid_explorer"])
 @pytest.mark.parametrize("problems", [(), ("an arc is missing",)])
-def test_a_rule_applied_later_reads_as_if_all_had_been_applied_at_once(
+def test_merged_reports_equal_one_report_of_all_rules(
     name: str, problems: tuple[str, ...], profile: LaserProfile
 ) -> None:
     design = replace(read_design(name), waivers=(Waiver(fingerprint="gone", reason="old"),))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from vinefab.fabrication.rules.annotated import MOST_MARKED, LayoutPlacement, annotated_job
+from vinefab.fabrication.rules.annotation import MOST_MARKED, LayoutPlacement, annotated_job
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
@@ -75,7 +75,7 @@ def test_labels_do_not_lie_on_each_other(make: Make, profile: LaserProfile) -> N
     assert met <= len(areas) // 10
 
 
-def test_only_the_gravest_are_drawn_and_the_rest_is_counted(
+def test_only_the_most_severe_findings_are_drawn_and_the_rest_is_counted(
     make: Make, profile: LaserProfile
 ) -> None:
     heap = Subject.of(make((5, 200.0, 300.0), (5, 200.0, 300.0), (3, 200.0, 200.0)), profile)
@@ -85,7 +85,7 @@ def test_only_the_gravest_are_drawn_and_the_rest_is_counted(
     assert f"legend: and {len(findings) - MOST_MARKED} more that are not drawn" in labels
 
 
-def test_a_clean_design_says_so_and_waived_findings_are_left_out(
+def test_the_drawing_of_a_clean_design_says_so_and_omits_waived_findings(
     make: Make, profile: LaserProfile
 ) -> None:
     subject = Subject.of(make((2, 200.0, 60.0), tail_mm=100.0), profile)

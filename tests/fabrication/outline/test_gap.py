@@ -4,8 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vinefab.fabrication.outline.crotch import Strip, crotch_reach_mm, largest_fillet_mm
-from vinefab.fabrication.outline.gap import Core, neck, solve_gap
+from vinefab.fabrication.outline.gap import (
+    Core,
+    Strip,
+    crotch_reach_mm,
+    largest_fillet_mm,
+    neck,
+    solve_gap,
+)
 from vinefab.model.outline import Part
 
 
@@ -65,7 +71,7 @@ def test_narrow_gap_has_one_fillet_and_a_wide_one_shows_the_disc():
     assert narrow.reach_mm == pytest.approx(15.0 / math.sin(math.radians(25)) - 5.0)
 
 
-def test_disc_that_would_barely_show_is_passed_over_and_the_error_is_told():
+def test_a_disc_that_would_barely_show_is_skipped_with_its_error():
     # Where a ball of 5 mm rests on side and disc: its angle from the strip's axis.
     angle = math.degrees(math.asin(15 / 25))
     barely = solve_gap(
@@ -79,7 +85,7 @@ def test_disc_that_would_barely_show_is_passed_over_and_the_error_is_told():
     assert clearly.error_mm == 0.0
 
 
-def test_bare_corner_over_a_disc_that_barely_shows_says_how_far_off_it_is():
+def test_a_bare_corner_over_a_disc_that_barely_shows_has_its_error():
     angle = math.degrees(math.asin(10 / 20))
     gap = solve_gap(child(-angle - 0.05), child(angle + 0.05, owner=2), Core(radius_mm=20.0), 0.0)
     assert gap.run.pieces == ()

@@ -1,6 +1,6 @@
-"""Mend many random designs of the paper's Table 1, and count how many pass the check afterwards.
+"""Fix many random designs of the paper's Table 1, and count how many pass the check afterwards.
 
-Run it as a script: ``python tests/checks/mend_many.py [HOW_MANY_FAILING]``.
+Run it as a script: ``python tests/fabrication/rules/fix_many.py [HOW_MANY_FAILING]``.
 """
 
 import math
@@ -25,7 +25,7 @@ SEED = 7
 @dataclass(frozen=True, kw_only=True)
 class Case:
     design: Design
-    mended: Design | None
+    fixed: Design | None
     changes: tuple[DesignChange, ...]
     seconds: float
 
@@ -51,8 +51,8 @@ def random_design(rng: np.random.Generator, deepest: int = 5) -> Design:
     return Design(name="random", trunk_length_mm=trunk_mm, levels=levels, build=build)
 
 
-def mend_many(count: int, profile: LaserProfile, deepest: int = 5) -> list[Case]:
-    """Mend the first designs that have errors."""
+def fix_many(count: int, profile: LaserProfile, deepest: int = 5) -> list[Case]:
+    """Fix the first designs that have errors."""
     cases: list[Case] = []
     number = 0
     while len(cases) < count:
@@ -64,30 +64,30 @@ def mend_many(count: int, profile: LaserProfile, deepest: int = 5) -> list[Case]
         found = propose_fix(design, profile)
         seconds = time.perf_counter() - began
         cases.append(
-            Case(design=design, mended=found.design, changes=found.changes, seconds=seconds)
+            Case(design=design, fixed=found.design, changes=found.changes, seconds=seconds)
         )
     return cases
 
 
-def tell(line: str) -> None:
+def report(line: str) -> None:
     sys.stdout.write(f"{line}\n")
 
 
 def main(count: int) -> None:
-    cases = mend_many(count, read_profile("co2_60w__stretchlon_200"))
-    done = [case for case in cases if case.mended]
-    pruned = [case for case in done if case.mended.branch_count < case.design.branch_count]
-    sizes = np.array([case.size for case in done])
-    kept = np.array([case.mended.branch_count / case.design.branch_count for case in done])
-    lasted = np.array([case.seconds for case in cases])
-    tell(f"{len(done)} of {len(cases)} mended; {len(pruned)} of them by pruning")
-    tell(f"branches kept: median {np.median(kept):.0%}, least {kept.min():.0%}")
-    tell(f"weighted size of the change: median {np.median(sizes):.2f}, most {sizes.max():.2f}")
-    tell(f"values changed: median {np.median([len(case.changes) for case in done]):.0f}")
-    unpruned = np.array([case.size for case in done if case not in pruned])
+    cases = fix_many(count, read_profile("co2_60w__stretchlon_200"))
+    fixed = [case for case in cases if case.fixed]
+    pruned = [case for case in fixed if case.fixed.branch_count < case.design.branch_count]
+    sizes = np.array([case.size for case in fixed])
+    kept = np.array([case.fixed.branch_count / case.design.branch_count for case in fixed])
+    times_s = np.array([case.seconds for case in cases])
+    report(f"{len(fixed)} of {len(cases)} fixed; {len(pruned)} of them by pruning")
+    report(f"branches kept: median {np.median(kept):.0%}, least {kept.min():.0%}")
+    report(f"weighted size of the change: median {np.median(sizes):.2f}, most {sizes.max():.2f}")
+    report(f"values changed: median {np.median([len(case.changes) for case in fixed]):.0f}")
+    unpruned = np.array([case.size for case in fixed if case not in pruned])
     if len(unpruned):
-        tell(f"without pruning: {len(unpruned)}, median size {np.median(unpruned):.2f}")
-    tell(f"seconds: median {np.median(lasted):.1f}, most {lasted.max():.1f}")
+        report(f"without pruning: {len(unpruned)}, median size {np.median(unpruned):.2f}")
+    report(f"seconds: median {np.median(times_s):.1f}, most {times_s.max():.1f}")
 
 
 if __name__ == "__main__":

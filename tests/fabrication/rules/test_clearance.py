@@ -1,4 +1,4 @@
-"""The drawn outline has the last word: what closing it by a disc adds is a notch or a gap."""
+"""Clearance rules against the drawn outline: what closing it by a disc adds is a notch or gap."""
 
 import math
 from collections.abc import Callable
@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from vinefab.core.rng import child
-from vinefab.fabrication.rules.pouches import between, notches
+from vinefab.fabrication.rules.clearance import lies_between, notches
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design, Pouch
@@ -45,7 +45,7 @@ def test_a_gap_between_pouches_is_a_notch_of_its_width(make: Make) -> None:
     pouch = Pouch(shape="round", radius_mm=(400.0 * math.sin(math.radians(20.0)) - 4.0) / 2.0)
     subject = Subject.of(make((2, 200.0, 40.0), pouch=pouch))
     assert notches(subject.body, 3.9) == []
-    assert between(subject, notches(subject.body, 4.2), ("0.0", "0.1"), 4.2)
+    assert lies_between(subject, notches(subject.body, 4.2), ("0.0", "0.1"), 4.2)
 
 
 def test_a_fillet_is_no_notch_and_a_sharper_one_is(make: Make) -> None:

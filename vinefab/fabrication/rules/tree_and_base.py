@@ -1,4 +1,4 @@
-"""Rules about the whole: one tree, one valid sheet, one mouth, its base and its reach."""
+"""Rules about the tree as a whole and its base: polygon, mouth, tail, clamp and reach."""
 
 import math
 import re
@@ -12,40 +12,32 @@ from vinefab.fabrication.rules.rule import (
     Rule,
     RuleApplied,
     Violation,
-    mark_branches,
+    branch_start_mm,
+    branch_tip_mm,
+    branch_violation,
     mark_line,
     mark_point,
-    middle_mm,
     outline_violations,
-    place_mm,
 )
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.outline import Part
 
 _AT = re.compile(r"\[(\S+) (\S+)\]")
-"""Where Shapely says that a polygon is not valid."""
+"""The place in Shapely's reason why a polygon is not valid."""
 
 
 def check_tree(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-T01: every branch hangs on the tip of its parent and has a length."""
     layout, tree = subject.layout, subject.layout.tree
-    hits = []
+    violations = []
     for row, length_mm in enumerate(tree.length_mm.tolist()):
-        breach = limits.least(length_mm)
-        if breach:
-            hits.append(
-                Violation(
-                    message="the branch has next to no length: lengthen it or leave it out",
-                    measured=length_mm,
-                    limit=breach.limit,
-                    branches=subject.ids(row),
-                    at_mm=middle_mm(layout, row),
-                    marker=mark_branches(layout, [row]),
-                )
-            )
+        broken = limits.least(length_mm)
+        if broken:
+            message = "the branch has next to no length: lengthen it or leave it out"
+            violations.append(branch_violation(subject, [row], message, (length_mm, broken)))
     away = np.abs(layout.start_mm[1:] - layout.end_mm[tree.parent[1:]]).max(axis=1, initial=0.0)
     for row in (1 + np.flatnonzero(~(away < 1e-6))).tolist():
-        hits.append(  # noqa: PERF401  one shape of loop for both halves of the rule
+        violations.append(  # noqa: PERF401  one shape of loop for both halves of the rule
             Violation(
                 message="the branch does not begin at the tip of its parent",
                 measured=float(away[row - 1]),
@@ -53,7 +45,7 @@ def check_tree(subject: Subject, limits: Limits) -> RuleApplied:
                 aspect="joined",
             )
         )
-    return RuleApplied(checked=len(tree), hits=tuple(hits))
+    return RuleApplied(checked=len(tree), violations=tuple(violations))
 
 
 def check_polygon(subject: Subject, _: Limits) -> RuleApplied:
@@ -61,20 +53,20 @@ def check_polygon(subject: Subject, _: Limits) -> RuleApplied:
     body = subject.body
     if body.is_valid:
         return RuleApplied(checked=1)
-    why = shapely.is_valid_reason(body)
-    found = _AT.search(why)
+    reason = shapely.is_valid_reason(body)
+    found = _AT.search(reason)
     if not found:
         return RuleApplied(
-            checked=1, hits=(Violation(message=f"the outline is no polygon: {why}"),)
+            checked=1, violations=(Violation(message=f"the outline is no polygon: {reason}"),)
         )
     at = float(found[1]), float(found[2])
-    hit = Violation(
+    violation = Violation(
         message="the outline crosses itself here: a flat sheet cannot lie on itself",
         branches=_nearest(subject, at),
         at_mm=at,
         marker=mark_point(at),
     )
-    return RuleApplied(checked=1, hits=(hit,))
+    return RuleApplied(checked=1, violations=(violation,))
 
 
 def check_mouth(subject: Subject, limits: Limits) -> RuleApplied:
@@ -82,31 +74,31 @@ def check_mouth(subject: Subject, limits: Limits) -> RuleApplied:
     contour = subject.outline.contour
     if contour.closed:
         return RuleApplied(
-            checked=1, hits=(Violation(message="the outline has no mouth to inflate it by"),)
+            checked=1, violations=(Violation(message="the outline has no mouth to inflate it by"),)
         )
     first, last = contour.points_mm[0].tolist(), contour.points_mm[-1].tolist()
     gap_mm = float(np.hypot(last[0] - first[0], last[1] - first[1]))
-    breach = limits.least(gap_mm)
-    if not breach:
+    broken = limits.least(gap_mm)
+    if not broken:
         return RuleApplied(checked=1)
-    hit = Violation(
+    violation = Violation(
         message="the mouth is too narrow to be opened over the base: widen the trunk",
         measured=gap_mm,
-        limit=breach.limit,
+        limit=broken.limit,
         branches=subject.ids(0),
         at_mm=((first[0] + last[0]) / 2.0, (first[1] + last[1]) / 2.0),
         marker=mark_line(tuple(first), tuple(last)),
     )
-    return RuleApplied(checked=1, hits=(hit,))
+    return RuleApplied(checked=1, violations=(violation,))
 
 
 def _nearest(subject: Subject, at_mm: tuple[float, float]) -> tuple[str, ...]:
-    """Return the ids of the two branches nearest to a place, as far as there are two."""
-    shapes = subject.shapes
-    lines = shapely.linestrings(np.stack([shapes.start_mm, shapes.end_mm], axis=1))
-    far = shapely.distance(lines, shapely.Point(at_mm)) - shapes.most_half_mm
-    _, first = np.unique(shapes.branch[np.argsort(far, kind="stable")], return_index=True)
-    order = shapes.branch[np.argsort(far, kind="stable")][np.sort(first)]
+    """Return the ids of the (up to) two branches nearest to a place."""
+    capsules = subject.capsules
+    lines = shapely.linestrings(np.stack([capsules.start_mm, capsules.end_mm], axis=1))
+    far = shapely.distance(lines, shapely.Point(at_mm)) - capsules.most_half_mm
+    _, first = np.unique(capsules.branch[np.argsort(far, kind="stable")], return_index=True)
+    order = capsules.branch[np.argsort(far, kind="stable")][np.sort(first)]
     return subject.ids(*sorted(order[:2].tolist()))
 
 
@@ -116,13 +108,13 @@ TREE = Rule(
     unit="mm",
     limits={"error": 0.1},
     reason="a branch shorter than a laser spot cannot be drawn",
-    look=check_tree,
+    check=check_tree,
 )
 POLYGON = Rule(
     id="VF-T02",
     title="the body is one valid polygon without holes",
     reason="two flat plies cannot lie on themselves; a crossing outline cuts the body open",
-    look=check_polygon,
+    check=check_polygon,
 )
 MOUTH = Rule(
     id="VF-T04",
@@ -130,7 +122,7 @@ MOUTH = Rule(
     unit="mm",
     limits={"error": 5.0},
     reason="the robot is inflated and clamped through its mouth; everything else is sealed",
-    look=check_mouth,
+    check=check_mouth,
 )
 
 
@@ -140,19 +132,19 @@ _STRAIGHT_MM = 1e-6
 def check_tail(subject: Subject, limits: Limits) -> RuleApplied:
     """VF-B01: the tail is long enough to be inverted over the base and clamped."""
     tail_mm = subject.design.build.tail_mm
-    breach = limits.least(tail_mm)
-    if not breach:
+    broken = limits.least(tail_mm)
+    if not broken:
         return RuleApplied(checked=1)
-    hit = Violation(
+    violation = Violation(
         message="the tail is too short to be inverted over the base: set build.tail_mm",
-        severity=breach.severity,
+        severity=broken.severity,
         measured=tail_mm,
-        limit=breach.limit,
+        limit=broken.limit,
         branches=subject.ids(0),
         at_mm=(-tail_mm, 0.0),
         marker=mark_line((-tail_mm, 0.0), (0.0, 0.0)),
     )
-    return RuleApplied(checked=1, hits=(hit,))
+    return RuleApplied(checked=1, violations=(violation,))
 
 
 def check_clamp(subject: Subject, limits: Limits) -> RuleApplied:
@@ -163,31 +155,31 @@ def check_clamp(subject: Subject, limits: Limits) -> RuleApplied:
     """
     contour = subject.outline.contour
     mouth_mm = math.dist(contour.points_mm[0], contour.points_mm[-1])
-    hits = list(
-        outline_violations(subject, frozenset({ProblemKind.COLLAR, ProblemKind.COLLAR_FLARE}))
-    )
+    violations = list(outline_violations(subject, ProblemKind.COLLAR, ProblemKind.COLLAR_FLARE))
     collar = subject.design.build.collar
-    breach = limits.most(mouth_mm)
+    broken = limits.most(mouth_mm)
     off_mm = 0.0 if collar is None else abs(mouth_mm - collar.flat_width_mm)
     if collar is not None:
-        breach = limits.most(off_mm, "fit")
-    if breach:
-        words = "wider than the clamp of the base: narrow the trunk or give it a collar"
-        hits.append(
+        broken = limits.most(off_mm, "fit")
+    if broken:
+        message = (
+            "the tail is wider than the clamp of the base: narrow the trunk or give it a collar"
+        )
+        violations.append(
             Violation(
-                message=f"the tail is {words}" if collar is None else "the collar misses the clamp",
-                severity=breach.severity,
+                message=message if collar is None else "the collar misses the clamp",
+                severity=broken.severity,
                 measured=mouth_mm if collar is None else off_mm,
-                limit=breach.limit,
+                limit=broken.limit,
                 branches=subject.ids(0),
-                at_mm=place_mm(subject.layout, 0),
+                at_mm=branch_start_mm(subject.layout, 0),
                 aspect="clamp",
             )
         )
     tail = [s for s in contour.segments if s.part is Part.TAIL]
     bent = [s for s in tail if s.bulge or abs(s.start_mm[1] - s.end_mm[1]) > _STRAIGHT_MM]
     if bent:
-        hits.append(
+        violations.append(
             Violation(
                 message="the tail's side is not straight",
                 branches=subject.ids(0),
@@ -196,30 +188,24 @@ def check_clamp(subject: Subject, limits: Limits) -> RuleApplied:
                 aspect="straight",
             )
         )
-    return RuleApplied(checked=1, hits=tuple(hits))
+    return RuleApplied(checked=1, violations=tuple(violations))
 
 
 def check_reach(subject: Subject, limits: Limits) -> RuleApplied:
-    """VF-B03: the longest path from base to tip is of a length that was tried."""
+    """VF-B03: the longest path from base to tip has a length that has been tested."""
     tree = subject.layout.tree
     path_mm = np.array(tree.length_mm)
     for row in range(1, len(tree)):
         path_mm[row] += path_mm[tree.parent[row]]
     far = int(path_mm.argmax())
     longest_mm = float(path_mm[far])
-    breach = limits.least(longest_mm, "short") or limits.most(longest_mm, "long")
-    if not breach:
+    broken = limits.least(longest_mm, "short") or limits.most(longest_mm, "long")
+    if not broken:
         return RuleApplied(checked=1)
-    hit = Violation(
-        message="robots of this deployed length are untested: change the lengths or the scale",
-        severity=breach.severity,
-        measured=longest_mm,
-        limit=breach.limit,
-        branches=subject.ids(far),
-        at_mm=place_mm(subject.layout, far, at_tip=True),
-        marker=mark_branches(subject.layout, [far]),
-    )
-    return RuleApplied(checked=1, hits=(hit,))
+    message = "robots of this deployed length are untested: change the lengths or the scale"
+    at_mm = branch_tip_mm(subject.layout, far)
+    violation = branch_violation(subject, [far], message, (longest_mm, broken), at_mm=at_mm)
+    return RuleApplied(checked=1, violations=(violation,))
 
 
 TAIL = Rule(
@@ -228,7 +214,7 @@ TAIL = Rule(
     unit="mm",
     limits={"error": 150.0, "warning": 200.0},
     reason="the last 200 mm are inverted over the base and clamped (paper)",
-    look=check_tail,
+    check=check_tail,
 )
 CLAMP = Rule(
     id="VF-B02",
@@ -236,7 +222,7 @@ CLAMP = Rule(
     unit="mm",
     limits={"error": 100.0, "fit_error": 0.1},
     reason="a clamp seals a straight tube only; without a collar 100 mm is assumed",
-    look=check_clamp,
+    check=check_clamp,
 )
 REACH = Rule(
     id="VF-B03",
@@ -244,5 +230,5 @@ REACH = Rule(
     unit="mm",
     limits={"short_warning": 250.0, "long_warning": 2000.0},
     reason="untested above 2 m and below 0.25 m (paper)",
-    look=check_reach,
+    check=check_reach,
 )

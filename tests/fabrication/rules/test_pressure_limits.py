@@ -63,7 +63,7 @@ def test_contacts_on_a_map_add_to_it_and_are_named(make: Make, profile: LaserPro
     design = make((2, 200.0, 60.0), widths_mm=(100.0, 12.5))
     free = Subject.of(design, profile)
     assert [finding.severity for finding in findings(free)] == [Severity.WARNING]
-    bent = replace(free, deployments=(straight_and_bent(free, 2.0),), places=("cave_3",))
+    bent = replace(free, deployments=(straight_and_bent(free, 2.0),), map_names=("cave_3",))
     (found,) = findings(bent)
     assert (found.severity, found.branches) == (Severity.ERROR, ("0.1",))
     assert "on cave_3" in found.message
@@ -101,7 +101,7 @@ def test_without_a_map_the_rule_says_what_it_did_not_see(make: Make, profile: La
     assert "no map" in note
 
 
-def test_a_working_pressure_below_growth_is_told(make: Make, profile: LaserProfile) -> None:
+def test_a_working_pressure_below_growth_is_a_warning(make: Make, profile: LaserProfile) -> None:
     design = make((2, 200.0, 60.0), widths_mm=(40.0, 23.8), pressure_kpa=3.0)
     (found,) = findings(Subject.of(design, profile))
     assert found.severity is Severity.WARNING

@@ -31,7 +31,7 @@ def seam_findings(subject: Subject) -> tuple[int, list[Finding]]:
 
 
 @pytest.mark.parametrize("fans", [(), ((3, 200.0, 120.0), (2, 120.0, 50.0))])
-def test_paths_drawn_by_the_recipe_are_looked_at_in_full(
+def test_paths_drawn_by_the_recipe_are_checked_in_full(
     make: Make, profile: LaserProfile, fans: tuple[tuple[int, float, float], ...]
 ) -> None:
     subject = Subject.of(make(*fans), profile)

@@ -1,0 +1,391 @@
+"""Rules about the laser's paths, the recipe, the film and the bed."""
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from vinefab.core.validation import Floats
+from vinefab.fabrication.job.passes import frees
+from vinefab.fabrication.outline.exactness import ProblemKind
+from vinefab.fabrication.rules.rule import (
+    Limits,
+    Rule,
+    RuleApplied,
+    RuleNotApplicable,
+    Violation,
+    outline_violations,
+)
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.finding import Severity
+from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.laser import LaserProfile, Machine, RecipeStatus
+
+_NO_PATHS = RuleNotApplicable(reason="needs a recipe, which the paths follow from")
+_ORDER = tuple(Operation)
+
+
+def check_marks(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-L01: marks stay off the pressurised body; those left out are reported."""
+    if subject.job is None or subject.profile is None:
+        return _NO_PATHS
+    marks = subject.job.along(Operation.MARK)
+    sealed = (*subject.job.along(Operation.WELD), *subject.job.along(Operation.WELDCUT))
+    bodies = [_Body(path) for path in sealed] if marks else []
+    violations: dict[str, Violation] = {}
+    for mark in marks:
+        away_mm = min((body.apart_mm(mark) for body in bodies), default=math.inf)
+        broken = limits.least(away_mm)
+        # The strokes of one label share its name: the nearest of them stands for all.
+        if broken and (
+            mark.label not in violations or away_mm < (violations[mark.label].measured or 0.0)
+        ):
+            violations[mark.label] = Violation(
+                message=f"mark {mark.label!r} touches the body or its rim: move it away",
+                measured=away_mm,
+                limit=broken.limit,
+                aspect=mark.label,
+            )
+    can_mark = Operation.MARK in subject.profile.recipe.operations
+    note = "" if can_mark else "the recipe has no mark: no fold line, no label"
+    return RuleApplied(
+        checked=len(marks), violations=(*violations.values(), *_left_out(subject.job)), note=note
+    )
+
+
+def _left_out(job: Job) -> Iterator[Violation]:
+    """Yield a violation for each mark that was left out."""
+    reasons = job.facts.get("marks_left_out", ())
+    for reason in reasons if isinstance(reasons, list) else ():
+        yield Violation(
+            message=f"{reason}: mark the film by hand", severity=Severity.INFO, aspect=reason
+        )
+
+
+def check_paths(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-L02: no path runs over another, no segment is too small for the machine."""
+    if subject.job is None:
+        return _NO_PATHS
+    paths = [path for path in subject.job.paths if path.operation.is_machined]
+    violations = [violation for path in paths for violation in _small_segments(path, limits)]
+    lines = np.array([_line(path) for path in paths], dtype=object)
+    first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
+    for one, two in zip(*(rows[first < second].tolist() for rows in (first, second)), strict=True):
+        shared_mm = float(shapely.length(shapely.intersection(lines[one], lines[two])))
+        broken = limits.most(shared_mm, "shared")
+        if broken:
+            message = f"{paths[one].label!r} and {paths[two].label!r} run over each other"
+            violations.append(
+                Violation(message=message, measured=shared_mm, limit=broken.limit, aspect="shared")
+            )
+    violations += outline_violations(subject, ProblemKind.SHORT_SEGMENT, known=tuple(violations))
+    return RuleApplied(checked=len(paths), violations=tuple(violations))
+
+
+def check_order(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-L03: marks, welds, weld-cuts, cuts; among cuts, what lies inside comes first."""
+    if subject.job is None:
+        return _NO_PATHS
+    paths = [path for path in subject.job.paths if path.operation.is_machined]
+    violations = []
+    for before, after in pairwise(paths):
+        if _ORDER.index(before.operation) > _ORDER.index(after.operation):
+            message = f"{after.operation} {after.label!r} comes after {before.operation}"
+            message += f" {before.label!r}: the film has moved by then"
+            violations.append(
+                Violation(message=message, aspect=f"{before.operation} {after.operation}")
+            )
+    rings = [(place, path) for place, path in enumerate(paths) if frees(path)]
+    for place, before in rings:
+        for after in paths[place + 1 :]:
+            if before.operation is after.operation and bool(_inside(before, after).all()):
+                message = (
+                    f"{before.label!r} frees the sheet before {after.label!r} inside it is cut"
+                )
+                violations.append(Violation(message=message, aspect="inner"))
+    return RuleApplied(checked=len(paths), violations=tuple(violations))
+
+
+def _small_segments(path: LaserPath, limits: Limits) -> list[Violation]:
+    segments = list(path.contour.segments)
+    short = min(segments, key=lambda segment: segment.length_mm)
+    sharp = min(segments, key=lambda segment: segment.radius_mm)
+    found = (
+        ("segment", "line or arc", short, short.length_mm),
+        ("radius", "arc's radius", sharp, sharp.radius_mm),
+    )
+    violations = []
+    for name, what, segment, size_mm in found:
+        broken = limits.least(size_mm, name)
+        if broken:
+            violations.append(
+                Violation(
+                    message=f"a {what} of {path.label!r} is too small to be run",
+                    severity=broken.severity,
+                    measured=size_mm,
+                    limit=broken.limit,
+                    branches=(segment.branch,) if segment.branch else (),
+                    aspect=f"{name} {path.label}",
+                )
+            )
+    return violations
+
+
+class _Body:
+    """A body that marks must keep clear of: the area enclosed by its outline, and the outline."""
+
+    def __init__(self, outline: LaserPath) -> None:
+        points = outline.contour.flattened_mm()
+        # A single straight seam encloses nothing.
+        self.area = shapely.Polygon(points if len(points) > 2 else None)
+        # Line to line: making an area of an outline that crosses itself can take minutes.
+        self.edge = shapely.LineString(_ring(outline))
+        shapely.prepare([self.area, self.edge])
+
+    def apart_mm(self, mark: LaserPath) -> float:
+        """Return the distance of a mark from the body, 0 where it reaches inside."""
+        points = mark.contour.flattened_mm()
+        if shapely.contains_xy(self.area, points[:, 0], points[:, 1]).any():
+            return 0.0
+        return float(shapely.distance(self.edge, _line(mark)))
+
+
+def _inside(outer: LaserPath, inner: LaserPath) -> NDArray[np.bool_]:
+    """Return which points of a path lie inside another one, which is closed if it is open."""
+    points, around = inner.contour.flattened_mm(), outer.contour.flattened_mm()
+    if len(around) < 3:
+        return np.zeros(len(points), dtype=np.bool_)
+    area = shapely.Polygon(around)
+    return np.asarray(shapely.contains_xy(area, points[:, 0], points[:, 1]))
+
+
+def _ring(path: LaserPath) -> Floats:
+    points = path.contour.flattened_mm()
+    return np.concatenate([points, points[:1]])
+
+
+def _line(path: LaserPath) -> shapely.LineString:
+    return shapely.LineString(_ring(path) if path.contour.closed else path.contour.flattened_mm())
+
+
+MARKS = Rule(
+    id="VF-L01",
+    title="no mark inside the body or near its rim, none left out",
+    unit="mm",
+    limits={"error": 3.0},
+    reason="a mark weakens film under pressure; an unlabelled robot cannot be identified",
+    check=check_marks,
+)
+PATHS = Rule(
+    id="VF-L02",
+    title="no overlapping paths, no piece too small",
+    unit="mm",
+    limits={"segment_error": 0.2, "radius_error": 0.5, "shared_error": 0.2},
+    reason="a path run twice cuts through the weld; tiny pieces stop the head and burn",
+    check=check_paths,
+)
+ORDER = Rule(
+    id="VF-L03",
+    title="weld before cut, inner before outer",
+    reason="film that is cut free moves",
+    check=check_order,
+)
+
+
+_NO_RECIPE = RuleNotApplicable(reason="needs a recipe")
+
+
+def check_ply(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-L04: the film is one that the recipe's laser can weld."""
+    if subject.profile is None:
+        return _NO_RECIPE
+    if not all(settings.by_laser for settings in subject.profile.recipe.operations.values()):
+        return RuleNotApplicable(
+            reason="an impulse sealer makes the seams of this recipe, not the laser"
+        )
+    material = subject.profile.material
+    broken = limits.most(material.ply_mm.value)
+    if material.weldable and not broken:
+        return RuleApplied(checked=1)
+    violation = Violation(
+        message=f"{material.title} does not weld with a laser: use a thinner film or a heat sealer",
+        measured=material.ply_mm.value,
+        limit=limits["error"],
+    )
+    return RuleApplied(checked=1, violations=(violation,))
+
+
+def check_machine(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-L05: the recipe asks the machine for no more speed and acceleration than it has."""
+    if subject.profile is None or subject.job is None:
+        return _NO_RECIPE
+    machine = subject.profile.machine
+    violations = []
+    for operation, settings in subject.profile.recipe.operations.items():
+        speed = settings.speed_mm_s.value
+        top = machine.speed_max_mm_s.value
+        if speed > top:
+            message = f"{operation} is faster than the machine: slow it to {top:g} mm/s"
+            violations.append(_warning(message, f"speed {operation}"))
+        radius_mm = _sharpest_mm(subject, operation)
+        if speed**2 / radius_mm > machine.acceleration_mm_s2.value:
+            fit = math.sqrt(machine.acceleration_mm_s2.value * radius_mm)
+            message = f"{operation} takes arcs of {radius_mm:.2f} mm too fast: the machine slows"
+            message += f" there and burns; run it at {fit:.0f} mm/s or less"
+            violations.append(_warning(message, f"arcs {operation}"))
+    return RuleApplied(checked=len(subject.profile.recipe.operations), violations=tuple(violations))
+
+
+def check_status(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-L06: the recipe is calibrated on the user's machine and runs energies that passed."""
+    if subject.profile is None:
+        return _NO_RECIPE
+    recipe = subject.profile.recipe
+    violations = [*_energy_violations(subject.profile)]
+    if recipe.status is RecipeStatus.UNVERIFIED:
+        message = f"recipe {recipe.name} is unverified: cut the coupons and calibrate it first"
+        violations.insert(0, _warning(message, ""))
+    return RuleApplied(checked=1 + len(recipe.windows), violations=tuple(violations))
+
+
+def _energy_violations(profile: LaserProfile) -> Iterator[Violation]:
+    """Yield a violation for each operation whose energy failed on the coupons."""
+    for window in profile.recipe.windows:
+        settings = profile.recipe.operations.get(window.operation)
+        if settings is None or settings.focus_offset_mm.value != window.focus_mm:
+            continue
+        energy = settings.line_energy_mj_mm(profile.machine)
+        if not window.holds(energy):
+            message = f"{window.operation} runs {energy:.1f} mJ/mm, but the coupons say: "
+            yield _warning(f"{message}{window.words()}", f"energy {window.operation}")
+
+
+def _warning(message: str, aspect: str) -> Violation:
+    return Violation(message=message, severity=Severity.WARNING, aspect=aspect)
+
+
+def _sharpest_mm(subject: Subject, operation: str) -> float:
+    """Return the smallest arc radius along an operation's paths; infinite without arcs."""
+    paths = [] if subject.job is None else subject.job.along(Operation(operation))
+    return min((s.radius_mm for path in paths for s in path.contour.segments), default=math.inf)
+
+
+PLY = Rule(
+    id="VF-L04",
+    title="the film can be welded by laser",
+    unit="mm",
+    limits={"error": 0.0475},
+    reason="0.0375 mm film welded and 0.05 mm film did not (paper); the limit between is assumed",
+    check=check_ply,
+)
+MACHINE = Rule(
+    id="VF-L05",
+    title="speeds and accelerations within the machine",
+    reason="a head that must slow down in an arc puts more energy there than the recipe says",
+    check=check_machine,
+)
+STATUS = Rule(
+    id="VF-L06",
+    title="the recipe is calibrated",
+    reason="no laser settings for this film were found in any source; only coupons tell",
+    check=check_status,
+)
+
+
+_NO_PROFILE = RuleNotApplicable(reason="needs a recipe, for the machine's bed and the film")
+_SLACK_MM = 1e-6
+
+
+def check_bed(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-S01: every machined path lies on the bed, inside its margins."""
+    if subject.profile is None or subject.job is None:
+        return _NO_PROFILE
+    machine, facts = subject.profile.machine, subject.job.facts
+    wanted, placed = facts.get("robots_wanted", 1), facts.get("robots_placed", 1)
+    if wanted != placed:
+        message = f"only {placed} of {wanted} robots find room on the bed: make fewer at once"
+        return RuleApplied(checked=1, violations=(Violation(message=message, aspect="copies"),))
+    if subject.job.tiles:
+        return RuleApplied(
+            checked=len(subject.job.tiles), violations=tuple(_tile_violations(subject.job, machine))
+        )
+    over_mm, checked = _over_mm(subject.job, machine)
+    if over_mm <= _SLACK_MM:
+        return RuleApplied(checked=checked)
+    wide_mm, high_mm = machine.usable_mm
+    reason = facts.get("tiling")
+    violation = Violation(
+        message=f"the robot does not fit the {wide_mm:g} x {high_mm:g} mm of the bed in any "
+        f"rotation tried{f' and cannot be cut in tiles: {reason}' if reason else ''}: shorten it, "
+        "scale it down or use a larger machine",
+        measured=over_mm,
+        limit=0.0,
+    )
+    return RuleApplied(checked=checked, violations=(violation,))
+
+
+def _over_mm(job: Job, machine: Machine) -> tuple[float, int]:
+    """Return how far a job's paths exceed the usable bed, and the number of paths."""
+    paths = [path for path in job.paths if path.operation.is_machined]
+    margin_mm = machine.margin_mm.value
+    right_mm = machine.bed_width_mm.value - margin_mm
+    top_mm = machine.bed_height_mm.value - margin_mm
+    boxes = [path.contour.box_mm for path in paths]
+    over_mm = max(
+        max(margin_mm - x0, margin_mm - y0, x1 - right_mm, y1 - top_mm) for x0, y0, x1, y1 in boxes
+    )
+    return over_mm, len(paths)
+
+
+def _tile_violations(job: Job, machine: Machine) -> Iterator[Violation]:
+    """Yield a violation for each tile that hangs over the bed or that cannot be aligned."""
+    for number, tile in enumerate(job.tiles, start=1):
+        over_mm, _ = _over_mm(tile, machine)
+        if over_mm > _SLACK_MM:
+            message = f"tile {number} hangs over the bed"
+            yield Violation(message=message, measured=over_mm, limit=0.0, aspect=f"tile {number}")
+        found = tile.facts["targets_found_mm"]
+        if number > 1 and not (isinstance(found, list) and len(found) >= 2):
+            message = f"tile {number} has no two targets to align it by"
+            yield Violation(message=message, aspect=f"targets {number}")
+
+
+def check_film(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-S02: the robot, in its best rotation, is no wider than the roll of film."""
+    if subject.profile is None:
+        return _NO_PROFILE
+    roll_mm = subject.profile.material.roll_width_mm.value
+    box = shapely.minimum_rotated_rectangle(
+        shapely.MultiPoint(subject.outline.contour.flattened_mm().tolist())
+    )
+    x, y = shapely.get_coordinates(box)[:3].T
+    sides = ((x[1:] - x[:-1]) ** 2 + (y[1:] - y[:-1]) ** 2) ** 0.5
+    width_mm = float(sides.min())
+    if width_mm <= roll_mm:
+        return RuleApplied(checked=1)
+    violation = Violation(
+        message="the robot is wider than the roll of film: shorten branches or narrow fans",
+        severity=Severity.WARNING,
+        measured=width_mm,
+        limit=roll_mm,
+    )
+    return RuleApplied(checked=1, violations=(violation,))
+
+
+BED = Rule(
+    id="VF-S01",
+    title="fits the bed after rotation, or in tiles",
+    unit="mm",
+    reason="what hangs over the bed is not cut; tiles need targets to be aligned by",
+    check=check_bed,
+)
+FILM = Rule(
+    id="VF-S02",
+    title="fits the roll of film",
+    unit="mm",
+    reason="a robot wider than the roll needs a seam across the film",
+    check=check_film,
+)

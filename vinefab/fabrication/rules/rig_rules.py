@@ -1,0 +1,157 @@
+"""Rules about the test rig that a robot is tested on, and about the corridors of maps."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from vinefab.fabrication.rules.rule import Limits, Rule, RuleApplied, RuleNotApplicable, Violation
+from vinefab.fabrication.rules.subject import MapCorridors, RigFacts, Subject
+from vinefab.model.design import Design
+from vinefab.physics.tube import inflated_diameter_mm
+
+_SLACK_MM = 1e-3
+"""Tolerance of a part's size: files hold it in single precision."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigSubject:
+    """What the rules about rigs check; every field may be missing."""
+
+    design: Design | None = None
+    rig: RigFacts | None = None
+    corridors: tuple[MapCorridors, ...] = ()  # of maps, or of the rig
+
+
+RigCheck = Callable[[RigSubject, Limits], RuleApplied | RuleNotApplicable]
+
+
+def check_solids(subject: RigSubject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-R01: every part, read again, is closed, oriented and has the right volume."""
+    if subject.rig is None:
+        return RuleNotApplicable(reason="needs a test rig: vinefab rig makes one, --rig names one")
+    violations = [
+        Violation(message=f"{part.name} {problem}", aspect=part.name)
+        for part in subject.rig.parts
+        for problem in part.problems
+    ]
+    return RuleApplied(checked=len(subject.rig.parts), violations=tuple(violations))
+
+
+def check_fits(subject: RigSubject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-R02: every part fits the machine, the margin of its bed kept."""
+    if subject.rig is None:
+        return RuleNotApplicable(reason="needs a test rig: vinefab rig makes one, --rig names one")
+    room, violations = subject.rig.room_mm, []
+    for part in subject.rig.parts:
+        axes = zip(part.size_mm, room, ("wide", "deep", "high"), strict=True)
+        size_mm, most_mm, axis = max(axes, key=lambda axis: axis[0] - axis[1])
+        if size_mm > most_mm + _SLACK_MM:
+            message = f"{part.name} is too {axis} for {subject.rig.printer}: split or scale the rig"
+            violations.append(
+                Violation(message=message, measured=size_mm, limit=most_mm, aspect=part.name)
+            )
+    return RuleApplied(checked=len(subject.rig.parts), violations=tuple(violations))
+
+
+def check_corridors(subject: RigSubject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-R03: corridors take the inflated diameter of every level."""
+    if subject.design is None or not subject.corridors:
+        missing = "a map or a rig (--map)" if subject.design else "a design (--design)"
+        return RuleNotApplicable(reason=f"needs {missing}, to compare corridors with the robot")
+    violations = [
+        violation
+        for place in subject.corridors
+        for level, width_mm in enumerate(subject.design.build.widths_mm, 1)
+        if (violation := _tight(place, level, inflated_diameter_mm(width_mm), limits))
+    ]
+    return RuleApplied(
+        checked=sum(len(place.corridors) for place in subject.corridors),
+        violations=tuple(violations),
+    )
+
+
+def check_height(subject: RigSubject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-R04: obstacles are higher than the inflated trunk, so that it does not climb over them."""
+    if subject.design is None or subject.rig is None:
+        missing = "a test rig (--rig)" if subject.rig is None else "a design (--design)"
+        return RuleNotApplicable(reason=f"needs {missing}, to compare heights with the trunk")
+    diameter_mm = inflated_diameter_mm(subject.design.build.widths_mm[0])
+    broken = limits.least(subject.rig.height_mm / diameter_mm)
+    if not broken:
+        return RuleApplied(checked=1)
+    violation = Violation(
+        message=f"obstacles are low for a trunk that inflates to {diameter_mm:.1f} mm, which "
+        "climbs over them: make them higher (--height-mm)",
+        severity=broken.severity,
+        measured=subject.rig.height_mm,
+        limit=broken.limit * diameter_mm,
+    )
+    return RuleApplied(checked=1, violations=(violation,))
+
+
+def _tight(place: MapCorridors, level: int, diameter_mm: float, limits: Limits) -> Violation | None:
+    """Return the violation by one level on one map, if any."""
+    narrow = [one for one in place.corridors if limits.least(one.width_mm / diameter_mm)]
+    if not narrow:
+        return None
+    least = min(narrow, key=lambda one: one.width_mm)
+    broken = limits.least(least.width_mm / diameter_mm)
+    if broken is None:
+        return None
+    every = "all" if len(narrow) == len(place.corridors) else f"{len(narrow)}"
+    return Violation(
+        message=f"level {level} inflates to {diameter_mm:.1f} mm: {every} of the "
+        f"{len(place.corridors)} narrowest corridors of {place.name} are narrower, the least at "
+        f"({least.x_mm:.1f}, {least.y_mm:.1f}) mm; no branch of that level gets through",
+        severity=broken.severity,
+        measured=least.width_mm,
+        limit=broken.limit * diameter_mm,
+        aspect=f"{place.name} level {level}",
+    )
+
+
+def _on_subject(check: RigCheck) -> Callable[[Subject, Limits], RuleApplied | RuleNotApplicable]:
+    """Return a check of the subject of all rules."""
+
+    def check_subject(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+        rig = RigSubject(design=subject.design, rig=subject.rig, corridors=subject.corridors)
+        return check(rig, limits)
+
+    return check_subject
+
+
+RIG_SOLIDS = Rule(
+    id="VF-R01",
+    title="every rig part is a closed, oriented solid with the right volume",
+    reason="slicers guess what an open mesh means",
+    check=_on_subject(check_solids),
+)
+RIG_SIZE = Rule(
+    id="VF-R02",
+    title="every rig part fits the printer",
+    unit="mm",
+    reason="a part that does not fit cannot be printed",
+    check=_on_subject(check_fits),
+)
+CORRIDORS = Rule(
+    id="VF-R03",
+    title="corridors are at least the inflated diameter of the branches meant to pass",
+    unit="mm",
+    limits={"warning": 1.0},
+    reason="an inflated body does not pass a narrower gap; the limit is times its diameter",
+    check=_on_subject(check_corridors),
+)
+OBSTACLE_HEIGHT = Rule(
+    id="VF-R04",
+    title="obstacle height at least 1.2 times the trunk's diameter",
+    unit="mm",
+    limits={"warning": 1.2},
+    reason="a tube climbs over an obstacle that is lower; 1.2 diameters are assumed",
+    check=_on_subject(check_height),
+)
+RIG_CHECKS: dict[str, tuple[Rule, RigCheck]] = {
+    RIG_SOLIDS.id: (RIG_SOLIDS, check_solids),
+    RIG_SIZE.id: (RIG_SIZE, check_fits),
+    CORRIDORS.id: (CORRIDORS, check_corridors),
+    OBSTACLE_HEIGHT.id: (OBSTACLE_HEIGHT, check_height),
+}
+"""The rules that can be applied without a design's layout, by id."""

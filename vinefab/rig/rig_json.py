@@ -15,7 +15,7 @@ from vinefab.core.errors import UnreadableFileError
 from vinefab.core.jsontext import GENERATOR, json_text
 from vinefab.fabrication.rules.run_rules import checks_content
 from vinefab.fabrication.rules.subject import RigFacts, RigPartFacts
-from vinefab.model.files.profile_forms import FileName
+from vinefab.model.files.profile_toml import FileName
 from vinefab.model.files.shipped import read_bytes, read_text
 from vinefab.model.files.toml import validated
 from vinefab.model.finding import CheckReport

@@ -26,7 +26,7 @@ from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.job import Operation
 from vinefab.model.laser import LaserProfile
-from vinefab.physics.growth_path import GrowthPath
+from vinefab.physics.growth_pressure import GrowthPath
 from vinefab.physics.tube import inflated_diameter_mm
 
 WEIGHTS = {

@@ -18,7 +18,7 @@ from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, 
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import branch_tree
-from vinefab.physics.growth_path import planned_growth_kpa
+from vinefab.physics.growth_pressure import planned_growth_kpa
 
 Pair = tuple[float, float]
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, Protocol
 
 import numpy as np
@@ -126,8 +126,9 @@ class Coverage:
     # ``exact``: by polygons, for a score that is reported. ``fast``: by strips of free space, or
     # lines across it in line of sight (`raster.Raster.covered_mm2` and
     # `sight_lines.SightLines.covered_mm2` say how exact), a hundred times faster, for searching;
-    # taken only where the map is not too large for such discs.
-    area: Literal["exact", "fast"] = "exact"
+    # taken only where the map is not too large for such discs. ``auto``: fast in a search, else
+    # exact.
+    area: Literal["auto", "exact", "fast"] = "auto"
 
     def __post_init__(self) -> None:
         positive("task.radius_mm", self.radius_mm)
@@ -137,8 +138,12 @@ class Coverage:
             number(f"task.weight_{term}", getattr(self, f"weight_{term}"), 0.0, 1e3)
         if self.clip not in ("free", "none", "sight"):
             raise BadInputError("task.clip", self.clip, "'free', 'none' or 'sight'")
-        if self.area not in ("exact", "fast"):
-            raise BadInputError("task.area", self.area, "'exact' or 'fast'")
+        if self.area not in ("auto", "exact", "fast"):
+            raise BadInputError("task.area", self.area, "'auto', 'exact' or 'fast'")
+
+    def for_search(self) -> "Coverage":
+        """Return the task with fast areas, unless its parameters say how to measure them."""
+        return replace(self, area="fast") if self.area == "auto" else self
 
     @property
     def lowest(self) -> float:
@@ -163,7 +168,7 @@ class Coverage:
 
     def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
-        if self.area == "exact":
+        if self.area != "fast":
             return one_by_one(self, block, grounds)
         tips_mm, first = block.tips_mm()
         lengths_mm = block.planned_mm()

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -31,13 +31,17 @@ class Reach:
     buffer_mm: float = 40.0  # largest distance from the body's centreline that counts as reached
     # ``exact``: by polygons, for a score that is reported. ``fast``: on cells of free space
     # (`raster.Raster.reached_mm2` says how exact), a hundred times faster, for searching; taken
-    # only where the map is not too large for such a buffer.
-    area: Literal["exact", "fast"] = "exact"
+    # only where the map is not too large for such a buffer. ``auto``: fast in a search, else exact.
+    area: Literal["auto", "exact", "fast"] = "auto"
 
     def __post_init__(self) -> None:
         positive("task.buffer_mm", self.buffer_mm)
-        if self.area not in ("exact", "fast"):
-            raise BadInputError("task.area", self.area, "'exact' or 'fast'")
+        if self.area not in ("auto", "exact", "fast"):
+            raise BadInputError("task.area", self.area, "'auto', 'exact' or 'fast'")
+
+    def for_search(self) -> "Reach":
+        """Return the task with fast areas, unless its parameters say how to measure them."""
+        return replace(self, area="fast") if self.area == "auto" else self
 
     def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:
         """Return the share, 0 to 1, and as terms the reached area and the grown length."""
@@ -59,7 +63,7 @@ class Reach:
 
     def evaluate_block(self, block: Block, grounds: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
-        if self.area == "exact":
+        if self.area != "fast":
             return one_by_one(self, block, grounds)
         growth, parts = block.growth, list[TaskOutcomes]()
         for terrain, one, two in block.by_terrain():

@@ -93,3 +93,13 @@ def concatenated_outcomes(parts: Sequence[TaskOutcomes]) -> TaskOutcomes:
             raise BadInputError("a task's terms", list(part.terms), f"always the same: {names}")
     terms = {name: np.concatenate([part.terms[name] for part in parts]) for name in names}
     return TaskOutcomes(np.concatenate([part.score for part in parts]), terms)
+
+
+def search_form(task: Task) -> Task:
+    """Return the form of a task that a search evaluates.
+
+    A task may define ``for_search() -> Task``: itself with faster approximations, unless its
+    parameters ask for exact scores. Reported scores take the task as it is.
+    """
+    faster: Callable[[], Task] | None = getattr(task, "for_search", None)
+    return task if faster is None else faster()

@@ -21,8 +21,8 @@ from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.tree import branch_tree
 from vinefab.search.design_batch import planned_batch
 from vinefab.search.space import (
-    DECIMALS,
     LIMITS,
+    SPACE_DECIMALS,
     Bounds,
     BuildSettings,
     Space,
@@ -122,7 +122,7 @@ def test_numbers_are_rounded_as_python_does(thousandths: list[int], ulps: int) -
     values = np.array(thousandths) / 1000.0
     for _ in range(abs(ulps)):
         values = np.nextafter(values, math.copysign(math.inf, ulps))
-    expected = [round(value, DECIMALS) for value in values.tolist()]
+    expected = [round(value, SPACE_DECIMALS) for value in values.tolist()]
     assert _rounded(values).tolist() == expected
 
 

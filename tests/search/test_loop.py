@@ -3,12 +3,14 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.growth.options import GrowthOptions
+from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.search.evaluator import FINAL, INVALID_FITNESS, TRAINING, Evaluator, EvaluatorSpec
@@ -19,7 +21,11 @@ from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.search.record.result import Generation, Progress, RunResult
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
+from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import Poses, score_design
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.reach import Reach
+from vinefab.tasks.task import Outcome, Task
 
 
 def optimize(
@@ -326,3 +332,76 @@ def test_poses_that_are_not_redrawn_are_drawn_once(
     still = replace(small, evaluation=replace(small.evaluation, redraw=False))
     schedule = Schedule(Evaluator.of(EvaluatorSpec(settings=still, maps=maps)), 3)
     assert schedule.poses(0) is schedule.poses(77)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leaves:
+    """A task of the user's own: the share of leaves that deployed, with a price."""
+
+    name: ClassVar[str] = "leaves"
+    lowest: ClassVar[float] = -1.0
+
+    price: float = 0.25
+
+    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:  # noqa: ARG002
+        share = float(deployment.deployed.mean())
+        return share - self.price, {"share": share}
+
+
+def test_a_task_object_is_searched_and_named_in_the_result(small: RunSettings, maps: Maps) -> None:
+    search = Search.of(small, maps, task=Leaves(price=0.5))
+    assert search.settings.task == PartSettings(name="leaves", parameters={"price": 0.5})
+    result = search.run()
+    assert result.best.origin["task"] == "leaves"
+    assert result.score.task == "leaves"
+    assert set(result.history[0].terms) == {"share"}
+    assert result.score.evaluations[0].score == result.score.evaluations[0].terms["share"] - 0.5
+    assert same(result, search_again(small, maps, Leaves(price=0.5)))
+    cheaper = search_again(small, maps, Leaves())
+    assert cheaper.run_id != result.run_id
+    assert cheaper.history[0].composite == pytest.approx(result.history[0].composite + 0.25)
+
+
+def search_again(small: RunSettings, maps: Maps, task: Task) -> RunResult:
+    return Search.of(small, maps, task=task).run(workers=2)
+
+
+def test_a_task_object_pays_for_head_on_stops_and_may_be_weighed_against_costs(
+    small: RunSettings, maps: Maps
+) -> None:
+    priced = replace(small, evaluation=replace(small.evaluation, head_on_weight=0.5))
+    assert "head_on" in Search.of(priced, maps, task=Leaves()).run().history[0].terms
+    several = replace(
+        small, objectives=("leaves", "film_length"), optimizer=PartSettings(name="nsga2")
+    )
+    assert len(Search.of(several, maps, task=Leaves()).run().finalists) >= 1
+    without = replace(several, objectives=("branches", "film_length"))
+    with pytest.raises(BadInputError, match="'leaves', among them"):
+        Search.of(without, maps, task=Leaves())
+
+
+@pytest.mark.parametrize("task", [Coverage(radius_mm=40.0), Reach(buffer_mm=30.0)])
+def test_a_shipped_task_is_the_same_by_name_and_as_an_object(
+    small: RunSettings, maps: Maps, task: Coverage | Reach
+) -> None:
+    key = "radius_mm" if isinstance(task, Coverage) else "buffer_mm"
+    part = PartSettings(name=task.name, parameters={key: getattr(task, key)})
+    named = optimize(replace(small, task=part), maps)
+    given = Search.of(small, maps, task=task).run()
+    assert given.score == named.score
+    for one, other in zip(named.history, given.history, strict=True):
+        assert np.array_equal(one.fitness, other.fitness)
+
+
+def test_a_search_measures_areas_fast_unless_the_task_says_how(
+    small: RunSettings, maps: Maps
+) -> None:
+    def task_of(settings: RunSettings, task: Task | None = None) -> Task:
+        return Search.of(settings, maps, task=task).evaluator.task
+
+    assert task_of(small) == Coverage(area="fast")
+    exact = PartSettings(name="coverage", parameters={"area": "exact"})
+    assert task_of(replace(small, task=exact)) == Coverage(area="exact")
+    assert task_of(small, Reach()) == Reach(area="fast")
+    assert task_of(small, Reach(area="exact")) == Reach(area="exact")
+    assert task_of(small, Leaves()) == Leaves()

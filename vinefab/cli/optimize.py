@@ -14,7 +14,7 @@ from vinefab.core.errors import CannotWriteError, InterruptedRunError
 from vinefab.model.files.design_toml import design_text
 from vinefab.search.record.result import Progress, RunResult
 from vinefab.search.run import (
-    point_evaluator,
+    make_point_evaluator,
     progress_line,
     result_json,
     result_lines,
@@ -69,7 +69,7 @@ def optimize_command(
                 settings,
                 out,
                 resume=resume,
-                workers=point_evaluator(workers, cluster),
+                workers=make_point_evaluator(workers, cluster),
                 progress=report,
                 source=run_file,
             )

@@ -97,13 +97,13 @@ def non_dominated(fitness: Floats, costs: Floats) -> NDArray[np.bool_]:
     [True, True, False]
     """
     values = np.column_stack([-fitness, costs])
-    kept = np.ones(len(values), dtype=np.bool_)
+    on_front = np.ones(len(values), dtype=np.bool_)
     for row in range(len(values)):
         no_worse = (values <= values[row]).all(axis=1)
         better = (values < values[row]).any(axis=1)
         equal_before = no_worse & ~better & (np.arange(len(values)) < row)
-        kept[row] = not (no_worse & better).any() and not equal_before.any()
-    return kept
+        on_front[row] = not (no_worse & better).any() and not equal_before.any()
+    return on_front
 
 
 LEAST_BEND = 0.05

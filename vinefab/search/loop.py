@@ -240,7 +240,7 @@ class Search:
 
 def _task_settings(task: Task) -> PartSettings:
     """Return the name and the parameters of a task object, for records and identities of runs."""
-    names = [field.name for field in fields(task)] if is_dataclass(task) else []
+    names = tuple(field.name for field in fields(task)) if is_dataclass(task) else ()
     return PartSettings(name=task.name, parameters={name: getattr(task, name) for name in names})
 
 

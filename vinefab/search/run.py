@@ -71,7 +71,7 @@ def violations_of(result: RunResult, settings: RunSettings) -> str:
     return _recipe_penalty(settings).violations(result.best)
 
 
-def point_evaluator(workers: int, cluster: str | None) -> PointEvaluator:
+def make_point_evaluator(workers: int, cluster: str | None) -> PointEvaluator:
     """Return the point evaluator: threads, or the workers of a cluster."""
     if cluster is None:
         return ThreadEvaluator(workers)

@@ -45,7 +45,7 @@ def _pair(value: object) -> object:
     raise ValueError("a number, or a range [low, high]")
 
 
-Range = Annotated[list[float], BeforeValidator(_pair)]
+RangeForm = Annotated[list[float], BeforeValidator(_pair)]
 
 
 class MapsForm(Form):
@@ -75,20 +75,20 @@ class RunLevelForm(Form):
     """Table ``[[space.level]]``: ranges of one level; level 1 is the trunk."""
 
     number: int
-    length_mm: Range | None = None
-    angle_deg: Range | None = None
-    branches: Range | None = None
-    growth_percent: Range | None = None
+    length_mm: RangeForm | None = None
+    angle_deg: RangeForm | None = None
+    branches: RangeForm | None = None
+    growth_percent: RangeForm | None = None
 
 
 class SpaceForm(Form):
     """Table ``[space]``: ranges of all levels."""
 
-    levels: Range | None = None
-    length_mm: Range | None = None
-    angle_deg: Range | None = None
-    branches: Range | None = None
-    growth_percent: Range | None = None
+    levels: RangeForm | None = None
+    length_mm: RangeForm | None = None
+    angle_deg: RangeForm | None = None
+    branches: RangeForm | None = None
+    growth_percent: RangeForm | None = None
     level: list[RunLevelForm] = Field(default_factory=list)
 
 

@@ -83,7 +83,7 @@ def history_figure(history: Sequence[Generation]) -> Figure:
     return fitness_curve(best, mean, spread)
 
 
-MOST_MAPS = 4
+MOST_MAPS_SHOWN = 4
 """Most training maps that a report shows."""
 
 
@@ -99,7 +99,7 @@ def search_section(result: RunResult, training: Sequence[Map]) -> Section:
         Picture(
             image=svg_bytes(map_plan(world, longest_in=4.0)), caption=f"Training map {world.name}"
         )
-        for world in training[:MOST_MAPS]
+        for world in training[:MOST_MAPS_SHOWN]
     )
     summary = (
         f"Run {result.run_id}: {len(result.history)} generations, {result.evaluations} designs "

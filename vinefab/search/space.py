@@ -151,13 +151,13 @@ def _check_level(level: int, table: Mapping[str, Bounds], deepest: int) -> None:
         _check_bounds(f"{key}.{name}", name, bounds, LIMITS[name])
 
 
-DECIMALS = 2
+SPACE_DECIMALS = 2
 """Lengths, angles and growth are rounded to hundredths, so that a design file holds exactly the
 design that was evaluated, in few digits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Variable:
+class SearchVariable:
     """One coordinate of the search."""
 
     name: str  # ``levels``, or a variable of a level
@@ -179,7 +179,7 @@ class Variable:
         low, high = self.bounds.low, self.bounds.high
         if self.name in WHOLE:
             return min(high, low + int(share * (high - low + 1)))
-        return min(high, max(low, round(low + share * (high - low), DECIMALS)))
+        return min(high, max(low, round(low + share * (high - low), SPACE_DECIMALS)))
 
     def share(self, value: float) -> float:
         """Return the share of the range for a value; the nearest end for one outside."""
@@ -289,7 +289,7 @@ class Space:
         )
 
     def _values(self, x: Floats) -> Floats:
-        """Return what `Variable.value` would, for all variables at many points."""
+        """Return what `SearchVariable.value` would, for all variables at many points."""
         low, high = self._low, self._high
         numbers = np.minimum(high, low + np.trunc(x * (high - low + 1.0)))
         values = np.minimum(high, np.maximum(low, _rounded(low + x * (high - low))))
@@ -328,21 +328,23 @@ class Space:
 
 def _rounded(values: Floats) -> Floats:
     """Return values rounded as by Python's ``round``, which is exact in decimals."""
-    factor = 10.0**DECIMALS
+    factor = 10.0**SPACE_DECIMALS
     shifted = values * factor
     whole = np.rint(shifted)
     rounded: Floats = whole / factor
     # Multiplication may move a value across the middle between two hundredths.
     for place in np.flatnonzero(np.abs(np.abs(shifted - whole) - 0.5) < 1e-5).tolist():
-        rounded.flat[place] = round(float(values.flat[place]), DECIMALS)
+        rounded.flat[place] = round(float(values.flat[place]), SPACE_DECIMALS)
     return rounded
 
 
-def _variables(settings: SpaceSettings) -> list[Variable]:
-    variables = [Variable(name="levels", level=0, bounds=settings.levels)]
-    variables.append(Variable(name="length_mm", level=1, bounds=settings.bounds(1, "length_mm")))
+def _variables(settings: SpaceSettings) -> list[SearchVariable]:
+    variables = [SearchVariable(name="levels", level=0, bounds=settings.levels)]
+    variables.append(
+        SearchVariable(name="length_mm", level=1, bounds=settings.bounds(1, "length_mm"))
+    )
     variables += [
-        Variable(name=name, level=level, bounds=settings.bounds(level, name))
+        SearchVariable(name=name, level=level, bounds=settings.bounds(level, name))
         for level in range(2, int(settings.levels.high) + 1)
         for name in LIMITS
     ]

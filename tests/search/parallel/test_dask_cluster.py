@@ -25,6 +25,7 @@ from vinefab.search.parallel.dask_cluster import (
 )
 from vinefab.search.settings import PartSettings, RunSettings
 from vinefab.search.timing import Ledger, Work
+from vinefab.tasks.reach import Reach
 
 Maps = tuple[Map, ...]
 
@@ -108,6 +109,24 @@ def test_a_worker_finds_what_the_run_would_find(fabricable: RunSettings, maps: M
         name: v.tolist() for name, v in expected.terms.items()
     }
     assert min(work) > 0.0
+
+
+def test_a_task_object_is_sent_to_the_workers(small: RunSettings, maps: Maps) -> None:
+    evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps, task=Reach(buffer_mm=25.0)))
+    x = np.random.default_rng(1).random((3, len(evaluator.space)))
+    poses = evaluator.poses(3, TRAINING, 0, 1)
+    evaluations, _ = deserialized(_evaluated(WorkerPayload.of(evaluator.spec), x, poses))
+    np.testing.assert_array_equal(evaluations.score, evaluator.evaluate(x, poses)[0].score)
+    assert set(evaluations.terms) == {"reached_mm2", "grown_mm"}
+
+
+def test_a_task_that_cannot_be_sent_is_named(small: RunSettings, maps: Maps) -> None:
+    class Local(Reach):
+        pass
+
+    spec = EvaluatorSpec(settings=small, maps=maps, task=Local())
+    with pytest.raises(BadInputError, match="a task that can be pickled"):
+        WorkerPayload.of(spec)
 
 
 def test_read_only_views_can_be_sent(maps: Maps) -> None:

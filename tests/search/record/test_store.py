@@ -4,22 +4,26 @@ import sqlite3
 from collections.abc import Callable, ItemsView, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
+from typing import ClassVar, cast
 
 import numpy as np
 import pytest
 
 from vinefab.core.atomic import is_ours
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError
+from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
 from vinefab.search.record import store as module
 from vinefab.search.record.result import Generation, Progress, RunIdentity, RunResult
-from vinefab.search.record.run_archive import RECORD_FILE
+from vinefab.search.record.run_archive import RECORD_FILE, RunArchive
 from vinefab.search.record.store import Recorder, RunStore
+from vinefab.search.run import run_search
 from vinefab.search.settings import RunSettings, SearchSettings
 from vinefab.search.timing import Ledger, TimeSplit
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.task import Outcome
 
 
 def optimize(
@@ -491,3 +495,35 @@ def test_later_changes_of_an_optimizers_state_are_not_recorded() -> None:
         cast("np.ndarray", state["place"])[:] = 7.0
         cast("list[list[int]]", state["numbers"])[0].append(2)
     assert [(list(e["place"]), e["numbers"]) for e in entries] == [([0.0, 0.0], [[1]])]
+
+
+@dataclass(frozen=True)
+class Film:
+    """A task of the user's own, with a parameter."""
+
+    unit_mm: float = 1000.0
+    name: ClassVar[str] = "film"
+    lowest: ClassVar[float] = 0.0
+
+    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:  # noqa: ARG002
+        return float(deployment.grown_mm.sum()) / self.unit_mm, {}
+
+
+def test_a_run_for_a_task_object_is_recorded_and_resumed_only_with_the_same_task(
+    tmp_path: Path, small: RunSettings
+) -> None:
+    whole = run_search(small, tmp_path / "whole", task=Film())
+
+    def interrupt(progress: Progress) -> None:
+        if progress.generation == 2:
+            raise KeyboardInterrupt
+
+    folder = tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        run_search(small, folder, task=Film(), progress=interrupt)
+    with pytest.raises(BadInputError, match=r"task\.parameters\.unit_mm is 1\.0; allowed: 1000\.0"):
+        run_search(small, folder, task=Film(unit_mm=1.0), resume=True)
+    with pytest.raises(BadInputError, match=r"task\.name is 'coverage'; allowed: 'film'"):
+        run_search(small, folder, resume=True)
+    assert run_search(small, folder, task=Film(), resume=True).best == whole.best
+    assert RunArchive.read(folder / RECORD_FILE).result().best == whole.best

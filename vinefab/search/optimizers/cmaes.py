@@ -66,8 +66,8 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
     def _discretization(self, v_discrete: Floats) -> Floats:
         """Return the integers that values stand for, shape (n,) or (m, n) as given."""
         places = np.count_nonzero(v_discrete[..., None] > self._z_lim, axis=-1)
-        found: Floats = self._z_space[np.arange(len(self._z_space)), places]
-        return found
+        values: Floats = self._z_space[np.arange(len(self._z_space)), places]
+        return values
 
     def _integer_centering(self, v_raw: Floats) -> Floats:
         """Return points with integers centred, best first.
@@ -105,9 +105,9 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
         late = (1.0 - goes_on) * self._cc * (2 - self._cc)
         outer = steps[:, :, None] * steps[:, None, :]
         outer *= weights[:, None, None]
-        kept = 1 + self._c1 * late - self._c1 - self._cmu * np.sum(self._weights)
+        decay = 1 + self._c1 * late - self._c1 - self._cmu * np.sum(self._weights)
         self._C = (
-            kept * self._C
+            decay * self._C
             + self._c1 * np.multiply.outer(self._pc, self._pc)
             + self._cmu * outer.sum(axis=0)
         )
@@ -278,11 +278,11 @@ class Cma:
         """Return the distribution; nothing before the first generation."""
         if self._generation == 0:
             return {"generation": 0}
-        kept: dict[str, object] = {"generation": self._generation}
+        state: dict[str, object] = {"generation": self._generation}
         known = vars(self._search)
-        kept |= {name: np.array(known[name], dtype=float) for name in _ARRAYS if name in known}
-        kept |= {name: _plain(known[name]) for name in _NUMBERS if name in known}
-        return kept
+        state |= {name: np.array(known[name], dtype=float) for name in _ARRAYS if name in known}
+        state |= {name: _plain(known[name]) for name in _NUMBERS if name in known}
+        return state
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from a state."""

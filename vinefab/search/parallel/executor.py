@@ -7,24 +7,24 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from vinefab.core.validation import Floats
 
-Result = TypeVar("Result")
+_Result = TypeVar("_Result")
 
 
-class WorkUnit(Generic[Result]):
+class WorkUnit(Generic[_Result]):
     """A function to call once, and its result."""
 
     __slots__ = ("_done", "_work")
 
-    def __init__(self, work: Callable[[], Result]) -> None:
+    def __init__(self, work: Callable[[], _Result]) -> None:
         self._work = work
-        self._done: list[Result] = []
+        self._done: list[_Result] = []
 
     def do(self) -> None:
         """Call the function."""
         self._done.append(self._work())
 
     @property
-    def result(self) -> Result:
+    def result(self) -> _Result:
         """The result; only after `do`."""
         return self._done[0]
 

@@ -240,8 +240,10 @@ class Search:
 
 def _task_settings(task: Task) -> PartSettings:
     """Return the name and the parameters of a task object, for records and identities of runs."""
-    names = tuple(field.name for field in fields(task)) if is_dataclass(task) else ()
-    return PartSettings(name=task.name, parameters={name: getattr(task, name) for name in names})
+    parameters: dict[str, object] = {}
+    if is_dataclass(task):
+        parameters = {field.name: getattr(task, field.name) for field in fields(task)}
+    return PartSettings(name=task.name, parameters=parameters)
 
 
 def _check_room(evaluator: Evaluator, poses: Poses) -> None:

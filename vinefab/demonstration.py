@@ -154,7 +154,8 @@ def run_demo(
     )
 
     def tell_search(progress: Progress) -> None:
-        tell(0.05 + 0.55 * progress.generation / progress.generations, progress_line(progress))
+        line = progress_line(progress, checked=run.evaluation.fabricable)
+        tell(0.05 + 0.55 * progress.generation / progress.generations, line)
 
     result = run_search(run, folder / "run", workers=settings.workers, progress=tell_search)
     tell(0.6, "testing the winner on unseen maps")

@@ -1,25 +1,13 @@
-"""Finalists, the full check and the feasibility repair."""
+"""Who may win: only designs that pass the full check, as long as there is one."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import numpy as np
-
-from vinefab.core.errors import BadInputError
 from vinefab.model.design import Design
 from vinefab.model.map import Map
-from vinefab.search.feasibility_repair import (
-    MOST_CHECKS,
-    PATIENCE,
-    STEPS,
-    RepairBudget,
-    RepairResults,
-    repair_design,
-)
 from vinefab.search.loop import Search
 from vinefab.search.record.result import RunResult
 from vinefab.search.settings import RunSettings
-from vinefab.search.space import BuildSettings, Space, SpaceSettings
 
 
 def optimize(
@@ -81,60 +69,3 @@ def test_a_winner_beyond_repair_is_penalized(fabricable: RunSettings, maps: Maps
     assert result.finalists[0].penalty == 1.0
     assert result.finalists[0].fitness < -0.5
     assert "tried 100 changes of the best 2: none is manufacturable" in result.repair
-
-
-def test_a_repair_stays_near_and_is_always_the_same() -> None:
-    space = Space(SpaceSettings(), BuildSettings())
-    x = np.full(len(space), 0.9)
-    strict = Strict(150.0, even)
-    repaired = repair_design(x, space, strict, strict.passes)
-    assert repaired.passed
-    design = space.design(repaired.x)
-    assert strict(design) == 0.0
-    assert even(design)
-    assert np.count_nonzero(repaired.x != x) < len(x)
-    again = repair_design(x, space, strict, strict.passes)
-    assert np.array_equal(repaired.x, again.x)
-    assert not repair_design(x, space, replace(strict, longest_mm=0.0), strict.passes).passed
-
-
-def test_a_repair_without_progress_is_given_up() -> None:
-    space = Space(SpaceSettings(), BuildSettings())
-    x, budget = np.full(len(space), 0.9), RepairBudget()
-    checked = list[Design]()
-
-    def flat(design: Design) -> float:
-        checked.append(design)
-        return 1.5
-
-    given_up = repair_design(x, space, flat, even, budget)
-    assert not given_up.passed
-    assert len(checked) == PATIENCE + 1
-    assert budget.steps == STEPS - PATIENCE
-    assert given_up.penalty == 1.5
-
-
-def test_many_repairs_share_one_budget() -> None:
-    space = Space(SpaceSettings(), BuildSettings())
-    points = [np.full(len(space), share) for share in np.linspace(0.1, 0.9, 40)]
-    repairs = RepairResults.of(points, space, lambda _: 1.5, even)
-    assert repairs.repaired == []
-    assert f"; tried {STEPS} changes of the best {-(-STEPS // PATIENCE)}:" in repairs.message
-    assert repairs.message.endswith("none is manufacturable, lowest penalty 1.5")
-    # A full check takes fifty times as long as a change.
-    checks = list[Design]()
-    RepairResults.of(points, space, lambda _: 0.0, lambda design: checks.append(design) is not None)
-    assert len(checks) == 2 * MOST_CHECKS
-
-
-def test_refusals_do_not_stop_a_repair() -> None:
-    space = Space(SpaceSettings(), BuildSettings())
-
-    def refusing(design: Design) -> float:
-        if design.depth > 2:
-            raise BadInputError("depth", design.depth, "two levels")
-        return 0.0
-
-    repaired = repair_design(np.full(len(space), 0.9), space, refusing, even)
-    assert repaired.passed
-    assert space.design(repaired.x).depth == 2

@@ -11,8 +11,8 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
-from vinefab.search.record.result import RunResult
-from vinefab.search.run import generated_maps, result_json
+from vinefab.search.record.result import Progress, RunResult
+from vinefab.search.run import generated_maps, progress_line, result_json, result_lines
 from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
 
 
@@ -57,3 +57,33 @@ def test_unknown_environments_and_options_are_refused() -> None:
         generated_maps(MapSettings(environment="forest"))
     with pytest.raises(BadInputError, match=r"maps\.options\.colums"):
         generated_maps(MapSettings(options={"colums": 3}))
+
+
+def test_progress_gives_the_manufacturable_share_only_where_it_is_checked() -> None:
+    progress = Progress(
+        generation=3,
+        generations=6,
+        best=0.5,
+        mean=0.25,
+        spread=0.125,
+        fabricable_share=0.75,
+        elapsed_s=1.0,
+        left_s=1.0,
+    )
+    start = "generation 3/6  best 0.5000  mean 0.2500 +- 0.1250"
+    assert progress_line(progress, checked=True) == f"{start}  manufacturable 75 %"
+    assert progress_line(progress, checked=False) == start
+
+
+def test_the_result_says_whether_the_winner_is_manufacturable(
+    small: RunSettings, maps: tuple[Map, ...]
+) -> None:
+    result = optimize(small, maps)
+    unchecked = "manufacturability not checked (`fabricable = false`)"
+    assert result_lines(result)[1].endswith(f"; {unchecked}")
+    checked = replace(result, checked=True)
+    assert result_lines(checked)[1].endswith("; manufacturable")
+    *_, time, last = result_lines(checked, "VF-T02 (crossing)")
+    assert time.startswith("time: ")
+    assert last == "found no manufacturable robot: the winner violates VF-T02 (crossing)"
+    assert "; not manufacturable" in result_lines(checked, "VF-T02 (crossing)")[1]

@@ -63,7 +63,8 @@ def optimize_command(
         with output.progress(f"optimizing {settings.name}") as show:
 
             def report(progress: Progress) -> None:
-                show(progress.generation / progress.generations, progress_line(progress))
+                line = progress_line(progress, checked=settings.evaluation.fabricable)
+                show(progress.generation / progress.generations, line)
 
             result = run_search(
                 settings,

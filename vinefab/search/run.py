@@ -125,12 +125,12 @@ def run_search(  # noqa: PLR0913  options by keyword
         return search.run(store=store, progress=progress, workers=workers)
 
 
-def progress_line(progress: Progress) -> str:
+def progress_line(progress: Progress, *, checked: bool) -> str:
     """Return the progress of a run as a line for the user."""
+    share = f"  manufacturable {100 * progress.fabricable_share:.0f} %" if checked else ""
     return (
         f"generation {progress.generation}/{progress.generations}  best {progress.best:.4f}  "
-        f"mean {progress.mean:.4f} +- {progress.spread:.4f}  "
-        f"manufacturable {100 * progress.fabricable_share:.0f} %"
+        f"mean {progress.mean:.4f} +- {progress.spread:.4f}{share}"
     )
 
 

@@ -4,7 +4,7 @@ Run it as ``python examples/optimize_my_task.py``. A task is a frozen dataclass 
 lowest score that it can give, and ``evaluate``; its fields are its parameters.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 from vinefab.model.deployment import Deployment
@@ -17,7 +17,7 @@ from vinefab.tasks.task import Outcome
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Height:
-    """Share of the map's height that the highest tip reaches, less the film that it takes."""
+    """Share of the map's height that the highest tip reaches, minus a price for film."""
 
     name: ClassVar[str] = "height"
     lowest: ClassVar[float] = -1.0
@@ -40,9 +40,7 @@ def main() -> None:
         search=SearchSettings(population=20, generations=10, seed=1),
         evaluation=EvaluationSettings(fabricable=False),
     )
-    search = Search.of(settings, generated_maps(settings.maps), None)
-    search = replace(search, trial=replace(search.trial, task=Height()))
-    result = search.run(workers=2)
+    result = Search.of(settings, generated_maps(settings.maps), task=Height()).run(workers=2)
     terms = result.finalists[0].score.evaluations[0].terms
     print(f"{result.best.name}: {result.best.branch_count} branches")
     print(f"mean score {result.score.composite['mean']:.3f}, one evaluation: {dict(terms)}")

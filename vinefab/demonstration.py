@@ -32,8 +32,8 @@ from vinefab.rig.make import RigFiles, make_rig
 from vinefab.rig.options import RigOptions
 from vinefab.rig.printer import read_printer
 from vinefab.search.record.result import Progress, RunResult
-from vinefab.search.run import progress_words, run_search, training_maps
-from vinefab.search.search_sections import search_section, unseen_section
+from vinefab.search.run import progress_line, run_search, training_maps
+from vinefab.search.run_pages import search_section, unseen_section
 from vinefab.search.settings import (
     EvaluationSettings,
     MapSettings,
@@ -154,9 +154,10 @@ def run_demo(
     )
 
     def tell_search(progress: Progress) -> None:
-        tell(0.05 + 0.55 * progress.generation / progress.generations, progress_words(progress))
+        line = progress_line(progress, checked=run.evaluation.fabricable)
+        tell(0.05 + 0.55 * progress.generation / progress.generations, line)
 
-    result = run_search(run, folder / "run", workers=settings.workers, tell=tell_search)
+    result = run_search(run, folder / "run", workers=settings.workers, progress=tell_search)
     tell(0.6, "testing the winner on unseen maps")
     announce(f"testing the winner on {len(unseen)} maps that it never saw")
     scores = _scores(result.best, run, unseen)

@@ -117,7 +117,7 @@ def test_a_run_that_goes_on_with_another_version_of_a_plugin_says_so(
     facts.write_text(facts.read_text().replace("Version: 1.0", "Version: 1.1"))
     code, words, _ = vinefab("optimize", run_file, "--out", out, "--resume")
     assert code == 0
-    assert "went on with other packages" in words
+    assert "resumed with other package versions" in words
     assert "theirs 1.0 then, 1.1 now" in words
 
 

@@ -97,12 +97,12 @@ def test_a_run_that_finds_no_robot_says_so_and_keeps_everything(vinefab, hopeles
     out = tmp_path / "run"
     code, output, words = vinefab("optimize", hopeless, "--out", out, "--json", "-")
     assert code == 1
-    (line,) = [line for line in words.split("\n") if "found no robot that can be made" in line]
-    assert "the winner breaks VF-T02, VF-C03 (" in line
-    assert "2 best were tried, and none can be made" in words
+    (line,) = [line for line in words.split("\n") if "found no manufacturable robot" in line]
+    assert "the winner violates VF-T02, VF-C03 (" in line
+    assert "changes of the best 2: none is manufacturable" in words
     document = json.loads(output)
     assert document["fabricable"] is False
-    assert "none can be made" in document["repair"]
+    assert "none is manufacturable" in document["repair"]
     assert vinefab("check", out / "best.toml")[0] == 1
     connection = sqlite3.connect(out / "run.sqlite")
     assert connection.execute("SELECT count(*) FROM generation").fetchone() == (2,)
@@ -124,7 +124,7 @@ def test_a_full_disk_at_the_end_loses_nothing(vinefab, run_file, tmp_path, monke
         patch.setattr(os, "fsync", full)
         code, _, complaint = vinefab("optimize", run_file, "--out", out)
     assert (code, complaint.count("\n")) == (2, 1)
-    assert "best.toml: cannot be written: No space left on device; the run has ended" in complaint
+    assert "best.toml: cannot be written: No space left on device; the run is complete" in complaint
     assert [path.name for path in out.iterdir()] == ["run.sqlite"]
     told = complaint.split("to write its files: ")[1]
     assert vinefab(*shlex.split(told)[1:])[0] == 0
@@ -153,7 +153,7 @@ def test_an_optimizer_that_proposes_nonsense_keeps_all_generations_before(
     assert "optimizer random is 'points outside the space'" in complaint
     (row,) = json.loads(vinefab("runs", out, "--json", "-")[1])["runs"]
     assert row["generations"] == 2
-    # Mended, it goes on with what it had.
+    # Once it is fixed, the run continues.
     assert vinefab("optimize", run_file, "--out", out, "--resume", "-q")[0] == 0
     assert vinefab("optimize", run_file, "--out", tmp_path / "whole", "-q")[0] == 0
     assert (out / "best.toml").read_bytes() == (tmp_path / "whole" / "best.toml").read_bytes()
@@ -173,7 +173,7 @@ def test_damaged_records_are_named_and_kept(vinefab, run_file, tmp_path):
         (out / "run.sqlite").write_bytes(damaged.tobytes())
         code, words, complaint = vinefab("runs", out)
         codes.append(code)
-        assert code == 0 or (code == 1 and "not read: " in words)
+        assert code == 0 or (code == 1 and "unreadable: " in words)
         code, _, complaint = vinefab("optimize", run_file, "--out", out, "--resume", "-q")
         assert code in (0, 2)
         assert complaint.count("\n") == (code == 2)

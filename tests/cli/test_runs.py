@@ -29,7 +29,7 @@ def test_the_end_of_a_run_says_where_the_time_went(vinefab, run_file, tmp_path):
     assert whole == pytest.approx(1.0)
     assert times["workers"] == 2
     assert 0.0 < times["growth_s"] + times["scoring_s"] <= times["processor_s"]
-    assert "2 workers were busy growing" in words
+    assert "use of 2 workers while evaluating: growth" in words
 
 
 def test_runs_are_listed_with_those_that_cannot_be_read(vinefab, ended, tmp_path):

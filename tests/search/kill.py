@@ -1,4 +1,4 @@
-"""Runs killed at random moments: ``python tests/optimize/kill.py 50``, or with names of optimizers.
+"""Runs killed at random moments: ``python tests/search/kill.py 50``, or with names of optimizers.
 
 Every run is a process of ``vinefab optimize``. It is killed (SIGKILL), interrupted (Ctrl-C) or
 stopped by a disk that is full (a limit on the size of files) at a random moment, resumed, and
@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
-from vinefab.search.record.record_reading import FILE_NAME
+from vinefab.search.record.run_archive import RECORD_FILE
 
 GENERATIONS = 300
 BLOWS_PER_RUN = 6
@@ -54,8 +54,8 @@ final_poses_per_map = 2
 
 
 def content(folder: Path) -> Content:
-    """Return everything that a record holds but times."""
-    connection = sqlite3.connect(folder / FILE_NAME)
+    """Return the content of a record without times."""
+    connection = sqlite3.connect(folder / RECORD_FILE)
     try:
         return {key: connection.execute(text).fetchall() for key, text in QUESTIONS.items()}
     finally:
@@ -63,10 +63,10 @@ def content(folder: Path) -> Content:
 
 
 def generations(folder: Path) -> int:
-    """Return how many generations a record holds, having looked whether it is sound."""
-    if not (folder / FILE_NAME).exists():
+    """Return the number of generations in a record, after checking that it is consistent."""
+    if not (folder / RECORD_FILE).exists():
         return 0
-    connection = sqlite3.connect(folder / FILE_NAME)
+    connection = sqlite3.connect(folder / RECORD_FILE)
     try:
         assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
         if not connection.execute("SELECT name FROM sqlite_master").fetchall():
@@ -120,14 +120,14 @@ class Course:
         whole = self.folder / "whole"
         began_s = time.monotonic()
         process = start(self.run_file, whole)
-        while not (whole / FILE_NAME).exists() and process.poll() is None:
+        while not (whole / RECORD_FILE).exists() and process.poll() is None:
             time.sleep(0.01)
         self.ready_s = time.monotonic() - began_s
         assert process.communicate()[1] == ""
         self.longest_s = time.monotonic() - began_s
         self.expected = content(whole)
         self.best = (whole / "best.toml").read_bytes()
-        self.size = (whole / FILE_NAME).stat().st_size
+        self.size = (whole / RECORD_FILE).stat().st_size
 
     def disturbed_run(self, most: int) -> None:
         """Strike a run at most so often, let it end, and compare it with the undisturbed one."""

@@ -1,5 +1,6 @@
 """Several objectives at once: fronts, NSGA-II, and runs that end with a front."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,27 +12,40 @@ from hypothesis import strategies as st
 from vinefab.core.errors import BadInputError
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map
-from vinefab.search.axes import SearchAxes
-from vinefab.search.costs import check_objectives, film_area_mm2, film_length_mm
-from vinefab.search.front import knee, non_dominated, spread_out
-from vinefab.search.loop import optimize
-from vinefab.search.optimizers.nsga2 import FrontFinder, NsgaConfig, ranking
-from vinefab.search.record.identity import RunIdentity
+from vinefab.search.front import (
+    check_objectives,
+    film_area_mm2,
+    film_length_mm,
+    knee,
+    non_dominated,
+    spread_out,
+)
+from vinefab.search.loop import Search
+from vinefab.search.optimizers.nsga2 import FrontOptimizer, NsgaConfig, ranking
+from vinefab.search.optimizers.optimizer import SearchAxes
+from vinefab.search.record.result import RunIdentity, RunResult
 from vinefab.search.record.store import RunStore
 from vinefab.search.settings import PartSettings, RunSettings
+
+
+def optimize(
+    settings: RunSettings, maps: Sequence[Map], penalty: object = None, **options: object
+) -> RunResult:
+    return Search.of(settings, maps, penalty).run(**options)
+
 
 Maps = tuple[Map, ...]
 VALUES = st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), min_size=1, max_size=15)
 
 
 @given(VALUES)
-def test_a_front_holds_just_what_nothing_beats(values: list[tuple[int, int]]) -> None:
+def test_a_front_holds_exactly_the_non_dominated_points(values: list[tuple[int, int]]) -> None:
     worth, cost = np.array(values, dtype=float).T
     kept = non_dominated(worth, cost[:, None])
     for row, (w, c) in enumerate(values):
-        beaten = any(v >= w and d <= c and (v, d) != (w, c) for v, d in values)
+        dominated = any(v >= w and d <= c and (v, d) != (w, c) for v, d in values)
         first = values.index((w, c)) == row
-        assert kept[row] == (first and not beaten)
+        assert kept[row] == (first and not dominated)
 
 
 def test_the_knee_and_points_along_a_front() -> None:
@@ -59,7 +73,7 @@ def test_a_knee_is_above_the_line_between_the_ends_in_any_units(
     worth, cost = np.array(values, dtype=float).T
     found = knee(worth, cost)
     assert knee(scale * worth + shift, 2.0 * scale * cost) == found
-    front = sorted(_unbeaten(values))
+    front = sorted(_non_dominated(values))
     if found is None:
         heights = [_height(front, point) for point in front[1:-1]]
         assert max(heights, default=0.0) < 0.05 + 1e-9
@@ -69,7 +83,7 @@ def test_a_knee_is_above_the_line_between_the_ends_in_any_units(
         assert _height(front, here) == pytest.approx(max(_height(front, p) for p in front))
 
 
-def _unbeaten(values: list[tuple[int, int]]) -> set[tuple[int, int]]:
+def _non_dominated(values: list[tuple[int, int]]) -> set[tuple[int, int]]:
     return {
         (c, w)
         for w, c in values
@@ -84,7 +98,7 @@ def _height(front: list[tuple[int, int]], point: tuple[float, float]) -> float:
     return (point[1] - on_line) / (w1 - w0)
 
 
-def test_ranking_goes_front_by_front_ends_first_and_what_cannot_be_made_last() -> None:
+def test_ranking_goes_front_by_front_ends_first_and_infeasible_points_last() -> None:
     worth = np.array([1.0, 2.0, 3.0, 0.5, -9.0, -5.0, 1.9])
     cost = np.array([[1.0], [2.0], [3.0], [1.5], [0.1], [0.1], [2.5]])
     order = ranking(worth, cost, lowest=0.0).tolist()
@@ -97,9 +111,9 @@ def test_ranking_goes_front_by_front_ends_first_and_what_cannot_be_made_last() -
 def sphere_front(seed: int, generations: int) -> np.ndarray:
     """What NSGA-II finds for -|x - a| against |x - b|: the way from a to b."""
     a, b = np.full(4, 0.3), np.full(4, 0.7)
-    search = NsgaConfig().start(SearchAxes.plain(4), 24, seed)
-    assert isinstance(search, FrontFinder)
-    search.weigh(lambda x: np.linalg.norm(x - b, axis=1)[:, None], -10.0)
+    search = NsgaConfig().start(SearchAxes.continuous(4), 24, seed)
+    assert isinstance(search, FrontOptimizer)
+    search.set_costs(lambda x: np.linalg.norm(x - b, axis=1)[:, None], -10.0)
     for _ in range(generations):
         x = search.ask()
         search.tell(x, -np.linalg.norm(x - a, axis=1))
@@ -132,7 +146,9 @@ def test_finalists_of_a_run_are_its_front(small: RunSettings, maps: Maps) -> Non
     assert result.fabricable
 
 
-def test_a_front_is_the_same_after_a_stop(small: RunSettings, maps: Maps, tmp_path: Path) -> None:
+def test_a_front_is_the_same_after_an_interrupt(
+    small: RunSettings, maps: Maps, tmp_path: Path
+) -> None:
     settings = with_front(small)
     whole = optimize(settings, maps)
 
@@ -151,7 +167,7 @@ def test_a_front_is_the_same_after_a_stop(small: RunSettings, maps: Maps, tmp_pa
 
 
 class Short:
-    """Designs over 700 mm of film are penalized, and those between 300 and 500 mm inspected out."""
+    """Designs over 700 mm of film are penalized; those of 300 to 500 mm fail the full check."""
 
     def __call__(self, design: Design) -> float:
         return max(0.0, film_length_mm(design) - 700.0) / 1000.0
@@ -160,7 +176,7 @@ class Short:
         return not 300.0 < film_length_mm(design) < 500.0
 
 
-def test_every_design_of_a_front_can_be_made(fabricable: RunSettings, maps: Maps) -> None:
+def test_every_design_of_a_front_is_manufacturable(fabricable: RunSettings, maps: Maps) -> None:
     settings = with_front(replace(fabricable, search=replace(fabricable.search, population=20)))
     result = optimize(settings, maps, penalty=Short())
     for finalist in result.finalists:

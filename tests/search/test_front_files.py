@@ -1,18 +1,27 @@
 """The front of a run as designs, JSON and a picture."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
 from vinefab.maps.generators.grid import grid_map
+from vinefab.model.map import Map
 from vinefab.model.tree import branch_tree
 from vinefab.pages.figure import svg_bytes
 from vinefab.search.front_files import front_json, front_lines, front_of, front_picture
-from vinefab.search.loop import optimize
+from vinefab.search.loop import Search
 from vinefab.search.record.result import RunResult
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, SpaceSettings
+
+
+def optimize(
+    settings: RunSettings, maps: Sequence[Map], penalty: object = None, **options: object
+) -> RunResult:
+    return Search.of(settings, maps, penalty).run(**options)
+
 
 SETTINGS = RunSettings(
     name="two",
@@ -30,7 +39,7 @@ def result() -> RunResult:
     return optimize(SETTINGS, (WORLD,))
 
 
-def test_a_front_rises_with_its_cost_and_none_beats_another(result: RunResult) -> None:
+def test_a_front_rises_with_its_cost_and_no_member_dominates_another(result: RunResult) -> None:
     members = front_of(result, SETTINGS)
     costs = [member.costs for member in members]
     assert len(members) >= 2
@@ -40,10 +49,10 @@ def test_a_front_rises_with_its_cost_and_none_beats_another(result: RunResult) -
     for one in members:
         for other in members:
             as_cheap = all(a <= b for a, b in zip(one.costs, other.costs, strict=True))
-            assert one is other or not (as_cheap and one.worth >= other.worth)
+            assert one is other or not (as_cheap and one.fitness >= other.fitness)
 
 
-def test_json_and_words_say_what_the_front_is(result: RunResult) -> None:
+def test_json_and_text_describe_the_front(result: RunResult) -> None:
     members = front_of(result, SETTINGS)
     content = json.loads(front_json(members, result, SETTINGS))
     assert content["schema"] == "vinefab/front-1"
@@ -58,30 +67,30 @@ def test_json_and_words_say_what_the_front_is(result: RunResult) -> None:
     assert len(lines) == len(members) + (1 if names else 2)
 
 
-def test_a_knee_is_named_where_there_is_one_and_missed_where_there_is_none(
+def test_a_knee_is_named_where_there_is_one(
     result: RunResult,
 ) -> None:
-    """The same finalists with worths that rise fast at first, and with worths that rise late."""
+    """The same finalists with fitness that rises early, and with fitness that rises late."""
     settings = replace(SETTINGS, objectives=("coverage", "film_length"))
     by_cost = sorted(result.finalists, key=lambda f: branch_tree(f.design).total_length_mm)
     assert len(by_cost) >= 4
 
-    def with_worths(power: float, count: int) -> RunResult:
+    def with_fitness(power: float, count: int) -> RunResult:
         shares = (index / (count - 1 or 1) for index in range(count))
         finalists = (
             replace(f, fitness=share**power) for f, share in zip(by_cost, shares, strict=False)
         )
         return replace(result, finalists=tuple(finalists))
 
-    members = front_of(with_worths(0.1, 4), settings)
+    members = front_of(with_fitness(0.1, 4), settings)
     assert [member.is_knee for member in members] == [False, True, False, False]
     assert "  knee" in front_lines(members, settings)[2]
     for power, count, why in (
-        (9.0, 4, "nowhere lies 5% above"),
-        (1.0, 2, "takes three designs"),
-        (1.0, 1, "takes three designs"),
+        (9.0, 4, "no point lies 5% above"),
+        (1.0, 2, "fewer than three designs"),
+        (1.0, 1, "fewer than three designs"),
     ):
-        flat = with_worths(power, count)
+        flat = with_fitness(power, count)
         members = front_of(flat, settings)
         assert len(members) == count
         assert not any(member.is_knee for member in members)

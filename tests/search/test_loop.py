@@ -1,25 +1,38 @@
+"""Whole runs: results, stopping, refusals, and poses drawn ahead."""
+
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.growth.options import GrowthOptions
+from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
-from vinefab.search.axes import SearchAxes
-from vinefab.search.evaluation import INVALID_FITNESS
-from vinefab.search.evaluator import FINAL, TRAINING, Evaluator
-from vinefab.search.loop import AHEAD, Search, optimize, why_stop
-from vinefab.search.optimizers.optimizer import Optimizer
+from vinefab.search.evaluator import FINAL, INVALID_FITNESS, TRAINING, Evaluator, EvaluatorSpec
+from vinefab.search.loop import AHEAD, Schedule, Search, why_stop
+from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 from vinefab.search.optimizers.random_search import RandomSearch
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.search.record.result import Generation, Progress, RunResult
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
+from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import Poses, score_design
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.reach import Reach
+from vinefab.tasks.task import Outcome, Task
+
+
+def optimize(
+    settings: RunSettings, maps: Sequence[Map], penalty: object = None, **options: object
+) -> RunResult:
+    return Search.of(settings, maps, penalty).run(**options)
+
 
 Maps = tuple[Map, ...]
 Penalty = Callable[[Design], float]
@@ -62,42 +75,44 @@ def test_the_seed_changes_the_run(small: RunSettings, maps: Maps) -> None:
     assert not same(optimize(small, maps), optimize(other, maps))
 
 
-def test_a_generation_meets_the_same_poses_and_the_next_one_others(
+def test_poses_are_the_same_within_a_generation_and_differ_between_generations(
     small: RunSettings, maps: Maps
 ) -> None:
-    trial = Evaluator.of(small, maps, None)
-    assert trial.poses(3, TRAINING, 0, 2) == trial.poses(3, TRAINING, 0, 2)
-    draws = [trial.poses(3, TRAINING, g, 2) for g in range(3)] + [trial.poses(3, FINAL, 0, 2)]
+    evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
+    assert evaluator.poses(3, TRAINING, 0, 2) == evaluator.poses(3, TRAINING, 0, 2)
+    draws = [evaluator.poses(3, TRAINING, g, 2) for g in range(3)] + [
+        evaluator.poses(3, FINAL, 0, 2)
+    ]
     assert len(set(draws)) == 4
     assert len({pose for draw in draws for poses in draw for pose in poses}) == 4 * 2 * 2
 
 
 def test_fitness_can_be_computed_again_from_the_record(small: RunSettings, maps: Maps) -> None:
-    trial = Evaluator.of(small, maps, None)
+    evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
     for redraw in (True, False):
         settings = replace(small, evaluation=replace(small.evaluation, redraw=redraw))
         last = optimize(settings, maps).history[4]
-        poses = trial.poses(3, TRAINING, 4 if redraw else 0, 1)
+        poses = evaluator.poses(3, TRAINING, 4 if redraw else 0, 1)
         for x, fitness in zip(last.x, last.fitness, strict=True):
-            score = score_design(trial.space.design(x), trial.sites, poses, trial.task)
+            score = score_design(evaluator.space.design(x), evaluator.maps, poses, evaluator.task)
             assert score.composite["mean"] == fitness
 
 
-def test_finalists_are_judged_on_fresh_poses_and_the_best_there_wins(
+def test_finalists_are_evaluated_on_fresh_poses_and_the_best_there_wins(
     small: RunSettings, maps: Maps
 ) -> None:
     result = optimize(small, maps)
     fitness = [finalist.fitness for finalist in result.finalists]
     assert len(fitness) == 3
     assert fitness == sorted(fitness, reverse=True)
-    trial = Evaluator.of(small, maps, None)
-    fresh = trial.poses(3, FINAL, 0, 2)
-    expected = score_design(result.finalists[0].design, trial.sites, fresh, trial.task)
+    evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
+    fresh = evaluator.poses(3, FINAL, 0, 2)
+    expected = score_design(result.finalists[0].design, evaluator.maps, fresh, evaluator.task)
     assert result.score == expected
     assert len(result.score.evaluations) == 4
 
 
-def test_the_winner_can_be_made_when_the_run_asks_for_it(
+def test_the_winner_is_manufacturable_when_the_run_checks_it(
     fabricable: RunSettings, small: RunSettings, maps: Maps, film_penalty: Penalty
 ) -> None:
     free = optimize(small, maps, penalty=film_penalty)
@@ -106,9 +121,9 @@ def test_the_winner_can_be_made_when_the_run_asks_for_it(
     assert film_penalty(bound.best) == 0.0
     assert bound.fabricable
     for generation in bound.history:
-        possible = generation.penalty == 0.0
-        assert (generation.fitness[possible] >= -0.5).all()
-        assert (generation.fitness[~possible] < -0.5).all()
+        manufacturable = generation.penalty == 0.0
+        assert (generation.fitness[manufacturable] >= -0.5).all()
+        assert (generation.fitness[~manufacturable] < -0.5).all()
 
 
 def test_the_search_learns(small: RunSettings, maps: Maps) -> None:
@@ -119,7 +134,7 @@ def test_the_search_learns(small: RunSettings, maps: Maps) -> None:
     assert late > early + 0.03
 
 
-def test_points_that_are_no_designs_are_worth_least_and_do_not_stop_the_run(
+def test_points_without_valid_designs_have_the_lowest_fitness_and_do_not_stop_the_run(
     small: RunSettings, maps: Maps
 ) -> None:
     # 40 to 300 branches per parent on up to four levels: too many for some points.
@@ -150,8 +165,8 @@ def test_a_penalty_that_refuses_a_design_makes_it_invalid(
 
 
 @dataclass(frozen=True, kw_only=True)
-class StrayRecipe:
-    """A recipe for an optimizer that proposes what is outside the space."""
+class StrayConfig:
+    """The config of an optimizer that proposes points outside the space."""
 
     value: float = math.nan
 
@@ -166,10 +181,10 @@ class StrayRecipe:
 
 
 @pytest.mark.parametrize("value", [math.nan, 1.5])
-def test_an_optimizer_that_strays_is_named(
+def test_an_optimizer_that_leaves_the_space_is_named(
     small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch, value: float
 ) -> None:
-    parts: Mapping[str, object] = {**OPTIMIZERS._parts, "stray": StrayRecipe}
+    parts: Mapping[str, object] = {**OPTIMIZERS._parts, "stray": StrayConfig}
     monkeypatch.setattr(OPTIMIZERS, "_parts", parts)
     stray = replace(small, optimizer=PartSettings(name="stray", parameters={"value": value}))
     with pytest.raises(BadInputError, match="optimizer stray"):
@@ -177,8 +192,8 @@ def test_an_optimizer_that_strays_is_named(
 
 
 @dataclass(frozen=True, kw_only=True)
-class InPlaceRecipe:
-    """A recipe for an optimizer that always works in the same arrays, whoever holds them."""
+class InPlaceConfig:
+    """The config of an optimizer that reuses the arrays that it returns and is given."""
 
     def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
         class InPlace(RandomSearch):
@@ -196,10 +211,10 @@ class InPlaceRecipe:
         return InPlace(len(axes), population, seed)
 
 
-def test_an_optimizer_may_work_in_what_it_hands_out_and_is_given(
+def test_an_optimizer_may_reuse_the_arrays_that_it_returns_and_is_given(
     small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    parts: Mapping[str, object] = {**OPTIMIZERS._parts, "in_place": InPlaceRecipe}
+    parts: Mapping[str, object] = {**OPTIMIZERS._parts, "in_place": InPlaceConfig}
     monkeypatch.setattr(OPTIMIZERS, "_parts", parts)
     usual = replace(small, optimizer=PartSettings(name="random"))
     in_place = replace(small, optimizer=PartSettings(name="in_place"))
@@ -218,16 +233,16 @@ def test_poses_that_no_generation_needs_cannot_end_a_run(
     settings = replace(small, search=replace(small.search, generations=generations))
     draw, whole = Evaluator.training_poses, optimize(settings, maps)
 
-    def rare(trial: Evaluator, seed: int, generation: int) -> Poses:
+    def rare(evaluator: Evaluator, seed: int, generation: int) -> Poses:
         if seed != settings.search.seed or generation >= generations:
             raise BadInputError("starts", generation, "a start with free space in its range")
-        return draw(trial, seed, generation)
+        return draw(evaluator, seed, generation)
 
     monkeypatch.setattr(Evaluator, "training_poses", rare)
     assert same(whole, optimize(settings, maps))
 
 
-def test_runs_that_cannot_be_are_refused(
+def test_unusable_inputs_are_refused(
     small: RunSettings, fabricable: RunSettings, maps: Maps
 ) -> None:
     with pytest.raises(BadInputError, match="at least one map"):
@@ -245,7 +260,7 @@ def test_runs_that_cannot_be_are_refused(
         optimize(replace(small, space=fixed), maps)
 
 
-def test_what_no_search_could_help_is_refused_at_once(small: RunSettings, maps: Maps) -> None:
+def test_spaces_that_no_search_could_use_are_refused(small: RunSettings, maps: Maps) -> None:
     wide = replace(
         small,
         build=BuildSettings(trunk_width_mm=400.0),
@@ -295,3 +310,98 @@ def test_settings_that_contradict_are_refused() -> None:
         EvaluationSettings(penalty_weight=0.0)
     with pytest.raises(BadInputError, match="population"):
         SearchSettings(population=1)
+
+
+def test_poses_drawn_ahead_are_those_drawn_one_by_one(
+    small: RunSettings, maps: tuple[Map, ...]
+) -> None:
+    evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
+    schedule = Schedule(evaluator, 3)
+    for generation in (0, 1, AHEAD - 1, AHEAD, 3 * AHEAD + 2, 5):
+        poses = schedule.poses(generation)
+        assert poses == evaluator.training_poses(3, generation)
+        ready, anew = evaluator.launches(poses), evaluator.launches(tuple(poses))
+        assert ready is evaluator.launches(poses)
+        np.testing.assert_array_equal(ready.start, anew.start)
+        np.testing.assert_array_equal(ready.terrain, anew.terrain)
+
+
+def test_poses_that_are_not_redrawn_are_drawn_once(
+    small: RunSettings, maps: tuple[Map, ...]
+) -> None:
+    still = replace(small, evaluation=replace(small.evaluation, redraw=False))
+    schedule = Schedule(Evaluator.of(EvaluatorSpec(settings=still, maps=maps)), 3)
+    assert schedule.poses(0) is schedule.poses(77)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leaves:
+    """A task of the user's own: the share of leaves that deployed, with a price."""
+
+    name: ClassVar[str] = "leaves"
+    lowest: ClassVar[float] = -1.0
+
+    price: float = 0.25
+
+    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:  # noqa: ARG002
+        share = float(deployment.deployed.mean())
+        return share - self.price, {"share": share}
+
+
+def test_a_task_object_is_searched_and_named_in_the_result(small: RunSettings, maps: Maps) -> None:
+    search = Search.of(small, maps, task=Leaves(price=0.5))
+    assert search.settings.task == PartSettings(name="leaves", parameters={"price": 0.5})
+    result = search.run()
+    assert result.best.origin["task"] == "leaves"
+    assert result.score.task == "leaves"
+    assert set(result.history[0].terms) == {"share"}
+    assert result.score.evaluations[0].score == result.score.evaluations[0].terms["share"] - 0.5
+    assert same(result, search_again(small, maps, Leaves(price=0.5)))
+    cheaper = search_again(small, maps, Leaves())
+    assert cheaper.run_id != result.run_id
+    assert cheaper.history[0].composite == pytest.approx(result.history[0].composite + 0.25)
+
+
+def search_again(small: RunSettings, maps: Maps, task: Task) -> RunResult:
+    return Search.of(small, maps, task=task).run(workers=2)
+
+
+def test_a_task_object_pays_for_head_on_stops_and_may_be_weighed_against_costs(
+    small: RunSettings, maps: Maps
+) -> None:
+    priced = replace(small, evaluation=replace(small.evaluation, head_on_weight=0.5))
+    assert "head_on" in Search.of(priced, maps, task=Leaves()).run().history[0].terms
+    several = replace(
+        small, objectives=("leaves", "film_length"), optimizer=PartSettings(name="nsga2")
+    )
+    assert len(Search.of(several, maps, task=Leaves()).run().finalists) >= 1
+    without = replace(several, objectives=("branches", "film_length"))
+    with pytest.raises(BadInputError, match="'leaves', among them"):
+        Search.of(without, maps, task=Leaves())
+
+
+@pytest.mark.parametrize("task", [Coverage(radius_mm=40.0), Reach(buffer_mm=30.0)])
+def test_a_shipped_task_is_the_same_by_name_and_as_an_object(
+    small: RunSettings, maps: Maps, task: Coverage | Reach
+) -> None:
+    key = "radius_mm" if isinstance(task, Coverage) else "buffer_mm"
+    part = PartSettings(name=task.name, parameters={key: getattr(task, key)})
+    named = optimize(replace(small, task=part), maps)
+    given = Search.of(small, maps, task=task).run()
+    assert given.score == named.score
+    for one, other in zip(named.history, given.history, strict=True):
+        assert np.array_equal(one.fitness, other.fitness)
+
+
+def test_a_search_measures_areas_fast_unless_the_task_says_how(
+    small: RunSettings, maps: Maps
+) -> None:
+    def task_of(settings: RunSettings, task: Task | None = None) -> Task:
+        return Search.of(settings, maps, task=task).evaluator.task
+
+    assert task_of(small) == Coverage(area="fast")
+    exact = PartSettings(name="coverage", parameters={"area": "exact"})
+    assert task_of(replace(small, task=exact)) == Coverage(area="exact")
+    assert task_of(small, Reach()) == Reach(area="fast")
+    assert task_of(small, Reach(area="exact")) == Reach(area="exact")
+    assert task_of(small, Leaves()) == Leaves()

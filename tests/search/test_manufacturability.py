@@ -1,19 +1,28 @@
-"""What a run is told about making robots."""
+"""Manufacturability in a search: penalty, full check, and spaces that are refused."""
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from vinefab.core.errors import BadInputError
 from vinefab.fabrication.checking import check_design
-from vinefab.model.design import Build, Design, Level, Waiver
+from vinefab.model.design import Build, Design, Level, Pouch, Waiver
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.laser import LaserProfile
 from vinefab.search.evaluator import FullCheck
-from vinefab.search.manufacturability import ManufacturabilityPenalty
+from vinefab.search.manufacturability import (
+    ManufacturabilityPenalty,
+    SpaceQuery,
+    refuse_infeasible_space,
+)
+from vinefab.search.settings import RunSettings
+from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
 
 
 @pytest.fixture(scope="module")
-def making() -> ManufacturabilityPenalty:
+def penalty() -> ManufacturabilityPenalty:
     return ManufacturabilityPenalty(profile=read_profile(DEFAULT_RECIPE))
 
 
@@ -22,53 +31,159 @@ def fork(fan_rad: float, length_mm: float = 200.0) -> Design:
     return Design(name="fork", trunk_length_mm=150.0, levels=(level,), build=Build.standard(2))
 
 
-def test_a_good_design_has_no_penalty_and_passes(making: ManufacturabilityPenalty) -> None:
-    assert isinstance(making, FullCheck)
-    assert making(fork(1.2)) == 0.0
-    assert making.passes(fork(1.2))
+def test_a_good_design_has_no_penalty_and_passes(penalty: ManufacturabilityPenalty) -> None:
+    assert isinstance(penalty, FullCheck)
+    assert penalty(fork(1.2)) == 0.0
+    assert penalty.passes(fork(1.2))
 
 
 def test_a_search_keeps_to_one_bed_though_larger_robots_may_be_cut_in_tiles(
-    making: ManufacturabilityPenalty,
+    penalty: ManufacturabilityPenalty,
 ) -> None:
     long = fork(1.2, 900.0)
-    assert making(long) > 0.0
-    assert making.passes(long)
+    assert penalty(long) > 0.0
+    assert penalty.passes(long)
     endless = fork(1.2, 90_000.0)
-    assert making(endless) > making(long)
-    assert not making.passes(endless)
+    assert penalty(endless) > penalty(long)
+    assert not penalty.passes(endless)
 
 
-def test_a_narrow_fan_is_seen_by_both(making: ManufacturabilityPenalty) -> None:
-    assert making(fork(0.1)) > 0.0
-    assert not making.passes(fork(0.1))
+def test_a_narrow_fan_is_seen_by_both(penalty: ManufacturabilityPenalty) -> None:
+    assert penalty(fork(0.1)) > 0.0
+    assert not penalty.passes(fork(0.1))
 
 
-def test_a_waived_finding_does_not_count_against_a_design(making: ManufacturabilityPenalty) -> None:
+def test_a_waived_finding_does_not_count_against_a_design(
+    penalty: ManufacturabilityPenalty,
+) -> None:
     narrow = fork(0.24)
     waivers = tuple(
         Waiver(fingerprint=finding.fingerprint, reason="tried")
-        for finding in check_design(narrow, making.profile).blocking
+        for finding in check_design(narrow, penalty.profile).blocking
     )
     assert waivers
-    assert making.passes(replace(narrow, waivers=waivers))
+    assert penalty.passes(replace(narrow, waivers=waivers))
 
 
 def test_leaves_that_cannot_grow_at_what_the_trunk_stands_are_seen_by_both(
-    making: ManufacturabilityPenalty,
+    penalty: ManufacturabilityPenalty,
 ) -> None:
     build = Build(widths_mm=(60.0, 24.0), fillet_mm=(6.0,), pressure_kpa=10.0)
     wide = replace(fork(1.2, 200.0), build=build)
-    assert making.passes(wide)
+    assert penalty.passes(wide)
     build = Build(widths_mm=(80.0, 6.0), fillet_mm=(3.0,), pressure_kpa=10.0)
     narrow = replace(fork(1.2, 300.0), build=build)
-    assert making(narrow) > 0.0
-    assert not making.passes(narrow)
+    assert penalty(narrow) > 0.0
+    assert not penalty.passes(narrow)
 
 
-def test_a_complaint_names_the_rules_that_forbid_a_design(making: ManufacturabilityPenalty) -> None:
-    assert making.complaint(fork(1.2)) == ""
-    told = making.complaint(fork(0.1))
-    assert told.startswith("VF-T02, VF-C02, VF-C03 (the outline crosses itself")
+def test_a_complaint_names_the_rules_that_forbid_a_design(
+    penalty: ManufacturabilityPenalty,
+) -> None:
+    assert penalty.violations(fork(1.2)) == ""
+    message = penalty.violations(fork(0.1))
+    assert message.startswith("VF-T02, VF-C02, VF-C03 (the outline crosses itself")
     # It needs tiles, which a search does not take but the check does.
-    assert making.complaint(fork(1.2, 900.0)) == ""
+    assert penalty.violations(fork(1.2, 900.0)) == ""
+
+
+PROFILE = read_profile(DEFAULT_RECIPE)
+PENALTY = ManufacturabilityPenalty(profile=PROFILE)
+THREE = Bounds(low=3, high=5)
+
+
+def refused(settings: RunSettings, profile: LaserProfile = PROFILE) -> str:
+    """Return why a run is refused; empty if it is not."""
+    penalty = ManufacturabilityPenalty(profile=profile)
+    try:
+        refuse_infeasible_space(SpaceQuery.of(settings, profile, penalty.sheet_mm))
+    except BadInputError as error:
+        return str(error)
+    return ""
+
+
+def run(levels: Bounds = THREE, build: BuildSettings | None = None, **space: Bounds) -> RunSettings:
+    settings = SpaceSettings(levels=levels, **space)
+    return RunSettings(space=settings, build=build or BuildSettings())
+
+
+def bounds(low: float, high: float) -> Bounds:
+    return Bounds(low=low, high=high)
+
+
+WIDE = Pouch(shape="rectangle", length_mm=3.0, width_mm=45.0)
+SMALL = Pouch(shape="round", radius_mm=2.0)
+INFEASIBLE = {
+    "narrow trunk": (run(build=BuildSettings(trunk_width_mm=2.0)), "trunk_width_mm is 2.0", "W01"),
+    "narrow level": (run(build=BuildSettings(trunk_width_mm=12.0)), "at least 13.9 mm", "W01"),
+    "wide trunk": (run(build=BuildSettings(trunk_width_mm=120.0)), "at most 100 mm", "B02"),
+    "wide children": (run(build=BuildSettings(width_ratio=0.9)), "at most 0.833", "W02"),
+    "short tail": (run(build=BuildSettings(tail_mm=100.0)), "build.tail_mm is 100.0", "B01"),
+    "long tail": (run(build=BuildSettings(tail_mm=3000.0)), "build.tail_mm is 3000.0", "S01"),
+    "pressure": (run(build=BuildSettings(pressure_kpa=60.0)), "build.pressure_kpa is 60.0", "P01"),
+    "short pouch": (
+        run(build=BuildSettings(pouch=WIDE, pressure_kpa=5.0)), "pouch.length_mm is 3.0", "C07"
+    ),
+    "narrow pouch": (run(build=BuildSettings(pouch=SMALL)), "4 mm wide", "C07"),
+    "narrow fan": (run(angle_deg=bounds(1, 10)), "space.angle_deg is [1, 10]", "C02"),
+    "folded fan": (run(angle_deg=bounds(340, 360)), "from 15 to 330", "C02"),
+    "crowd": (run(bounds(2, 2), branches=bounds(30, 40)), "11 children or fewer", "C02"),
+    "short branches": (run(length_mm=bounds(1, 20)), "lengths from 40 mm", "C03"),
+    "long trunk": (run(length_mm=bounds(1000, 1200)), "space.length_mm is [1000, 1200]", "S01"),
+    "full": (run(bounds(4, 4), branches=bounds(4, 4)), "would fill 81 %", "W03"),
+    "thin leaves": (
+        run(build=BuildSettings(trunk_width_mm=90.0, width_ratio=0.25, pressure_kpa=5.0)),
+        "build.width_ratio is 0.25", "P03",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("settings", "words", "rule"), INFEASIBLE.values(), ids=INFEASIBLE)
+def test_refused_spaces_have_no_manufacturable_design(
+    settings: RunSettings, words: str, rule: str
+) -> None:
+    message = refused(settings)
+    assert words in message
+    assert f"(VF-{rule}), or evaluation.fabricable = false" in message
+    space = Space(settings.space, settings.build)
+    for x in np.random.default_rng(5).random((12, len(space))):
+        design = space.design(x)
+        assert PENALTY(design) > 0.0 or not PENALTY.passes(design)
+
+
+FEASIBLE = {
+    "the paper's": RunSettings(),
+    "deep": run(bounds(5, 5), branches=bounds(2, 2)),
+    "narrow": run(bounds(2, 5), BuildSettings(trunk_width_mm=8.4)),
+    "wide children": run(bounds(2, 2), BuildSettings(width_ratio=0.83)),
+    "short tail": run(build=BuildSettings(tail_mm=150.0)),
+    "vines": run(bounds(1, 5), BuildSettings(trunk_width_mm=5.0), length_mm=bounds(1, 300)),
+    "eleven": run(bounds(2, 2), branches=bounds(11, 12), angle_deg=bounds(20, 160)),
+    "short branches": run(bounds(2, 2), length_mm=bounds(1, 41)),
+}
+
+
+@pytest.mark.parametrize("settings", FEASIBLE.values(), ids=FEASIBLE)
+def test_spaces_with_a_corner_that_passes_each_rule_are_left_to_the_search(
+    settings: RunSettings,
+) -> None:
+    assert refused(settings) == ""
+
+
+def test_a_level_of_its_own_is_named() -> None:
+    by_level = {3: {"angle_deg": bounds(2, 9)}}
+    message = refused(RunSettings(space=SpaceSettings(levels=THREE, by_level=by_level)))
+    assert "space.level 3.angle_deg is [2, 9]" in message
+    # Not where designs may do without that level.
+    assert refused(RunSettings(space=SpaceSettings(levels=bounds(2, 5), by_level=by_level))) == ""
+
+
+def test_the_limits_of_the_recipe_count() -> None:
+    settings = run(build=BuildSettings(trunk_width_mm=14.0))
+    assert refused(settings) == ""
+    recipe = replace(PROFILE.recipe, limits={"VF-W01": {"error": 6.0}})
+    assert "(VF-W01)" in refused(settings, replace(PROFILE, recipe=recipe))
+    film = replace(PROFILE.material, weldable=False)
+    message = refused(settings, replace(PROFILE, material=film))
+    assert "evaluation.recipe is" in message
+    assert "does not weld" in message

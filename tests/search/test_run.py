@@ -1,16 +1,25 @@
-"""How a run is told to its user."""
+"""Training maps of a run, and its result for the user."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Design
-from vinefab.search.loop import optimize
-from vinefab.search.run import result_json
-from vinefab.search.settings import EvaluationSettings, RunSettings, SearchSettings
+from vinefab.model.map import Map
+from vinefab.search.loop import Search
+from vinefab.search.record.result import Progress, RunResult
+from vinefab.search.run import generated_maps, progress_line, result_json, result_lines
+from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
+
+
+def optimize(
+    settings: RunSettings, maps: Sequence[Map], penalty: object = None, **options: object
+) -> RunResult:
+    return Search.of(settings, maps, penalty).run(**options)
 
 
 @pytest.mark.filterwarnings("error")
@@ -20,7 +29,7 @@ def test_a_generation_without_any_design_has_no_mean_in_the_result() -> None:
 
     def penalty(design: Design) -> float:
         calls.append(design.name)
-        # The first call is the rehearsal, the next six are the first generation.
+        # The first call is the warm-up, the next six are the first generation.
         if len(calls) <= 7:
             raise BadInputError("outline", design.name, "a design that can be laid out")
         return 0.0
@@ -34,3 +43,47 @@ def test_a_generation_without_any_design_has_no_mean_in_the_result() -> None:
     assert (first["mean"], first["spread"], first["fabricable_share"]) == (None, None, 0.0)
     assert isinstance(second["mean"], float)
     assert second["fabricable_share"] == 1.0
+
+
+def test_maps_have_seeds_in_a_row_and_the_options_asked_for() -> None:
+    maps = generated_maps(MapSettings(count=3, seed=7, options={"size_mm": 300, "columns": 3}))
+    assert [world.seed for world in maps] == [7, 8, 9]
+    assert maps[0].size_mm == (300.0, 600.0)
+    assert maps[0].obstacles != maps[1].obstacles
+
+
+def test_unknown_environments_and_options_are_refused() -> None:
+    with pytest.raises(UnknownNameError, match="environment"):
+        generated_maps(MapSettings(environment="forest"))
+    with pytest.raises(BadInputError, match=r"maps\.options\.colums"):
+        generated_maps(MapSettings(options={"colums": 3}))
+
+
+def test_progress_gives_the_manufacturable_share_only_where_it_is_checked() -> None:
+    progress = Progress(
+        generation=3,
+        generations=6,
+        best=0.5,
+        mean=0.25,
+        spread=0.125,
+        fabricable_share=0.75,
+        elapsed_s=1.0,
+        left_s=1.0,
+    )
+    start = "generation 3/6  best 0.5000  mean 0.2500 +- 0.1250"
+    assert progress_line(progress, checked=True) == f"{start}  manufacturable 75 %"
+    assert progress_line(progress, checked=False) == start
+
+
+def test_the_result_says_whether_the_winner_is_manufacturable(
+    small: RunSettings, maps: tuple[Map, ...]
+) -> None:
+    result = optimize(small, maps)
+    unchecked = "manufacturability not checked (`fabricable = false`)"
+    assert result_lines(result)[1].endswith(f"; {unchecked}")
+    checked = replace(result, checked=True)
+    assert result_lines(checked)[1].endswith("; manufacturable")
+    *_, time, last = result_lines(checked, "VF-T02 (crossing)")
+    assert time.startswith("time: ")
+    assert last == "found no manufacturable robot: the winner violates VF-T02 (crossing)"
+    assert "; not manufacturable" in result_lines(checked, "VF-T02 (crossing)")[1]

@@ -109,7 +109,7 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
         ("[maps]\ncuont = 3", "maps.cuont", "did you mean 'count'"),
         ("[maps]\ncount = 0", "maps.count", "1 to"),
         ("[maps.options]\nsize = 5", "maps.options.size", "size_mm"),
-        ('[maps]\nseed = 3\nfiles = ["a"]', "maps.seed", "not beside maps.files"),
+        ('[maps]\nseed = 3\nfiles = ["a"]', "maps.seed", "not together with maps.files"),
         ("[maps]\nfiles = []", "maps.files", "at least one"),
         ('[task]\nname = "coverage"\nradius = 3', "task.radius", "radius_mm"),
         ('[task]\nname = "coverage"\nradius_mm = nan', "task.radius_mm", "above 0"),

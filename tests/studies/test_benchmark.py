@@ -92,7 +92,7 @@ def test_the_result_has_the_agreed_form_and_words():
     assert read["searches"]["cmaes"]["workers"] == 2
     shares = read["searches"]["particleswarm"]["shares"]
     assert 0.0 < shares["evaluating"] < 1.0
-    assert words.count("workers were busy growing") == 2
+    assert words.count("use of 2 workers while evaluating") == 2
 
 
 def test_memory_does_not_grow_with_the_number_of_evaluations():

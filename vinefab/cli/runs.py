@@ -1,4 +1,4 @@
-"""``vinefab runs``: what the records of runs say."""
+"""``vinefab runs``: list the records of runs, and rebuild files from one."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, JsonOut, Quiet
-from vinefab.search.runs import list_runs, rebuild, run_words
+from vinefab.search.run_pages import list_runs, rebuild, run_line
 
 
 def add_to(app: typer.Typer) -> None:
@@ -19,7 +19,7 @@ def runs_command(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run's folder, or one above.")],
     out: Annotated[
         Path | None,
-        typer.Option("--rebuild", help="Write best.toml and pictures of the run in DIR here."),
+        typer.Option("--rebuild", help="Write best.toml and figures of the run in DIR here."),
     ] = None,
     json_out: JsonOut = None,
     quiet: Quiet = False,
@@ -29,14 +29,14 @@ def runs_command(
 
     Example: vinefab runs . --json -
     """
-    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     listing = list_runs(folder)
     if out is not None:
         for path in rebuild(folder, out, force=force):
-            voice.say(f"wrote {path}")
+            output.say(f"wrote {path}")
     for row in listing.rows:
-        voice.say(run_words(row))
+        output.say(run_line(row))
     for line in listing.broken:
-        voice.say(f"not read: {line}")
-    voice.give_json(listing.json())
+        output.say(f"unreadable: {line}")
+    output.give_json(listing.json())
     return EXIT_FINDINGS if listing.broken and not listing.rows else 0

@@ -9,8 +9,7 @@ from vinefab.model.files.design_toml import design_text
 from vinefab.model.laser import LaserProfile
 from vinefab.pages.html import Section, Table
 from vinefab.prediction.map_families import MapFamily
-from vinefab.search.record.identity import map_fingerprint
-from vinefab.search.record.result import package_versions
+from vinefab.search.record.result import map_fingerprint, package_versions
 
 MOST_NAMED = 12
 """Maps of a field are listed one by one up to so many."""

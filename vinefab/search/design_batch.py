@@ -1,11 +1,9 @@
-"""Many designs as columns of numbers, with their planned trees.
+"""Many designs as arrays, with their planned trees.
 
-A search looks at thousands of designs a second. As single objects, making them and their trees
-would take as long as growing them, and Python does it for one thread at a time. Designs are here,
-to the last bit, what `vinefab.search.space.Space.design` makes of them one by one.
-
-Everything here gives, to the last bit, what `vinefab.model.tree.branch_tree` and
-`vinefab.growth.plan.Plans.of` give for the designs one by one.
+A search evaluates thousands of designs a second. Building each as an object, with its tree, would
+take as long as growing it, in one thread at a time. Results equal those of
+`vinefab.search.space.Space.design`, `vinefab.model.tree.branch_tree` and
+`vinefab.growth.plan.Plans.of` for single designs, to the last bit.
 """
 
 from collections.abc import Sequence
@@ -27,13 +25,12 @@ class DesignBatch:
 
     depth: Ints  # number of levels, the trunk included, shape (m,)
     trunk_mm: Floats  # length of the trunk, shape (m,)
-    # as in `vinefab.model.design.Level`, shape (m, n); without meaning beyond a design's depth
+    # as in `vinefab.model.design.Level`, shape (m, n); meaningless beyond a design's depth
     branches: Ints
     length_mm: Floats
     fan_rad: Floats
     growth: Floats
-    # number of branches on each level, the trunk's first, shape (m, n + 1); at most so many that it
-    # is too many
+    # branches per level, the trunk first, shape (m, n + 1); capped just above MOST_BRANCHES
     counts: Ints
 
     def __len__(self) -> int:
@@ -58,23 +55,23 @@ class DesignBatch:
 
 
 def branch_counts(depth: Ints, branches: Ints) -> Ints:
-    """Return the number of branches on each level as `Fleet.counts` has it."""
+    """Return the number of branches on each level, as in `DesignBatch.counts`."""
     below = np.arange(branches.shape[1]) < depth[:, None] - 1
-    # More than any design may have is more than enough, whatever comes after.
+    # The product may overflow; a cap just above the limit is enough.
     counts = np.ones((len(depth), 1 + branches.shape[1]))
     np.cumprod(np.where(below, branches, 0.0), axis=1, out=counts[:, 1:])
     return np.minimum(counts, MOST_BRANCHES + 1.0).astype(np.int64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Trees(Sequence[Plan]):
-    """The planned trees of a fleet; a plan is made when it is asked for."""
+class _PlannedTrees(Sequence[Plan]):
+    """The planned trees of a design batch; each plan is created on access."""
 
-    arrays: TreesArrays  # all trees, one after the other
+    arrays: TreesArrays  # all trees, concatenated
     level: Ints  # level of each branch, 1 for the trunk
     offset_rad: Floats  # angle of each branch from its parent's heading
     counts: Ints  # number of branches of each tree per level, shape (m, n + 1)
-    builds: dict[int, Build]  # how designs are built, by their depth
+    builds: dict[int, Build]  # by depth
     # body radius per level of the deepest designs; one 0 for bare centrelines
     radii_mm: tuple[float, ...]
 
@@ -112,23 +109,23 @@ class _Trees(Sequence[Plan]):
 
 
 def planned_batch(
-    fleet: DesignBatch, builds: dict[int, Build], radii_mm: tuple[float, ...]
+    designs: DesignBatch, builds: dict[int, Build], radii_mm: tuple[float, ...]
 ) -> Plans:
-    """Return the plans of a fleet."""
+    """Return the plans of a design batch."""
     from vinefab.growth import batch_kernel  # noqa: PLC0415  numba takes a second to import
 
-    first = np.zeros(len(fleet) + 1, dtype=np.int64)
-    np.cumsum(fleet.sizes, out=first[1:])
+    first = np.zeros(len(designs) + 1, dtype=np.int64)
+    np.cumsum(designs.sizes, out=first[1:])
     parent, level = np.empty((2, first[-1]), dtype=np.int64)
     offset_rad, length_mm = np.empty((2, first[-1]))
-    # Columns of a table are another type to the compiler, which would compile twice.
+    # Columns of a table are another type to numba, which would compile a second time.
     batch_kernel.plan_trees(
-        np.ascontiguousarray(fleet.depth),
-        np.ascontiguousarray(fleet.trunk_mm),
-        np.ascontiguousarray(fleet.branches),
-        np.ascontiguousarray(fleet.fan_rad),
-        np.ascontiguousarray(fleet.length_mm),
-        np.ascontiguousarray(fleet.growth),
+        np.ascontiguousarray(designs.depth),
+        np.ascontiguousarray(designs.trunk_mm),
+        np.ascontiguousarray(designs.branches),
+        np.ascontiguousarray(designs.fan_rad),
+        np.ascontiguousarray(designs.length_mm),
+        np.ascontiguousarray(designs.growth),
         first,
         parent,
         level,
@@ -139,15 +136,15 @@ def planned_batch(
     arrays = TreesArrays(parent=parent, turn=turn, length=length_mm, first=first)
     for array in arrays:
         array.setflags(write=False)
-    each = _Trees(
+    each = _PlannedTrees(
         arrays=arrays,
         level=level,
         offset_rad=offset_rad,
-        counts=fleet.counts,
+        counts=designs.counts,
         builds=builds,
         radii_mm=radii_mm,
     )
-    spans = _spans(fleet.counts, radii_mm)
+    spans = _spans(designs.counts, radii_mm)
     return Plans(each=each, trees=arrays, spans=spans)
 
 

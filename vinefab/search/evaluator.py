@@ -1,7 +1,7 @@
-"""What one point of the search is worth."""
+"""Evaluating points of the search: growth, score, penalty and fitness."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import accumulate, pairwise
@@ -11,100 +11,204 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
-from vinefab.core.validation import Floats
+from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import BLOCK, Batch, Block, Launches, TerrainSet, Workspace
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.search.design_batch import DesignBatch, planned_batch
-from vinefab.search.evaluation import Evaluations, objective
 from vinefab.search.parallel.executor import Executor, SerialExecutor, WorkUnit, in_work_units
-from vinefab.search.record.timing import Stopwatch, Work
-from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings
+from vinefab.search.settings import EvaluationSettings, RunSettings
 from vinefab.search.space import Space
-from vinefab.tasks.coverage import Coverage
+from vinefab.search.timing import Stopwatch, Work
 from vinefab.tasks.evaluate import Poses, PreparedMap, composites, poses_on, scores_of
-from vinefab.tasks.reach import Reach
 from vinefab.tasks.shipped_tasks import make_task
-from vinefab.tasks.task import HeadOnPenalty, Task, TaskOutcomes, concatenated_outcomes, outcomes
+from vinefab.tasks.task import (
+    HeadOnPenalty,
+    Task,
+    TaskOutcomes,
+    concatenated_outcomes,
+    outcomes,
+    search_form,
+)
+
+INVALID_FITNESS = -1e6
+"""Fitness of a point without a valid design or a finite score: below everything."""
+
+
+def penalized_fitness(composite: Floats, penalty: Floats, lowest: float, weight: float) -> Floats:
+    """Return the fitness of designs.
+
+    Without a penalty it is the composite score. With one it is below every fitness without: the
+    score is squeezed into the unit below the lowest possible score, so that it still orders
+    designs that are not manufacturable, and the weighted penalty is subtracted.
+
+    Parameters
+    ----------
+    composite
+        Composite scores, shape (m,).
+    penalty
+        0 for a manufacturable design, else above 0; shape (m,).
+
+    Examples
+    --------
+    >>> score, penalty = np.array([0.4, 0.4]), np.array([0.0, 1e-9])
+    >>> penalized_fitness(score, penalty, lowest=-1.0, weight=1.0) < -1.0
+    array([False,  True])
+    """
+    valid = np.isfinite(composite) & np.isfinite(penalty)
+    score, excess = np.where(valid, composite, 0.0), np.where(valid, penalty, 0.0)
+    below = lowest - 1.0 / (1.0 + np.maximum(0.0, score - lowest)) - weight * excess
+    fitness = np.where(excess <= 0.0, score, np.maximum(INVALID_FITNESS, below))
+    return np.where(valid, fitness, INVALID_FITNESS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Evaluations:
+    """Results of k evaluations of each of m points; NaN where a point has no valid design."""
+
+    penalty: Floats  # shape (m,); 0 for manufacturable designs and where there is no design
+    score: Floats  # the task's scores, shape (m, k)
+    terms: Mapping[str, Floats]  # the task's terms, each of shape (m, k)
+
+    @classmethod
+    def of(
+        cls, points: int, launches: int, rows: Ints, grown: TaskOutcomes | None
+    ) -> "Evaluations":
+        """Return the evaluations of points, of which some rows were grown, without penalties."""
+        if grown is None:
+            gap = np.full((points, launches), np.nan)
+            return cls(penalty=np.zeros(points), score=gap, terms={})
+        # One array for all: a separate array for every term would take four times as long.
+        columns = (grown.score, *grown.terms.values())
+        tables = np.full((len(columns), points, launches), np.nan)
+        tables[:, rows] = np.reshape(columns, (len(columns), launches, -1)).swapaxes(1, 2)
+        terms = dict(zip(grown.terms, tables[1:], strict=True))
+        return cls(penalty=np.zeros(points), score=tables[0], terms=terms)
+
+    @classmethod
+    def concatenated(cls, parts: Sequence["Evaluations"]) -> "Evaluations":
+        """Return several parts, at least one, as one."""
+        # A part without any design has no terms.
+        names = max((tuple(part.terms) for part in parts), key=len)
+        gaps = [np.full(part.score.shape, np.nan) for part in parts]
+        return cls(
+            penalty=np.concatenate([part.penalty for part in parts]),
+            score=np.concatenate([part.score for part in parts]),
+            terms={
+                name: np.concatenate(
+                    [part.terms.get(name, gap) for part, gap in zip(parts, gaps, strict=True)]
+                )
+                for name in names
+            },
+        )
+
+    def with_penalties(self, penalty: Floats) -> "Evaluations":
+        """Return the same with penalties; a point with penalty NaN has no valid design."""
+        invalid = np.isnan(penalty)
+        if not invalid.any():
+            return replace(self, penalty=penalty)
+        terms = {name: np.where(invalid[:, None], np.nan, v) for name, v in self.terms.items()}
+        return Evaluations(
+            penalty=np.where(invalid, 0.0, penalty),
+            score=np.where(invalid[:, None], np.nan, self.score),
+            terms=terms,
+        )
+
 
 Penalty = Callable[[Design], float]
-"""How far a design is from one that can be made: 0 when it can, else above 0."""
+"""How far a design is from manufacturable: 0 if it is, else above 0."""
 
 
 @runtime_checkable
 class FullCheck(Protocol):
-    """A penalty that can also look at a design in full, which takes longer."""
+    """A penalty that can also run the full check of a design, which takes longer."""
 
     def passes(self, design: Design) -> bool:
-        """Return whether no rule at all forbids to make a design."""
+        """Return whether no rule at all blocks a design."""
         ...
 
 
 SHARE_LEFT, LEAST_BLOCK = 1.5, 32
-"""Growths done in one go: what is left over so many times the workers, so that nobody has to wait
-long for the last one, but enough to forget the handing over, unless somebody would get none."""
+"""Growths per work unit: the remaining growths over this share of the workers, so that the last
+unit is short; but enough to make the overhead negligible, unless a worker would get none."""
 
 TRAINING, FINAL, MAPS = 1411, 1412, 1414
-"""Streams of the seeds that poses, and maps for a generation, are drawn from."""
+"""Random streams of training poses, final poses, and the choice of maps for a generation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EvaluatorSpec:
-    """What a trial is made of: little enough to be sent to another computer."""
+    """What an evaluator is built from: small enough to be sent to another computer."""
 
-    # settings, maps: the run
     settings: RunSettings
     maps: tuple[Map, ...]
-    penalty: Penalty | None  # none in a run that does not ask for designs that can be made
+    penalty: Penalty | None = None  # needed where the settings ask for manufacturable designs
+    task: Task | None = None  # the user's own task; None: the one that the settings name
+
+    @property
+    def search_task(self) -> Task:
+        """The task in the form that the search evaluates."""
+        named = self.settings.task
+        task = make_task(named.name, named.parameters) if self.task is None else self.task
+        weight = self.settings.evaluation.head_on_weight
+        task = search_form(task)
+        return HeadOnPenalty(task=task, weight=weight) if weight > 0.0 else task
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Evaluator:
     """Everything that an evaluation needs, the same for all points of a run."""
 
-    sites: tuple[PreparedMap, ...]  # the maps
-    atlas: TerrainSet  # their walls together
-    space: Space  # what points stand for
-    task: Task  # what final states are worth
-    growth: GrowthOptions  # how robots grow
+    spec: EvaluatorSpec  # what it was built from
+    maps: tuple[PreparedMap, ...]
+    terrains: TerrainSet  # the walls of all maps
+    space: Space  # maps points to designs
+    task: Task  # scores final states, in the form for searching
+    growth: GrowthOptions
     evaluation: EvaluationSettings  # how scores become a fitness
-    penalty: Penalty | None  # none in a run that does not ask for designs that can be made
-    brief: EvaluatorSpec  # what it was made of
+    penalty: Penalty | None  # None in a run that does not check manufacturability
     # body radius per level of the deepest designs; one 0 for bare centrelines
     radii_mm: tuple[float, ...]
-    idle: list[Workspace] = field(default_factory=list)  # memory for growing that nobody uses now
-    # launches made ready, with the poses that they are of
-    ready: list[tuple[Poses, Launches]] = field(default_factory=list)
+    workspaces: list[Workspace] = field(default_factory=list)  # idle memory for growth
+    ready: list[tuple[Poses, Launches]] = field(default_factory=list)  # launches prepared ahead
 
     @classmethod
-    def of(cls, settings: RunSettings, maps: Sequence[Map], penalty: Penalty | None) -> "Evaluator":
-        """Return the trial of a run."""
-        if not maps:
+    def of(cls, spec: EvaluatorSpec) -> "Evaluator":
+        """Build the evaluator of a run.
+
+        Raises
+        ------
+        BadInputError
+            Where there is no map, no free variable, no penalty though one is needed, or more maps
+            per generation than maps.
+        """
+        settings, evaluation = spec.settings, spec.settings.evaluation
+        if not spec.maps:
             raise BadInputError("maps", "none", "at least one map")
-        if settings.evaluation.fabricable and penalty is None:
+        if evaluation.fabricable and spec.penalty is None:
             raise BadInputError(
                 "evaluation.fabricable", "true, without a penalty", "false, or a penalty function"
             )
         space = Space(settings.space, settings.build)
         if len(space) == 0:
             raise BadInputError("space", "every variable fixed", "at least one with a range")
-        evaluation = settings.evaluation
-        if evaluation.maps_per_generation > len(maps):
-            key, allowed = "evaluation.maps_per_generation", f"at most the {len(maps)} maps"
+        if evaluation.maps_per_generation > len(spec.maps):
+            key, allowed = "evaluation.maps_per_generation", f"at most the {len(spec.maps)} maps"
             raise BadInputError(key, evaluation.maps_per_generation, allowed)
-        sites = tuple(PreparedMap.of(_with_range(world, evaluation.pose_range)) for world in maps)
-        used = penalty if evaluation.fabricable else None
+        penalty = spec.penalty if evaluation.fabricable else None
+        share = evaluation.pose_range
+        maps = tuple(PreparedMap.of(_with_pose_range(world, share)) for world in spec.maps)
         return cls(
-            sites=sites,
-            atlas=TerrainSet([site.terrain for site in sites]),
+            spec=replace(spec, penalty=penalty),
+            maps=maps,
+            terrains=TerrainSet([prepared.terrain for prepared in maps]),
             space=space,
-            task=_search_task(settings.task, evaluation.head_on_weight),
+            task=spec.search_task,
             growth=settings.growth,
             evaluation=evaluation,
-            penalty=used,
-            brief=EvaluatorSpec(settings=settings, maps=tuple(maps), penalty=used),
+            penalty=penalty,
             radii_mm=_radii_mm(space, settings.growth),
         )
 
@@ -112,12 +216,12 @@ class Evaluator:
         """Draw the poses of one generation: the same for all its points."""
         seeds = [
             int(child(seed, stream, generation, index).integers(2**62))
-            for index in range(len(self.sites))
+            for index in range(len(self.maps))
         ]
-        return poses_on(self.sites, count, seeds)
+        return poses_on(self.maps, count, seeds)
 
     def training_poses(self, seed: int, generation: int) -> Poses:
-        """Draw what all points of a generation meet: poses on all maps, or on some of them."""
+        """Draw the poses of a generation of the search, on all maps or on some of them."""
         draw = generation if self.evaluation.redraw else 0
         poses = self.poses(seed, TRAINING, draw, self.evaluation.poses_per_map)
         wanted = self.evaluation.maps_per_generation
@@ -129,20 +233,20 @@ class Evaluator:
         return tuple(places if index in taken else () for index, places in enumerate(poses))
 
     def evaluate(self, x: Floats, poses: Poses) -> tuple[Evaluations, Work]:
-        """Return what points are worth, and the processor time that it took; see `begin`."""
+        """Return the evaluations of points and the processor time that they took; see `begin`."""
         return self.begin(x, poses, SerialExecutor())()
 
-    def rehearse(self, poses: Poses) -> None:
-        """Evaluate the middle of the space for nothing: compiled code is loaded when first used."""
+    def warm_up(self, poses: Poses) -> None:
+        """Evaluate the middle of the space once: compiled code is loaded when first used."""
         self.evaluate(np.full((1, len(self.space)), 0.5), poses)
 
     def begin(
-        self, x: Floats, poses: Poses, crew: Executor
+        self, x: Floats, poses: Poses, executor: Executor
     ) -> Callable[[], tuple[Evaluations, Work]]:
-        """Have a crew find what points are worth; a point that is no design is a result too.
+        """Begin to evaluate points; a point without a valid design has a result too.
 
-        Points do not influence each other: whoever evaluates them, in whatever parts, finds the
-        same. The larger designs are begun first, so that nobody has to wait long in the end.
+        Points do not influence each other: results depend neither on the executor nor on how the
+        points are divided. The larger designs are begun first, which shortens the wait at the end.
 
         Parameters
         ----------
@@ -152,96 +256,97 @@ class Evaluator:
         Returns
         -------
         Callable
-            Helps with the work and waits for it, and gives what was found in the order of the
-            points, and the processor time that it took.
+            Finishes the work, and returns the evaluations in the order of the points and the
+            processor time that they took.
         """
         watch = Stopwatch()
-        fleet, launches = self.space.fleet(x), self.launches(poses)
-        order = np.argsort(-fleet.sizes, kind="stable")
-        rows = order[fleet.sizes[order] <= MOST_BRANCHES]
-        growing = self._growing(fleet.part(rows), launches, crew.count) if len(rows) else []
-        making = self._making(x, crew.count)
+        designs, launches = self.space.batch(x), self.launches(poses)
+        order = np.argsort(-designs.sizes, kind="stable")
+        rows = order[designs.sizes[order] <= MOST_BRANCHES]
+        growths = (
+            self._growth_units(designs.part(rows), launches, executor.count) if len(rows) else []
+        )
+        penalties = self._penalty_units(x, executor.count)
         planning = Work(growth_s=watch.lap_s())
-        done = crew.begin([*making, *growing])
+        done = executor.begin([*penalties, *growths])
 
         def finish() -> tuple[Evaluations, Work]:
             done()
-            grown = (
-                concatenated_outcomes([piece.result[0] for piece in growing]) if growing else None
-            )
-            found = Evaluations.of(len(x), len(launches), rows, grown)
-            if making:
-                penalty = np.concatenate([piece.result[0] for piece in making])
-                found = found.with_penalties(penalty)
-            spent = [piece.result[1] for piece in making] + [piece.result[1] for piece in growing]
-            return found, Work.total([planning, *spent])
+            grown = concatenated_outcomes([unit.result[0] for unit in growths]) if growths else None
+            evaluations = Evaluations.of(len(x), len(launches), rows, grown)
+            if penalties:
+                penalty = np.concatenate([unit.result[0] for unit in penalties])
+                evaluations = evaluations.with_penalties(penalty)
+            spent = [unit.result[1] for unit in penalties] + [unit.result[1] for unit in growths]
+            return evaluations, Work.total([planning, *spent])
 
         return finish
 
-    def _making(self, x: Floats, workers: int) -> list[WorkUnit[tuple[Floats, Work]]]:
-        """Return the work of finding penalties: NaN where a point is no design, or not to them."""
+    def _penalty_units(self, x: Floats, workers: int) -> list[WorkUnit[tuple[Floats, Work]]]:
+        """Return the work of computing penalties."""
         if self.penalty is None:
             return []
         parts = in_work_units(x, math.ceil(len(x) / (4 * workers)))
         return [WorkUnit(partial(_penalties, part, self.space, self.penalty)) for part in parts]
 
-    def _growing(
-        self, fleet: DesignBatch, launches: Launches, workers: int
+    def _growth_units(
+        self, designs: DesignBatch, launches: Launches, workers: int
     ) -> list[WorkUnit[tuple[TaskOutcomes, Work]]]:
         """Return the work of growing and scoring designs, in the order of a batch."""
-        builds = {depth: self.space.build_of(depth) for depth in set(fleet.depth.tolist())}
-        plans = planned_batch(fleet, builds, self.radii_mm)
-        batch = Batch(plans, launches, self.growth, self.idle)
-        grounds = [site.context for site in self.sites]
+        builds = {depth: self.space.build_of(depth) for depth in set(designs.depth.tolist())}
+        plans = planned_batch(designs, builds, self.radii_mm)
+        batch = Batch(plans, launches, self.growth, self.workspaces)
+        grounds = [prepared.context for prepared in self.maps]
 
         def grown(first: int, size: int) -> tuple[TaskOutcomes, Work]:
             watch = Stopwatch()
 
             def work(block: Block) -> tuple[TaskOutcomes, Work]:
                 growth_s = watch.lap_s()
-                found = outcomes(self.task, block, grounds)
-                return found, Work(growth_s=growth_s, scoring_s=watch.lap_s())
+                scored = outcomes(self.task, block, grounds)
+                return scored, Work(growth_s=growth_s, scoring_s=watch.lap_s())
 
             return batch.worked(first, size, work)
 
         ends = accumulate(block_sizes(len(batch), workers), initial=0)
         return [WorkUnit(partial(grown, one, two - one)) for one, two in pairwise(ends)]
 
-    def score(self, found: Evaluations, row: int, poses: Poses) -> Score:
-        """Return what was found of one point that is a design as a score."""
-        one = TaskOutcomes(found.score[row], {name: v[row] for name, v in found.terms.items()})
-        (score,) = scores_of(one, self.task, self.sites, self.launches(poses))
+    def score(self, evaluations: Evaluations, row: int, poses: Poses) -> Score:
+        """Return the evaluations of one point with a valid design as a score."""
+        terms = {name: values[row] for name, values in evaluations.terms.items()}
+        outcome = TaskOutcomes(evaluations.score[row], terms)
+        (score,) = scores_of(outcome, self.task, self.maps, self.launches(poses))
         return score
 
     def launches(self, poses: Poses) -> Launches:
-        """Return the places that robots grow from, at once if they were made ready."""
+        """Return the places that robots grow from, from memory where they were prepared."""
         for known, launches in self.ready:
             if known is poses:
                 return launches
-        return Launches.of(self.atlas, poses)
+        return Launches.of(self.terrains, poses)
 
-    def make_ready(self, several: Iterable[Poses]) -> None:
-        """Make the places ready that robots grow from next, in place of those that were."""
-        self.ready[:] = [(poses, Launches.of(self.atlas, poses)) for poses in several]
+    def prepare_launches(self, several: Iterable[Poses]) -> None:
+        """Prepare the places that robots grow from next, in place of those prepared before."""
+        self.ready[:] = [(poses, Launches.of(self.terrains, poses)) for poses in several]
 
     def composites(self, scores: Floats) -> Floats:
-        """Return the numbers that a run weighs evaluations into, shape (m,)."""
+        """Return the composite of each row of scores as the run weighs them, shape (m,)."""
         kind = self.evaluation.composite
         return composites(scores, kind, self.evaluation.reference_deviation)
 
     def fitness(self, composite: Floats, penalty: Floats) -> Floats:
-        """Return what designs with a composite score and a penalty are worth to the optimizer."""
+        """Return the fitness of designs with a composite score and a penalty."""
         weight = self.evaluation.penalty_weight
-        return objective(composite, penalty, lowest=self.lowest, weight=weight)
+        return penalized_fitness(composite, penalty, lowest=self.lowest, weight=weight)
 
     @property
     def lowest(self) -> float:
-        """The fitness that designs have at least which can be made."""
+        """The lowest fitness of a manufacturable design."""
         return min(0.0, self.task.lowest)
 
 
 def block_sizes(growths: int, workers: int) -> list[int]:
-    """Return how many growths to do in one go, block after block, larger ones first.
+    """Return the numbers of growths of the work units, larger ones first.
 
     Examples
     --------
@@ -268,27 +373,19 @@ def _radii_mm(space: Space, growth: GrowthOptions) -> tuple[float, ...]:
 
 
 def _penalties(x: Floats, space: Space, penalty: Penalty) -> tuple[Floats, Work]:
-    """Return the penalties of points, NaN where there is no design, and the time that it took."""
+    """Return the penalties of points, NaN where there is no valid design, and the time taken."""
     watch = Stopwatch()
-    found = np.zeros(len(x))
+    penalties = np.zeros(len(x))
     for row, point in enumerate(x):
         try:
-            found[row] = penalty(space.design(point))
+            penalties[row] = penalty(space.design(point))
         except BadInputError:
-            found[row] = np.nan
-    return found, Work(making_s=watch.lap_s())
+            penalties[row] = np.nan
+    return penalties, Work(making_s=watch.lap_s())
 
 
-def _search_task(settings: PartSettings, head_on_weight: float) -> Task:
-    """Return a run's task; it measures areas fast unless the run says how to."""
-    task = make_task(settings.name, settings.parameters)
-    if isinstance(task, Coverage | Reach) and "area" not in settings.parameters:
-        task = replace(task, area="fast")
-    return HeadOnPenalty(task=task, weight=head_on_weight) if head_on_weight > 0.0 else task
-
-
-def _with_range(world: Map, share: float) -> Map:
-    """Return a map whose starts give a share of their range."""
+def _with_pose_range(world: Map, share: float) -> Map:
+    """Return a map whose starts spread poses over a share of their range."""
     if share == 1.0:
         return world
     starts = [

@@ -1,4 +1,4 @@
-"""Turning a design that cannot be made into one nearby that can."""
+"""Feasibility repair: moving a design that is not manufacturable to a nearby one that is."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -13,15 +13,15 @@ from vinefab.search.space import Space
 
 _STREAM = 1413
 STEPS = 4000
-"""Changes tried for all points of a run together; each costs one penalty, a few milliseconds.
-Points that could be mended took 400 at most (measured)."""
+"""Most changes for all points of a run together; each costs one penalty, a few milliseconds.
+Repairs that succeeded took at most 400 (measured)."""
 
 PATIENCE = 300
-"""So many changes in a row that do not lower the penalty, and a point is given up; on the way to
-a design that can be made, 45 were the most (measured)."""
+"""Changes in a row without a lower penalty after which a point is given up; repairs that succeeded
+had at most 45 (measured)."""
 
-MOST_LOOKS = 50
-"""Designs without penalty that are inspected in full for one point, and twice as many for all."""
+MOST_CHECKS = 50
+"""Most full checks of designs without penalty for one point; twice as many for all points."""
 
 _SPREAD = 0.15
 """Usual change of a coordinate, as a share of its range."""
@@ -29,27 +29,27 @@ _SPREAD = 0.15
 
 @dataclass(slots=True)
 class RepairBudget:
-    """What repairs have cost so far, and may cost in all."""
+    """What repairs may still cost."""
 
-    steps: int = STEPS  # changes that may still be tried
-    looks: int = 2 * MOST_LOOKS  # designs that may still be inspected in full
+    steps: int = STEPS  # changes
+    checks: int = 2 * MOST_CHECKS  # full checks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RepairResult:
-    """What came of a repair."""
+    """The result of repairing one point."""
 
-    x: Floats  # the point nearest to a design that can be made, shape (d,)
+    x: Floats  # the last point, shape (d,)
     penalty: float  # its penalty
-    passed: bool  # whether its design can be made
+    passed: bool  # whether its design passes the full check
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RepairResults:
-    """What came of the repairs of a run, all within one effort."""
+    """The results of the repairs of a run, all within one budget."""
 
-    mended: list[Floats] = field(default_factory=list)  # points of designs that can be made now
-    words: str = ""  # what was done and what came of it
+    repaired: list[Floats] = field(default_factory=list)  # points of designs that pass now
+    message: str = ""  # what was tried, and with what result
 
     @classmethod
     def of(
@@ -59,19 +59,19 @@ class RepairResults:
         penalty: Callable[[Design], float],
         passes: Callable[[Design], bool],
     ) -> "RepairResults":
-        """Return what came of repairing points, one after the other, until the effort is spent."""
-        effort, found = RepairBudget(), list[RepairResult]()
+        """Repair points one after the other until the budget is spent."""
+        budget, results = RepairBudget(), list[RepairResult]()
         for x in points:
-            if effort.steps > 0 and effort.looks > 0:
-                found.append(repair_design(x, space, penalty, passes, effort))
-        mended = [one.x for one in found if one.passed]
-        outcome = f"{len(mended)} of them can be made now"
-        if not mended:
-            least = min(one.penalty for one in found)
-            outcome = f"none can be made, the least penalty left is {least:.3g}"
-        tried = f"{STEPS - effort.steps} changes of the {len(found)} best were tried"
-        words = f"no design that the search found can be made; {tried}, and {outcome}"
-        return cls(mended=mended, words=words)
+            if budget.steps > 0 and budget.checks > 0:
+                results.append(repair_design(x, space, penalty, passes, budget))
+        repaired = [result.x for result in results if result.passed]
+        outcome = f"{len(repaired)} of them are manufacturable now"
+        if not repaired:
+            least = min(result.penalty for result in results)
+            outcome = f"none is manufacturable, lowest penalty {least:.3g}"
+        tried = f"tried {STEPS - budget.steps} changes of the best {len(results)}"
+        message = f"the search found no manufacturable design; {tried}: {outcome}"
+        return cls(repaired=repaired, message=message)
 
 
 def repair_design(
@@ -79,38 +79,38 @@ def repair_design(
     space: Space,
     penalty: Callable[[Design], float],
     passes: Callable[[Design], bool],
-    effort: RepairBudget | None = None,
+    budget: RepairBudget | None = None,
 ) -> RepairResult:
-    """Return what comes of looking for a point near another one whose design passes inspection.
+    """Search near a point for one whose design passes the full check.
 
-    One or two coordinates at a time are changed a little, and a change that does not raise the
-    penalty is kept; nothing is grown. Now and then a coordinate jumps anywhere in its range. The
-    same point is always repaired in the same way. It is given up when the penalty has not fallen
-    for a long time, when too many designs failed the inspection, or when the effort is spent.
+    A random walk: each step changes one or two coordinates a little, now and then to anywhere in
+    the range, and is kept unless it raises the penalty; nothing is grown. The result depends on
+    the point alone. The walk ends when the penalty has not fallen for `PATIENCE` steps, when
+    `MOST_CHECKS` designs failed the full check, or when the budget is spent.
 
     Parameters
     ----------
     x
         The point, shape (d,).
-    effort
-        What may be spent; what is spent is taken off. None: enough for one point.
+    budget
+        What may be spent; costs are subtracted from it. None: enough for one point.
     """
-    effort = RepairBudget() if effort is None else effort
-    rng, looks, vain = child(0, _STREAM), 0, 0
-    here, worth = x, _penalty(x, space, penalty)
-    while effort.steps > 0 and effort.looks > 0 and looks < MOST_LOOKS and vain < PATIENCE:
-        effort.steps -= 1
+    budget = RepairBudget() if budget is None else budget
+    rng, checks, vain = child(0, _STREAM), 0, 0
+    here, lowest = x, _penalty(x, space, penalty)
+    while budget.steps > 0 and budget.checks > 0 and checks < MOST_CHECKS and vain < PATIENCE:
+        budget.steps -= 1
         there = _changed(here, rng)
-        found = _penalty(there, space, penalty)
-        vain = 0 if found < worth or found == 0.0 else vain + 1
-        if found > worth:
+        there_penalty = _penalty(there, space, penalty)
+        vain = 0 if there_penalty < lowest or there_penalty == 0.0 else vain + 1
+        if there_penalty > lowest:
             continue
-        here, worth = there, found
-        if worth == 0.0:
+        here, lowest = there, there_penalty
+        if lowest == 0.0:
             if passes(space.design(here)):
                 return RepairResult(x=here, penalty=0.0, passed=True)
-            looks, effort.looks = looks + 1, effort.looks - 1
-    return RepairResult(x=here, penalty=worth, passed=False)
+            checks, budget.checks = checks + 1, budget.checks - 1
+    return RepairResult(x=here, penalty=lowest, passed=False)
 
 
 def _changed(x: Floats, rng: np.random.Generator) -> Floats:
@@ -123,9 +123,9 @@ def _changed(x: Floats, rng: np.random.Generator) -> Floats:
 
 
 def _penalty(x: Floats, space: Space, penalty: Callable[[Design], float]) -> float:
-    """Return a point's penalty, infinite where there is no design."""
+    """Return a point's penalty, infinite where there is no valid design."""
     try:
-        found = float(penalty(space.design(x)))
+        value = float(penalty(space.design(x)))
     except BadInputError:
         return np.inf
-    return np.inf if np.isnan(found) else found
+    return np.inf if np.isnan(value) else value

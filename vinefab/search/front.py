@@ -1,23 +1,92 @@
-"""Which of many points are worth keeping when several things count."""
+"""Several objectives: costs of designs, and the front of those that no other dominates."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vinefab.core.errors import BadInputError, nearest
 from vinefab.core.validation import Floats
+from vinefab.model.design import Design
+from vinefab.model.tree import branch_tree
 from vinefab.search.record.result import Generation
+from vinefab.search.space import Space
 
 
-def non_dominated(worth: Floats, costs: Floats) -> NDArray[np.bool_]:
-    """Return which points no other point beats, shape (m,).
+def film_length_mm(design: Design) -> float:
+    """Return the planned length of all branches together."""
+    return branch_tree(design).total_length_mm
 
-    A point beats another when it is worth no less, costs no more in any way, and differs in one of
-    these for the better. Of points that are equal in all, the first is kept.
+
+def film_area_mm2(design: Design) -> float:
+    """Return the lay-flat area of all branches together, length times width."""
+    tree = branch_tree(design)
+    return float((tree.length_mm * np.array(design.build.widths_mm)[tree.level - 1]).sum())
+
+
+def branches(design: Design) -> float:
+    """Return the number of branches, the trunk included."""
+    return float(design.branch_count)
+
+
+COSTS: Mapping[str, tuple[Callable[[Design], float], str]] = MappingProxyType(
+    {
+        "film_length": (film_length_mm, "mm"),
+        "film_area": (film_area_mm2, "mm2"),
+        "branches": (branches, ""),
+    }
+)
+"""Costs to be minimized beside the score, by their names in run files, with their units."""
+
+
+def check_objectives(objectives: Sequence[str], task: str, optimizer: str) -> None:
+    """Raise `BadInputError` for objectives that do not fit together."""
+    key, known = "task.objectives", (task, *COSTS)
+    if not objectives:
+        return
+    for name in objectives:
+        if name not in known:
+            allowed = f"{task!r} and costs: {', '.join(COSTS)}{nearest(name, known)}"
+            raise BadInputError(key, name, allowed)
+        if list(objectives).count(name) > 1:
+            raise BadInputError(key, name, "each objective once")
+    if task not in objectives:
+        raise BadInputError(key, list(objectives), f"the task's score, {task!r}, among them")
+    if len(objectives) < 2:
+        allowed = f"a cost beside the score ({', '.join(COSTS)}), or no objectives at all"
+        raise BadInputError(key, list(objectives), allowed)
+    if optimizer != "nsga2":
+        raise BadInputError("optimizer.name", optimizer, "'nsga2' for several objectives")
+
+
+def costs_of(x: Floats, space: Space, names: Sequence[str]) -> Floats:
+    """Return the costs of points, shape (m, k); infinite where there is no valid design.
 
     Parameters
     ----------
-    worth
+    x
+        The points, shape (m, d).
+    """
+    costs = np.full((len(x), len(names)), np.inf)
+    for row, point in enumerate(x):
+        try:
+            design = space.design(point)
+        except BadInputError:
+            continue
+        costs[row] = [COSTS[name][0](design) for name in names]
+    return costs
+
+
+def non_dominated(fitness: Floats, costs: Floats) -> NDArray[np.bool_]:
+    """Return which points no other point dominates, shape (m,).
+
+    A point dominates another when it is no worse in fitness and all costs and better in at least
+    one. Of equal points, the first counts as non-dominated.
+
+    Parameters
+    ----------
+    fitness
         Larger is better, shape (m,).
     costs
         Smaller is better, shape (m, k).
@@ -27,33 +96,33 @@ def non_dominated(worth: Floats, costs: Floats) -> NDArray[np.bool_]:
     >>> non_dominated(np.array([1.0, 2.0, 0.5]), np.array([[1.0], [3.0], [2.0]])).tolist()
     [True, True, False]
     """
-    values = np.column_stack([-worth, costs])
-    kept = np.ones(len(values), dtype=np.bool_)
+    values = np.column_stack([-fitness, costs])
+    on_front = np.ones(len(values), dtype=np.bool_)
     for row in range(len(values)):
         no_worse = (values <= values[row]).all(axis=1)
         better = (values < values[row]).any(axis=1)
         equal_before = no_worse & ~better & (np.arange(len(values)) < row)
-        kept[row] = not (no_worse & better).any() and not equal_before.any()
-    return kept
+        on_front[row] = not (no_worse & better).any() and not equal_before.any()
+    return on_front
 
 
 LEAST_BEND = 0.05
-"""A front bends where it lies so much of both ranges above the line between its ends (assumed);
-less is within the noise of scores."""
+"""Least height of a knee above the line between the ends of the front, as a share of the range
+(assumed); less is within the noise of scores."""
 
 
-def knee(worth: Floats, costs: Floats) -> int | None:
-    """Return the point of a front where it bends most, or None where it has no knee.
+def knee(fitness: Floats, costs: Floats) -> int | None:
+    """Return the knee of a front, the point where it bends most, or None.
 
-    A knee is a point from which a little more worth costs much, and a little less saves little:
-    it lies above the straight line between the cheapest point and the one worth most. A front of
-    fewer than three points, or one that runs along that line or sags below it, has none.
+    At a knee, a little more fitness costs much and a little less saves little: it lies above the
+    straight line between the cheapest and the fittest point. A front of fewer than three points,
+    a straight one and a convex one have none.
 
     Parameters
     ----------
     costs
-        The cost, shape (m,). Points that others beat in these two, as a front of more costs may
-        have, are left out.
+        The cost, shape (m,). Points that are dominated in these two, as a front with more costs
+        may have, are left out.
 
     Examples
     --------
@@ -62,27 +131,27 @@ def knee(worth: Floats, costs: Floats) -> int | None:
     >>> knee(np.array([0.0, 0.2, 1.0]), np.array([1.0, 8.0, 9.0])) is None
     True
     """
-    rows = np.flatnonzero(non_dominated(worth, costs[:, None]))
+    rows = np.flatnonzero(non_dominated(fitness, costs[:, None]))
     rows = rows[np.argsort(costs[rows], kind="stable")]
     if len(rows) < 3:
         return None
-    # Of points none of which beats another, the dearest is worth most: both spans are above 0.
-    gained, spent = worth[rows] - worth[rows[0]], costs[rows] - costs[rows[0]]
+    # Along a front, fitness rises with the cost: both spans are above 0.
+    gained, spent = fitness[rows] - fitness[rows[0]], costs[rows] - costs[rows[0]]
     above = gained / gained[-1] - spent / spent[-1]
     place = int(np.argmax(above))
     return int(rows[place]) if above[place] >= LEAST_BEND else None
 
 
-def archive(history: Sequence[Generation], lowest: float) -> tuple[Floats, Floats]:
-    """Return points and fitness of all designs of a run that can be made, in their order."""
+def feasible_points(history: Sequence[Generation], lowest: float) -> tuple[Floats, Floats]:
+    """Return points and fitness of all manufacturable designs of a run, in order."""
     x = np.concatenate([generation.x for generation in history])
     fitness = np.concatenate([generation.fitness for generation in history])
-    able = fitness >= lowest
-    return x[able], fitness[able]
+    feasible = fitness >= lowest
+    return x[feasible], fitness[feasible]
 
 
 def spread_out(costs: Floats, count: int) -> list[int]:
-    """Return so many points of a front at most, evenly spaced along its first cost, with ends."""
+    """Return at most ``count`` points of a front, ends included, evenly spaced by first cost."""
     order = np.argsort(costs[:, 0], kind="stable")
     if len(order) > count:
         places = np.linspace(0, len(order) - 1, count).round().astype(np.int64)

@@ -1,39 +1,40 @@
-"""The front of a run with several objectives: its designs, as files, JSON and a picture."""
+"""The front of a run with several objectives as designs, JSON, text and a figure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.jsontext import json_text
 from vinefab.core.validation import Floats
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
+from vinefab.model.files.design_toml import design_text
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.pages.drawing import draw_deployment, draw_map
-from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, house_style
-from vinefab.search.costs import COSTS, costs_of
-from vinefab.search.front import LEAST_BEND, archive, knee, non_dominated
+from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, house_style, png_bytes, svg_bytes
+from vinefab.search.front import COSTS, LEAST_BEND, costs_of, feasible_points, knee, non_dominated
 from vinefab.search.record.result import RunResult
+from vinefab.search.run import training_maps
 from vinefab.search.settings import RunSettings
 from vinefab.search.space import Space
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrontData:
-    """What the chart shows."""
+    """The data of the chart."""
 
-    seen: Floats  # cost and fitness of designs that the run evaluated, shape (m, 2)
-    # cost and score on fresh poses of the designs of the front, shape (k, 2), by rising cost
-    front: Floats
-    # cost, unit: name of the cost and its unit
-    cost: str
-    unit: str
+    evaluated: Floats  # cost and fitness of designs that the run evaluated, shape (m, 2)
+    front: Floats  # cost and score on fresh poses of the front, shape (k, 2), by rising cost
+    cost: str  # name of the cost
+    unit: str  # of the cost
     task: str  # name of the score
 
 
@@ -41,9 +42,9 @@ class FrontData:
 class FrontRobot:
     """One design of the front, deployed."""
 
-    deployment: Deployment  # where it ended
+    deployment: Deployment
     widths_mm: tuple[float, ...]  # lay-flat width of each level
-    title: str  # what it is called
+    title: str
 
 
 def front_figure(data: FrontData, world: Map, robots: Mapping[int, FrontRobot]) -> Figure:
@@ -66,8 +67,8 @@ def _label(place: int) -> str:
 
 def _chart(axes: Axes, data: FrontData, robots: Mapping[int, FrontRobot]) -> None:
     axes.plot(
-        data.seen[:, 0],
-        data.seen[:, 1],
+        data.evaluated[:, 0],
+        data.evaluated[:, 1],
         ".",
         color=SOFT,
         markersize=2.5,
@@ -110,39 +111,38 @@ def _robot(axes: Axes, world: Map, robot: FrontRobot, label: str) -> None:
     axes.set_title(f"{label}: {robot.title}", fontsize=8)
 
 
-SCHEMA = "vinefab/front-1"
-ROBOTS = 4
-"""So many designs of the front are drawn, the knee among them where there is one."""
+FRONT_SCHEMA = "vinefab/front-1"
+MOST_ROBOTS = 4
+"""Most designs of the front that are drawn, the knee among them if there is one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Member:
+class FrontMember:
     """One design of a front."""
 
     design: Design  # named after the run, with its place on the front
-    score: Score  # its score on fresh poses
-    worth: float  # what the score counts for, as the run weighs it
-    costs: tuple[float, ...]  # what it costs, in the order of the run's costs
-    penalty: float  # 0 for a design that can be made, and in a run that did not ask
-    # whether the front bends most there, against its first cost; a front may have no knee
-    is_knee: bool
+    score: Score  # on fresh poses
+    fitness: float  # on fresh poses
+    costs: tuple[float, ...]  # in the order of the run's costs
+    penalty: float  # 0 if manufacturable, and in a run that did not check
+    is_knee: bool  # against the first cost; a front may have no knee
 
 
-def front_of(result: RunResult, settings: RunSettings) -> tuple[Member, ...]:
-    """Return the finalists that no other beats on fresh poses, by rising first cost."""
+def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...]:
+    """Return the finalists that are non-dominated on fresh poses, by rising first cost."""
     finalists = result.finalists
-    worth = np.array([finalist.fitness for finalist in finalists])
+    fitness = np.array([finalist.fitness for finalist in finalists])
     costs = np.array(
         [[COSTS[name][0](finalist.design) for name in settings.costs] for finalist in finalists]
     )
-    rows = np.flatnonzero(non_dominated(worth, costs))
+    rows = np.flatnonzero(non_dominated(fitness, costs))
     rows = rows[np.argsort(costs[rows, 0], kind="stable")]
-    bend = knee(worth[rows], costs[rows, 0])
+    bend = knee(fitness[rows], costs[rows, 0])
     return tuple(
-        Member(
+        FrontMember(
             design=_named(finalists[row].design, settings, result.run_id, place + 1),
             score=finalists[row].score,
-            worth=float(worth[row]),
+            fitness=float(fitness[row]),
             costs=tuple(costs[row].tolist()),
             penalty=finalists[row].penalty,
             is_knee=place == bend,
@@ -156,7 +156,7 @@ def _named(design: Design, settings: RunSettings, run_id: str, place: int) -> De
     return replace(design, name=f"{settings.name}_{place:02}", origin=origin)
 
 
-def front_json(members: Sequence[Member], result: RunResult, settings: RunSettings) -> str:
+def front_json(members: Sequence[FrontMember], result: RunResult, settings: RunSettings) -> str:
     """Return a front as JSON: ``vinefab/front-1``."""
     content = {
         "run": result.run_id,
@@ -172,7 +172,7 @@ def front_json(members: Sequence[Member], result: RunResult, settings: RunSettin
         "designs": [
             {
                 "design": member.design.name,
-                settings.task.name: member.worth,
+                settings.task.name: member.fitness,
                 **dict(zip(settings.costs, member.costs, strict=True)),
                 "composite": dict(member.score.composite),
                 "evaluations": len(member.score.evaluations),
@@ -182,11 +182,26 @@ def front_json(members: Sequence[Member], result: RunResult, settings: RunSettin
             for member in members
         ],
     }
-    return json_text(SCHEMA, content)
+    return json_text(FRONT_SCHEMA, content)
 
 
-def front_lines(members: Sequence[Member], settings: RunSettings) -> list[str]:
-    """Return a front as lines for the user, a design each."""
+def write_front(
+    result: RunResult, settings: RunSettings, out: Path, *, force: bool = False
+) -> tuple[FrontMember, ...]:
+    """Write the designs of a front, ``front.json`` and its picture; return the designs."""
+    members = front_of(result, settings)
+    for member in members:
+        path = out / "front" / f"{member.design.name}.toml"
+        write_text(path, design_text(member.design), force=force)
+    write_text(out / "front.json", front_json(members, result, settings), force=force)
+    figure = front_picture(members, result, settings, training_maps(settings)[0])
+    write_bytes(out / "front.svg", svg_bytes(figure), force=force)
+    write_bytes(out / "front.png", png_bytes(figure), force=force)
+    return members
+
+
+def front_lines(members: Sequence[FrontMember], settings: RunSettings) -> list[str]:
+    """Return a front as lines for the user, one per design."""
     names = [settings.task.name, *settings.costs]
     count = f"{len(members)} design{'s' if len(members) > 1 else ''}"
     lines = [f"front of {count} (simulated): {', '.join(names)}"]
@@ -196,30 +211,29 @@ def front_lines(members: Sequence[Member], settings: RunSettings) -> list[str]:
             for name, value in zip(settings.costs, member.costs, strict=True)
         )
         note = "  knee" if member.is_knee else ""
-        made = "" if member.penalty == 0.0 else "  breaks rules of making"
-        lines.append(f"  {member.design.name}  {member.worth:8.4f}  {costs}{note}{made}")
+        violations = "" if member.penalty == 0.0 else "  not manufacturable"
+        lines.append(f"  {member.design.name}  {member.fitness:8.4f}  {costs}{note}{violations}")
     if not any(member.is_knee for member in members):
-        bends = f"it nowhere lies {LEAST_BEND:.0%} above the line between its ends"
-        why = "that takes three designs" if len(members) < 3 else bends
+        low = f"no point lies {LEAST_BEND:.0%} above the line between the ends"
+        why = "fewer than three designs" if len(members) < 3 else low
         lines.append(f"  no knee against {settings.costs[0]}: {why}")
     return lines
 
 
 def front_picture(
-    members: Sequence[Member], result: RunResult, settings: RunSettings, world: Map
+    members: Sequence[FrontMember], result: RunResult, settings: RunSettings, world: Map
 ) -> Figure:
     """Return the front as a chart, with a few of its robots on a training map."""
     lowest = min(finalist.fitness for finalist in result.finalists)
-    x, fitness = archive(result.history, min(-1e3, lowest))
+    x, fitness = feasible_points(result.history, min(-1e3, lowest))
     cost = costs_of(x, Space(settings.space, settings.build), settings.costs[:1])[:, 0]
     penalty = np.concatenate([generation.penalty for generation in result.history])
-    able = np.isfinite(cost) & (penalty == 0.0) if len(penalty) == len(cost) else np.isfinite(cost)
+    valid = np.isfinite(cost)
+    if len(penalty) == len(cost):
+        valid &= penalty == 0.0
     data = FrontData(
-        seen=_pairs(cost[able], fitness[able]),
-        front=_pairs(
-            np.array([member.costs[0] for member in members]),
-            np.array([member.worth for member in members]),
-        ),
+        evaluated=np.column_stack([cost[valid], fitness[valid]]),
+        front=np.array([(member.costs[0], member.fitness) for member in members]),
         cost=settings.costs[0],
         unit=COSTS[settings.costs[0]][1],
         task=settings.task.name,
@@ -227,16 +241,14 @@ def front_picture(
     return front_figure(data, world, _robots(members, settings, world))
 
 
-def _pairs(costs: Floats, worth: Floats) -> Floats:
-    return np.column_stack([costs, worth])
-
-
-def _robots(members: Sequence[Member], settings: RunSettings, world: Map) -> dict[int, FrontRobot]:
-    """Return deployments of a few designs, spread over the front, with its knee if it has one."""
-    places = np.linspace(0, len(members) - 1, min(ROBOTS, len(members))).round().astype(int)
+def _robots(
+    members: Sequence[FrontMember], settings: RunSettings, world: Map
+) -> dict[int, FrontRobot]:
+    """Return deployments of a few designs, spread over the front, the knee included."""
+    places = np.linspace(0, len(members) - 1, min(MOST_ROBOTS, len(members))).round().astype(int)
     bends = [place for place, member in enumerate(members) if member.is_knee]
     chosen = sorted({*places.tolist(), *bends})
-    if len(chosen) > ROBOTS:
+    if len(chosen) > MOST_ROBOTS:
         inner = [place for place in chosen[1:-1] if place not in bends]
         chosen.remove(min(inner, key=lambda place: abs(place - bends[0])))
     terrain = Terrain.of(world)

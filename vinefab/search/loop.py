@@ -1,9 +1,9 @@
-"""The search itself: generation after generation, then the final."""
+"""The search itself: generation after generation, then the finalists."""
 
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 
 import numpy as np
 
@@ -11,94 +11,116 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.map import Map
-from vinefab.search.costs import check_objectives, costs_of
-from vinefab.search.evaluator import FINAL, Evaluator, Penalty
+from vinefab.search.evaluator import FINAL, Evaluator, EvaluatorSpec, Penalty
 from vinefab.search.finalists import choose_finalists, reevaluated
-from vinefab.search.optimizers.nsga2 import FrontFinder
+from vinefab.search.front import check_objectives, costs_of
+from vinefab.search.optimizers.nsga2 import FrontOptimizer
 from vinefab.search.optimizers.optimizer import Optimizer
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
-from vinefab.search.parallel.evaluators import Begin, PointEvaluator, ThreadEvaluator
-from vinefab.search.record.identity import RunIdentity
-from vinefab.search.record.record_reading import damage_errors
-from vinefab.search.record.recorder import Recorder
-from vinefab.search.record.result import Finalist, Generation, Progress, RunResult, with_origin
-from vinefab.search.record.store import RunStore
-from vinefab.search.record.timing import Ledger
-from vinefab.search.settings import RunSettings, SearchSettings
+from vinefab.search.parallel.point_evaluator import Begin, PointEvaluator, ThreadEvaluator
+from vinefab.search.record.result import (
+    Finalist,
+    Generation,
+    Progress,
+    RunIdentity,
+    RunResult,
+    with_origin,
+)
+from vinefab.search.record.run_archive import damage_errors
+from vinefab.search.record.store import Recorder, RunStore
+from vinefab.search.settings import PartSettings, RunSettings, SearchSettings
+from vinefab.search.timing import Ledger
 from vinefab.tasks.evaluate import Poses
+from vinefab.tasks.task import Task
 
 AHEAD = 8
-"""Generations whose poses are drawn in one go: that takes half of the time of one at a time."""
+"""Generations whose poses are drawn at once, which takes half the time of one by one."""
 
 
 class Schedule:
-    """Poses drawn some generations ahead, with the places on the maps that belong to them."""
+    """Poses drawn some generations ahead, with their places on the maps."""
 
-    def __init__(self, trial: Evaluator, seed: int) -> None:
-        self._trial, self._seed = trial, seed
+    def __init__(self, evaluator: Evaluator, seed: int) -> None:
+        self._evaluator, self._seed = evaluator, seed
         self._drawn: dict[int, Poses] = {}
 
     def poses(self, generation: int) -> Poses:
-        """Return what all points of a generation meet."""
-        draw = generation if self._trial.evaluation.redraw else 0
+        """Return the poses of a generation."""
+        redraw = self._evaluator.evaluation.redraw
+        draw = generation if redraw else 0
         if draw not in self._drawn:
-            count = AHEAD if self._trial.evaluation.redraw else 1
-            drawn = {draw: self._trial.training_poses(self._seed, draw)}
-            # What is wrong with poses further ahead is nobody's matter if the run ends before.
+            count = AHEAD if redraw else 1
+            drawn = {draw: self._evaluator.training_poses(self._seed, draw)}
+            # Poses that cannot be drawn further ahead do not matter if the run ends before.
             with suppress(BadInputError):
                 for number in range(draw + 1, draw + count):
-                    drawn[number] = self._trial.training_poses(self._seed, number)
+                    drawn[number] = self._evaluator.training_poses(self._seed, number)
             self._drawn = drawn
-            self._trial.make_ready(drawn.values())
+            self._evaluator.prepare_launches(drawn.values())
         return self._drawn[draw]
-
-
-def optimize(
-    settings: RunSettings,
-    maps: Sequence[Map],
-    *,
-    penalty: Penalty | None = None,
-    store: RunStore | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    workers: int | PointEvaluator = 1,
-) -> RunResult:
-    """Search for the best design.
-
-    Parameters
-    ----------
-    penalty
-        How far a design is from one that can be made; needed when the settings ask for designs
-        that can be made, not used otherwise. When it is an `Inspector` too, only designs that pass
-        its inspection can win, as long as there is one.
-    """
-    search = Search.of(settings, maps, penalty)
-    return search.run(store=store, progress=progress, workers=workers)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Search:
-    """A run that is ready to go: all that it was given has been found usable."""
+    """A run that is ready to start: all its inputs are valid.
 
-    # settings, maps: the run
-    settings: RunSettings
+    Examples
+    --------
+    A task of your own is a frozen dataclass with `name`, `lowest` and `evaluate`:
+
+    >>> Search.of(settings, maps, task=MyTask()).run(workers=2)  # doctest: +SKIP
+    """
+
+    settings: RunSettings  # with the name and the parameters of the task
     maps: tuple[Map, ...]
-    trial: Evaluator  # what a point is worth
+    evaluator: Evaluator
     optimizer: Optimizer  # before its first generation
 
     @classmethod
-    def of(cls, settings: RunSettings, maps: Sequence[Map], penalty: Penalty | None) -> "Search":
-        """Return the search of a run, before anything is evaluated or written."""
-        trial = Evaluator.of(settings, maps, penalty)
-        recipe = make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
+    def of(
+        cls,
+        settings: RunSettings,
+        maps: Sequence[Map],
+        penalty: Penalty | None = None,
+        *,
+        task: Task | None = None,
+    ) -> "Search":
+        """Prepare the search of a run; nothing is evaluated or written yet.
+
+        Parameters
+        ----------
+        settings
+            The run.
+        maps
+            The training maps.
+        penalty
+            How far a design is from manufacturable; needed when the settings ask for manufacturable
+            designs, not used otherwise. When it is a `FullCheck` too, only designs that pass the
+            full check can win, as long as there is one.
+        task
+            A task object, in place of the task that the settings name.
+
+        Raises
+        ------
+        BadInputError
+            For settings that do not fit together, and spaces that no search could use.
+        """
+        if task is not None:
+            settings = replace(settings, task=_task_settings(task))
+        spec = EvaluatorSpec(settings=settings, maps=tuple(maps), penalty=penalty, task=task)
+        evaluator = Evaluator.of(spec)
+        config = make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
         seed, population = settings.search.seed, settings.search.population
-        optimizer = recipe.start(trial.space.axes, population, seed)
+        optimizer = config.start(evaluator.space.axes, population, seed)
         check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
-        if settings.objectives and isinstance(optimizer, FrontFinder):
-            optimizer.weigh(lambda x: costs_of(x, trial.space, settings.costs), trial.lowest)
-        search = cls(settings=settings, maps=tuple(maps), trial=trial, optimizer=optimizer)
-        poses = trial.training_poses(seed, 0)
-        trial.launches(poses)
-        _check_room(trial, poses)
+        if settings.objectives and isinstance(optimizer, FrontOptimizer):
+            optimizer.set_costs(
+                lambda x: costs_of(x, evaluator.space, settings.costs), evaluator.lowest
+            )
+        search = cls(settings=settings, maps=spec.maps, evaluator=evaluator, optimizer=optimizer)
+        poses = evaluator.training_poses(seed, 0)
+        evaluator.launches(poses)
+        _check_room(evaluator, poses)
         return search
 
     def run(
@@ -108,9 +130,25 @@ class Search:
         progress: Callable[[Progress], None] | None = None,
         workers: int | PointEvaluator = 1,
     ) -> RunResult:
-        """Search; see `optimize`.
+        """Search, and evaluate the finalists.
 
-        A generation is recorded while the next one is evaluated, so that nobody waits for it.
+        A generation is recorded while the next one is evaluated, so that recording takes no time.
+
+        Parameters
+        ----------
+        store
+            Record of the run; what it holds already is not evaluated again. None keeps no record.
+        progress
+            Called after every generation.
+        workers
+            Number of threads, or a point evaluator. Results do not depend on it.
+
+        Raises
+        ------
+        BadInputError
+            When no point of the space had a valid design, or the optimizer left the space.
+        CannotWriteError, UnreadableFileError
+            For a record that cannot be written, or is damaged.
         """
         settings, history = self.settings, list[Generation]()
         if store is not None:
@@ -118,15 +156,15 @@ class Search:
             if history:
                 with damage_errors(store.path):
                     self.optimizer.restore(store.optimizer_state())
-        crew = ThreadEvaluator(workers) if isinstance(workers, int) else workers
-        ledger = Ledger(crew.count)
-        schedule = Schedule(self.trial, settings.search.seed)
-        with crew.hired(self.trial, ledger) as begin:
-            with Recorder(store, progress, settings.search, ledger) as diary:
+        points = ThreadEvaluator(workers) if isinstance(workers, int) else workers
+        ledger = Ledger(points.count)
+        schedule = Schedule(self.evaluator, settings.search.seed)
+        with points.started(self.evaluator, ledger) as begin:
+            with Recorder(store, progress, settings.search, ledger) as recorder:
                 while (stopped := why_stop(history, settings.search)) is None:
-                    last = self._generation(len(history), schedule, begin, diary, ledger)
+                    last = self._generation(len(history), schedule, begin, recorder, ledger)
                     history.append(last)
-                    diary.note(history, self.optimizer.state())
+                    recorder.note(history, self.optimizer.state())
             finalists, repair = self._final(history, store, begin, ledger)
         identity = store.identity if store is not None else RunIdentity.of(settings, self.maps)
         if store is not None:
@@ -139,29 +177,29 @@ class Search:
             history=tuple(history),
             stopped=stopped,
             times=ledger.split(),
-            asked=settings.evaluation.fabricable,
+            checked=settings.evaluation.fabricable,
             repair=repair,
             drift=store.drift if store is not None else (),
         )
 
     def _generation(
-        self, number: int, schedule: Schedule, begin: Begin, diary: Recorder, ledger: Ledger
+        self, number: int, schedule: Schedule, begin: Begin, recorder: Recorder, ledger: Ledger
     ) -> Generation:
         """Ask, evaluate and tell."""
         began = time.perf_counter()
         with ledger.spending("optimizer"):
             asked = self.optimizer.ask()
         self._check(asked)
-        # Copies are kept: an optimizer may go on working in what it hands out or is given.
+        # Copied, because an optimizer may reuse the arrays that it returns or is given.
         x = np.array(asked, dtype=np.float64)
         with ledger.spending("evaluating"):
             finish = begin(x, schedule.poses(number))
-            diary.write()
+            recorder.write()
             if number + 1 < self.settings.search.generations:
                 schedule.poses(number + 1)
-            found = finish()
-        composite = self.trial.composites(found.score)
-        fitness = self.trial.fitness(composite, found.penalty)
+            evaluations = finish()
+        composite = self.evaluator.composites(evaluations.score)
+        fitness = self.evaluator.fitness(composite, evaluations.penalty)
         with ledger.spending("optimizer"):
             self.optimizer.tell(asked, fitness.copy())
         return Generation(
@@ -169,13 +207,13 @@ class Search:
             x=x,
             fitness=fitness,
             composite=composite,
-            penalty=found.penalty,
-            terms={name: values.mean(axis=1) for name, values in found.terms.items()},
+            penalty=evaluations.penalty,
+            terms={name: values.mean(axis=1) for name, values in evaluations.terms.items()},
             seconds=time.perf_counter() - began,
         )
 
     def _check(self, x: Floats) -> None:
-        shaped = x.ndim == 2 and len(x) > 0 and x.shape[1] == len(self.trial.space)
+        shaped = x.ndim == 2 and len(x) > 0 and x.shape[1] == len(self.evaluator.space)
         if not (shaped and ((x >= 0.0) & (x <= 1.0)).all()):
             name = self.settings.optimizer.name
             wanted = "numbers from 0 to 1"
@@ -188,28 +226,37 @@ class Search:
         begin: Begin,
         ledger: Ledger,
     ) -> tuple[tuple[Finalist, ...], str]:
-        """Return the finalists of the record, or judge them now; and what was repaired."""
-        if store is not None and (kept := store.finalists(self.trial.space)):
-            return kept, store.repair
-        finalists, costs = self.settings.evaluation.finalists, self.settings.costs
-        found = choose_finalists(history, self.trial, finalists, costs)
-        count = self.settings.evaluation.final_poses_per_map
-        poses = self.trial.poses(self.settings.search.seed, FINAL, 0, count)
+        """Return the finalists, from the record or evaluated now, and the repair's message."""
+        evaluator, settings = self.evaluator, self.settings
+        if store is not None and (recorded := store.finalists(evaluator.space)):
+            return recorded, store.repair
+        count, costs = settings.evaluation.finalists, settings.costs
+        choice = choose_finalists(history, evaluator, count, costs)
+        per_map = settings.evaluation.final_poses_per_map
+        poses = evaluator.poses(settings.search.seed, FINAL, 0, per_map)
         with ledger.spending("evaluating"):
-            return reevaluated(found.points, begin, poses, self.trial), found.repair
+            return reevaluated(choice.points, begin, poses, evaluator), choice.repair
 
 
-def _check_room(trial: Evaluator, poses: Poses) -> None:
-    """Complain of designs that are too large, or trunks too wide, whatever a search would do."""
-    space = trial.space
-    least = int(space.fleet(np.zeros((1, len(space)))).sizes[0])
+def _task_settings(task: Task) -> PartSettings:
+    """Return the name and the parameters of a task object, for records and identities of runs."""
+    parameters: dict[str, object] = {}
+    if is_dataclass(task):
+        parameters = {field.name: getattr(task, field.name) for field in fields(task)}
+    return PartSettings(name=task.name, parameters=parameters)
+
+
+def _check_room(evaluator: Evaluator, poses: Poses) -> None:
+    """Refuse a space whose smallest design is too large, and trunks too wide for all starts."""
+    space = evaluator.space
+    least = int(space.batch(np.zeros((1, len(space)))).sizes[0])
     if least > MOST_BRANCHES:
         allowed = f"designs with at most {MOST_BRANCHES} branches; the smallest has more"
         raise BadInputError("space", "too many levels or branches", allowed)
-    radius_mm = trial.radii_mm[0]
+    radius_mm = evaluator.radii_mm[0]
     rooms = [
-        site.terrain.have_room(site.terrain.starts_mm(places), radius_mm).any()
-        for site, places in zip(trial.sites, poses, strict=True)
+        prepared.terrain.have_room(prepared.terrain.starts_mm(places), radius_mm).any()
+        for prepared, places in zip(evaluator.maps, poses, strict=True)
         if places
     ]
     if radius_mm > 0.0 and not any(rooms):
@@ -218,7 +265,7 @@ def _check_room(trial: Evaluator, poses: Poses) -> None:
 
 
 def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | None:
-    """Return why a run with such a history is over, or None when it is not."""
+    """Return why a run with such a history ends, or None if it continues."""
     if len(history) >= search.generations:
         return "generations"
     if search.evaluations and sum(len(g.fitness) for g in history) >= search.evaluations:

@@ -1,7 +1,7 @@
-"""Whether the robots of a run can be made: penalty, full check, what rules out a space.
+"""Manufacturability in a search: penalty, full check, and refusal of infeasible spaces.
 
-Only what is certain is said. Each rule is looked at where the space is kindest to it; all other
-designs break it as much or more. What depends on several variables at once is left to the search.
+A space is refused only where every design in it violates a rule: each rule is checked at the most
+favourable corner of the space. What depends on several variables at once is left to the search.
 """
 
 import math
@@ -22,7 +22,6 @@ from vinefab.fabrication.rules.penalty import excess_mm, fabrication_penalty, wi
 from vinefab.fabrication.rules.pressure_limits import BURST, RATING, WINDOW
 from vinefab.fabrication.rules.rule import ROUNDING, LimitChanges, Rule
 from vinefab.fabrication.rules.run_rules import run_checks
-from vinefab.fabrication.rules.spacing import capsules_of
 from vinefab.fabrication.rules.tree_and_base import CLAMP, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
 from vinefab.model.design import MOST_BRANCHES, Design
@@ -31,12 +30,12 @@ from vinefab.search.settings import RunSettings
 from vinefab.search.space import Bounds, Space
 
 BED_RESERVE_MM = 10.0
-"""What seam, kerf and the overcut at the mouth may add to the size of a flat robot."""
+"""Allowance for seam, kerf and the overcut at the mouth, on the size of a flat robot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ManufacturabilityPenalty:
-    """How far designs are from being made with a recipe."""
+    """How far designs are from manufacturable with a recipe."""
 
     profile: LaserProfile  # the recipe with its machine and material
 
@@ -44,7 +43,7 @@ class ManufacturabilityPenalty:
         """Return the penalty of the cheap rules, under the recipe's limits.
 
         The flat robot must fit the recipe's bed with room for seam, kerf and the mouth's overcut,
-        and grow along its planned paths at a pressure that its seams stand.
+        and grow along its planned paths at a pressure that its seams withstand.
         """
         material = self.profile.material
         limits = by_rule(changed_limits(design, self.profile))
@@ -57,36 +56,36 @@ class ManufacturabilityPenalty:
 
     @property
     def sheet_mm(self) -> tuple[float, float]:
-        """What a flat robot must fit into."""
+        """Width and height that a flat robot must fit into."""
         width_mm, height_mm = self.profile.machine.usable_mm
         return width_mm - BED_RESERVE_MM, height_mm - BED_RESERVE_MM
 
     def passes(self, design: Design) -> bool:
-        """Return whether no design rule forbids to make it, laser paths included."""
+        """Return whether the full check passes, laser paths included."""
         return not check_design(design, self.profile).blocking
 
-    def complaint(self, design: Design) -> str:
-        """Return which design rules forbid to make a design, and the first reason; empty if none.
+    def violations(self, design: Design) -> str:
+        """Return which rules block a design, with the message of the first; empty if none.
 
-        The full check decides: a design with a penalty may pass it all the same, cut in tiles.
+        The full check decides: a design with a penalty may still pass it, cut in tiles.
         """
         blocking = check_design(design, self.profile).blocking
         rules = ", ".join(dict.fromkeys(finding.rule for finding in blocking))
         return f"{rules} ({blocking[0].message})" if blocking else ""
 
 
-_ROOM_MM = 200.0
-"""Length of a vine by which rules are looked at that do not depend on it."""
+_VINE_MM = 200.0
+"""Length of the vine for rules that do not depend on length."""
 
 _OTHERWISE = "or evaluation.fabricable = false"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpaceQuery:
-    """A run, and the limits under which its designs are to be made."""
+    """The settings of a run, and the limits for its designs."""
 
-    settings: RunSettings  # the run
-    profile: LaserProfile  # its recipe
+    settings: RunSettings
+    profile: LaserProfile  # the recipe
     changed: LimitChanges  # limits that the recipe changes
     sheet_mm: tuple[float, float]  # width and height that a flat robot must fit into
 
@@ -94,8 +93,8 @@ class SpaceQuery:
     def of(
         cls, settings: RunSettings, profile: LaserProfile, sheet_mm: tuple[float, float]
     ) -> "SpaceQuery":
-        """Return the question whether a run's designs can be made with a recipe."""
-        vine = Design(name="vine", trunk_length_mm=_ROOM_MM, build=settings.build.build(1))
+        """Return the query for a run and its recipe."""
+        vine = Design(name="vine", trunk_length_mm=_VINE_MM, build=settings.build.build(1))
         changed = by_rule(changed_limits(vine, profile))
         return cls(settings=settings, profile=profile, changed=changed, sheet_mm=sheet_mm)
 
@@ -111,7 +110,7 @@ class SpaceQuery:
 
     @property
     def fewest(self) -> int:
-        """Levels that every design has."""
+        """Smallest number of levels."""
         return int(self.settings.space.levels.low)
 
     @property
@@ -120,11 +119,11 @@ class SpaceQuery:
         return self.profile.material.plies * self.profile.material.ply_mm.value
 
 
-def refuse_infeasible_space(question: SpaceQuery) -> None:
-    """Complain of a space in which every design breaks some rule."""
-    for look in (_build, _widths, _pouch, _angles, _crotches, _bed, _least):
-        for reason in look(question):
-            raise reason
+def refuse_infeasible_space(query: SpaceQuery) -> None:
+    """Raise `BadInputError` for a space in which every design violates some rule."""
+    for check in (_build, _widths, _pouch, _angles, _crotches, _bed, _least):
+        for violation in check(query):
+            raise violation
 
 
 def _no(rule: Rule, key: str, value: object, allowed: str) -> BadInputError:
@@ -135,47 +134,49 @@ def _ends(bounds: Bounds) -> list[float]:
     return [bounds.low, bounds.high]
 
 
-def _build(question: SpaceQuery) -> Iterator[BadInputError]:
-    """Yield what the full check says of trunk, tail, pressure and film, alike for all designs."""
-    build = question.settings.build
-    asked = (
-        (PLY, "evaluation.recipe", question.profile.recipe.name, ""),
+def _build(query: SpaceQuery) -> Iterator[BadInputError]:
+    """Yield violations by trunk, tail, pressure and film, which are the same for all designs."""
+    build = query.settings.build
+    checked = (
+        (PLY, "evaluation.recipe", query.profile.recipe.name, ""),
         (TAIL, "build.tail_mm", build.tail_mm, "at least {:g} mm"),
         (CLAMP, "build.trunk_width_mm", build.trunk_width_mm, "at most {:g} mm, for the clamp"),
         (RATING, "build.pressure_kpa", build.pressure_kpa, ""),
         (BURST, "build.pressure_kpa", build.pressure_kpa, ""),
     )
-    vine = Design(name="vine", trunk_length_mm=_ROOM_MM, build=build.build(1))
-    report = run_checks(subject_of(vine, question.profile), only={rule.id for rule, *_ in asked})
-    for rule, key, value, words in asked:
+    vine = Design(name="vine", trunk_length_mm=_VINE_MM, build=build.build(1))
+    report = run_checks(subject_of(vine, query.profile), only={rule.id for rule, *_ in checked})
+    for rule, key, value, words in checked:
         for finding in report.blocking:
             if finding.rule == rule.id:
                 yield _no(rule, key, value, words.format(finding.limit) or finding.message)
 
 
-def _widths(question: SpaceQuery) -> Iterator[BadInputError]:
-    """Yield why a level that every design has is too narrow, or too wide for its parent."""
-    build, fewest = question.settings.build, question.fewest
-    least_mm, ratio = question.limit(LEAST_WIDTH), question.limit(WIDTH_RATIO)
+def _widths(query: SpaceQuery) -> Iterator[BadInputError]:
+    """Yield violations by levels that are too narrow, or too wide for their parents."""
+    build, fewest = query.settings.build, query.fewest
+    least_mm, ratio = query.limit(LEAST_WIDTH), query.limit(WIDTH_RATIO)
     for level, width_mm in enumerate(build.build(fewest).widths_mm, start=1):
         if width_mm < least_mm * (1.0 - ROUNDING):
             wide_mm = math.ceil(10.0 * least_mm / build.width_ratio ** (level - 1)) / 10.0
-            why = f", for width_ratio makes level {level} of it" if level > 1 else ""
+            why = f", as width_ratio narrows it to level {level}" if level > 1 else ""
             allowed = f"at least {wide_mm:g} mm{why}"
             yield _no(LEAST_WIDTH, "build.trunk_width_mm", build.trunk_width_mm, allowed)
     pairs = pairwise(build.build(fewest).widths_mm)
     if any(wide / narrow < ratio * (1.0 - ROUNDING) for wide, narrow in pairs):
-        allowed = f"at most {math.floor(1000.0 / ratio) / 1000.0:g}: parents wider than children"
+        allowed = (
+            f"at most {math.floor(1000.0 / ratio) / 1000.0:g}: parents must be wider than children"
+        )
         yield _no(WIDTH_RATIO, "build.width_ratio", build.width_ratio, allowed)
 
 
-def _pouch(question: SpaceQuery) -> Iterator[BadInputError]:
-    """Yield why no pouch can be made, though the narrowest leaves are those of most levels."""
-    pouch, most = question.settings.build.pouch, int(question.settings.space.levels.high)
+def _pouch(query: SpaceQuery) -> Iterator[BadInputError]:
+    """Yield violations by the pouch on the narrowest leaves, those of designs with most levels."""
+    pouch, most = query.settings.build.pouch, int(query.settings.space.levels.high)
     if pouch is None:
         return
-    leaf_mm = question.settings.build.build(most).widths_mm[-1]
-    least_mm = max(leaf_mm, question.limit(LEAST_WIDTH))
+    leaf_mm = query.settings.build.build(most).widths_mm[-1]
+    least_mm = max(leaf_mm, query.limit(LEAST_WIDTH))
     if pouch.length_mm is not None and pouch.length_mm < least_mm * (1.0 - ROUNDING):
         yield _no(POUCH, "build.pouch.length_mm", pouch.length_mm, f"at least {least_mm:g} mm")
     if pouch.flat_width_mm <= leaf_mm:
@@ -183,12 +184,12 @@ def _pouch(question: SpaceQuery) -> Iterator[BadInputError]:
         yield _no(POUCH, "build.pouch", words, f"wider than the narrowest leaf, {leaf_mm:g} mm")
 
 
-def _angles(question: SpaceQuery) -> Iterator[BadInputError]:
-    """Yield why the children of a level are almost parallel, or folded onto their parent."""
-    least_deg = question.limit(ANGLE)
-    for level in range(2, question.fewest + 1):
-        name, branches = question.bounds(level, "branches")
-        key, fan = question.bounds(level, "angle_deg")
+def _angles(query: SpaceQuery) -> Iterator[BadInputError]:
+    """Yield violations by children that are almost parallel, or folded onto their parent."""
+    least_deg = query.limit(ANGLE)
+    for level in range(2, query.fewest + 1):
+        name, branches = query.bounds(level, "branches")
+        key, fan = query.bounds(level, "angle_deg")
         widest = 2.0 * (180.0 - least_deg)
         most = math.floor(min(fan.high, widest) / least_deg + 1e-9) + 1
         if branches.low == 1 or (branches.low <= most and fan.low <= widest + 1e-6):
@@ -200,41 +201,41 @@ def _angles(question: SpaceQuery) -> Iterator[BadInputError]:
         yield _no(ANGLE, name, _ends(branches), allowed)
 
 
-def _crotches(question: SpaceQuery) -> Iterator[BadInputError]:
-    """Yield why children are shorter than their joint: crotches end no nearer than its edge."""
-    widths_mm = question.settings.build.build(question.fewest).widths_mm
-    share = question.limit(CROTCH)
-    for level in range(2, question.fewest + 1):
-        key, length = question.bounds(level, "length_mm")
+def _crotches(query: SpaceQuery) -> Iterator[BadInputError]:
+    """Yield violations by children that end within the joint."""
+    widths_mm = query.settings.build.build(query.fewest).widths_mm
+    share = query.limit(CROTCH)
+    for level in range(2, query.fewest + 1):
+        key, length = query.bounds(level, "length_mm")
         least_mm = widths_mm[level - 2] / 2.0 / share
         if length.high < least_mm * (1.0 - ROUNDING):
-            allowed = f"lengths from {least_mm:g} mm on: as long as a parent is wide"
+            allowed = f"lengths from {least_mm:g} mm: at least the width of the parent"
             yield _no(CROTCH, key, _ends(length), allowed)
 
 
-def _bed(question: SpaceQuery) -> Iterator[BadInputError]:
-    """Yield why the tail with the shortest trunk does not fit the bed."""
-    build = replace(question.settings.build, pouch=None).build(1)
-    key, length = question.bounds(1, "length_mm")
+def _bed(query: SpaceQuery) -> Iterator[BadInputError]:
+    """Yield violations by a tail that does not fit the bed with the shortest trunk."""
+    build = replace(query.settings.build, pouch=None).build(1)
+    key, length = query.bounds(1, "length_mm")
     vine = Design(name="vine", trunk_length_mm=length.low, build=build)
-    if excess_mm(capsules_of(flat_layout(vine), build), question.sheet_mm) > 0.0:
-        wide_mm, high_mm = question.sheet_mm
+    if excess_mm(capsules_of(flat_layout(vine), build), query.sheet_mm) > 0.0:
+        wide_mm, high_mm = query.sheet_mm
         allowed = f"a trunk that fits {wide_mm:g} x {high_mm:g} mm with its tail"
         if build.tail_mm > length.low:
             yield _no(BED, "build.tail_mm", build.tail_mm, allowed)
         yield _no(BED, key, _ends(length), allowed)
 
 
-def _least(question: SpaceQuery) -> Iterator[BadInputError]:
-    """Yield why even the smallest design is packed too full, or takes too much to grow."""
-    settings = question.settings
+def _least(query: SpaceQuery) -> Iterator[BadInputError]:
+    """Yield violations by the smallest design: film packing and pressure for growth."""
+    settings = query.settings
     space = Space(settings.space, settings.build)
     corner = np.zeros(len(space))
-    if int(space.fleet(corner[None]).sizes[0]) > MOST_BRANCHES:
-        return  # which is refused in other words
+    if int(space.batch(corner[None]).sizes[0]) > MOST_BRANCHES:
+        return  # refused elsewhere, with a message of its own
     design = space.design(corner)
-    most = question.limit(PACKING)
-    shares = occupancies(design, question.film_mm, question.limit(PACKING, "packing"))
+    most = query.limit(PACKING)
+    shares = occupancies(design, query.film_mm, query.limit(PACKING, "packing"))
     full = 100.0 * max(shares, default=0.0)
     if full > most * (1.0 + ROUNDING):
         branches = [level.branches for level in design.levels]
@@ -242,6 +243,8 @@ def _least(question: SpaceQuery) -> Iterator[BadInputError]:
             f"fewer, or a wider trunk: their film would fill {100.0 * max(shares):.0f} % of it"
         )
         yield _no(PACKING, "space.branches", f"at least {branches} by level", allowed)
-    if window_penalty(design, question.profile, question.changed) > 0.0:
-        allowed = "another trunk or ratio: growth through the leaves takes what the trunk bursts at"
+    if window_penalty(design, query.profile, query.changed) > 0.0:
+        allowed = (
+            "another trunk or ratio: growth through the leaves needs the trunk's burst pressure"
+        )
         yield _no(WINDOW, "build.width_ratio", settings.build.width_ratio, allowed)

@@ -1,4 +1,4 @@
-"""A run of the optimizer, with its maps, its penalty and its record."""
+"""A run of the optimizer with its maps, penalty and record, and its messages to the user."""
 
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -23,11 +23,11 @@ from vinefab.search.manufacturability import (
     SpaceQuery,
     refuse_infeasible_space,
 )
-from vinefab.search.parallel.evaluators import PointEvaluator, ThreadEvaluator
-from vinefab.search.record.identity import RunIdentity
-from vinefab.search.record.result import Progress, RunResult
+from vinefab.search.parallel.point_evaluator import PointEvaluator, ThreadEvaluator
+from vinefab.search.record.result import Progress, RunIdentity, RunResult
 from vinefab.search.record.store import RunStore
 from vinefab.search.settings import MapSettings, RunSettings
+from vinefab.tasks.task import Task
 
 
 def environment_options(maps: MapSettings) -> Any:  # noqa: ANN401 - every environment has its own
@@ -36,122 +36,137 @@ def environment_options(maps: MapSettings) -> Any:  # noqa: ANN401 - every envir
 
 
 def generated_maps(maps: MapSettings) -> tuple[Map, ...]:
-    """Return the maps that an environment gives for a run's seeds.
-
-    Maps from files are read by whoever may read files.
-    """
+    """Return the maps that an environment generates for a run's seeds."""
     options = environment_options(maps)
     make = ENVIRONMENTS[maps.environment].make
     return tuple(make(maps.seed + index, options) for index in range(maps.count))
 
 
-Tell = Callable[[Progress], None]
-
-
 def training_maps(settings: RunSettings) -> tuple[Map, ...]:
-    """Return the maps that a run trains on: read from its files, or generated."""
+    """Return the training maps of a run: read from its files, or generated."""
     if settings.maps.files:
         return tuple(read_map(path) for path in settings.maps.files)
     return generated_maps(settings.maps)
 
 
 def penalty_of(settings: RunSettings) -> Penalty | None:
-    """Return how far designs are from being made with a run's recipe, or None if it asks not."""
+    """Return the penalty of a run's recipe; None if manufacturability is not checked."""
     if not settings.evaluation.fabricable:
         return None
-    making = _making(settings)
-    refuse_infeasible_space(SpaceQuery.of(settings, making.profile, making.sheet_mm))
-    return making
+    penalty = _recipe_penalty(settings)
+    refuse_infeasible_space(SpaceQuery.of(settings, penalty.profile, penalty.sheet_mm))
+    return penalty
 
 
-def _making(settings: RunSettings) -> ManufacturabilityPenalty:
+def _recipe_penalty(settings: RunSettings) -> ManufacturabilityPenalty:
     return ManufacturabilityPenalty(
         profile=read_profile(settings.evaluation.recipe or DEFAULT_RECIPE)
     )
 
 
-def complaint_of(result: RunResult, settings: RunSettings) -> str:
-    """Return which rules forbid to make a run's winner; empty if none does, or nobody asked."""
-    if result.fabricable or not result.asked:
+def violations_of(result: RunResult, settings: RunSettings) -> str:
+    """Return which rules block a run's winner; empty if none does, or none was checked."""
+    if result.fabricable or not result.checked:
         return ""
-    return _making(settings).complaint(result.best)
+    return _recipe_penalty(settings).violations(result.best)
 
 
-def workforce(workers: int, cluster: str | None) -> PointEvaluator:
-    """Return who evaluates: threads, or the workers of a cluster."""
+def make_point_evaluator(workers: int, cluster: str | None) -> PointEvaluator:
+    """Return the point evaluator: threads, or the workers of a cluster."""
     if cluster is None:
         return ThreadEvaluator(workers)
     if workers != 1:
-        raise BadInputError("--workers", workers, "not beside --cluster")
-    from vinefab.search.parallel.dask_cluster import DaskEvaluator  # noqa: PLC0415 - for those who ask
+        raise BadInputError("--workers", workers, "not together with --cluster")
+    from vinefab.search.parallel.dask_cluster import DaskEvaluator  # noqa: PLC0415 - optional
 
     return DaskEvaluator(cluster)
 
 
-def run_search(
+def run_search(  # noqa: PLR0913  options by keyword
     settings: RunSettings,
     folder: Path,
     *,
     resume: bool = False,
     workers: int | PointEvaluator = 1,
-    tell: Tell | None = None,
+    progress: Callable[[Progress], None] | None = None,
     source: Path | None = None,
+    task: Task | None = None,
 ) -> RunResult:
-    """Run the optimizer and keep its record in a folder."""
+    """Run the optimizer and keep its record in a folder.
+
+    Parameters
+    ----------
+    folder
+        Where the record is, or will be.
+    resume
+        Whether to continue a record that is there.
+    source
+        The run file, for error messages.
+    workers, progress, task
+        As in `vinefab.search.loop.Search`.
+
+    Raises
+    ------
+    BadInputError
+        For settings that do not fit together, infeasible spaces, and a folder with a record that
+        is not to be resumed, or is of another run.
+    CannotWriteError
+        Where the record cannot be written.
+    """
     with located(source) if source else nullcontext():
         maps = training_maps(settings)
         penalty = penalty_of(settings)
-        job = Search.of(settings, maps, penalty)
-    identity = RunIdentity.of(settings, maps, penalty)
+        search = Search.of(settings, maps, penalty, task=task)
+    identity = RunIdentity.of(search.settings, maps, penalty)
     with (
         folder_to_fill(folder),
         RunStore.open(folder, identity, maps=maps, resume=resume) as store,
     ):
-        return job.run(store=store, progress=tell, workers=workers)
+        return search.run(store=store, progress=progress, workers=workers)
 
 
-def progress_words(progress: Progress) -> str:
-    """Return where a run stands in a few words."""
+def progress_line(progress: Progress, *, checked: bool) -> str:
+    """Return the progress of a run as a line for the user."""
+    share = f"  manufacturable {100 * progress.fabricable_share:.0f} %" if checked else ""
     return (
         f"generation {progress.generation}/{progress.generations}  best {progress.best:.4f}  "
-        f"mean {progress.mean:.4f} +- {progress.spread:.4f}  "
-        f"can be made {100 * progress.fabricable_share:.0f} %"
+        f"mean {progress.mean:.4f} +- {progress.spread:.4f}{share}"
     )
 
 
-def result_lines(result: RunResult, complaint: str = "") -> list[str]:
-    """Return how a run ended as lines for the user."""
+def result_lines(result: RunResult, violations: str = "") -> list[str]:
+    """Return the result of a run as lines for the user."""
     best, score = result.best, result.score
-    weighed = ", ".join(f"{name} {value:.4f}" for name, value in score.composite.items())
+    composite = ", ".join(f"{name} {value:.4f}" for name, value in score.composite.items())
     repair = [f"repair: {result.repair}"] if result.repair else []
     drift = "; ".join(result.drift)
-    newer = [f"went on with other packages, so the last digits may differ: {drift}"]
-    failed = f"found no robot that can be made: the winner breaks {complaint}"
+    newer = [f"resumed with other package versions, so the last digits may differ: {drift}"]
+    failed = f"found no manufacturable robot: the winner violates {violations}"
     return [
         f"run {result.run_id}: {len(result.history)} generations, {result.evaluations} designs "
         f"evaluated, stopped by {result.stopped}",
         *(newer if drift else []),
         *repair,
         f"winner {best.name}: {best.branch_count} branches on {best.depth} levels; "
-        f"{_made(result, complaint)}",
-        f"on {len(score.evaluations)} fresh poses on the training maps (simulated): {weighed}",
-        result.times.words,
-        *([failed] if complaint else []),
+        f"{_manufacturability(result, violations)}",
+        f"on {len(score.evaluations)} fresh poses on the training maps (simulated): {composite}",
+        result.times.summary,
+        *([failed] if violations else []),
     ]
 
 
-def _made(result: RunResult, complaint: str) -> str:
-    if not result.asked:
-        return "nobody asked whether it can be made"
-    if complaint:
-        return "breaks rules of making"
+def _manufacturability(result: RunResult, violations: str) -> str:
+    if not result.checked:
+        return "manufacturability not checked (`fabricable = false`)"
+    if violations:
+        return "not manufacturable"
     if result.fabricable:
-        return "passes the rules of making"
-    return "passes the check, though not the search's stricter rules: see vinefab check"
+        return "manufacturable"
+    return "manufacturable, but beyond the stricter limits of the search (see `vinefab check`)"
 
 
 def result_json(result: RunResult) -> str:
-    """Return how a run ended as JSON: ``vinefab/run-result-1``."""
+    """Return the result of a run as JSON: ``vinefab/run-result-1``."""
     content = {
         "run": result.run_id,
         "winner": result.best.name,

@@ -1,8 +1,8 @@
 """Run files: TOML, schema ``vinefab/run-1``.
 
-Every table and key but ``schema`` may be left out. Ranges are written ``[low, high]``, or as one
-number when the variable is fixed. What ``[task]`` and ``[optimizer]`` hold beyond the keys named
-here are the parameters of the task and the optimizer that they name.
+Only ``schema`` is required. Ranges are written ``[low, high]``, or as one number when the variable
+is fixed. Further keys of ``[task]`` and ``[optimizer]`` are the parameters of the task and the
+optimizer named there.
 """
 
 from pathlib import Path
@@ -22,7 +22,7 @@ from vinefab.model.design import (
 )
 from vinefab.model.files.design_toml import PouchForm
 from vinefab.model.files.toml import Form, read_toml, validated
-from vinefab.search.costs import check_objectives
+from vinefab.search.front import check_objectives
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
 from vinefab.search.run import environment_options
 from vinefab.search.settings import (
@@ -35,11 +35,9 @@ from vinefab.search.settings import (
 from vinefab.search.space import LIMITS, Bounds, BuildSettings, SpaceSettings
 from vinefab.tasks.shipped_tasks import make_task
 
-SCHEMA = "vinefab/run-1"
-
 
 def _pair(value: object) -> object:
-    """Return a fixed value as a range whose ends are the same."""
+    """Return a fixed value as a range with equal ends."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return [value, value]
     if isinstance(value, list) and len(value) == 2:
@@ -47,11 +45,11 @@ def _pair(value: object) -> object:
     raise ValueError("a number, or a range [low, high]")
 
 
-Range = Annotated[list[float], BeforeValidator(_pair)]
+RangeForm = Annotated[list[float], BeforeValidator(_pair)]
 
 
 class MapsForm(Form):
-    """Table ``[maps]``: generated maps, or files beside the run file."""
+    """Table ``[maps]``: generated maps, or files relative to the run file."""
 
     environment: str | None = None
     count: int | None = None
@@ -74,23 +72,23 @@ class TaskForm(RunPartForm):
 
 
 class RunLevelForm(Form):
-    """Table ``[[space.level]]``: ranges of one level only; level 1 is the trunk."""
+    """Table ``[[space.level]]``: ranges of one level; level 1 is the trunk."""
 
     number: int
-    length_mm: Range | None = None
-    angle_deg: Range | None = None
-    branches: Range | None = None
-    growth_percent: Range | None = None
+    length_mm: RangeForm | None = None
+    angle_deg: RangeForm | None = None
+    branches: RangeForm | None = None
+    growth_percent: RangeForm | None = None
 
 
 class SpaceForm(Form):
     """Table ``[space]``: ranges of all levels."""
 
-    levels: Range | None = None
-    length_mm: Range | None = None
-    angle_deg: Range | None = None
-    branches: Range | None = None
-    growth_percent: Range | None = None
+    levels: RangeForm | None = None
+    length_mm: RangeForm | None = None
+    angle_deg: RangeForm | None = None
+    branches: RangeForm | None = None
+    growth_percent: RangeForm | None = None
     level: list[RunLevelForm] = Field(default_factory=list)
 
 
@@ -183,7 +181,7 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         objectives=tuple(form.task.objectives),
     )
     check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
-    # Made once here, so that a wrong name or parameter is reported with the file, at once.
+    # Built once here, so that a wrong name or parameter is reported with the file.
     environment_options(settings.maps)
     make_task(settings.task.name, settings.task.parameters)
     make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
@@ -209,13 +207,13 @@ def _maps(form: MapsForm, folder: Path) -> MapSettings:
         return MapSettings(**given)
     if given:
         raise BadInputError(
-            f"maps.{next(iter(given))}", next(iter(given.values())), "not beside maps.files"
+            f"maps.{next(iter(given))}", next(iter(given.values())), "not together with maps.files"
         )
     if not files:
         raise BadInputError("maps.files", files, "at least one map file")
     for index, name in enumerate(files, start=1):
         if not (folder / name).is_file():
-            allowed = f"a map file, found from the folder of the run file: {folder / name}"
+            allowed = f"a map file, relative to the folder of the run file: {folder / name}"
             raise BadInputError(f"maps.files[{index}]", name, allowed)
     return MapSettings(count=len(files), files=tuple(folder / name for name in files))
 

@@ -1,4 +1,4 @@
-"""Everything that decides what a run does."""
+"""The settings of a run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -15,7 +15,7 @@ MOST_SECONDS = 1e8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapSettings:
-    """The maps to train on: generated ones, or files.
+    """The training maps: generated, or from files.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class MapSettings:
     options
         The generator's options.
     files
-        Map files instead; the values above are not used then.
+        Map files in place of generated maps.
     """
 
     environment: str = "grid"
@@ -44,7 +44,7 @@ class MapSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartSettings:
-    """A part from a registry and what its parameters are, where they differ from the defaults.
+    """A part from a registry, with the parameters that differ from its defaults.
 
     Parameters
     ----------
@@ -75,10 +75,10 @@ class SearchSettings:
     stall_tolerance
         What counts as an improvement, relative to the best fitness.
     evaluations
-        Stop after the first generation with which so many designs have been evaluated; 0: never.
+        Stop after the generation that reaches this number of evaluated designs; 0: never.
     wall_time_s
-        Stop after the first generation that ends later than this, all sessions together; 0:
-        never. A run that stops by time may stop elsewhere when repeated.
+        Stop after the generation in which all sessions together exceed this time; 0: never. Runs
+        that stop by time are not reproducible in length.
     """
 
     population: int = 20
@@ -101,7 +101,7 @@ class SearchSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EvaluationSettings:
-    """How a design's fitness comes about.
+    """How a design's fitness is computed.
 
     Parameters
     ----------
@@ -113,27 +113,27 @@ class EvaluationSettings:
         How far poses may be from the maps' starts, over the range that each start gives: 0 takes
         the starts as they are (fixed initial conditions), 1 all of the range.
     composite
-        How the scores are weighed into one: ``mean``, ``best`` or ``min_deviation``; ``single``:
-        there is but one, from one pose on one map, and finalists are judged by their mean.
+        How scores are combined: ``mean``, ``best`` or ``min_deviation``; ``single``: one
+        evaluation, from one pose on one map; finalists are then ranked by their mean.
     reference_deviation
         Standard deviation of the scores that earns nothing in ``min_deviation``. The default
         suits scores from 0 to 1; anchoring needs a larger one.
     redraw
-        Draw new poses, and maps where not all are taken, for every generation; otherwise all
-        generations meet the same. All designs of a generation always meet the same.
+        Draw new poses, and maps where not all are used, for every generation; otherwise all
+        generations use the same. All designs of a generation always use the same.
     fabricable
-        Rank designs that cannot be made (a penalty above 0) below all that can.
+        Rank designs that are not manufacturable (a penalty above 0) below all that are.
     recipe
-        Whose limits decide what can be made: a recipe's name or file; empty for the default.
+        Recipe whose limits apply: its name or file; empty for the default.
     head_on_weight
-        What branches that stop head-on cost: the score of every evaluation is less by so much
-        times their share of the branches that deployed.
+        Weight of branches that stop head-on: every score is reduced by this weight times their
+        share of the deployed branches.
     penalty_weight
         Fitness that one unit of penalty costs.
     finalists
-        Best designs of the run that are evaluated again before one of them wins.
+        Number of best designs that are evaluated again to choose the winner.
     final_poses_per_map
-        Fresh poses for that on each map.
+        Fresh poses on each map for that.
     """
 
     poses_per_map: int = 1
@@ -178,12 +178,11 @@ class RunSettings:
     Parameters
     ----------
     name
-        What the run and its best design are called; allowed as a design's name.
+        Name of the run and its best design; valid as a design's name.
     maps, task, space, build, growth, optimizer, search, evaluation
-        Its parts.
+        The parts.
     objectives
-        Names of what is weighed against each other: the task's, and costs; none in a run that
-        looks for the best score alone.
+        Names of the objectives, the task's and costs; empty in a run for the best score alone.
     """
 
     name: str = "run"
@@ -204,7 +203,7 @@ class RunSettings:
 
 
 def plain_settings(settings: object) -> object:
-    """Return settings as values that JSON can hold, the same for the same settings."""
+    """Return settings as plain values for JSON, the same for the same settings."""
     if is_dataclass(settings):
         return {f.name: plain_settings(getattr(settings, f.name)) for f in fields(settings)}
     if isinstance(settings, Mapping):

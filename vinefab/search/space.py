@@ -1,4 +1,4 @@
-"""The designs that a run searches: the range of every variable, and points of a unit cube."""
+"""The search space: ranges of the design variables, and designs as points of a unit cube."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -21,8 +21,8 @@ from vinefab.model.design import (
     Pouch,
     default_fillets_mm,
 )
-from vinefab.search.axes import SearchAxes
 from vinefab.search.design_batch import DesignBatch, branch_counts
+from vinefab.search.optimizers.optimizer import SearchAxes
 
 LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
@@ -32,16 +32,15 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
         "growth_percent": (0.1, 10_000.0),
     }
 )
-"""What a design may hold at all, per variable of a level."""
+"""Largest ranges of the variables of a level."""
 
 WHOLE = ("levels", "branches")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bounds:
-    """The range of one variable; fixed when both ends are the same."""
+    """The range of one variable, both ends included; fixed when they are the same."""
 
-    # low, high: both allowed
     low: float
     high: float
 
@@ -136,7 +135,7 @@ def _check_bounds(key: str, name: str, bounds: Bounds, limits: tuple[float, floa
         if name in WHOLE and value != int(value):
             raise BadInputError(key, value, "whole numbers")
     if bounds.low > bounds.high:
-        raise BadInputError(key, [bounds.low, bounds.high], "a lower and an upper end, in order")
+        raise BadInputError(key, [bounds.low, bounds.high], "a lower and an upper bound, in order")
 
 
 def _check_level(level: int, table: Mapping[str, Bounds], deepest: int) -> None:
@@ -152,38 +151,38 @@ def _check_level(level: int, table: Mapping[str, Bounds], deepest: int) -> None:
         _check_bounds(f"{key}.{name}", name, bounds, LIMITS[name])
 
 
-DECIMALS = 2
-"""Lengths, angles and growth are whole hundredths of their units, so that a design file holds
-exactly what was evaluated, in digits that a person can read."""
+SPACE_DECIMALS = 2
+"""Lengths, angles and growth are rounded to hundredths, so that a design file holds exactly the
+design that was evaluated, in few digits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Variable:
+class SearchVariable:
     """One coordinate of the search."""
 
     name: str  # ``levels``, or a variable of a level
-    level: int  # the level that it belongs to, the trunk being 1; 0 for ``levels``
-    bounds: Bounds  # its range
+    level: int  # 1 for the trunk; 0 for ``levels``
+    bounds: Bounds
 
     @property
     def choices(self) -> int:
-        """How many whole numbers it stands for; 0 when it is continuous."""
+        """Number of integers that it stands for; 0 if continuous."""
         return int(self.bounds.high - self.bounds.low) + 1 if self.name in WHOLE else 0
 
     @property
     def is_fixed(self) -> bool:
-        """Whether there is nothing to search."""
+        """Whether both bounds are the same."""
         return self.bounds.low == self.bounds.high
 
     def value(self, share: float) -> float:
-        """Return the value at a share 0 to 1 of the range; whole numbers have equal shares."""
+        """Return the value at a share 0 to 1 of the range; integers have equal intervals."""
         low, high = self.bounds.low, self.bounds.high
         if self.name in WHOLE:
             return min(high, low + int(share * (high - low + 1)))
-        return min(high, max(low, round(low + share * (high - low), DECIMALS)))
+        return min(high, max(low, round(low + share * (high - low), SPACE_DECIMALS)))
 
     def share(self, value: float) -> float:
-        """Return the share of the range that gives a value; the nearest end if it is outside."""
+        """Return the share of the range for a value; the nearest end for one outside."""
         low, high = self.bounds.low, self.bounds.high
         offset, span = value - low, high - low
         if self.name in WHOLE:
@@ -194,9 +193,9 @@ class Variable:
 class Space:
     """The map between vectors with entries from 0 to 1 and designs.
 
-    Variables with equal bounds are no part of the vector. Variables of levels that a design does
-    not have are, but have no effect: the same design then has many vectors (`Axes.settled` gives
-    the one that stands for all of them).
+    Variables with equal bounds are not part of the vector. Variables of levels that a design does
+    not have are, without effect: the same design then has many vectors (`SearchAxes.canonical`
+    gives the canonical one).
 
     Examples
     --------
@@ -222,14 +221,14 @@ class Space:
         self._free = np.array([index for index, v in enumerate(every) if not v.is_fixed], dtype=int)
         self._low = self._row[self._free]
         self._high = np.array([variable.bounds.high for variable in self.variables])
-        self._whole = np.array([v.choices > 0 for v in self.variables], dtype=np.bool_)
+        self._integer = np.array([v.choices > 0 for v in self.variables], dtype=np.bool_)
 
     def __len__(self) -> int:
         return len(self.variables)
 
     @property
     def axes(self) -> SearchAxes:
-        """What an optimizer is told about the coordinates."""
+        """The coordinates as optimizers see them."""
         depths = [index for index, v in enumerate(self.variables) if v.name == "levels"]
         return SearchAxes(
             choices=tuple(variable.choices for variable in self.variables),
@@ -266,8 +265,8 @@ class Space:
             build=self.build_of(depth),
         )
 
-    def fleet(self, x: Floats) -> DesignBatch:
-        """Return the designs at many points, as `design` finds them one by one.
+    def batch(self, x: Floats) -> DesignBatch:
+        """Return the designs at many points, equal to those of `design`.
 
         Parameters
         ----------
@@ -290,21 +289,21 @@ class Space:
         )
 
     def _values(self, x: Floats) -> Floats:
-        """Return what `Variable.value` does, for all variables at many points."""
+        """Return what `SearchVariable.value` would, for all variables at many points."""
         low, high = self._low, self._high
         numbers = np.minimum(high, low + np.trunc(x * (high - low + 1.0)))
         values = np.minimum(high, np.maximum(low, _rounded(low + x * (high - low))))
-        found: Floats = np.where(self._whole, numbers, values)
-        return found
+        chosen: Floats = np.where(self._integer, numbers, values)
+        return chosen
 
     def build_of(self, depth: int) -> Build:
-        """Return the build of designs with so many levels, made once."""
+        """Return the cached build of designs with so many levels."""
         if depth not in self._builds:
             self._builds[depth] = self.build.build(depth)
         return self._builds[depth]
 
     def vector(self, design: Design) -> Floats:
-        """Return a point that stands for a design, as nearly as the bounds allow.
+        """Return the point for a design, or the nearest within the bounds.
 
         Entries of levels that the design does not have are 0.5.
         """
@@ -328,23 +327,25 @@ class Space:
 
 
 def _rounded(values: Floats) -> Floats:
-    """Return numbers as Python's ``round`` does, which looks at all their decimals."""
-    factor = 10.0**DECIMALS
+    """Return values rounded as by Python's ``round``, which is exact in decimals."""
+    factor = 10.0**SPACE_DECIMALS
     shifted = values * factor
     whole = np.rint(shifted)
     rounded: Floats = whole / factor
-    # Multiplying may carry a number over the middle between two others.
+    # Multiplication may move a value across the middle between two hundredths.
     for place in np.flatnonzero(np.abs(np.abs(shifted - whole) - 0.5) < 1e-5).tolist():
-        rounded.flat[place] = round(float(values.flat[place]), DECIMALS)
+        rounded.flat[place] = round(float(values.flat[place]), SPACE_DECIMALS)
     return rounded
 
 
-def _variables(settings: SpaceSettings) -> list[Variable]:
-    found = [Variable(name="levels", level=0, bounds=settings.levels)]
-    found.append(Variable(name="length_mm", level=1, bounds=settings.bounds(1, "length_mm")))
-    found += [
-        Variable(name=name, level=level, bounds=settings.bounds(level, name))
+def _variables(settings: SpaceSettings) -> list[SearchVariable]:
+    variables = [SearchVariable(name="levels", level=0, bounds=settings.levels)]
+    variables.append(
+        SearchVariable(name="length_mm", level=1, bounds=settings.bounds(1, "length_mm"))
+    )
+    variables += [
+        SearchVariable(name=name, level=level, bounds=settings.bounds(level, name))
         for level in range(2, int(settings.levels.high) + 1)
         for name in LIMITS
     ]
-    return found
+    return variables

@@ -24,7 +24,7 @@ from vinefab.core.jsontext import json_text
 from vinefab.core.validation import Floats
 from vinefab.growth.options import GrowthOptions
 from vinefab.search.loop import Search
-from vinefab.search.record.identity import RunIdentity
+from vinefab.search.record.result import RunIdentity
 from vinefab.search.run import generated_maps, penalty_of
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.studies.study_designs import design_from, plain_design

@@ -1,9 +1,12 @@
+"""CMA-ES as a search, and its array code against the package's own scalar code."""
+
 import numpy as np
 import pytest
+from cmaes import CatCMAwM
 
 from vinefab.core.errors import BadInputError
-from vinefab.search.axes import SearchAxes
-from vinefab.search.optimizers.cmaes import Cma, CmaConfig
+from vinefab.search.optimizers.cmaes import Cma, CmaConfig, Distribution
+from vinefab.search.optimizers.optimizer import SearchAxes
 
 MIXED = SearchAxes(choices=(4, 0, 2, 0, 0, 0), levels=(0, 0, 0, 3, 3, 3), depth=0, least_depth=1)
 
@@ -53,3 +56,90 @@ def test_too_few_points_are_refused() -> None:
         CmaConfig().start(MIXED, population=3, seed=1)
     with pytest.raises(BadInputError, match="spread"):
         CmaConfig(spread=0.0)
+
+
+def distribution(axes: SearchAxes, population: int, spread: float = 0.2) -> Distribution:
+    search = CmaConfig(spread=spread).start(axes, population=population, seed=1)
+    assert isinstance(search, Cma)
+    return search._search
+
+
+def reference(axes: SearchAxes, population: int) -> CatCMAwM:
+    """The package itself, set up as the search is."""
+    search = distribution(axes, population)
+    plain = CatCMAwM.__new__(CatCMAwM)
+    plain.__dict__.update(
+        {k: v.copy() if isinstance(v, np.ndarray) else v for k, v in vars(search).items()}
+    )
+    plain._iqhist_values = list(search._iqhist_values)
+    if plain._use_integer:
+        # Tested below; it differs in the last digit, which would grow with the generations.
+        plain._discretization = lambda v: Distribution._discretization(plain, v)
+        plain._integer_centering = lambda v: Distribution._integer_centering(plain, v)
+    return plain
+
+
+KEPT = ("_mean", "_sigma", "_C", "_p_sigma", "_pc", "_A", "_pmut", "_int_succ")
+CASES = {
+    "mixed": SearchAxes(choices=(4, 0, 0, 3, 0, 2), levels=(0,) * 6),
+    "real numbers": SearchAxes.continuous(4),
+    "whole numbers": SearchAxes(choices=(2, 7, 5), levels=(0,) * 3),
+}
+
+
+@pytest.mark.parametrize("axes", CASES.values(), ids=CASES)
+def test_the_distribution_learns_what_the_package_learns(axes: SearchAxes) -> None:
+    """To the last bit at every step, if both centre whole numbers alike."""
+    mine, package = distribution(axes, 16), reference(axes, 16)
+    rng, target = np.random.RandomState(3), np.array([0.2, 0.9, 0.5, 1.0, 3.0, 1.0])[: len(axes)]
+    for generation in range(120):
+        v = mine.sample(rng, 16)
+        reals, numbers = mine.within(v)
+        worth = ((v - target) ** 2).sum(axis=1)
+        if generation > 60:  # noisy, with equals
+            worth = np.round(worth + rng.rand(16), 1)
+        order = np.argsort(worth, kind="stable")
+        rows = zip(reals, numbers, [None] * 16, v.copy(), strict=True)
+        solutions = [CatCMAwM.Solution(*row) for row in rows]
+        package.tell([(solutions[i], float(rank)) for rank, i in enumerate(order)])
+        mine.learn(v[order])
+        for name in KEPT:
+            if hasattr(package, name):
+                np.testing.assert_array_equal(getattr(mine, name), getattr(package, name))
+
+
+def test_whole_numbers_are_found_as_the_package_finds_them() -> None:
+    search = distribution(SearchAxes(choices=(4, 3, 7), levels=(0, 0, 0)), 8)
+    drawn = np.random.default_rng(1).uniform(-1.0, 8.0, (300, 3))
+    for v in [*drawn, *np.round(2.0 * drawn) / 2.0]:
+        expected = CatCMAwM._discretization(search, v)
+        np.testing.assert_array_equal(search._discretization(v), expected)
+
+
+def test_whole_numbers_are_centred_as_the_package_centres_them() -> None:
+    search = distribution(SearchAxes(choices=(4, 3, 7, 0), levels=(0, 0, 0, 0)), 30, spread=0.5)
+    rng = np.random.default_rng(2)
+    for _ in range(40):
+        v = np.column_stack([rng.random(30), rng.uniform(-1.0, 7.0, (30, 3))])
+        expected = CatCMAwM._integer_centering(search, v.copy())
+        mutated = search._int_succ.copy()
+        found = search._integer_centering(v.copy())
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12)
+        np.testing.assert_array_equal(search._int_succ, mutated)
+        search._mean[1:] = rng.uniform(0.0, 3.0, 3)
+
+
+def test_points_are_drawn_from_the_packages_distribution() -> None:
+    axes = SearchAxes(choices=(0, 5, 0), levels=(0, 0, 0))
+    search = distribution(axes, 4000)
+    search._mean[:] = (0.3, 0.9, 1.2)  # two continuous ones, then the whole number
+    search._C[0, 1] = search._C[1, 0] = 0.02
+    search._rng = np.random.RandomState(4)
+    one = search.sample(np.random.RandomState(3), 4000)
+    other = np.array([CatCMAwM.ask(search)._v_raw for _ in range(4000)])
+    spread = np.sqrt(np.diag(np.cov(other.T)))
+    error = np.sqrt(2.0 / 4000)  # of a mean's difference, over the spread
+    assert (np.abs(one.mean(axis=0) - other.mean(axis=0)) < 4.0 * error * spread).all()
+    scale = np.outer(spread, spread)
+    assert (np.abs(np.cov(one.T) - np.cov(other.T)) < 6.0 * error * scale).all()
+    assert np.corrcoef(one[:, 0], one[:, 1])[0, 1] > 0.3

@@ -1,7 +1,7 @@
 import numpy as np
 
-from vinefab.search.axes import SearchAxes
 from vinefab.search.optimizers.evolution import Evolution, EvolutionConfig
+from vinefab.search.optimizers.optimizer import SearchAxes
 
 MIXED = SearchAxes(choices=(3, 0, 3, 0), levels=(0, 0, 2, 3), depth=0, least_depth=1)
 
@@ -17,7 +17,7 @@ def test_no_child_repeats_a_design() -> None:
     parents = np.empty((0, 4))
     for _ in range(20):
         x = search.ask()
-        together = np.concatenate([MIXED.settled(x), MIXED.settled(parents)])
+        together = np.concatenate([MIXED.canonical(x), MIXED.canonical(parents)])
         assert len(np.unique(together, axis=0)) == len(together)
         search.tell(x, -np.abs(x - 0.5).sum(axis=1))
         parents = search._parents

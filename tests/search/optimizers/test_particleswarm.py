@@ -5,7 +5,7 @@ import pytest
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
-from vinefab.search.axes import SearchAxes
+from vinefab.search.optimizers.optimizer import SearchAxes
 from vinefab.search.optimizers.particleswarm import _STREAM, AdaptiveSwarm, AdaptiveSwarmConfig
 
 SHAPE = (9, 4)
@@ -15,8 +15,8 @@ def worth(x: np.ndarray) -> np.ndarray:
     return -np.abs(x - 0.37).sum(axis=1) + 0.2 * np.cos(25.0 * x[:, 0])
 
 
-class Slow:
-    """The published steps, one particle and one coordinate at a time."""
+class ScalarSwarm:
+    """The published algorithm, one particle and one coordinate at a time."""
 
     def __init__(self, seed: int) -> None:
         rng = child(seed, _STREAM, 0)
@@ -65,9 +65,9 @@ class Slow:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_slow_second_writing_of_the_steps_goes_the_same_way(seed: int) -> None:
-    fast, slow = AdaptiveSwarm(AdaptiveSwarmConfig(), SHAPE, seed), Slow(seed)
-    inertias = set()
+def test_the_swarm_moves_as_its_scalar_twin(seed: int) -> None:
+    fast, slow = AdaptiveSwarm(AdaptiveSwarmConfig(), SHAPE, seed), ScalarSwarm(seed)
+    inertias, stopped = set(), 0
     for _ in range(60):
         x = fast.ask()
         np.testing.assert_allclose(x, slow.x, rtol=0.0, atol=1e-9)
@@ -75,9 +75,40 @@ def test_a_slow_second_writing_of_the_steps_goes_the_same_way(seed: int) -> None
         fast.tell(x, worth(x))
         slow.tell(worth(x).tolist())
         assert (fast.inertia, fast.neighbours, fast.failures) == (slow.w, slow.near, slow.c)
+        np.testing.assert_allclose(fast.velocity, slow.v, rtol=0.0, atol=1e-9)
+        stopped += np.count_nonzero(fast.velocity == 0.0)
         inertias.add(fast.inertia)
+        # Differences in rounding would grow from generation to generation.
         slow.v = fast.velocity.tolist()
     assert len(inertias) > 2
+    assert stopped > 20
+
+
+def one_step(position: list[float], velocity: list[float]) -> AdaptiveSwarm:
+    """Return a swarm of two equal particles after one step with inertia alone."""
+    config = AdaptiveSwarmConfig(self_weight=0.0, social_weight=0.0, most_inertia=1.0)
+    swarm = AdaptiveSwarm(config, (2, len(position)), seed=1)
+    swarm.position, swarm.velocity = np.array([position] * 2), np.array([velocity] * 2)
+    swarm.tell(swarm.ask(), np.zeros(2))
+    return swarm
+
+
+def test_a_clipped_coordinate_stops_and_all_others_keep_their_velocity() -> None:
+    """At both faces; a coordinate that ends exactly on a face has not been clipped."""
+    swarm = one_step([0.75, 0.25, 0.5, 0.5, 0.5], [0.5, -0.5, 0.25, 0.5, -0.5])
+    assert swarm.position.tolist() == [[1.0, 0.0, 0.75, 1.0, 0.0]] * 2
+    assert swarm.velocity.tolist() == [[0.0, 0.0, 0.25, 0.5, -0.5]] * 2
+
+
+def test_a_stopped_coordinate_leaves_its_face_at_the_next_pull() -> None:
+    """A velocity kept after clipping would hold it at the face for another generation."""
+    config = AdaptiveSwarmConfig(least_inertia=1.0, most_inertia=1.0, social_weight=0.0)
+    swarm = AdaptiveSwarm(config, (2, 1), seed=1)
+    swarm.position, swarm.velocity = np.full((2, 1), 0.5), np.full((2, 1), 50.0)
+    swarm.tell(swarm.ask(), np.ones(2))  # clipped, with the best point left behind at 0.5
+    assert (swarm.ask() == 1.0).all()
+    swarm.tell(swarm.ask(), np.zeros(2))
+    assert (swarm.ask() < 1.0).all()
 
 
 def adapted(recipe: AdaptiveSwarmConfig, fitness: list[float]) -> list[tuple[float, int, int]]:
@@ -89,14 +120,14 @@ def adapted(recipe: AdaptiveSwarmConfig, fitness: list[float]) -> list[tuple[flo
     return found
 
 
-def test_failures_widen_the_neighbourhood_and_calm_the_swarm() -> None:
+def test_failures_widen_the_neighbourhood_and_lower_the_inertia() -> None:
     found = adapted(AdaptiveSwarmConfig(), [0.0] * 12)
     assert [near for _, near, _ in found] == [5, 10, 15, 19, *[19] * 8]
     assert [failures for *_, failures in found] == [*range(12)]
     assert [inertia for inertia, *_ in found] == [1.1] * 6 + [0.55, 0.275, 0.1375, 0.1, 0.1, 0.1]
 
 
-def test_an_improvement_narrows_it_again() -> None:
+def test_an_improvement_narrows_the_neighbourhood() -> None:
     *_, last = adapted(AdaptiveSwarmConfig(), [0.0, 0.0, 0.0, 1.0])
     assert last == (1.1, 5, 1)
 
@@ -106,11 +137,13 @@ def test_the_inertia_may_adapt_after_improvements_only() -> None:
     assert [inertia for inertia, *_ in found] == [1.1] * 10 + [0.55, 0.275]
 
 
-def test_personal_bests_that_were_lucky_are_found_out() -> None:
+def test_reevaluation_corrects_lucky_personal_bests() -> None:
     rng = np.random.default_rng(5)
     kept = {}
     for reevaluate in (False, True):
-        swarm = AdaptiveSwarmConfig(reevaluate=reevaluate).start(SearchAxes.plain(3), 20, seed=1)
+        swarm = AdaptiveSwarmConfig(reevaluate=reevaluate).start(
+            SearchAxes.continuous(3), 20, seed=1
+        )
         assert isinstance(swarm, AdaptiveSwarm)
         assert len(swarm.position) == (10 if reevaluate else 20)
         for _ in range(40):

@@ -1,4 +1,4 @@
-"""Workers in other processes. What they find is looked at in a process of its own."""
+"""Workers in other processes. Their results are checked in a process of their own."""
 
 import importlib.util
 import subprocess
@@ -23,8 +23,9 @@ from vinefab.search.parallel.dask_cluster import (
     deserialized,
     serialized,
 )
-from vinefab.search.record.timing import Ledger, Work
 from vinefab.search.settings import PartSettings, RunSettings
+from vinefab.search.timing import Ledger, Work
+from vinefab.tasks.reach import Reach
 
 Maps = tuple[Map, ...]
 
@@ -52,10 +53,10 @@ def main():
             # As if dask had not started them again: none is left, and none would come.
             Client.current().cluster.scale(0)
 
-    module.REHIRE_S = 5.0
+    module.RESTART_S = 5.0
     threads = search(settings, Path(sys.argv[2]) / "threads")
-    crew = DaskEvaluator("local:2", patience_s=500.0)
-    cluster = search(settings, Path(sys.argv[2]) / "cluster", workers=crew, tell=tell)
+    workers = DaskEvaluator("local:2", patience_s=500.0)
+    cluster = search(settings, Path(sys.argv[2]) / "cluster", workers=workers, progress=tell)
     assert len(killed) >= 2, killed
     assert cluster.times.workers == 2 and cluster.times.growth_s > 0.0
     assert cluster.best == threads.best
@@ -97,17 +98,35 @@ class LongTrunk:
 
 
 def test_a_worker_finds_what_the_run_would_find(fabricable: RunSettings, maps: Maps) -> None:
-    trial = Evaluator.of(fabricable, maps, LongTrunk())
-    x = np.random.default_rng(1).random((5, len(trial.space)))
-    poses = trial.poses(3, TRAINING, 0, 2)
-    found, work = deserialized(_evaluated(WorkerPayload.of(trial.brief), x, poses))
-    expected, _ = trial.evaluate(x, poses)
+    evaluator = Evaluator.of(EvaluatorSpec(settings=fabricable, maps=maps, penalty=LongTrunk()))
+    x = np.random.default_rng(1).random((5, len(evaluator.space)))
+    poses = evaluator.poses(3, TRAINING, 0, 2)
+    found, work = deserialized(_evaluated(WorkerPayload.of(evaluator.spec), x, poses))
+    expected, _ = evaluator.evaluate(x, poses)
     np.testing.assert_array_equal(found.score, expected.score)
     np.testing.assert_array_equal(found.penalty, expected.penalty)
     assert {name: v.tolist() for name, v in found.terms.items()} == {
         name: v.tolist() for name, v in expected.terms.items()
     }
     assert min(work) > 0.0
+
+
+def test_a_task_object_is_sent_to_the_workers(small: RunSettings, maps: Maps) -> None:
+    evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps, task=Reach(buffer_mm=25.0)))
+    x = np.random.default_rng(1).random((3, len(evaluator.space)))
+    poses = evaluator.poses(3, TRAINING, 0, 1)
+    evaluations, _ = deserialized(_evaluated(WorkerPayload.of(evaluator.spec), x, poses))
+    np.testing.assert_array_equal(evaluations.score, evaluator.evaluate(x, poses)[0].score)
+    assert set(evaluations.terms) == {"reached_mm2", "grown_mm"}
+
+
+def test_a_task_that_cannot_be_sent_is_named(small: RunSettings, maps: Maps) -> None:
+    class Local(Reach):
+        pass
+
+    spec = EvaluatorSpec(settings=small, maps=maps, task=Local())
+    with pytest.raises(BadInputError, match="a task that can be pickled"):
+        WorkerPayload.of(spec)
 
 
 def test_read_only_views_can_be_sent(maps: Maps) -> None:
@@ -117,37 +136,37 @@ def test_read_only_views_can_be_sent(maps: Maps) -> None:
 
 
 def test_a_penalty_that_cannot_be_sent_is_named(fabricable: RunSettings, maps: Maps) -> None:
-    trial = Evaluator.of(fabricable, maps, lambda _: 0.0)
-    with pytest.raises(BadInputError, match="a penalty that can be pickled"):
-        WorkerPayload.of(trial.brief)
+    evaluator = Evaluator.of(EvaluatorSpec(settings=fabricable, maps=maps, penalty=lambda _: 0.0))
+    with pytest.raises(BadInputError, match="a penalty and a task that can be pickled"):
+        WorkerPayload.of(evaluator.spec)
 
 
 def test_a_worker_with_other_versions_refuses(small: RunSettings, maps: Maps) -> None:
-    trial = Evaluator.of(small, maps, None)
-    parcel = WorkerPayload.of(trial.brief)
-    strange = replace(parcel, versions={**parcel.versions, "numpy": "0.1"})
-    x, poses = np.full((1, len(trial.space)), 0.5), trial.poses(3, TRAINING, 0, 1)
+    evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
+    payload = WorkerPayload.of(evaluator.spec)
+    strange = replace(payload, versions={**payload.versions, "numpy": "0.1"})
+    x, poses = np.full((1, len(evaluator.space)), 0.5), evaluator.poses(3, TRAINING, 0, 1)
     with pytest.raises(BadInputError, match=r"numpy .*; allowed: numpy 0\.1, as the run has"):
         _evaluated(strange, x, poses)
 
 
 def test_a_worker_without_the_packages_of_the_run_is_named(small: RunSettings, maps: Maps) -> None:
     theirs = replace(small, task=PartSettings(name="depth"))
-    parcel = WorkerPayload.of(EvaluatorSpec(settings=theirs, maps=maps, penalty=None))
+    payload = WorkerPayload.of(EvaluatorSpec(settings=theirs, maps=maps, penalty=None))
     x, poses = np.full((1, 3), 0.5), ((), ())
     with pytest.raises(BadInputError, match=r"a worker is .*without task 'depth'.*same packages"):
-        _evaluated(parcel, x, poses)
-    gone = replace(parcel, name="gone", brief=b"cno_such_package\nPenalty\n.")
+        _evaluated(payload, x, poses)
+    gone = replace(payload, name="gone", spec=b"cno_such_package\nPenalty\n.")
     with pytest.raises(BadInputError, match=r"a worker is .*no_such_package.*same packages"):
         _evaluated(gone, x, poses)
     # It comes through the wire as it is.
     with pytest.raises(BadInputError) as told:
-        _evaluated(parcel, x, poses)
+        _evaluated(payload, x, poses)
     assert str(deserialized(serialized(told.value))) == str(told.value)
 
 
 @pytest.mark.parametrize("address", ["local", "local:0", "local:x", "somewhere", ""])
-def test_addresses_that_cannot_be_are_refused(address: str) -> None:
+def test_malformed_addresses_are_refused(address: str) -> None:
     with pytest.raises(BadInputError, match=r"--cluster is .*local:N"):
         DaskEvaluator(address)
 
@@ -162,7 +181,7 @@ def test_the_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         DaskEvaluator("local:2")
 
 
-def test_pieces_are_worth_their_trip() -> None:
+def test_parts_are_worth_their_round_trip() -> None:
     four = DaskEvaluator("local:4")
     assert four._rows(100, 0.0) == 25  # nothing is known yet: an equal share for everybody
     assert four._rows(100, 0.001) == 25  # a millisecond each: more than a share would be too much
@@ -199,7 +218,7 @@ class Deserted:
         self.retried += 1
 
 
-def test_a_run_gives_up_when_nobody_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_gives_up_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_wait", lambda _: None)
     with pytest.raises(WorkersLostError, match=r"no worker for 0\.01 s; --resume goes on"):
         DaskEvaluator("local:2", patience_s=0.01)._gathered(Deserted(), [Deserted()])

@@ -1,4 +1,4 @@
-"""Pieces of work that somebody asks for and others help with."""
+"""Work units of a caller, with and without helper threads."""
 
 import threading
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ def helper() -> Iterator[ThreadPoolExecutor]:
         yield pool
 
 
-def test_a_team_works_while_whoever_asked_does_something_else(helper: ThreadPoolExecutor) -> None:
+def test_helpers_work_while_the_caller_does_something_else(helper: ThreadPoolExecutor) -> None:
     began, go_on = threading.Event(), threading.Event()
 
     def slow() -> int:
@@ -23,17 +23,17 @@ def test_a_team_works_while_whoever_asked_does_something_else(helper: ThreadPool
         assert go_on.wait(10.0)
         return threading.get_ident()
 
-    pieces = [WorkUnit(slow), *(WorkUnit(threading.get_ident) for _ in range(5))]
-    finish = ThreadExecutor(helper, 2).begin(pieces)
+    units = [WorkUnit(slow), *(WorkUnit(threading.get_ident) for _ in range(5))]
+    finish = ThreadExecutor(helper, 2).begin(units)
     assert began.wait(10.0)
-    # Whoever asked does the rest; only then the helper may end.
+    # The caller does the rest; only then the helper may end.
     threading.Timer(0.05, go_on.set).start()
     finish()
-    assert pieces[0].result != threading.get_ident()
-    assert {piece.result for piece in pieces[1:]} == {threading.get_ident()}
+    assert units[0].result != threading.get_ident()
+    assert {unit.result for unit in units[1:]} == {threading.get_ident()}
 
 
-def test_alone_means_in_order_and_when_it_is_wanted() -> None:
+def test_a_serial_executor_works_in_order_when_finished() -> None:
     done: list[int] = []
     finish = SerialExecutor().begin([WorkUnit(lambda k=k: done.append(k)) for k in range(4)])
     assert done == []
@@ -41,17 +41,15 @@ def test_alone_means_in_order_and_when_it_is_wanted() -> None:
     assert done == [0, 1, 2, 3]
 
 
-def test_a_team_of_one_needs_no_helper(helper: ThreadPoolExecutor) -> None:
-    pieces = [WorkUnit(threading.get_ident) for _ in range(3)]
-    ThreadExecutor(helper, 1).begin(pieces)()
-    assert {piece.result for piece in pieces} == {threading.get_ident()}
+def test_an_executor_of_one_needs_no_helper(helper: ThreadPoolExecutor) -> None:
+    units = [WorkUnit(threading.get_ident) for _ in range(3)]
+    ThreadExecutor(helper, 1).begin(units)()
+    assert {unit.result for unit in units} == {threading.get_ident()}
 
 
 @pytest.mark.parametrize("place", [0, 3])
-def test_what_goes_wrong_comes_back_and_ends_the_rest(
-    helper: ThreadPoolExecutor, place: int
-) -> None:
-    """In the helper's piece, which is the first, and in another one."""
+def test_an_error_is_raised_and_stops_the_rest(helper: ThreadPoolExecutor, place: int) -> None:
+    """In the helper's unit, which is the first, and in another one."""
     started, hold = threading.Event(), threading.Event()
 
     def first() -> None:
@@ -82,10 +80,12 @@ def test_nothing_is_begun_after_a_stop(helper: ThreadPoolExecutor) -> None:
         assert hold.wait(10.0)
 
     done: list[int] = []
-    team = ThreadExecutor(helper, 2)
-    finish = team.begin([WorkUnit(first), *(WorkUnit(lambda: done.append(1)) for _ in range(9))])
+    executor = ThreadExecutor(helper, 2)
+    finish = executor.begin(
+        [WorkUnit(first), *(WorkUnit(lambda: done.append(1)) for _ in range(9))]
+    )
     assert started.wait(10.0)
-    team.stop()
+    executor.stop()
     hold.set()
     finish()
     assert done == []

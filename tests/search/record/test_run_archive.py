@@ -11,15 +11,16 @@ from vinefab.maps.generators.cave import cave_map
 from vinefab.model.design import Pouch
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
-from vinefab.search.record.identity import RunIdentity, map_fingerprint
-from vinefab.search.record.record_reading import (
-    FILE_NAME,
+from vinefab.search.record.result import RunIdentity, RunResult, map_fingerprint
+from vinefab.search.record.run_archive import (
+    RECORD_FILE,
+    RunArchive,
     map_from_text,
     map_to_text,
+    plain_summary,
+    records_in,
     settings_from_plain,
 )
-from vinefab.search.record.result import RunResult
-from vinefab.search.record.run_archive import RunArchive, plain_summary, records_in
 from vinefab.search.record.store import RunStore
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.search.space import Bounds, BuildSettings
@@ -33,11 +34,11 @@ def recorded(folder: Path, settings: RunSettings, maps: Maps) -> RunResult:
         return Search.of(settings, maps, None).run(store=store)
 
 
-def test_the_record_alone_says_what_the_run_said(
+def test_a_record_gives_the_result_of_its_run(
     tmp_path: Path, small: RunSettings, maps: Maps
 ) -> None:
     result = recorded(tmp_path, small, maps)
-    archive = RunArchive.read(tmp_path / FILE_NAME)
+    archive = RunArchive.read(tmp_path / RECORD_FILE)
     again = archive.result()
     assert again.best == result.best
     assert again.score == result.score
@@ -56,7 +57,7 @@ def test_the_record_alone_says_what_the_run_said(
     assert summary["winner_score"] == result.score.composite
 
 
-def test_settings_of_every_kind_survive(small: RunSettings) -> None:
+def test_all_settings_read_back_the_same(small: RunSettings) -> None:
     space = replace(
         small.space,
         by_level={
@@ -76,7 +77,7 @@ def test_settings_of_every_kind_survive(small: RunSettings) -> None:
     assert settings_from_plain(plain_settings(rich)) == rich
 
 
-def test_maps_keep_every_bit(maps: Maps) -> None:
+def test_maps_read_back_to_the_last_bit(maps: Maps) -> None:
     for world in (*maps, cave_map(3)):
         again = map_from_text(map_to_text(world))
         assert map_fingerprint(again) == map_fingerprint(world)
@@ -87,7 +88,7 @@ def test_a_run_that_has_not_ended_has_no_result(
     tmp_path: Path, small: RunSettings, maps: Maps
 ) -> None:
     with RunStore.open(tmp_path, RunIdentity.of(small, maps), maps=maps):
-        archive = RunArchive.read(tmp_path / FILE_NAME)  # while another has it open
+        archive = RunArchive.read(tmp_path / RECORD_FILE)  # while open for writing
     assert plain_summary(archive)["best_fitness"] is None
     with pytest.raises(BadInputError, match="has not ended"):
         archive.result()
@@ -103,10 +104,10 @@ def test_records_are_found_below_a_folder_and_others_refused(
     with pytest.raises(UnreadableFileError, match="no such folder"):
         records_in(tmp_path / "none")
     with pytest.raises(UnreadableFileError, match="no such file"):
-        RunArchive.read(tmp_path / "none" / FILE_NAME)
+        RunArchive.read(tmp_path / "none" / RECORD_FILE)
     old = sqlite3.connect(found[0])
     old.execute("UPDATE run SET value = 'vinefab/run-store-1' WHERE key = 'schema'")
     old.commit()
     old.close()
-    with pytest.raises(UnreadableFileError, match="of form vinefab/run-store-1; this vinefab"):
+    with pytest.raises(UnreadableFileError, match="has schema vinefab/run-store-1; this vinefab"):
         RunArchive.read(found[0])

@@ -1,28 +1,43 @@
+"""Records of runs through interrupts, crashes and full disks."""
+
 import sqlite3
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, ItemsView, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar, cast
 
 import numpy as np
 import pytest
 
 from vinefab.core.atomic import is_ours
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError
+from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
-from vinefab.search.loop import optimize
-from vinefab.search.record.identity import RunIdentity
-from vinefab.search.record.record_reading import FILE_NAME
-from vinefab.search.record.result import Progress, RunResult
-from vinefab.search.record.store import RunStore
-from vinefab.search.settings import RunSettings
+from vinefab.search.loop import Search
+from vinefab.search.record import store as module
+from vinefab.search.record.result import Generation, Progress, RunIdentity, RunResult
+from vinefab.search.record.run_archive import RECORD_FILE, RunArchive
+from vinefab.search.record.store import Recorder, RunStore
+from vinefab.search.run import run_search
+from vinefab.search.settings import RunSettings, SearchSettings
+from vinefab.search.timing import Ledger, TimeSplit
+from vinefab.tasks.map_context import MapContext
+from vinefab.tasks.task import Outcome
+
+
+def optimize(
+    settings: RunSettings, maps: Sequence[Map], penalty: object = None, **options: object
+) -> RunResult:
+    return Search.of(settings, maps, penalty).run(**options)
+
 
 Maps = tuple[Map, ...]
 Penalty = Callable[[Design], float]
 
 
 class InterruptedError(Exception):
-    """Stands for whatever ends a process between two generations."""
+    """In place of what ends a process between two generations."""
 
 
 def recorded(
@@ -45,7 +60,7 @@ def recorded(
 
 
 def content(folder: Path) -> dict[str, list[tuple[object, ...]]]:
-    """Everything that a record holds but times."""
+    """Return the content of a record without times."""
     questions = {
         "run": "SELECT * FROM run ORDER BY 1",
         "map": "SELECT * FROM map ORDER BY 1",
@@ -54,7 +69,7 @@ def content(folder: Path) -> dict[str, list[tuple[object, ...]]]:
         "optimizer": "SELECT * FROM optimizer",
         "finalist": "SELECT * FROM finalist ORDER BY 1",
     }
-    connection = sqlite3.connect(folder / FILE_NAME)
+    connection = sqlite3.connect(folder / RECORD_FILE)
     try:
         return {key: connection.execute(text).fetchall() for key, text in questions.items()}
     finally:
@@ -109,9 +124,7 @@ def test_a_folder_with_a_run_is_refused_without_resume_and_nothing_is_lost(
     assert content(tmp_path) == before
 
 
-def test_another_run_cannot_go_on_with_a_record(
-    tmp_path: Path, small: RunSettings, maps: Maps
-) -> None:
+def test_another_run_cannot_resume_a_record(tmp_path: Path, small: RunSettings, maps: Maps) -> None:
     recorded(tmp_path, small, maps)
     other = replace(small, search=replace(small.search, seed=9))
     with pytest.raises(BadInputError, match=r"search\.seed is 9; allowed: 3, with which"):
@@ -120,7 +133,7 @@ def test_another_run_cannot_go_on_with_a_record(
         recorded(tmp_path, small, maps[:1], resume=True)
 
 
-def test_another_version_cannot_go_on_with_a_record(
+def test_another_version_cannot_resume_a_record(
     tmp_path: Path, small: RunSettings, maps: Maps
 ) -> None:
     recorded(tmp_path, small, maps)
@@ -130,16 +143,16 @@ def test_another_version_cannot_go_on_with_a_record(
         RunStore.open(tmp_path, newer, resume=True)
 
 
-def test_the_record_is_known_as_ours_even_while_the_run_goes_on(
+def test_the_record_is_recognized_as_ours_during_the_run(
     tmp_path: Path, small: RunSettings, maps: Maps
 ) -> None:
     with RunStore.open(tmp_path, RunIdentity.of(small, maps)):
-        assert is_ours(tmp_path / FILE_NAME)
+        assert is_ours(tmp_path / RECORD_FILE)
 
 
 @pytest.mark.parametrize("text", ["not a database, but long enough to be taken for one", ""])
 def test_foreign_files_are_kept(tmp_path: Path, small: RunSettings, maps: Maps, text: str) -> None:
-    path = tmp_path / FILE_NAME
+    path = tmp_path / RECORD_FILE
     path.write_text(text)
     with pytest.raises(BadInputError):
         recorded(tmp_path, small, maps)
@@ -150,7 +163,7 @@ def test_foreign_files_are_kept(tmp_path: Path, small: RunSettings, maps: Maps, 
 
 
 def test_a_foreign_database_is_kept(tmp_path: Path, small: RunSettings, maps: Maps) -> None:
-    connection = sqlite3.connect(tmp_path / FILE_NAME)
+    connection = sqlite3.connect(tmp_path / RECORD_FILE)
     connection.execute("CREATE TABLE theirs (a)")
     connection.close()
     with pytest.raises(UnreadableFileError, match="not the record of a run"):
@@ -186,7 +199,7 @@ def stopped(*_: object, **__: object) -> None:
 
 
 @pytest.mark.parametrize("place", ["loop.reevaluated", "record.store.RunStore.finish"])
-def test_a_run_stopped_while_it_is_judged_ends_as_the_undisturbed_one(
+def test_a_run_stopped_at_its_finalists_ends_as_the_undisturbed_one(
     tmp_path: Path,
     fabricable: RunSettings,
     maps: Maps,
@@ -210,7 +223,7 @@ def test_a_run_stopped_in_its_repair_ends_as_the_undisturbed_one(
 ) -> None:
     folder = tmp_path / "struck"
     whole = recorded(tmp_path / "whole", fabricable, maps, Trunk(most_mm=too_short_mm))
-    assert "changes of the 3 best were tried, and 3 of them can be made now" in whole.repair
+    assert "changes of the best 3: 3 of them are manufacturable now" in whole.repair
     # 30 designs are penalized by the search; what comes after is the repair.
     for calls in (31, 35):
         halfway = Trunk(most_mm=too_short_mm, calls_left=calls)
@@ -230,7 +243,7 @@ def test_a_second_process_is_refused_before_it_begins(
     identity = RunIdentity.of(small, maps)
     with RunStore.open(tmp_path / "run", identity) as one:
         before = content(tmp_path / "run")
-        with pytest.raises(CannotWriteError, match="another process is going on with the same run"):
+        with pytest.raises(CannotWriteError, match="another process is working on the same run"):
             RunStore.open(tmp_path / "run", identity, resume=True)
         assert content(tmp_path / "run") == before
         one.add([optimize(small, maps).history[0]], {"generation": 1})
@@ -254,7 +267,7 @@ def test_two_processes_cannot_write_the_same_generation(
         assert len(two.generations()) == 1
 
 
-def test_a_record_begun_for_a_run_that_is_refused_goes_away(
+def test_a_record_created_for_a_refused_run_is_deleted(
     tmp_path: Path, small: RunSettings, maps: Maps
 ) -> None:
     identity, folder = RunIdentity.of(small, maps), tmp_path / "deep" / "run"
@@ -265,16 +278,16 @@ def test_a_record_begun_for_a_run_that_is_refused_goes_away(
 
     with pytest.raises(BadInputError):
         refuse(BadInputError("--cluster", "nowhere", "somewhere"))
-    assert not (folder / FILE_NAME).exists()
+    assert not (folder / RECORD_FILE).exists()
     # What stops a run from outside leaves what it has, and so does a run that had begun before.
     with pytest.raises(InterruptedError):
         refuse(InterruptedError())
     with pytest.raises(BadInputError):
         refuse(BadInputError("--cluster", "nowhere", "somewhere"), resume=True)
-    assert (folder / FILE_NAME).exists()
+    assert (folder / RECORD_FILE).exists()
 
 
-def test_a_place_that_cannot_be_written_is_named(
+def test_a_folder_that_cannot_be_written_is_named(
     tmp_path: Path, small: RunSettings, maps: Maps
 ) -> None:
     (tmp_path / "file").write_text("x")
@@ -297,13 +310,13 @@ def test_a_full_disk_keeps_what_was_recorded(
         assert store.optimizer_state() == {"generation": 1}
 
 
-def test_an_interrupt_as_a_recording_begins_leaves_the_record_usable(
+def test_an_interrupt_as_a_transaction_begins_leaves_the_record_usable(
     tmp_path: Path, small: RunSettings, maps: Maps
 ) -> None:
     history = optimize(small, maps).history
 
     class Interrupted:
-        """A connection that is interrupted when it has begun, before anybody knows."""
+        """A connection that is interrupted just after its transaction began."""
 
         def __init__(self, connection: sqlite3.Connection) -> None:
             self.real, self.is_hit = connection, False
@@ -341,3 +354,176 @@ def test_an_interrupt_while_a_record_is_closed_leaves_it_to_the_next(
     with pytest.raises(KeyboardInterrupt):
         store.close()
     RunStore.open(tmp_path, identity, resume=True).close()
+
+
+SEARCH = SearchSettings(population=3, generations=10)
+
+
+class FakeStore:
+    """In place of the record."""
+
+    def __init__(self) -> None:
+        self.entries: list[tuple[list[int], object]] = []
+
+    def add(
+        self, generations: Sequence[Generation], state: Mapping[str, object], times: TimeSplit
+    ) -> None:
+        assert times.total_s >= 0.0
+        self.entries.append(([g.number for g in generations], state["generation"]))
+
+    @property
+    def recorded(self) -> int:
+        return sum(len(numbers) for numbers, _ in self.entries)
+
+
+def generation(number: int, fitness: Sequence[float] = (0.1, 0.3, 0.2)) -> Generation:
+    values = np.array(fitness)
+    return Generation(
+        number=number,
+        x=np.zeros((3, 2)),
+        fitness=values,
+        composite=values,
+        penalty=np.zeros(3),
+        terms={},
+        seconds=2.0,
+    )
+
+
+def interrupted(recorder: Recorder) -> None:
+    """Record six generations, the last of which is never finished."""
+    history = list[Generation]()
+    with recorder:
+        for number in range(6):
+            recorder.write()
+            if number == 5:
+                raise KeyboardInterrupt
+            history.append(generation(number, (0.1, 1.0 / (number + 1), 0.0)))
+            recorder.note(history, {"generation": number + 1})
+
+
+def kept(pause_s: float, monkeypatch: pytest.MonkeyPatch) -> tuple[FakeStore, list[Progress]]:
+    """Return the record of an interrupted run, and its progress reports."""
+    monkeypatch.setattr(module, "PAUSE_S", pause_s)
+    store, reports = FakeStore(), list[Progress]()
+    with pytest.raises(KeyboardInterrupt):
+        interrupted(Recorder(store, reports.append, SEARCH, Ledger(1)))
+    return store, reports
+
+
+def test_slow_generations_are_recorded_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    store, _ = kept(0.0, monkeypatch)
+    assert store.entries == [([number], number + 1) for number in range(5)]
+
+
+def test_fast_generations_are_recorded_together_and_none_is_lost(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    store, _ = kept(60.0, monkeypatch)
+    assert [number for entry, _ in store.entries for number in entry] == list(range(5))
+    assert len(store.entries) < 5
+    assert all(state == numbers[-1] + 1 for numbers, state in store.entries)
+
+
+def test_every_generation_is_reported_with_the_run_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, reports = kept(60.0, monkeypatch)
+    assert [progress.generation for progress in reports] == [1, 2, 3, 4, 5]
+    assert {progress.best for progress in reports} == {1.0}
+    assert reports[-1].elapsed_s == 10.0
+    assert reports[-1].left_s == 10.0
+    assert reports[-1].mean == pytest.approx((0.1 + 0.2) / 3)
+
+
+def test_a_record_that_cannot_be_written_ends_the_run_with_its_own_error() -> None:
+    class Full(FakeStore):
+        def add(self, *_: object) -> None:
+            raise OSError("full")
+
+    recorder = Recorder(Full(), None, SEARCH, Ledger(1))
+    with pytest.raises(OSError, match="full"):
+        interrupted(recorder)
+
+
+@pytest.mark.parametrize("when", ["before it is done", "after it is done"])
+def test_an_interrupt_while_recording_costs_nothing(
+    when: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Interrupted(FakeStore):
+        def add(
+            self, generations: Sequence[Generation], state: Mapping[str, object], times: TimeSplit
+        ) -> None:
+            is_third = len(self.entries) == 2 and not hits
+            if not is_third or when == "after it is done":
+                super().add(generations, state, times)
+            if is_third:
+                hits.append(1)
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "PAUSE_S", 0.0)
+    hits: list[int] = []
+    store = Interrupted()
+    with pytest.raises(KeyboardInterrupt):
+        interrupted(Recorder(store, None, SEARCH, Ledger(1)))
+    assert store.entries == [([0], 1), ([1], 2), ([2], 3)]
+
+
+def test_an_interrupt_while_noting_leaves_no_generation_with_the_state_before_it() -> None:
+    class Slow(dict[str, object]):
+        def items(self) -> ItemsView[str, object]:
+            raise KeyboardInterrupt
+
+    store, history = FakeStore(), [generation(0), generation(1)]
+    recorder = Recorder(store, None, SEARCH, Ledger(1))
+    recorder.note(history[:1], {"generation": 1})
+    with pytest.raises(KeyboardInterrupt), recorder:
+        recorder.note(history, Slow(generation=2))
+    assert store.entries == [([0], 1)]
+
+
+def test_later_changes_of_an_optimizers_state_are_not_recorded() -> None:
+    entries: list[Mapping[str, object]] = []
+
+    class Keeping(FakeStore):
+        def add(
+            self, generations: Sequence[Generation], state: Mapping[str, object], times: TimeSplit
+        ) -> None:
+            super().add(generations, {"generation": 1}, times)
+            entries.append(state)
+
+    state: dict[str, object] = {"place": np.zeros(2), "numbers": [[1]]}
+    with Recorder(Keeping(), None, SEARCH, Ledger(1)) as recorder:
+        recorder.note([generation(0)], state)
+        cast("np.ndarray", state["place"])[:] = 7.0
+        cast("list[list[int]]", state["numbers"])[0].append(2)
+    assert [(list(e["place"]), e["numbers"]) for e in entries] == [([0.0, 0.0], [[1]])]
+
+
+@dataclass(frozen=True)
+class Film:
+    """A task of the user's own, with a parameter."""
+
+    unit_mm: float = 1000.0
+    name: ClassVar[str] = "film"
+    lowest: ClassVar[float] = 0.0
+
+    def evaluate(self, deployment: Deployment, ground: MapContext) -> Outcome:  # noqa: ARG002
+        return float(deployment.grown_mm.sum()) / self.unit_mm, {}
+
+
+def test_a_run_for_a_task_object_is_recorded_and_resumed_only_with_the_same_task(
+    tmp_path: Path, small: RunSettings
+) -> None:
+    whole = run_search(small, tmp_path / "whole", task=Film())
+
+    def interrupt(progress: Progress) -> None:
+        if progress.generation == 2:
+            raise KeyboardInterrupt
+
+    folder = tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        run_search(small, folder, task=Film(), progress=interrupt)
+    with pytest.raises(BadInputError, match=r"task\.parameters\.unit_mm is 1\.0; allowed: 1000\.0"):
+        run_search(small, folder, task=Film(unit_mm=1.0), resume=True)
+    with pytest.raises(BadInputError, match=r"task\.name is 'coverage'; allowed: 'film'"):
+        run_search(small, folder, resume=True)
+    assert run_search(small, folder, task=Film(), resume=True).best == whole.best
+    assert RunArchive.read(folder / RECORD_FILE).result().best == whole.best

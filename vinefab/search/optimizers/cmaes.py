@@ -1,9 +1,8 @@
 """CMA-ES with margin for mixed variables, from the package cmaes, one generation at a time.
 
-A normal distribution moves towards what is good and takes the shape of what is good; a margin
-keeps whole numbers from freezing (Hamano et al., CatCMA with margin, arXiv:2504.07884). Whole
-numbers with two values are treated like the others: the package's probabilities for categories
-became NaN in long runs of ours.
+A normal distribution adapts its mean and covariance to the best points; a margin keeps integers
+from freezing (Hamano et al., CatCMA with margin, arXiv:2504.07884). Integers with two values are
+treated like the others: the package's probabilities for categories became NaN in long runs.
 """
 
 import math
@@ -17,15 +16,15 @@ from scipy import special
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, number
-from vinefab.search.axes import SearchAxes
-from vinefab.search.optimizers.optimizer import Optimizer
+from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
 _LEAST, _MOST = 1e-8, 1e32
-"""What keeps quotients finite and chances off 0, and the largest step size, as in the package."""
+"""Bound that keeps quotients finite and probabilities above 0, and the largest step size, as in
+the package."""
 
 
 class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types here
-    """A normal distribution whose last coordinates stand for whole numbers."""
+    """A normal distribution whose last coordinates stand for integers."""
 
     _mean: Floats
     _sigma: float
@@ -34,24 +33,24 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
     _pc: Floats
 
     def sample(self, rng: np.random.RandomState, count: int) -> Floats:
-        """Return points drawn from it, shape (count, d), not yet within the bounds."""
+        """Return random points, shape (count, d), not yet within the bounds."""
         vectors, roots = self._eigen_decomposition()
         steps = (rng.randn(count, len(roots)) * roots) @ vectors.T
         drawn: Floats = self._mean + self._sigma * self._A * steps
         return drawn
 
     def within(self, v: Floats) -> tuple[Floats, Floats]:
-        """Return continuous coordinates within 0 to 1, and the whole numbers of the others."""
+        """Return continuous coordinates clipped to 0 to 1, and the integers of the others."""
         reals, rest = v[:, : self._Nco], v[:, self._Nco :]
         return np.clip(reals, 0.0, 1.0), self._discretization(rest) if self._Nin else rest
 
     def learn(self, v: Floats) -> None:
-        """Move and reshape by points that are in the order of their worth, best first.
+        """Update mean and covariance by points in the order of their fitness, best first.
 
         Parameters
         ----------
         v
-            As they were drawn, shape (count, d).
+            As sampled, shape (count, d).
         """
         places = np.arange(len(v), dtype=np.float64)
         if self._Nco:
@@ -65,16 +64,16 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
             self._margin_correction()
 
     def _discretization(self, v_discrete: Floats) -> Floats:
-        """Return the values that numbers stand for, shape (n,) or (m, n) as they are."""
+        """Return the integers that values stand for, shape (n,) or (m, n) as given."""
         places = np.count_nonzero(v_discrete[..., None] > self._z_lim, axis=-1)
-        found: Floats = self._z_space[np.arange(len(self._z_space)), places]
-        return found
+        values: Floats = self._z_space[np.arange(len(self._z_space)), places]
+        return values
 
     def _integer_centering(self, v_raw: Floats) -> Floats:
-        """Return points with whole numbers centred, best first.
+        """Return points with integers centred, best first.
 
-        The better half is moved: entries whose whole number differs from the mean's onto that
-        number, and the others against the bias that this makes. Which numbers mutated is noted.
+        The better half is moved: entries whose integer differs from the mean's onto that integer,
+        and the others against the resulting bias. ``_int_succ`` records which integers mutated.
         """
         columns, better = self._discrete_idx, slice(self._mu)
         old = v_raw[better][:, columns]
@@ -106,9 +105,9 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
         late = (1.0 - goes_on) * self._cc * (2 - self._cc)
         outer = steps[:, :, None] * steps[:, None, :]
         outer *= weights[:, None, None]
-        kept = 1 + self._c1 * late - self._c1 - self._cmu * np.sum(self._weights)
+        decay = 1 + self._c1 * late - self._c1 - self._cmu * np.sum(self._weights)
         self._C = (
-            kept * self._C
+            decay * self._C
             + self._c1 * np.multiply.outer(self._pc, self._pc)
             + self._cmu * outer.sum(axis=0)
         )
@@ -130,7 +129,7 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
         return goes_on
 
     def _margin_correction(self) -> None:
-        """Keep every whole number likely enough to change (equations of the margin)."""
+        """Keep the probability that each integer changes above the margin (its equations)."""
         place = self._discrete_idx
         middle, rows = self._mean[place], np.arange(len(self._z_lim))
         after = np.count_nonzero(self._z_lim < middle[:, None], axis=1)
@@ -148,7 +147,7 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
             self._widen_between(~at_end, (below, above), (low, high))
 
     def _widen_at_end(self, where: Any, rate: Floats, limit: Floats) -> None:  # noqa: ANN401
-        """Correct numbers whose mean lies at the least or largest value, at one limit."""
+        """Correct integers whose mean lies at the smallest or largest value, at one limit."""
         place, spread = self._discrete_idx, np.diag(self._C)[self._discrete_idx]
         side = np.sign(self._mean[place] - limit)
         rate = np.maximum(rate, self._alpha)
@@ -169,7 +168,7 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
         chances: tuple[Floats, Floats],
         limits: tuple[Floats, Floats],
     ) -> None:
-        """Correct numbers whose mean lies between two limits: room for both neighbours."""
+        """Correct integers whose mean lies between two limits: both neighbours stay likely."""
         place, hit, alpha = self._discrete_idx, self._int_succ, self._alpha
         below, above = chances
         between = 1.0 - (below + above)
@@ -191,16 +190,16 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
 
 
 def _square_of(chance: Any) -> Any:  # noqa: ANN401 - a number or an array
-    """Return the square that a standard normal number exceeds with one minus this chance."""
+    """Return the quantile of the chi-square distribution with one degree of freedom."""
     return 2.0 * special.gammaincinv(0.5, chance)
 
 
 _STREAM = 1405
 LEAST_POPULATION = 4
-"""With fewer points there is no covariance to learn from."""
+"""Fewer points give no covariance."""
 
-# All that changes from one generation to the next, but the generator, which is made anew for each.
-# _B and _D can be computed from _C, but not to the last bit.
+# State that changes between generations; the random generator is created for each generation.
+# _B and _D could be recomputed from _C, but not to the last bit.
 _ARRAYS = {"_mean": float, "_C": float, "_B": float, "_D": float, "_p_sigma": float, "_pc": float}
 _ARRAYS |= {"_A": float, "_pmut": float, "_int_succ": bool}
 _NUMBERS = ("_sigma", "_g", "_iqhist_values")
@@ -230,74 +229,74 @@ class CmaConfig:
 
 
 class Cma:
-    """A distribution over designs that learns from the ranks of what it proposes.
+    """CMA-ES that learns from the ranks of the points it proposes.
 
     Notes
     -----
-    It is told ranks instead of fitness: of the values themselves the algorithm uses only the
-    spread, to weigh points outside the bounds, and a penalty would blow that up.
+    The algorithm gets ranks instead of fitness: of the values themselves it uses only the spread,
+    to weigh points outside the bounds, and penalties would inflate that.
 
-    An inactive coordinate is drawn like any other and selected by chance: its mean and spread
-    stay, in expectation, what they are, until designs with that level are looked at again.
+    An inactive coordinate is sampled like any other and selected by chance: its mean and spread
+    stay the same in expectation until designs with that level are evaluated again.
     """
 
-    def __init__(self, recipe: CmaConfig, axes: SearchAxes, population: int, seed: int) -> None:
+    def __init__(self, config: CmaConfig, axes: SearchAxes, population: int, seed: int) -> None:
         self._seed = seed
         self._population = population
         counts = np.array(axes.choices)
         self._real = np.flatnonzero(counts == 0)
-        self._whole = np.flatnonzero(counts > 0)
+        self._integer = np.flatnonzero(counts > 0)
         self._counts = counts
-        self._search = self._new_search(recipe)
+        self._search = self._new_search(config)
         self._generation = 0
-        self._drawn: Floats | None = None
+        self._sampled: Floats | None = None
 
     def ask(self) -> Floats:
-        """Return points of the distribution, shape (m, d)."""
-        reals, numbers = self._search.within(self._points())
+        """Return points sampled from the distribution, shape (m, d)."""
+        reals, numbers = self._search.within(self._sampled_points())
         x = np.empty((self._population, len(self._counts)))
         x[:, self._real] = reals
-        x[:, self._whole] = (numbers + 0.5) / self._counts[self._whole]
+        x[:, self._integer] = (numbers + 0.5) / self._counts[self._integer]
         return x
 
-    def _points(self) -> Floats:
-        """Return this generation's points as they were drawn."""
-        if self._drawn is None:
+    def _sampled_points(self) -> Floats:
+        """Return this generation's points as sampled."""
+        if self._sampled is None:
             sequence = np.random.SeedSequence(self._seed, spawn_key=(_STREAM, self._generation))
             rng = np.random.RandomState(np.random.MT19937(sequence))
-            self._drawn = self._search.sample(rng, self._population)
-        return self._drawn
+            self._sampled = self._search.sample(rng, self._population)
+        return self._sampled
 
-    def tell(self, x: Floats, fitness: Floats) -> None:  # noqa: ARG002 - it knows what it asked
-        """Move the distribution by the ranks of the points."""
-        # Of equals, the order in which they were drawn decides, which is as good as any.
-        self._search.learn(self._points()[np.argsort(-fitness, kind="stable")])
-        self._drawn = None
+    def tell(self, x: Floats, fitness: Floats) -> None:  # noqa: ARG002 - points are kept as sampled
+        """Update the distribution by the ranks of the points."""
+        # Ties keep the order in which they were sampled.
+        self._search.learn(self._sampled_points()[np.argsort(-fitness, kind="stable")])
+        self._sampled = None
         self._generation += 1
 
     def state(self) -> Mapping[str, object]:
-        """Return the distribution; before the first generation nothing is to be kept."""
+        """Return the distribution; nothing before the first generation."""
         if self._generation == 0:
             return {"generation": 0}
-        kept: dict[str, object] = {"generation": self._generation}
+        state: dict[str, object] = {"generation": self._generation}
         known = vars(self._search)
-        kept |= {name: np.array(known[name], dtype=float) for name in _ARRAYS if name in known}
-        kept |= {name: _plain(known[name]) for name in _NUMBERS if name in known}
-        return kept
+        state |= {name: np.array(known[name], dtype=float) for name in _ARRAYS if name in known}
+        state |= {name: _plain(known[name]) for name in _NUMBERS if name in known}
+        return state
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state."""
+        """Continue from a state."""
         self._generation = state["generation"]
-        self._drawn = None
+        self._sampled = None
         for name, value in state.items():
             if name in _ARRAYS:
                 setattr(self._search, name, np.array(value, dtype=_ARRAYS[name]))
             elif name in _NUMBERS:
                 setattr(self._search, name, value)
 
-    def _new_search(self, recipe: CmaConfig) -> Any:  # noqa: ANN401 - cmaes has no types here
+    def _new_search(self, config: CmaConfig) -> Any:  # noqa: ANN401 - cmaes has no types here
 
-        whole = self._counts[self._whole]
+        whole = self._counts[self._integer]
         ranges = np.concatenate([np.ones(len(self._real)), whole])
         middles = np.concatenate([np.full(len(self._real), 0.5), (whole - 1.0) / 2.0])
         return Distribution(
@@ -305,7 +304,7 @@ class Cma:
             z_space=[list(range(count)) for count in whole.tolist()] or None,
             population_size=self._population,
             mean=middles,
-            cov=np.diag((recipe.spread * ranges) ** 2),
+            cov=np.diag((config.spread * ranges) ** 2),
         )
 
 

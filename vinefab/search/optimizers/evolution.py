@@ -1,8 +1,8 @@
 """The evolutionary algorithm: pymoo's mixed-variable operators, one generation at a time.
 
-Parents are drawn at random, real and whole variables are crossed and mutated each by their own
-operators, and the best of parents and children together survive. pymoo's own loop keeps its
-generator and its history to itself; its operators can be driven step by step.
+Parents are drawn at random, real and integer variables have their own crossover and mutation, and
+the best of parents and children survive. pymoo's own loop hides its random generator and history;
+its operators can be driven step by step.
 """
 
 from collections.abc import Mapping
@@ -13,8 +13,7 @@ import numpy as np
 
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, number
-from vinefab.search.axes import SearchAxes
-from vinefab.search.optimizers.optimizer import Optimizer
+from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
 _STREAM = 1404
 
@@ -26,7 +25,7 @@ class EvolutionConfig:
     Parameters
     ----------
     crossover_eta, mutation_eta
-        How near children stay to their parents, and mutants to what they were: larger is nearer.
+        Distribution indices: larger values keep children nearer to parents, mutants to originals.
     """
 
     crossover_eta: float = 15.0
@@ -42,10 +41,10 @@ class EvolutionConfig:
 
 
 class Evolution:
-    """A population that is crossed, mutated and selected."""
+    """A population under crossover, mutation and selection."""
 
     def __init__(
-        self, recipe: EvolutionConfig, axes: SearchAxes, population: int, seed: int
+        self, config: EvolutionConfig, axes: SearchAxes, population: int, seed: int
     ) -> None:
         self._axes = axes
         self._population = population
@@ -54,31 +53,31 @@ class Evolution:
         self._parents = np.empty((0, len(axes)))
         self._fitness = np.empty(0)
         self._problem = _problem(axes)
-        self._mating = _mating(recipe)
-        self._mating.eliminate_duplicates = self._same_designs()
+        self._mating = _mating(config)
+        self._mating.eliminate_duplicates = self._duplicates()
 
     def ask(self) -> Floats:
         """Return the first population, or the children of the last, shape (m, d)."""
         rng = child(self._seed, _STREAM, self._generation)
         first = rng.random((self._population, len(self._axes)))
         if self._generation == 0:
-            return self._axes.settled(first)
+            return self._axes.canonical(first)
         parents = self._individuals(self._parents)
         children = self._mating.do(self._problem, parents, self._population, random_state=rng)
         points = self._points(children)
-        # Where nothing new can be made of the parents, the rest is drawn at random.
-        return np.concatenate([points, self._axes.settled(first)])[: self._population]
+        # Where the parents give too few new designs, random points fill up.
+        return np.concatenate([points, self._axes.canonical(first)])[: self._population]
 
     def tell(self, x: Floats, fitness: Floats) -> None:
-        """Let the best of parents and children survive; of equals, the older."""
+        """Keep the best of parents and children; of equals, the older."""
         points = np.concatenate([self._parents, x])
-        worth = np.concatenate([self._fitness, fitness])
-        best = np.argsort(-worth, kind="stable")[: self._population]
-        self._parents, self._fitness = points[best], worth[best]
+        together = np.concatenate([self._fitness, fitness])
+        best = np.argsort(-together, kind="stable")[: self._population]
+        self._parents, self._fitness = points[best], together[best]
         self._generation += 1
 
     def state(self) -> Mapping[str, object]:
-        """Return the survivors and what they are worth."""
+        """Return the survivors and their fitness."""
         return {
             "generation": self._generation,
             "parents": self._parents.copy(),
@@ -86,7 +85,7 @@ class Evolution:
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state."""
+        """Continue from a state."""
         self._generation = state["generation"]
         self._fitness = np.array(state["fitness"], dtype=np.float64)
         parents = np.array(state["parents"], dtype=np.float64)
@@ -110,18 +109,18 @@ class Evolution:
 
     def _points(self, individuals: Any) -> Floats:  # noqa: ANN401 - pymoo has no types
         axes = range(len(self._axes))
-        held = [one.X for one in individuals]
-        values = np.array([[row[axis] for axis in axes] for row in held], dtype=np.float64)
+        rows = [one.X for one in individuals]
+        values = np.array([[row[axis] for axis in axes] for row in rows], dtype=np.float64)
         values = values.reshape(-1, len(self._axes))
         counts = np.maximum(np.array(self._axes.choices), 1)
-        points: Floats = np.where(self._axes.whole, (values + 0.5) / counts, values)
+        points: Floats = np.where(self._axes.integer, (values + 0.5) / counts, values)
         return points
 
-    def _same_designs(self) -> Any:  # noqa: ANN401 - pymoo has no types
-        """Return what drops children that stand for the same design as another."""
+    def _duplicates(self) -> Any:  # noqa: ANN401 - pymoo has no types
+        """Return the elimination of children that stand for the same design as another."""
         from pymoo.core.duplicate import DefaultDuplicateElimination  # noqa: PLC0415
 
-        return DefaultDuplicateElimination(func=lambda pop: self._axes.settled(self._points(pop)))
+        return DefaultDuplicateElimination(func=lambda pop: self._axes.canonical(self._points(pop)))
 
 
 def _problem(axes: SearchAxes) -> Any:  # noqa: ANN401 - pymoo has no types
@@ -135,16 +134,16 @@ def _problem(axes: SearchAxes) -> Any:  # noqa: ANN401 - pymoo has no types
     return Problem(vars=variables, n_obj=1)
 
 
-def _mating(recipe: EvolutionConfig) -> Any:  # noqa: ANN401 - pymoo has no types
+def _mating(config: EvolutionConfig) -> Any:  # noqa: ANN401 - pymoo has no types
     from pymoo.core.mixed import MixedVariableMating  # noqa: PLC0415
     from pymoo.core.variable import Integer, Real  # noqa: PLC0415
     from pymoo.operators.crossover.sbx import SBX  # noqa: PLC0415
     from pymoo.operators.mutation.pm import PM  # noqa: PLC0415
     from pymoo.operators.repair.rounding import RoundingRepair  # noqa: PLC0415
 
-    near, nearer = recipe.crossover_eta, recipe.mutation_eta
-    whole = {"vtype": float, "repair": RoundingRepair()}
+    crossover, mutation = config.crossover_eta, config.mutation_eta
+    integer = {"vtype": float, "repair": RoundingRepair()}
     return MixedVariableMating(
-        crossover={Real: SBX(eta=near), Integer: SBX(eta=near, **whole)},
-        mutation={Real: PM(eta=nearer), Integer: PM(eta=nearer, **whole)},
+        crossover={Real: SBX(eta=crossover), Integer: SBX(eta=crossover, **integer)},
+        mutation={Real: PM(eta=mutation), Integer: PM(eta=mutation, **integer)},
     )

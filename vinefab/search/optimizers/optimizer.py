@@ -1,17 +1,99 @@
-"""What an optimizer is: it is asked for points and told what they are worth."""
+"""The protocol of optimizers (ask and tell) and the coordinates that they search."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Protocol
 
-from vinefab.core.validation import Floats
-from vinefab.search.axes import SearchAxes
+import numpy as np
+from numpy.typing import NDArray
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats, Ints
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchAxes:
+    """The d coordinates of a search: which are integers, and where each is active.
+
+    A coordinate that stands for one of k integers divides 0 to 1 into k equal intervals. A
+    coordinate of a level has no effect on designs with fewer levels: it is inactive there.
+
+    Examples
+    --------
+    >>> axes = SearchAxes(choices=(3, 0, 0), levels=(0, 0, 3), depth=0, least_depth=1)
+    >>> axes.active(np.array([[0.1, 0.5, 0.5], [0.9, 0.5, 0.5]])).tolist()
+    [[True, True, False], [True, True, True]]
+    """
+
+    choices: tuple[int, ...]  # number of integers per coordinate, 0 if continuous; length d
+    levels: tuple[int, ...]  # level of each coordinate, 0 if it is always active; length d
+    depth: int | None = None  # coordinate for the number of levels; None if that is fixed
+    least_depth: int = 1  # the smallest number of levels, or the fixed one
+
+    def __post_init__(self) -> None:
+        if len(self.choices) != len(self.levels) or not self.choices:
+            raise BadInputError("axes", len(self.choices), "as many levels, at least one")
+
+    @classmethod
+    def continuous(cls, dimensions: int) -> "SearchAxes":
+        """Return continuous coordinates that are always active."""
+        return cls(choices=(0,) * dimensions, levels=(0,) * dimensions)
+
+    def __len__(self) -> int:
+        return len(self.choices)
+
+    @property
+    def integer(self) -> NDArray[np.bool_]:
+        """Whether each coordinate stands for integers, shape (d,)."""
+        return np.array(self.choices) > 0
+
+    def active(self, x: Floats) -> NDArray[np.bool_]:
+        """Return whether each coordinate is active at each point, shape (m, d).
+
+        Parameters
+        ----------
+        x
+            Points, shape (m, d), entries 0 to 1.
+        """
+        depths = np.full(len(x), self.least_depth)
+        if self.depth is not None:
+            depths = self.least_depth + self.indices(x)[:, self.depth]
+        active: NDArray[np.bool_] = np.array(self.levels) <= depths[:, None]
+        return active
+
+    def indices(self, x: Floats) -> Ints:
+        """Return the integer, from 0, that each entry stands for; 0 if continuous.
+
+        Parameters
+        ----------
+        x
+            Points, shape (m, d), entries 0 to 1.
+        """
+        counts = np.array(self.choices)
+        indices: Ints = np.clip((x * counts).astype(np.int64), 0, np.maximum(counts - 1, 0))
+        return indices
+
+    def canonical(self, x: Floats) -> Floats:
+        """Return the canonical point for the design of each point.
+
+        Inactive entries become 0.5, integers the middle of their interval: points that stand for
+        the same design become the same point.
+
+        Parameters
+        ----------
+        x
+            Points, shape (m, d), entries 0 to 1.
+        """
+        counts = np.maximum(np.array(self.choices), 1)
+        middle = np.where(self.integer, (self.indices(x) + 0.5) / counts, x)
+        return np.where(self.active(x), middle, 0.5)
 
 
 class Optimizer(Protocol):
     """A search in the unit cube, one generation after the other.
 
-    Everything random in it derives from its seed and the number of the generation, so that a
-    state restored in another process goes on exactly as the first one would have.
+    All random numbers derive from the seed and the number of the generation, so that a state
+    restored in another process continues exactly as the first one would have.
     """
 
     def ask(self) -> Floats:
@@ -22,23 +104,23 @@ class Optimizer(Protocol):
         ...
 
     def tell(self, x: Floats, fitness: Floats) -> None:
-        """Take the worth of the points asked for.
+        """Take the fitness of the points asked for.
 
         Parameters
         ----------
         x
             The points, shape (m, d).
         fitness
-            What they are worth, shape (m,), finite; higher is better.
+            Shape (m,), finite; higher is better.
         """
         ...
 
     def state(self) -> Mapping[str, object]:
-        """Return everything that is needed to go on: plain values, lists of them, float arrays."""
+        """Return everything needed to continue: plain values, lists of them, float arrays."""
         ...
 
     def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from a state that an optimizer with the same settings returned."""
+        """Continue from a state that an optimizer with the same settings returned."""
         ...
 
 

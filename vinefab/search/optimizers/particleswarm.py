@@ -1,8 +1,8 @@
 """The particle swarm of the paper: the algorithm of MATLAB's ``particleswarm``.
 
-Written from its published description. A particle follows its own best point and the best among a
-few others that are drawn anew every generation; inertia and the number of others adapt to whether
-the swarm improves. It knows no whole numbers: they are cut from its coordinates afterwards.
+Written from its published description. A particle follows its own best point and the best of a few
+neighbours drawn for every generation; inertia and the number of neighbours adapt to whether the
+swarm improves. All coordinates are continuous; the space maps them to integers.
 """
 
 from collections.abc import Mapping
@@ -14,8 +14,7 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, Ints, number
-from vinefab.search.axes import SearchAxes
-from vinefab.search.optimizers.optimizer import Optimizer
+from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
 _STREAM = 1403
 _ARRAYS = ("position", "velocity", "best_x", "best_sum", "best_count")
@@ -31,16 +30,16 @@ class AdaptiveSwarmConfig:
     least_inertia, most_inertia
         Range of the inertia; it starts at the upper end.
     self_weight, social_weight
-        Pull towards its own best point and the best of the particles that it looks at.
+        Acceleration towards its own best point and the best of its neighbours.
     least_neighbours
-        Smallest number of other particles that one looks at, as a share of the swarm.
+        Smallest number of neighbours, as a share of the swarm.
     adapt_always
-        Whether the inertia adapts also after a generation that improved nothing. Descriptions of
-        the algorithm differ on it.
+        Whether the inertia also adapts after a generation without improvement. Descriptions of
+        the algorithm differ on this.
     reevaluate
-        Evaluate every personal best again in each generation and go by its mean, so that a lucky
-        evaluation does not stay. The swarm is half as large then: the other half of the
-        generation's evaluations is spent on the personal bests.
+        Evaluate every personal best again in each generation and use its mean, so that a lucky
+        evaluation does not persist. The swarm is then half as large: the other half of the
+        generation's evaluations goes to the personal bests.
     """
 
     least_inertia: float = 0.1
@@ -70,8 +69,8 @@ class AdaptiveSwarmConfig:
 class AdaptiveSwarm:
     """A swarm whose inertia and neighbourhoods adapt."""
 
-    def __init__(self, recipe: AdaptiveSwarmConfig, shape: tuple[int, int], seed: int) -> None:
-        self._recipe = recipe
+    def __init__(self, config: AdaptiveSwarmConfig, shape: tuple[int, int], seed: int) -> None:
+        self._config = config
         self._seed = seed
         rng = child(seed, _STREAM, 0)
         self.position = rng.random(shape)
@@ -80,13 +79,13 @@ class AdaptiveSwarm:
         self.best_sum = np.full(shape[0], -np.inf)
         self.best_count = np.ones(shape[0])
         self.generation = 0
-        self.inertia = recipe.most_inertia
-        self.neighbours = self._least
+        self.inertia = config.most_inertia
+        self.neighbours = self._fewest_neighbours
         self.failures = 0
 
     def ask(self) -> Floats:
-        """Return the positions, and below them the personal bests where those are asked again."""
-        if self.generation == 0 or not self._recipe.reevaluate:
+        """Return the positions, followed by the personal bests where those are evaluated again."""
+        if self.generation == 0 or not self._config.reevaluate:
             return self.position.copy()
         return np.concatenate([self.position, self.best_x])
 
@@ -94,7 +93,7 @@ class AdaptiveSwarm:
         """Update the personal bests, adapt, and move the swarm."""
         count = len(self.position)
         before = self._best_means().max()
-        self._evaluated_again(fitness[count:])
+        self._reevaluate_bests(fitness[count:])
         self._improve(x[:count], fitness[:count])
         if self.generation > 0:
             self._adapt(improved=bool(self._best_means().max() > before))
@@ -102,14 +101,14 @@ class AdaptiveSwarm:
         self._move()
 
     def state(self) -> Mapping[str, object]:
-        """Return the swarm; before the first generation there is nothing to keep."""
+        """Return the swarm; nothing before the first generation."""
         if self.generation == 0:
             return {"generation": 0}
         arrays = {name: getattr(self, name).copy() for name in _ARRAYS}
         return {**{name: getattr(self, name) for name in _NUMBERS}, **arrays}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state."""
+        """Continue from a state."""
         if state["generation"] == 0:
             return
         for name in _ARRAYS:
@@ -118,15 +117,15 @@ class AdaptiveSwarm:
             setattr(self, name, state[name])
 
     @property
-    def _least(self) -> int:
+    def _fewest_neighbours(self) -> int:
         particles = len(self.position)
-        return min(max(2, int(self._recipe.least_neighbours * particles)), particles - 1)
+        return min(max(2, int(self._config.least_neighbours * particles)), particles - 1)
 
     def _best_means(self) -> Floats:
         means: Floats = self.best_sum / self.best_count
         return means
 
-    def _evaluated_again(self, fitness: Floats) -> None:
+    def _reevaluate_bests(self, fitness: Floats) -> None:
         if len(fitness):
             self.best_sum = self.best_sum + fitness
             self.best_count = self.best_count + 1.0
@@ -140,16 +139,16 @@ class AdaptiveSwarm:
     def _adapt(self, *, improved: bool) -> None:
         if improved:
             self.failures = max(0, self.failures - 1)
-            self.neighbours = self._least
+            self.neighbours = self._fewest_neighbours
         else:
             self.failures += 1
-            self.neighbours = min(self.neighbours + self._least, len(self.position) - 1)
-        if improved or self._recipe.adapt_always:
+            self.neighbours = min(self.neighbours + self._fewest_neighbours, len(self.position) - 1)
+        if improved or self._config.adapt_always:
             if self.failures < 2:
                 self.inertia *= 2.0
             elif self.failures > 5:
                 self.inertia /= 2.0
-            low, high = self._recipe.least_inertia, self._recipe.most_inertia
+            low, high = self._config.least_inertia, self._config.most_inertia
             self.inertia = min(high, max(low, self.inertia))
 
     def _move(self) -> None:
@@ -158,16 +157,16 @@ class AdaptiveSwarm:
         own, social = rng.random((2, *self.position.shape))
         self.velocity = (
             self.inertia * self.velocity
-            + self._recipe.self_weight * own * (self.best_x - self.position)
-            + self._recipe.social_weight * social * (leaders - self.position)
+            + self._config.self_weight * own * (self.best_x - self.position)
+            + self._config.social_weight * social * (leaders - self.position)
         )
         moved = self.position + self.velocity
         self.position = np.clip(moved, 0.0, 1.0)
-        # What was clipped would only push on against the face.
+        # A clipped coordinate stops at the face: its velocity would only push against it.
         self.velocity = np.where(moved == self.position, self.velocity, 0.0)
 
     def _leaders(self, rng: np.random.Generator) -> Ints:
-        """Return for each particle the best of some others, drawn without repeats, shape (m,)."""
+        """Return for each particle the best of its random neighbours, shape (m,)."""
         count = len(self.position)
         lots = rng.random((count, count))
         np.fill_diagonal(lots, np.inf)

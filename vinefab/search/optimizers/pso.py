@@ -1,8 +1,8 @@
 """Particle swarm optimization on pyswarms' backend, one generation at a time.
 
 pyswarms' own optimizers cannot be paused or seeded; its swarm, topologies, operators and handlers
-can be driven step by step. They draw from numpy's global generator, which is lent a seeded state
-for each step and given back untouched.
+can be driven step by step. They use numpy's global generator, which gets a seeded state for each
+step and its own state back afterwards.
 """
 
 import os
@@ -16,8 +16,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints, number, whole
-from vinefab.search.axes import SearchAxes
-from vinefab.search.optimizers.optimizer import Optimizer
+from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
 _STREAM = 1401
 _QUIET = Path(__file__).with_name("quiet_pyswarms.yaml")
@@ -33,14 +32,14 @@ class SwarmConfig:
     inertia
         Share of its velocity that a particle keeps.
     cognitive, social
-        Pull towards its own best and its neighbours' best point.
+        Acceleration towards its own best and its neighbours' best point.
     neighbours
-        Particles, itself included, whose best it knows: the nearest by number, in a ring. 0: all.
+        Size of a particle's neighbourhood, itself included: a ring by number. 0: all particles.
     most_speed
         Largest change of a coordinate in one generation, as a share of its range.
     ignore_inactive
-        Whether the best points of designs without a level pull on that level's coordinates no
-        more: what such points hold there has never been evaluated.
+        Whether best points of designs without a level exert no pull on that level's coordinates:
+        their values there have never been evaluated.
     """
 
     inertia: float = 0.73
@@ -65,23 +64,23 @@ class SwarmConfig:
 
 
 class ParticleSwarm:
-    """A swarm of particles that remember their best points and follow their neighbours'.
+    """A swarm of particles that follow their own best points and their neighbours'.
 
     Points that would leave the unit cube are reflected at its faces.
     """
 
-    def __init__(self, recipe: SwarmConfig, axes: SearchAxes, population: int, seed: int) -> None:
-        self._recipe = recipe
+    def __init__(self, config: SwarmConfig, axes: SearchAxes, population: int, seed: int) -> None:
+        self._config = config
         self._axes = axes
         self._shape = shape = (population, len(axes))
         self._seed = seed
         self._generation = 0
         self._bounds = (np.zeros(shape[1]), np.ones(shape[1]))
         with _quiet():
-            from pyswarms import backend  # noqa: PLC0415 - it must not be imported unheard
+            from pyswarms import backend  # noqa: PLC0415 - only within _quiet
 
             self._backend = backend
-            self._topology = _topology(recipe, shape[0])
+            self._topology = _topology(config, shape[0])
             self._on_bounds = backend.BoundaryHandler(strategy="reflective")
             self._on_speed = backend.VelocityHandler(strategy="unmodified")
         self._swarm = self._new_swarm()
@@ -99,8 +98,8 @@ class ParticleSwarm:
         swarm.pbest_pos, swarm.pbest_cost = self._backend.compute_pbest(swarm)
         self._follow_best()
         self._generation += 1
-        with _lent_generator(self._seed, self._generation):
-            speed = (-self._recipe.most_speed, self._recipe.most_speed)
+        with _seeded_global_generator(self._seed, self._generation):
+            speed = (-self._config.most_speed, self._config.most_speed)
             with self._inactive_ignored():
                 swarm.velocity = self._topology.compute_velocity(
                     swarm, speed, self._on_speed, self._bounds
@@ -108,14 +107,14 @@ class ParticleSwarm:
             swarm.position = self._topology.compute_position(swarm, self._bounds, self._on_bounds)
 
     def state(self) -> Mapping[str, object]:
-        """Return the swarm; before the first generation there is nothing to keep."""
+        """Return the swarm; nothing before the first generation."""
         if self._generation == 0:
             return {"generation": 0}
         arrays = {name: getattr(self._swarm, name).copy() for name in _ARRAYS}
         return {"generation": self._generation, **arrays}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state."""
+        """Continue from a state."""
         self._generation = state["generation"]
         self._swarm = self._new_swarm()
         if self._generation > 0:
@@ -124,9 +123,9 @@ class ParticleSwarm:
 
     @contextmanager
     def _inactive_ignored(self) -> Iterator[None]:
-        """Let a particle's place stand for what a best point says nothing about: no pull."""
+        """Replace inactive coordinates of best points by the particle's own: no pull."""
         swarm, own = self._swarm, self._swarm.pbest_pos
-        if self._recipe.ignore_inactive:
+        if self._config.ignore_inactive:
             leaders = np.broadcast_to(swarm.best_pos, own.shape)
             swarm.pbest_pos = np.where(self._axes.active(own), own, swarm.position)
             swarm.best_pos = np.where(self._axes.active(leaders), leaders, swarm.position)
@@ -134,41 +133,41 @@ class ParticleSwarm:
         swarm.pbest_pos = own
 
     def _follow_best(self) -> None:
-        # Star keeps what was best unless it is beaten: forget it, so that the answer depends on
-        # the particles' bests alone and a restored swarm, which has not seen the past, agrees.
+        # Star keeps its best point until it is beaten: reset it, so that the result depends on the
+        # particles' bests alone and is the same for a restored swarm.
         swarm = self._swarm
         swarm.best_cost = np.inf
         swarm.best_pos, swarm.best_cost = self._topology.compute_gbest(
-            swarm, p=2, k=max(2, self._recipe.neighbours)
+            swarm, p=2, k=max(2, self._config.neighbours)
         )
 
     def _new_swarm(self) -> Any:  # noqa: ANN401 - pyswarms has no types
-        recipe = self._recipe
-        options = {"c1": recipe.cognitive, "c2": recipe.social, "w": recipe.inertia}
-        with _lent_generator(self._seed, 0):
+        config = self._config
+        options = {"c1": config.cognitive, "c2": config.social, "w": config.inertia}
+        with _seeded_global_generator(self._seed, 0):
             swarm = self._backend.create_swarm(
                 *self._shape,
                 options=options,
                 bounds=self._bounds,
-                clamp=(-recipe.most_speed, recipe.most_speed),
+                clamp=(-config.most_speed, config.most_speed),
             )
         swarm.pbest_cost = np.full(self._shape[0], np.inf)
         return swarm
 
 
-def _topology(recipe: SwarmConfig, population: int) -> Any:  # noqa: ANN401 - pyswarms has no types
+def _topology(config: SwarmConfig, population: int) -> Any:  # noqa: ANN401 - pyswarms has no types
     from pyswarms.backend.topology import Ring, Star  # noqa: PLC0415 - only within _quiet
 
-    if recipe.neighbours == 0 or recipe.neighbours >= population:
+    if config.neighbours == 0 or config.neighbours >= population:
         return Star()
     ring = Ring(static=True)
-    # pyswarms would join particles that start close to each other; a ring by number joins all.
-    ring.neighbor_idx = _ring_by_number(population, recipe.neighbours)
+    # pyswarms would connect particles that start close to each other; a ring connects all.
+    ring.neighbor_idx = _ring_by_number(population, config.neighbours)
     return ring
 
 
 def _ring_by_number(population: int, neighbours: int) -> Ints:
-    """Return for each particle itself and the nearest by number, shape (m, neighbours)."""
+    """Return the neighbourhood of each particle, itself included, shape (m, neighbours)."""
     offsets = np.arange(neighbours) - neighbours // 2
     ring: Ints = (np.arange(population)[:, None] + offsets) % population
     return ring
@@ -176,7 +175,7 @@ def _ring_by_number(population: int, neighbours: int) -> Ints:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep pyswarms from configuring logging, on import and whenever it makes a part."""
+    """Keep pyswarms from configuring logging, on import and whenever it creates a part."""
     before = os.environ.get("LOG_CFG")
     os.environ["LOG_CFG"] = str(_QUIET)
     try:
@@ -189,8 +188,8 @@ def _quiet() -> Iterator[None]:
 
 
 @contextmanager
-def _lent_generator(seed: int, generation: int) -> Iterator[None]:
-    """Put numpy's global generator into the state of one generation, and back afterwards."""
+def _seeded_global_generator(seed: int, generation: int) -> Iterator[None]:
+    """Give numpy's global generator the state of one generation, and restore it afterwards."""
     sequence = np.random.SeedSequence(seed, spawn_key=(_STREAM, generation))
     own = np.random.RandomState(np.random.MT19937(sequence))
     before = np.random.get_state()  # noqa: NPY002

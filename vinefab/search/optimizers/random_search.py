@@ -1,4 +1,4 @@
-"""Random search: the baseline that every other optimizer has to beat."""
+"""Random search: the baseline for every other optimizer."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,14 +6,13 @@ from typing import cast
 
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats
-from vinefab.search.axes import SearchAxes
-from vinefab.search.optimizers.optimizer import Optimizer
+from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
 _STREAM = 1402
 
 
 class RandomSearch:
-    """Uniformly drawn points, generation after generation."""
+    """Uniformly random points, generation after generation."""
 
     def __init__(self, dimensions: int, population: int, seed: int) -> None:
         self._shape = (population, dimensions)
@@ -25,7 +24,7 @@ class RandomSearch:
         return child(self._seed, _STREAM, self._generation).random(self._shape)
 
     def tell(self, x: Floats, fitness: Floats) -> None:  # noqa: ARG002 - it learns nothing
-        """Go on to the next generation."""
+        """Count the generation."""
         self._generation += 1
 
     def state(self) -> Mapping[str, object]:
@@ -33,7 +32,7 @@ class RandomSearch:
         return {"generation": self._generation}
 
     def restore(self, state: Mapping[str, object]) -> None:
-        """Go on from a generation."""
+        """Continue from a generation."""
         self._generation = cast("int", state["generation"])
 
 

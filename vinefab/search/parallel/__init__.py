@@ -1,1 +1,5 @@
-"""Executors and evaluators: threads of this process, or the workers of a dask cluster."""
+"""Evaluating many points at once: work units on threads, or on the workers of a dask cluster.
+
+`executor` runs work units; `point_evaluator` has the protocol `PointEvaluator` and
+`ThreadEvaluator`; `dask_cluster` has `DaskEvaluator`.
+"""

@@ -1,9 +1,9 @@
 """Evaluating points on the workers of a dask cluster, on this computer or on many.
 
-The package is loaded only when a cluster is asked for. Every worker makes the run's maps ready
-once, from what the run is made of; then it is sent points and poses and sends back what they are
-worth. Work on a worker that dies is done again by another. Points do not influence each other, so
-results depend neither on the workers nor on how the work was cut.
+The package is loaded only when a cluster is used. Every worker builds the run's evaluator once,
+from its spec; then it gets points and poses and returns evaluations. Work on a worker that dies is
+repeated by another. Points do not influence each other, so results depend neither on the workers
+nor on how the points are divided.
 """
 
 import importlib.util
@@ -24,21 +24,19 @@ from typing import Any
 from vinefab.core.errors import BadInputError, UnknownNameError, WorkersLostError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.validation import Floats
-from vinefab.search.evaluation import Evaluations
-from vinefab.search.evaluator import Evaluator, EvaluatorSpec
-from vinefab.search.parallel.evaluators import Begin, Finish
+from vinefab.search.evaluator import Evaluations, Evaluator, EvaluatorSpec
 from vinefab.search.parallel.executor import in_work_units
-from vinefab.search.record.identity import plugin_packages
-from vinefab.search.record.result import package_versions
-from vinefab.search.record.timing import Ledger, Work
+from vinefab.search.parallel.point_evaluator import Begin, Finish
+from vinefab.search.record.result import package_versions, plugin_packages
+from vinefab.search.timing import Ledger, Work
 from vinefab.tasks.evaluate import Poses
 
 
 class _Pickler(pickle.Pickler):
-    """Packs read-only views of dictionaries as what they show."""
+    """Pickles read-only views of dictionaries too."""
 
     def reducer_override(self, thing: object) -> Any:  # noqa: ANN401 - pickle's own contract
-        """Return how to make a view again; everything else is pickle's business."""
+        """Reduce a view to its dictionary; pickle reduces everything else."""
         if isinstance(thing, MappingProxyType):
             return _view, (dict(thing),)
         return NotImplemented
@@ -55,13 +53,13 @@ def serialized(thing: object) -> bytes:
     return stream.getvalue()
 
 
-def deserialized(data: bytes) -> Any:  # noqa: ANN401 - whatever was packed
-    """Return the object of `packed`; only for bytes from a worker or a run of one's own."""
+def deserialized(data: bytes) -> Any:  # noqa: ANN401 - any object
+    """Return the object of `serialized`; only for bytes from a worker or the user's own run."""
     return pickle.loads(data)  # noqa: S301
 
 
-TRIP_S = 0.1
-"""Work in one piece that is sent: a trip there and back takes some milliseconds."""
+ROUND_TRIP_S = 0.1
+"""Least work to send at once: a round trip takes some milliseconds."""
 
 PATIENCE_S = 300.0
 """How long a run waits without any worker before it gives up."""
@@ -69,17 +67,15 @@ PATIENCE_S = 300.0
 CONNECT_S = 10.0
 """How long a scheduler may take to answer the first call."""
 
-LOOK_S = 2.0
-"""How often it looks whether there are workers."""
+POLL_S = 2.0
+"""Interval of checks for workers."""
 
-REHIRE_S = 60.0
-"""A process of this computer that dies while it starts is not started again by dask: new ones are
-made when there has been none for so long. Under heavy load a start takes ten seconds or more."""
+RESTART_S = 60.0
+"""Time without workers after which those of this computer are started anew: dask does not restart
+a process that dies while it starts. Under heavy load a start takes ten seconds or more."""
 
-MOST_DEATHS = 20
-"""So often work is given out anew after it killed several workers; then it must be the work."""
-
-Sent = tuple[Evaluations, Work]
+MOST_RETRIES = 20
+"""Retries of work that killed several workers, before the run gives up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,21 +83,21 @@ class WorkerPayload:
     """What every worker is sent once."""
 
     name: str  # the same for the same content
-    brief: bytes  # what the run is made of, pickled
-    versions: Mapping[str, str]  # those that all must have
+    spec: bytes  # the evaluator's spec, serialized
+    versions: Mapping[str, str]  # package versions that all workers must have
 
     @classmethod
-    def of(cls, brief: EvaluatorSpec) -> "WorkerPayload":
-        """Return the parcel of a run."""
+    def of(cls, spec: EvaluatorSpec) -> "WorkerPayload":
+        """Return the payload of a run."""
         try:
-            data = serialized(brief)
+            data = serialized(spec)
         except (pickle.PicklingError, AttributeError, TypeError) as error:
-            allowed = "a penalty that can be pickled"
+            allowed = "a penalty and a task that can be pickled"
             raise BadInputError("--cluster", str(error), allowed) from error
         return cls(
             name=sha256_of(data),
-            brief=data,
-            versions=package_versions(plugin_packages(brief.settings)),
+            spec=data,
+            versions=package_versions(plugin_packages(spec.settings)),
         )
 
 
@@ -113,31 +109,33 @@ class DaskEvaluator:
     address
         ``local:N`` for N processes on this computer, else a scheduler's address
         (``tcp://host:8786``) or its file (``scheduler.json``).
+    patience_s
+        How long to wait without any worker.
     """
 
     def __init__(self, address: str, *, patience_s: float = PATIENCE_S) -> None:
         self.address = address
         self.count = self._local_count()
         self._patience_s = patience_s
-        self._rehire: Callable[[], object] | None = None
+        self._restart: Callable[[], object] | None = None
         if importlib.util.find_spec("distributed") is None:
             allowed = "only with the extra: pip install 'vinefab[cluster]'"
             raise BadInputError("--cluster", address, allowed)
 
     @contextmanager
-    def hired(self, trial: Evaluator, ledger: Ledger) -> Iterator[Begin]:
-        """Offer a function that has points evaluated by the workers."""
-        parcel = WorkerPayload.of(trial.brief)
+    def started(self, evaluator: Evaluator, ledger: Ledger) -> Iterator[Begin]:
+        """Connect to the workers for a run."""
+        payload = WorkerPayload.of(evaluator.spec)
         with self._client() as client:
             ledger.workers = self.count = self._count_workers(client)
-            # As work that can be done again, not as data that dies with the worker that holds it.
-            sent = client.submit(_received, parcel, key=f"vinefab-{parcel.name}")
+            # As a task that can be repeated, not as data that is lost with the worker that has it.
+            sent = client.submit(_received, payload, key=f"vinefab-{payload.name}")
             evaluated = 0
 
             def begin(x: Floats, poses: Poses) -> Finish:
                 usual_s = ledger.worked_s / evaluated if evaluated else 0.0
-                pieces = in_work_units(x, self._rows(len(x), usual_s))
-                work = [client.submit(_evaluated, sent, p, poses, pure=False) for p in pieces]
+                parts = in_work_units(x, self._rows(len(x), usual_s))
+                work = [client.submit(_evaluated, sent, p, poses, pure=False) for p in parts]
 
                 def finish() -> Evaluations:
                     nonlocal evaluated
@@ -145,28 +143,28 @@ class DaskEvaluator:
                     for _, spent in done:
                         ledger.add(spent)
                     evaluated += len(x)
-                    return Evaluations.joined([found for found, _ in done])
+                    return Evaluations.concatenated([evaluations for evaluations, _ in done])
 
                 return finish
 
             yield begin
 
     def _rows(self, count: int, usual_s: float) -> int:
-        """Return how many points to send together: worth a trip, but something for everybody."""
+        """Return how many points to send together: worth a round trip, but some per worker."""
         share = math.ceil(count / self.count)
         if usual_s <= 0.0:
             return share
-        return min(share, max(math.ceil(TRIP_S / usual_s), math.ceil(share / 4)))
+        return min(share, max(math.ceil(ROUND_TRIP_S / usual_s), math.ceil(share / 4)))
 
     def _gathered(
         self,
         client: Any,  # noqa: ANN401 - distributed has no types
         futures: Sequence[Any],
-    ) -> list[Sent]:
-        """Return what pieces of work are worth, whoever dies meanwhile."""
-        from distributed import KilledWorker  # noqa: PLC0415 - loaded when it is asked for
+    ) -> list[tuple[Evaluations, Work]]:
+        """Return the results of futures, also when workers die meanwhile."""
+        from distributed import KilledWorker  # noqa: PLC0415 - optional
 
-        for _ in range(MOST_DEATHS):
+        for _ in range(MOST_RETRIES):
             self._await(client, futures)
             try:
                 return [deserialized(data) for data in client.gather(futures)]
@@ -174,22 +172,22 @@ class DaskEvaluator:
                 for future in futures:
                     if future.status == "error":
                         future.retry()
-        problem = f"work that {MOST_DEATHS} times killed those who did it"
+        problem = f"work that {MOST_RETRIES} times killed its workers"
         raise WorkersLostError(f"cluster {self.address}", problem)
 
     def _await(self, client: Any, futures: Sequence[Any]) -> None:  # noqa: ANN401 - as above
-        """Wait until all is done or failed, as long as there are workers."""
-        alone_since_s = hired_s = time.monotonic()
+        """Wait until all futures are done or failed, as long as there are workers."""
+        alone_since_s = started_s = time.monotonic()
         while unfinished := [future for future in futures if not future.done()]:
             now_s = time.monotonic()
             if client.nthreads():
-                alone_since_s = hired_s = now_s
+                alone_since_s = started_s = now_s
             elif now_s - alone_since_s > self._patience_s:
                 problem = f"no worker for {self._patience_s:g} s"
                 raise WorkersLostError(f"cluster {self.address}", problem)
-            elif self._rehire is not None and now_s - hired_s > REHIRE_S:
-                hired_s = now_s
-                self._rehire()
+            elif self._restart is not None and now_s - started_s > RESTART_S:
+                started_s = now_s
+                self._restart()
             _wait(unfinished)
 
     def _local_count(self) -> int:
@@ -205,7 +203,7 @@ class DaskEvaluator:
 
     @contextmanager
     def _client(self) -> Iterator[Any]:
-        from distributed import Client, LocalCluster  # noqa: PLC0415
+        from distributed import Client, LocalCluster  # noqa: PLC0415 - optional
 
         if self.address.startswith("local:"):
             with (
@@ -218,7 +216,7 @@ class DaskEvaluator:
                 ) as cluster,
                 Client(cluster) as client,  # type: ignore[no-untyped-call]
             ):
-                self._rehire = lambda: (cluster.scale(0), cluster.scale(self.count))
+                self._restart = lambda: (cluster.scale(0), cluster.scale(self.count))
                 yield client
             return
         file = self.address.endswith(".json")
@@ -236,7 +234,7 @@ class DaskEvaluator:
             yield client
 
     def _count_workers(self, client: Any) -> int:  # noqa: ANN401 - as above
-        """Return how many tasks can be worked on at once, waiting for the first worker."""
+        """Return the number of worker threads, waiting for the first worker."""
         try:
             client.wait_for_workers(1, timeout=self._patience_s)
         except TimeoutError as error:
@@ -246,7 +244,7 @@ class DaskEvaluator:
 
 
 def _names_scheduler(path: Path) -> bool:
-    """Return whether a file is there and says where a scheduler is."""
+    """Return whether a file exists and holds the address of a scheduler."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -255,40 +253,40 @@ def _names_scheduler(path: Path) -> bool:
 
 
 def _wait(unfinished: Sequence[Any]) -> None:
-    from distributed import wait  # noqa: PLC0415
+    from distributed import wait  # noqa: PLC0415 - optional
 
     try:
-        wait(unfinished, timeout=LOOK_S)  # type: ignore[no-untyped-call]
+        wait(unfinished, timeout=POLL_S)  # type: ignore[no-untyped-call]
     except TimeoutError:
         return
 
 
-def _received(parcel: WorkerPayload) -> WorkerPayload:
-    """Stand for a parcel among the workers."""
-    return parcel
+def _received(payload: WorkerPayload) -> WorkerPayload:
+    """Return a payload, as a dask task whose result the workers share."""
+    return payload
 
 
-def _evaluated(parcel: WorkerPayload, x: Floats, poses: Poses) -> bytes:
-    """Evaluate points on a worker and pack what they are worth."""
-    own = _own_versions(tuple(parcel.versions))
-    if own != dict(parcel.versions):
-        other = next(name for name in parcel.versions if own.get(name) != parcel.versions[name])
-        allowed = f"{other} {parcel.versions[other]}, as the run has"
+def _evaluated(payload: WorkerPayload, x: Floats, poses: Poses) -> bytes:
+    """Evaluate points on a worker and serialize the result."""
+    own = _own_versions(tuple(payload.versions))
+    if own != dict(payload.versions):
+        other = next(name for name in payload.versions if own.get(name) != payload.versions[name])
+        allowed = f"{other} {payload.versions[other]}, as the run has"
         raise BadInputError("a worker's version", f"{other} {own.get(other)}", allowed)
     try:
-        with _MAKING:
-            trial = _trial(parcel.name, parcel.brief)
+        with _BUILDING:
+            evaluator = _evaluator(payload.name, payload.spec)
     except UnknownNameError as error:
         missing = f"without {error.kind} {error.name!r}"
         why = f" ({error.problem})" if error.problem else ""
         raise BadInputError("a worker", missing, f"{_INSTALLED}{why}") from None
     except (ImportError, AttributeError) as error:
-        raise BadInputError("a worker", f"without something: {error}", _INSTALLED) from None
-    return serialized(trial.evaluate(x, poses))
+        raise BadInputError("a worker", f"incomplete: {error}", _INSTALLED) from None
+    return serialized(evaluator.evaluate(x, poses))
 
 
-_INSTALLED = "workers on which the same packages are installed as where the run was begun"
-_MAKING = threading.Lock()
+_INSTALLED = "workers with the same packages installed as where the run began"
+_BUILDING = threading.Lock()
 
 
 @lru_cache(maxsize=2)
@@ -297,6 +295,5 @@ def _own_versions(names: tuple[str, ...]) -> dict[str, str]:
 
 
 @lru_cache(maxsize=2)
-def _trial(name: str, brief: bytes) -> Evaluator:  # noqa: ARG001 - the name is cheaper to compare
-    made = deserialized(brief)
-    return Evaluator.of(made.settings, made.maps, made.penalty)
+def _evaluator(name: str, spec: bytes) -> Evaluator:  # noqa: ARG001 - a short key for the cache
+    return Evaluator.of(deserialized(spec))

@@ -1,4 +1,4 @@
-"""Executors: work units done by the caller alone, or with threads that help."""
+"""Executors of work units: serial, or with threads that help the caller."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -7,80 +7,74 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from vinefab.core.validation import Floats
 
-Result = TypeVar("Result")
+_Result = TypeVar("_Result")
 
 
-class WorkUnit(Generic[Result]):
-    """A piece of work, and its result once it is done."""
+class WorkUnit(Generic[_Result]):
+    """A function to call once, and its result."""
 
     __slots__ = ("_done", "_work")
 
-    def __init__(self, work: Callable[[], Result]) -> None:
+    def __init__(self, work: Callable[[], _Result]) -> None:
         self._work = work
-        self._done: list[Result] = []
+        self._done: list[_Result] = []
 
     def do(self) -> None:
-        """Do it."""
+        """Call the function."""
         self._done.append(self._work())
 
     @property
-    def result(self) -> Result:
-        """What came of it; it must be done."""
+    def result(self) -> _Result:
+        """The result; only after `do`."""
         return self._done[0]
 
 
 class Executor(Protocol):
-    """Who can be given pieces of work.
-
-    Attributes
-    ----------
-    count
-        How many work at once.
-    """
+    """Runs work units."""
 
     @property
     def count(self) -> int:
-        """How many work at once."""
+        """Number of workers."""
         ...
 
-    def begin(self, pieces: Sequence[WorkUnit[Any]]) -> Callable[[], None]:
-        """Begin pieces of work in their order."""
+    def begin(self, units: Sequence[WorkUnit[Any]]) -> Callable[[], None]:
+        """Begin work units in their order; return the function that finishes them."""
         ...
 
 
 class SerialExecutor:
-    """Whoever asks does everything, when it is wanted."""
+    """Runs all work units in the calling thread, when they are to be finished."""
 
     count = 1
 
-    def begin(self, pieces: Sequence[WorkUnit[Any]]) -> Callable[[], None]:
-        """Put work off until it is wanted."""
+    def begin(self, units: Sequence[WorkUnit[Any]]) -> Callable[[], None]:
+        """Defer work units until they are to be finished."""
 
         def finish() -> None:
-            for piece in pieces:
-                piece.do()
+            for unit in units:
+                unit.do()
 
         return finish
 
 
 class ThreadExecutor:
-    """Whoever asks, with threads that help.
+    """Runs work units in the calling thread and in helper threads.
 
-    One who only waited would have to be woken in the end, and would take a processor from those
-    who work whenever it does something else meanwhile.
+    A caller that only waited would have to be woken at the end, and would take a processor from
+    the helpers whenever it does something else meanwhile.
     """
 
     def __init__(self, helpers: ThreadPoolExecutor, count: int) -> None:
         self.count = count
         self._helpers = helpers
-        # Appending and popping are safe between threads.
-        self._left = deque[WorkUnit[Any]]()
+        # Appending and popping are thread-safe.
+        self._queue = deque[WorkUnit[Any]]()
 
-    def begin(self, pieces: Sequence[WorkUnit[Any]]) -> Callable[[], None]:
-        """Have helpers begin; nothing else may be begun before this is finished."""
-        self._left.extend(pieces)
+    def begin(self, units: Sequence[WorkUnit[Any]]) -> Callable[[], None]:
+        """Begin work units in the helpers; nothing else may begin before these are finished."""
+        self._queue.extend(units)
         helping = [
-            self._helpers.submit(self._work_off) for _ in range(min(self.count, len(pieces)) - 1)
+            self._helpers.submit(self._work_off) for _ in range(min(self.count, len(units)) - 1)
         ]
 
         def finish() -> None:
@@ -91,25 +85,25 @@ class ThreadExecutor:
         return finish
 
     def stop(self) -> None:
-        """Have nobody begin anything that is left."""
-        self._left.clear()
+        """Drop the work units that have not begun."""
+        self._queue.clear()
 
     def _work_off(self) -> None:
-        """Do pieces until none is left, or one goes wrong."""
-        while self._left:
+        """Run work units until none is left or one fails."""
+        while self._queue:
             try:
-                piece = self._left.popleft()
-            except IndexError:  # Somebody else was faster.
+                unit = self._queue.popleft()
+            except IndexError:  # Another thread took the last one.
                 return
             try:
-                piece.do()
+                unit.do()
             except BaseException:
                 self.stop()
                 raise
 
 
 def in_work_units(x: Floats, rows: int) -> Sequence[Floats]:
-    """Return points in pieces of at most so many rows, at least one each.
+    """Divide points into parts of at most ``rows`` rows, at least one each.
 
     Parameters
     ----------

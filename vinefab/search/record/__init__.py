@@ -1,1 +1,5 @@
-"""The record of a run: what is written while it goes on, and how it is read again."""
+"""The record of a run: one SQLite file.
+
+`result` has the nouns (`Generation`, `Finalist`, `RunResult`, `RunIdentity`), `store` writes a
+record (`RunStore`, `Recorder`), `run_archive` reads one (`RunArchive`, `records_in`).
+"""

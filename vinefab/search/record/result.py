@@ -1,67 +1,69 @@
-"""What happens in a run, generation by generation, and what it ends with."""
+"""Generations, finalists and result of a run, and what identifies the run."""
 
 import platform
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, is_dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
+from typing import Any, cast
 
 import numpy as np
 
 from vinefab import __version__
+from vinefab.core.errors import BadInputError
+from vinefab.core.hashing import fingerprint
+from vinefab.core.registry import Registry
 from vinefab.core.validation import Floats
+from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import Design
+from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.search.record.timing import TimeSplit
-from vinefab.search.settings import RunSettings
+from vinefab.search.evaluator import Penalty
+from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
+from vinefab.search.settings import RunSettings, plain_settings
+from vinefab.search.timing import TimeSplit
+from vinefab.tasks.shipped_tasks import TASKS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Generation:
-    """One generation: m points and what became of them."""
+    """One generation: m points and their evaluations."""
 
     number: int  # 0 for the first
     x: Floats  # points in the unit cube, shape (m, d)
-    fitness: Floats  # what the optimizer was told, shape (m,)
-    composite: Floats  # composite scores, shape (m,); NaN for a point that is no design
-    # fabrication penalties, shape (m,); 0 everywhere in a run that does not ask for designs that
-    # can be made
-    penalty: Floats
-    # means of the task's terms over the evaluations, each of shape (m,)
-    terms: Mapping[str, Floats]
-    seconds: float  # how long it took
+    fitness: Floats  # as told to the optimizer, shape (m,)
+    composite: Floats  # composite scores, shape (m,); NaN for a point without a valid design
+    penalty: Floats  # shape (m,); all 0 in a run that does not check manufacturability
+    terms: Mapping[str, Floats]  # means of the task's terms over the evaluations, shape (m,) each
+    seconds: float  # duration
     best: float = field(init=False)  # the largest fitness
 
     def __post_init__(self) -> None:
-        # Looked at for every generation after every other one.
+        # Stored, because it is read for all generations after each one.
         object.__setattr__(self, "best", float(self.fitness.max()))
 
     @property
     def fabricable_share(self) -> float:
-        """Share of the points that are designs without a penalty."""
+        """Share of the points with a valid design without penalty."""
         return float(((self.penalty == 0.0) & np.isfinite(self.composite)).mean())
 
     @property
     def has_designs(self) -> bool:
-        """Whether any point is a design."""
+        """Whether any point has a valid design."""
         return bool(np.isfinite(self.composite).any())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """What a user sees while a run goes on."""
+    """The progress of a run, for its user."""
 
-    # generation, generations: how many are done, and how many there are at most
-    generation: int
-    generations: int
+    generation: int  # number of generations done
+    generations: int  # number of generations at most
     best: float  # best fitness of the run so far
-    # mean, spread: mean and standard deviation of the composite scores of this generation's designs
-    mean: float
-    spread: float
-    fabricable_share: float  # share of this generation's designs that can be made
-    # elapsed_s, left_s: time spent by all sessions together; time that the rest will take at this
-    # pace
-    elapsed_s: float
-    left_s: float
+    mean: float  # of the composite scores of this generation's designs
+    spread: float  # their standard deviation
+    fabricable_share: float  # share of this generation's points with a manufacturable design
+    elapsed_s: float  # of all sessions together
+    left_s: float  # for the rest, at this pace
 
 
 _PACKAGES = ("cmaes", "numba", "numpy", "pymoo", "pyswarms", "scipy", "shapely")
@@ -72,27 +74,25 @@ class Finalist:
     """One of the best designs of a run, evaluated again on fresh poses."""
 
     x: Floats  # its point, shape (d,)
-    design: Design  # the design
-    score: Score  # its score on the fresh poses
-    penalty: float  # its penalty; 0 in a run that does not ask for designs that can be made
-    fitness: float  # its fitness on the fresh poses; finalists are ordered by it
+    design: Design
+    score: Score  # on the fresh poses
+    penalty: float  # 0 in a run that does not check manufacturability
+    fitness: float  # on the fresh poses; finalists are ordered by it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunResult:
-    """What a run found."""
+    """The result of a run."""
 
-    run_id: str  # name of the run: the same for the same settings and maps
+    run_id: str  # the same for the same settings and maps
     best: Design  # the winner, with its origin
     finalists: tuple[Finalist, ...]  # best first; the winner is the first
     history: tuple[Generation, ...]  # every generation
     stopped: str  # why it stopped: ``generations``, ``evaluations``, ``stall`` or ``wall_time``
-    times: TimeSplit = field(default_factory=TimeSplit)  # where the time of this session went
-    asked: bool = True  # whether the run asked for designs that can be made
-    # what was done because no design of the search could be made, in words; else empty
-    repair: str = ""
-    # packages that have another version now than when the run began, in words
-    drift: tuple[str, ...] = ()
+    times: TimeSplit = field(default_factory=TimeSplit)  # of this session
+    checked: bool = True  # whether manufacturability was checked
+    repair: str = ""  # message on the feasibility repair; empty where none was needed
+    drift: tuple[str, ...] = ()  # packages with other versions than when the run began
 
     @property
     def score(self) -> Score:
@@ -101,17 +101,17 @@ class RunResult:
 
     @property
     def fabricable(self) -> bool:
-        """Whether the winner has no penalty; always so in a run that did not ask."""
+        """Whether the winner has no penalty; always true where manufacturability is not checked."""
         return self.finalists[0].penalty == 0.0
 
     @property
     def evaluations(self) -> int:
-        """How many designs the search evaluated."""
+        """Number of designs that the search evaluated."""
         return sum(len(generation.fitness) for generation in self.history)
 
 
 def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
-    """Return the versions of everything that a run's numbers depend on."""
+    """Return the versions of all packages that a run's numbers depend on."""
     versions = {"vinefab": __version__, "python": platform.python_version()}
     versions |= {name: version(name) for name in _PACKAGES}
     for name in others:
@@ -126,9 +126,9 @@ def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
 def with_origin(
     finalist: Finalist, settings: RunSettings, run_id: str, versions: Mapping[str, str]
 ) -> Design:
-    """Return a finalist's design with a name and where it comes from.
+    """Return a finalist's design with its name and origin.
 
-    No times: the same run gives the same bytes.
+    The origin holds no times: the same run gives the same bytes.
     """
     origin: dict[str, object] = {
         "run": run_id,
@@ -143,3 +143,101 @@ def with_origin(
         "versions": ", ".join(f"{name} {number}" for name, number in sorted(versions.items())),
     }
     return replace(finalist.design, name=settings.name, origin=origin)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunIdentity:
+    """Everything that determines a run's result, as plain values."""
+
+    settings: Mapping[str, Any]
+    maps: tuple[str, ...]  # fingerprint of each map
+    versions: Mapping[str, str]  # of vinefab and the packages that it computes with
+
+    @classmethod
+    def of(
+        cls, settings: RunSettings, maps: Sequence[Map], penalty: Penalty | None = None
+    ) -> "RunIdentity":
+        """Return the identity of a run."""
+        plain = cast("dict[str, Any]", plain_settings(settings))
+        if is_dataclass(penalty):
+            plain["making"] = plain_settings(penalty)
+        return cls(
+            settings=plain,
+            maps=tuple(map_fingerprint(world) for world in maps),
+            versions=package_versions(plugin_packages(settings)),
+        )
+
+    @property
+    def run_id(self) -> str:
+        """Id of the run, 12 hexadecimal digits; independent of other packages' versions."""
+        return fingerprint(self._portable_settings, self.maps, self.versions["vinefab"])
+
+    @property
+    def _portable_settings(self) -> dict[str, Any]:
+        """The settings without the paths of map files; their content counts instead."""
+        maps = {key: value for key, value in self.settings["maps"].items() if key != "files"}
+        return {**self.settings, "maps": maps}
+
+    def drift(self, recorded: "RunIdentity") -> list[str]:
+        """Return the packages with other versions than a record, one message each."""
+        return [
+            f"{name} {recorded.versions.get(name, 'none')} then, {number} now"
+            for name, number in self.versions.items()
+            if recorded.versions.get(name) != number
+        ]
+
+    def differs_from(self, recorded: "RunIdentity") -> BadInputError | None:
+        """Return the error that keeps this run from resuming a record, or None."""
+        if self.versions["vinefab"] != recorded.versions["vinefab"]:
+            wanted = f"vinefab {recorded.versions['vinefab']}, which began the run"
+            return BadInputError("--resume", f"vinefab {self.versions['vinefab']}", wanted)
+        difference = first_difference(self._portable_settings, recorded._portable_settings)
+        if difference is not None:
+            key, mine, before = difference
+            return BadInputError(key, mine, f"{before!r}, with which the run began")
+        if self.maps != recorded.maps:
+            return BadInputError("maps", "other maps", "the maps with which the run began")
+        return None
+
+
+def plugin_packages(settings: RunSettings) -> list[str]:
+    """Return the plug-in packages of a run's task, optimizer and environment."""
+    environment = "" if settings.maps.files else settings.maps.environment
+    named: tuple[tuple[Registry[Any], str], ...] = (
+        (TASKS, settings.task.name),
+        (OPTIMIZERS, settings.optimizer.name),
+        (ENVIRONMENTS, environment),
+    )
+    # A look-up of a name makes the registry load plug-ins.
+    packages = {parts.packages.get(name, "") for parts, name in named if name in parts}
+    return sorted(packages - {""})
+
+
+def map_fingerprint(world: Map) -> str:
+    """Return the fingerprint of a map's name, bounds, obstacles and starts."""
+    starts = [asdict(start) for start in world.starts]
+    return fingerprint(
+        world.name,
+        world.bounds.wkb_hex,
+        [obstacle.wkb_hex for obstacle in world.obstacles],
+        starts,
+    )
+
+
+def first_difference(
+    one: object, other: object, path: str = ""
+) -> tuple[str, object, object] | None:
+    """Return the key at which two plain values first differ, and both values; or None.
+
+    Examples
+    --------
+    >>> first_difference({"a": {"b": 1, "c": 2}}, {"a": {"b": 1, "c": 3}})
+    ('a.c', 2, 3)
+    """
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        for key in sorted({*one, *other}):
+            inner = f"{path}.{key}" if path else str(key)
+            if found := first_difference(one.get(key), other.get(key), inner):
+                return found
+        return None
+    return None if one == other else (path, one, other)

@@ -1,59 +1,300 @@
-"""What the record of a run says, without the run file and without changing the record."""
+"""Reading the record of a run, and the serialized form of everything in it."""
 
+import base64
 import json
 import sqlite3
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from vinefab.core.errors import BadInputError, UnreadableFileError
-from vinefab.model.map import Map
-from vinefab.search.record.identity import RunIdentity
-from vinefab.search.record.record_reading import (
-    FILE_NAME,
-    damage_errors,
-    map_from_text,
-    read_finalists,
-    read_generations,
-    recorded_identity,
-    settings_from_plain,
+import numpy as np
+import shapely
+from shapely.errors import ShapelyError
+
+from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError, VinefabError
+from vinefab.core.validation import Floats
+from vinefab.growth.options import GrowthOptions
+from vinefab.model.design import Pouch
+from vinefab.model.map import Map, Pose, Start
+from vinefab.model.score import Evaluation, Score
+from vinefab.search.record.result import Finalist, Generation, RunIdentity, RunResult, with_origin
+from vinefab.search.settings import (
+    EvaluationSettings,
+    MapSettings,
+    PartSettings,
+    RunSettings,
+    SearchSettings,
 )
-from vinefab.search.record.result import Finalist, Generation, RunResult, with_origin
-from vinefab.search.record.timing import TimeSplit
-from vinefab.search.settings import RunSettings
-from vinefab.search.space import Space
+from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
+from vinefab.search.timing import TimeSplit
+from vinefab.tasks.evaluate import composite
+
+
+def to_blob(values: Floats) -> bytes:
+    """Return numbers as 64-bit little-endian floats, in order."""
+    return np.ascontiguousarray(values, dtype="<f8").tobytes()
+
+
+def from_blob(data: bytes, rows: int | None = None) -> Floats:
+    """Return the numbers of `to_blob`, shape (n,), or (rows, n / rows)."""
+    values = np.frombuffer(data, dtype="<f8").astype(np.float64)
+    return values if rows is None else values.reshape(rows, -1)
+
+
+def state_to_text(state: Mapping[str, object]) -> str:
+    """Return an optimizer's state as JSON, arrays of floats as their bits."""
+    plain = {
+        name: {"shape": value.shape, "bits": base64.b64encode(to_blob(value)).decode()}
+        if isinstance(value, np.ndarray)
+        else value
+        for name, value in state.items()
+    }
+    return json.dumps(plain, allow_nan=False)
+
+
+def state_from_text(text: str) -> dict[str, Any]:
+    """Return the state of `state_to_text`; all arrays are arrays of floats."""
+    return {
+        name: from_blob(base64.b64decode(value["bits"])).reshape(value["shape"])
+        if isinstance(value, dict)
+        else value
+        for name, value in json.loads(text).items()
+    }
+
+
+def score_to_text(score: Score) -> str:
+    """Return a score as JSON; floats read back the same."""
+    evaluations = [
+        {
+            "map": evaluation.map_name,
+            "pose": asdict(evaluation.pose),
+            "score": evaluation.score,
+            "terms": dict(evaluation.terms),
+        }
+        for evaluation in score.evaluations
+    ]
+    return json.dumps({"task": score.task, "evaluations": evaluations}, allow_nan=False)
+
+
+def score_from_text(text: str) -> Score:
+    """Return the score of `score_to_text`."""
+    record = json.loads(text)
+    evaluations = tuple(
+        Evaluation(
+            map_name=entry["map"],
+            pose=Pose(**entry["pose"]),
+            score=entry["score"],
+            terms=entry["terms"],
+        )
+        for entry in record["evaluations"]
+    )
+    return Score(
+        task=record["task"],
+        evaluations=evaluations,
+        composite=composite([evaluation.score for evaluation in evaluations]),
+    )
+
+
+def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
+    """Return the settings of `vinefab.search.settings.plain_settings`."""
+    maps = dict(record["maps"])
+    maps["files"] = tuple(Path(name) for name in maps["files"])
+    return RunSettings(
+        name=record["name"],
+        maps=MapSettings(**maps),
+        task=PartSettings(**record["task"]),
+        space=_space(record["space"]),
+        build=_build(record["build"]),
+        growth=GrowthOptions(**record["growth"]),
+        optimizer=PartSettings(**record["optimizer"]),
+        search=SearchSettings(**record["search"]),
+        evaluation=EvaluationSettings(**record["evaluation"]),
+        objectives=tuple(record.get("objectives", ())),
+    )
+
+
+def _build(record: Mapping[str, Any]) -> BuildSettings:
+    given = dict(record)
+    pouch = given.pop("pouch", None)
+    return BuildSettings(pouch=None if pouch is None else Pouch(**pouch), **given)
+
+
+def _space(record: Mapping[str, Any]) -> SpaceSettings:
+    ranges = {name: Bounds(**ends) for name, ends in record.items() if name != "by_level"}
+    by_level = {
+        int(level): {name: Bounds(**ends) for name, ends in table.items()}
+        for level, table in record["by_level"].items()
+    }
+    return SpaceSettings(by_level=by_level, **ranges)
+
+
+def map_to_text(world: Map) -> str:
+    """Return a map as JSON, coordinates as their bits."""
+    record = {
+        "name": world.name,
+        "bounds": world.bounds.wkb_hex,
+        "obstacles": [obstacle.wkb_hex for obstacle in world.obstacles],
+        "starts": [asdict(start) for start in world.starts],
+        "environment": world.environment,
+        "seed": world.seed,
+    }
+    return json.dumps(record)
+
+
+def map_from_text(text: str) -> Map:
+    """Return the map of `map_to_text`, without its ``facts``."""
+    record = json.loads(text)
+    starts = [dict(start) for start in record["starts"]]
+    return Map(
+        name=record["name"],
+        bounds=shapely.from_wkb(record["bounds"]),
+        obstacles=tuple(shapely.from_wkb(wkb) for wkb in record["obstacles"]),
+        starts=tuple(Start(pose=Pose(**start.pop("pose")), **start) for start in starts),
+        environment=record["environment"],
+        seed=record["seed"],
+    )
+
+
+RECORD_FILE = "run.sqlite"
+RECORD_SCHEMA = "vinefab/run-store-2"
+
+
+def recorded_identity(entries: Mapping[str, str], path: Path) -> RunIdentity:
+    """Return the identity of the run in a record."""
+    if entries.get("schema") != RECORD_SCHEMA:
+        raise UnreadableFileError(
+            path, f"has schema {entries.get('schema')}; this vinefab reads {RECORD_SCHEMA}"
+        )
+    return RunIdentity(
+        settings=json.loads(entries["settings"]),
+        maps=tuple(json.loads(entries["maps"])),
+        versions=json.loads(entries["versions"]),
+    )
+
+
+def read_generations(connection: sqlite3.Connection) -> list[Generation]:
+    """Return every generation recorded, in order."""
+    rows = connection.execute(
+        "SELECT number, x, fitness, composite, penalty, seconds FROM generation ORDER BY 1"
+    ).fetchall()
+    return [_generation(connection, row) for row in rows]
+
+
+def _generation(connection: sqlite3.Connection, row: tuple[Any, ...]) -> Generation:
+    number, x, fitness, composite, penalty, seconds = row
+    terms = connection.execute(
+        "SELECT name, value FROM term WHERE generation = ? ORDER BY rowid", (number,)
+    ).fetchall()
+    return Generation(
+        number=number,
+        x=from_blob(x, rows=len(from_blob(fitness))),
+        fitness=from_blob(fitness),
+        composite=from_blob(composite),
+        penalty=from_blob(penalty),
+        terms={name: from_blob(value) for name, value in terms},
+        seconds=seconds,
+    )
+
+
+def read_finalists(connection: sqlite3.Connection, space: Space) -> tuple[Finalist, ...]:
+    """Return the finalists of a run that has ended, best first; none before."""
+    rows = connection.execute(
+        "SELECT x, penalty, fitness, score FROM finalist ORDER BY place"
+    ).fetchall()
+    return tuple(
+        Finalist(
+            x=from_blob(x),
+            design=space.design(from_blob(x)),
+            score=score_from_text(score),
+            penalty=penalty,
+            fitness=fitness,
+        )
+        for x, penalty, fitness, score in rows
+    )
+
+
+@contextmanager
+def system_errors(path: Path) -> Iterator[None]:
+    """Turn errors of SQLite and the system into errors of vinefab."""
+    try:
+        yield
+    except VinefabError:
+        raise
+    except sqlite3.IntegrityError as error:
+        problem = BUSY
+        raise CannotWriteError(path, problem) from error
+    except sqlite3.OperationalError as error:
+        raise CannotWriteError(path, str(error)) from error
+    except sqlite3.DatabaseError as error:
+        raise UnreadableFileError(path, str(error)) from error
+    except UnicodeDecodeError as error:  # SQLite quotes damaged bytes
+        raise UnreadableFileError(path, f"is damaged or no record ({error})") from error
+    except OSError as error:
+        raise CannotWriteError(path, error.strerror or str(error)) from error
+
+
+BUSY = "another process is working on the same run"
+
+_DAMAGE = (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, ShapelyError)
+"""Errors that decoding damaged text and numbers can raise."""
+
+
+@contextmanager
+def damage_errors(path: Path) -> Iterator[None]:
+    """Turn errors while a record is read into one that says that it is damaged."""
+    try:
+        yield
+    except (sqlite3.Error, *_DAMAGE) as error:
+        reason = " ".join(str(error).split())[:80]
+        raise UnreadableFileError(path, f"is damaged or no record ({reason})") from error
+    except OSError as error:
+        if isinstance(error, VinefabError):
+            raise
+        raise UnreadableFileError(path, error.strerror or str(error)) from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Session:
-    """One time that a run was worked on."""
+    """One session of a run."""
 
-    began_utc: str  # when, as ISO 8601
-    times: TimeSplit  # where its time went
+    began_utc: str  # ISO 8601
+    times: TimeSplit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunArchive:
-    """A record, read."""
+    """The content of a record.
 
-    path: Path  # the file
-    # identity, settings: what it is of
+    Examples
+    --------
+    >>> RunArchive.read(Path("run/run.sqlite")).result().best  # doctest: +SKIP
+    """
+
+    path: Path
     identity: RunIdentity
     settings: RunSettings
     maps: tuple[Map, ...]  # the training maps
     history: tuple[Generation, ...]  # every generation
-    finalists: tuple[Finalist, ...]  # best first; none before the run has ended
-    stopped: str  # why it stopped; an empty string before it has
+    finalists: tuple[Finalist, ...]  # best first; empty before the run has ended
+    stopped: str  # why it stopped; empty before it has
     sessions: tuple[Session, ...]  # in order
-    repair: str = ""  # what was done because no design of the search could be made, in words
+    repair: str = ""  # message on the feasibility repair
 
     @classmethod
     def read(cls, path: Path) -> "RunArchive":
-        """Return what a record says; the run may be going on meanwhile."""
+        """Read a record; the run may still be in progress.
+
+        Raises
+        ------
+        UnreadableFileError
+            Where there is no record, or a damaged one.
+        """
         if not path.is_file():
             raise UnreadableFileError(path, "there is no such file")
         with damage_errors(path):
-            # A read-only connection may still have to make the files that WAL lives in.
+            # Not read-only: even a reader may have to create the WAL files.
             connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True)
             try:
                 return cls._from(connection, path)
@@ -65,8 +306,8 @@ class RunArchive:
         tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
         if "run" not in tables:
             raise UnreadableFileError(path, "is not the record of a run")
-        kept = dict(connection.execute("SELECT key, value FROM run").fetchall())
-        identity = recorded_identity(kept, path)
+        entries = dict(connection.execute("SELECT key, value FROM run").fetchall())
+        identity = recorded_identity(entries, path)
         settings = settings_from_plain(identity.settings)
         maps = connection.execute("SELECT content FROM map ORDER BY place").fetchall()
         sessions = connection.execute("SELECT began_utc, seconds FROM session ORDER BY number")
@@ -78,19 +319,19 @@ class RunArchive:
             maps=tuple(map_from_text(text) for (text,) in maps),
             history=tuple(read_generations(connection)),
             finalists=read_finalists(connection, space),
-            stopped=kept.get("stopped", ""),
+            stopped=entries.get("stopped", ""),
             sessions=tuple(_session(*row) for row in sessions),
-            repair=kept.get("repair", ""),
+            repair=entries.get("repair", ""),
         )
 
     @property
     def best_so_far(self) -> float | None:
-        """The best fitness of all generations; None before the first."""
+        """Best fitness of all generations; None before the first."""
         best = [generation.best for generation in self.history]
         return max(best) if best else None
 
     def result(self) -> RunResult:
-        """Return what the run ended with."""
+        """Return the result of a run that has ended."""
         if not self.finalists:
             raise BadInputError(str(self.path), "a run that has not ended", "one that has")
         run_id = self.identity.run_id
@@ -101,7 +342,7 @@ class RunArchive:
             history=self.history,
             stopped=self.stopped,
             times=self.sessions[-1].times,
-            asked=self.settings.evaluation.fabricable,
+            checked=self.settings.evaluation.fabricable,
             repair=self.repair,
         )
 
@@ -111,14 +352,14 @@ def _session(began_utc: str, seconds: str) -> Session:
 
 
 def records_in(folder: Path) -> list[Path]:
-    """Return the records in a folder, in it directly or anywhere below, in order."""
+    """Return the paths of all records in a folder and below, in order."""
     if not folder.is_dir():
         raise UnreadableFileError(folder, "there is no such folder")
-    return sorted(folder.rglob(FILE_NAME))
+    return sorted(folder.rglob(RECORD_FILE))
 
 
 def plain_summary(archive: RunArchive) -> dict[str, Any]:
-    """Return a record in a few plain values."""
+    """Return the summary of a record as plain values."""
     settings, history = archive.settings, archive.history
     winner = archive.finalists[0] if archive.finalists else None
     return {

@@ -1,22 +1,29 @@
-"""The record of a run: one SQLite file that is whole after a crash at any moment."""
+"""Writing the record of a run: one SQLite file, consistent after a crash at any moment."""
 
 import json
+import math
 import os
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import deepcopy
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from vinefab.core.atomic import folder_to_fill
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.lock import lock_folder
 from vinefab.model.map import Map
-from vinefab.search.record.identity import RunIdentity
-from vinefab.search.record.record_reading import (
-    FILE_NAME,
-    SCHEMA,
+from vinefab.search.record.result import Finalist, Generation, Progress, RunIdentity
+from vinefab.search.record.run_archive import (
+    BUSY,
+    RECORD_FILE,
+    RECORD_SCHEMA,
     damage_errors,
     map_to_text,
     read_finalists,
@@ -28,11 +35,11 @@ from vinefab.search.record.record_reading import (
     system_errors,
     to_blob,
 )
-from vinefab.search.record.result import Finalist, Generation
-from vinefab.search.record.timing import TimeSplit
+from vinefab.search.settings import SearchSettings
 from vinefab.search.space import Space
+from vinefab.search.timing import Ledger, TimeSplit
 
-# SQLite keeps these texts in the file's first page: the mark in them makes the file known as ours.
+# SQLite stores these texts in the first page of the file, where the mark identifies it as ours.
 _TABLES = (
     f"CREATE TABLE run (/* {GENERATOR} */ key TEXT PRIMARY KEY, value TEXT NOT NULL)",
     "CREATE TABLE map (place INTEGER PRIMARY KEY, content TEXT NOT NULL)",
@@ -48,19 +55,16 @@ _TABLES = (
 )
 
 
-BUSY = "another process is going on with the same run"
-
-
 class RunStore:
-    """One run's record, open for reading and writing.
+    """A run's record, open for reading and writing.
 
-    Every generation is one transaction, together with the optimizer's state after it: whatever
-    happens, the file holds whole generations and the state to go on from.
+    Every generation is one transaction, together with the optimizer's state after it: after any
+    crash the file holds complete generations and the state to resume from.
 
     Attributes
     ----------
     drift
-        Packages that have another version now than when the run began, in words.
+        Packages with other versions than when the run began, one message each.
     """
 
     def __init__(self, path: Path, connection: sqlite3.Connection, identity: RunIdentity) -> None:
@@ -69,7 +73,7 @@ class RunStore:
         self.drift: tuple[str, ...] = ()
         self._connection = connection
         self._session = 0
-        self._held: int | None = None
+        self._lock: int | None = None
         self._is_new = False
 
     @classmethod
@@ -81,25 +85,33 @@ class RunStore:
         maps: Sequence[Map] = (),
         resume: bool = False,
     ) -> "RunStore":
-        """Open the record in a folder, a new one unless there is one to resume."""
-        path = folder / FILE_NAME
+        """Open the record in a folder, or begin a new one.
+
+        Raises
+        ------
+        BadInputError
+            Where a record is there and is not to be resumed, or is of another run.
+        CannotWriteError
+            Where it cannot be written, or another process has it open.
+        """
+        path = folder / RECORD_FILE
         if path.exists() and not resume:
             raise BadInputError("--out", str(folder), "a folder without a run, or --resume")
         with folder_to_fill(folder):
-            held = lock_folder(folder, BUSY)
+            lock = lock_folder(folder, BUSY)
             is_new = not path.exists()
             try:
                 with system_errors(path):
                     connection = sqlite3.connect(path, isolation_level=None)
                 store = cls(path, connection, identity)
-                store._held, store._is_new = held, is_new
+                store._lock, store._is_new = lock, is_new
             except BaseException:
-                _let_go(held)
+                _unlock(lock)
                 raise
             try:
                 store._begin(maps)
             except BaseException:
-                store._leave(remove=is_new)
+                store._close(remove=is_new)
                 raise
         return store
 
@@ -110,7 +122,7 @@ class RunStore:
 
     @property
     def recorded(self) -> int:
-        """How many generations are recorded."""
+        """Number of generations recorded."""
         with system_errors(self.path):
             row = self._connection.execute("SELECT count(*) FROM generation").fetchone()
         return int(row[0])
@@ -142,7 +154,7 @@ class RunStore:
                 "INSERT OR REPLACE INTO optimizer VALUES (1, ?)",
                 (state_to_text(state),),
             )
-            self._note(times)
+            self._record_times(times)
 
     def finish(
         self,
@@ -151,7 +163,7 @@ class RunStore:
         times: TimeSplit | None = None,
         repair: str = "",
     ) -> None:
-        """Record how the run ended; doing so again changes nothing."""
+        """Record the end of the run; recording it again changes nothing."""
         rows = [
             (place, to_blob(f.x), f.penalty, f.fitness, score_to_text(f.score))
             for place, f in enumerate(finalists)
@@ -159,9 +171,9 @@ class RunStore:
         with self._transaction() as connection:
             connection.execute("DELETE FROM finalist")
             connection.executemany("INSERT INTO finalist VALUES (?, ?, ?, ?, ?)", rows)
-            words = [("stopped", stopped), *([("repair", repair)] if repair else [])]
-            connection.executemany("INSERT OR REPLACE INTO run VALUES (?, ?)", words)
-            self._note(times)
+            entries = [("stopped", stopped), *([("repair", repair)] if repair else [])]
+            connection.executemany("INSERT OR REPLACE INTO run VALUES (?, ?)", entries)
+            self._record_times(times)
 
     def finalists(self, space: Space) -> tuple[Finalist, ...]:
         """Return the finalists of a run that has ended, best first; none before."""
@@ -170,39 +182,39 @@ class RunStore:
 
     @property
     def repair(self) -> str:
-        """What was done because no design of the search could be made, in words."""
+        """Message on the feasibility repair; empty where none was needed."""
         with system_errors(self.path):
-            question = "SELECT value FROM run WHERE key = 'repair'"
-            row = self._connection.execute(question).fetchone()
+            query = "SELECT value FROM run WHERE key = 'repair'"
+            row = self._connection.execute(query).fetchone()
         return "" if row is None else str(row[0])
 
     def close(self) -> None:
         """Close the file."""
-        self._leave(remove=False)
+        self._close(remove=False)
 
     def __enter__(self) -> "RunStore":
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Close the file; one that was begun for a run that is refused goes away again."""
+        """Close the file; delete it if it was created for a run that is refused."""
         refused = kind is not None and issubclass(kind, BadInputError | UnknownNameError)
-        self._leave(remove=refused and self._is_new and not self._has_generations())
+        self._close(remove=refused and self._is_new and not self._has_generations())
 
     def _has_generations(self) -> bool:
         with system_errors(self.path):
             return self._connection.execute("SELECT 1 FROM generation").fetchone() is not None
 
-    def _leave(self, *, remove: bool) -> None:
+    def _close(self, *, remove: bool) -> None:
         try:
             self._connection.close()
             if remove:
                 for ending in ("", "-wal", "-shm"):
-                    self.path.with_name(f"{FILE_NAME}{ending}").unlink(missing_ok=True)
+                    self.path.with_name(f"{RECORD_FILE}{ending}").unlink(missing_ok=True)
         finally:
-            _let_go(self._held)
-            self._held = None
+            _unlock(self._lock)
+            self._lock = None
 
-    def _note(self, times: TimeSplit | None) -> None:
+    def _record_times(self, times: TimeSplit | None) -> None:
         if times is not None:
             self._connection.execute(
                 "UPDATE session SET seconds = ? WHERE number = ?",
@@ -210,11 +222,11 @@ class RunStore:
             )
 
     def _begin(self, maps: Sequence[Map]) -> None:
-        """Make the tables, or check those that are there; record the session."""
+        """Create the tables, or compare those that exist with the run; record the session."""
         with system_errors(self.path):
             self._connection.execute("PRAGMA journal_mode = WAL")
-            # In WAL mode only a power cut, not a kill, can then cost the last generations, and
-            # nothing but them; waiting for the disk would take longer than many generations.
+            # In WAL mode a power cut, not a kill, can then lose the last generations and nothing
+            # else; waiting for the disk would take longer than many generations.
             self._connection.execute("PRAGMA synchronous = NORMAL")
         with damage_errors(self.path):
             names = self._connection.execute("SELECT name FROM sqlite_master").fetchall()
@@ -226,13 +238,13 @@ class RunStore:
         if names:
             self._compare()
         with self._transaction() as connection:
-            made = connection.execute(
+            session = connection.execute(
                 "INSERT INTO session (began_utc, versions, seconds) VALUES (?, ?, ?)", row
             )
-            self._session = made.lastrowid or 0
+            self._session = session.lastrowid or 0
 
     def _create(self, maps: Sequence[Map]) -> None:
-        record = {"schema": SCHEMA, "run_id": self.identity.run_id, **self._identity_texts()}
+        record = {"schema": RECORD_SCHEMA, "run_id": self.identity.run_id, **self._identity_texts()}
         with self._transaction() as connection:
             for table in _TABLES:
                 connection.execute(table)
@@ -240,7 +252,7 @@ class RunStore:
             texts = enumerate(map(map_to_text, maps))
             connection.executemany("INSERT INTO map VALUES (?, ?)", texts)
         with system_errors(self.path):
-            # Into the file itself, so that it is known as ours while the run goes on.
+            # Into the file itself, so that it is recognized as ours during the run.
             self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
     def _identity_texts(self) -> dict[str, str]:
@@ -253,14 +265,14 @@ class RunStore:
         return {key: json.dumps(value, sort_keys=True) for key, value in parts.items()}
 
     def _compare(self) -> None:
-        """Raise unless the record is of this very run."""
+        """Raise unless the record is of this run."""
         with damage_errors(self.path):
-            kept = dict(self._connection.execute("SELECT key, value FROM run").fetchall())
-            recorded = recorded_identity(kept, self.path)
+            entries = dict(self._connection.execute("SELECT key, value FROM run").fetchall())
+            recorded = recorded_identity(entries, self.path)
         if problem := self.identity.differs_from(recorded):
             raise problem.at(self.path)
         self.drift = tuple(self.identity.drift(recorded))
-        # What the winner is said to come from is what the run began with.
+        # The winner's origin names the versions with which the run began.
         self.identity = recorded
 
     @contextmanager
@@ -268,17 +280,127 @@ class RunStore:
         """All or nothing."""
         with system_errors(self.path):
             try:
-                # In here: an interrupt comes when it is done, and would leave it open.
+                # Within the try: an interrupt right after it must roll it back.
                 self._connection.execute("BEGIN IMMEDIATE")
                 yield self._connection
                 self._connection.execute("COMMIT")
             except BaseException:
-                # A full disk makes SQLite roll back by itself.
+                # On a full disk SQLite rolls back by itself.
                 if self._connection.in_transaction:
                     self._connection.execute("ROLLBACK")
                 raise
 
 
-def _let_go(held: int | None) -> None:
-    if held is not None:
-        os.close(held)
+def _unlock(lock: int | None) -> None:
+    if lock is not None:
+        os.close(lock)
+
+
+PAUSE_S = 0.25
+"""Generations within this time are recorded together: the most that a kill can lose."""
+
+
+class Recorder:
+    """Records generations and reports progress, each while the next one is evaluated."""
+
+    def __init__(
+        self,
+        store: RunStore | None,
+        progress: Callable[[Progress], None] | None,
+        search: SearchSettings,
+        ledger: Ledger,
+    ) -> None:
+        self._store, self._progress, self._search, self._ledger = store, progress, search, ledger
+        self._unreported: Sequence[Generation] | None = None
+        self._pending = _PendingGenerations((), {})
+        self._written_s = -math.inf
+        self._totals = _RunningTotals(0, -math.inf, 0.0)
+
+    def __enter__(self) -> "Recorder":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Record pending generations, also after an error."""
+        if kind is KeyboardInterrupt and self._store is not None:
+            # It may have come during recording, or just after.
+            self._pending = self._pending.after(self._store.recorded)
+        self._write()
+        if kind is None:
+            self._report_last()
+
+    def note(self, history: Sequence[Generation], state: Mapping[str, object]) -> None:
+        """Hold the last generation, and the state after it, to be recorded."""
+        # Copied, because an optimizer may reuse the arrays that it returns.
+        copied = {
+            name: value.copy() if isinstance(value, np.ndarray) else deepcopy(value)
+            for name, value in state.items()
+        }
+        # In one assignment: an interrupt must not leave a generation with the state before it.
+        self._pending = _PendingGenerations((*self._pending.generations, history[-1]), copied)
+        self._unreported = history
+
+    def write(self) -> None:
+        """Report the last generation; record pending ones unless that was just done."""
+        if time.monotonic() - self._written_s >= PAUSE_S:
+            self._write()
+        self._report_last()
+
+    def _report_last(self) -> None:
+        history, self._unreported = self._unreported, None
+        if history is not None and self._progress is not None:
+            with self._ledger.spending("store"):
+                self._totals = self._totals.after(history)
+                self._progress(self._totals.progress(history[-1], self._search))
+
+    def _write(self) -> None:
+        generations, state = self._pending
+        if generations and self._store is not None:
+            with self._ledger.spending("store"):
+                self._store.add(generations, state, self._ledger.split())
+        # Only now: an interrupt above leaves them pending.
+        self._pending = _PendingGenerations((), state)
+        self._written_s = time.monotonic()
+
+
+class _PendingGenerations(NamedTuple):
+    """Generations to be recorded."""
+
+    generations: tuple[Generation, ...]  # in order
+    state: Mapping[str, object]  # the optimizer's state after the last one
+
+    def after(self, count: int) -> "_PendingGenerations":
+        """Return the same without the generations before a number."""
+        return _PendingGenerations(
+            tuple(g for g in self.generations if g.number >= count), self.state
+        )
+
+
+class _RunningTotals(NamedTuple):
+    """The totals of a run so far."""
+
+    generations: int
+    best: float  # best fitness
+    elapsed_s: float
+
+    def after(self, history: Sequence[Generation]) -> "_RunningTotals":
+        """Return the totals after more generations."""
+        new = history[self.generations :]
+        return _RunningTotals(
+            len(history),
+            max([self.best, *(generation.best for generation in new)]),
+            self.elapsed_s + sum(generation.seconds for generation in new),
+        )
+
+    def progress(self, last: Generation, search: SearchSettings) -> Progress:
+        """Return the progress after the last generation."""
+        designs = last.composite[np.isfinite(last.composite)]
+        return Progress(
+            generation=self.generations,
+            generations=search.generations,
+            best=self.best,
+            mean=float(designs.mean()) if len(designs) else 0.0,
+            spread=float(designs.std()) if len(designs) else 0.0,
+            fabricable_share=last.fabricable_share,
+            elapsed_s=self.elapsed_s,
+            left_s=self.elapsed_s / self.generations * (search.generations - self.generations),
+        )

@@ -18,7 +18,6 @@ from vinefab.growth.terrain import Terrain
 from vinefab.maps.poses import draw_poses
 from vinefab.model.map import Pose
 from vinefab.model.tree import branch_tree
-from vinefab.search.record.timing import TimeSplit
 from vinefab.search.run import run_search
 from vinefab.search.settings import (
     EvaluationSettings,
@@ -27,6 +26,7 @@ from vinefab.search.settings import (
     RunSettings,
     SearchSettings,
 )
+from vinefab.search.timing import TimeSplit
 from vinefab.studies.benchmark.bench_cases import (
     OPTIONS,
     batch_on,
@@ -316,7 +316,7 @@ def bench_lines(result: BenchmarkResult) -> list[str]:
         ),
         "",
         f"a search of the paper's size, {DESIGNS} designs a generation on {MAPS} Grid maps:",
-        *(f"{name:<14} {split.words}" for name, split in result.searches.items()),
+        *(f"{name:<14} {split.summary}" for name, split in result.searches.items()),
     ]
 
 

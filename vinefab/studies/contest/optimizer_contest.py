@@ -17,7 +17,7 @@ from vinefab.core.jsontext import GENERATOR
 from vinefab.core.validation import whole
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.search.loop import Search
-from vinefab.search.record.identity import RunIdentity
+from vinefab.search.record.result import RunIdentity
 from vinefab.search.run import environment_options, generated_maps, penalty_of
 from vinefab.search.settings import PartSettings, RunSettings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vinefab.core.errors import BadInputError
-from vinefab.search.axes import SearchAxes
+from vinefab.search.optimizers.optimizer import SearchAxes
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
 
 SPACES = [
@@ -20,9 +20,9 @@ SPACES = [
 @given(seed=st.integers(0, 10_000))
 def test_points_settle_without_changing_their_design(space: Space, seed: int) -> None:
     x = np.random.default_rng(seed).random((4, len(space)))
-    settled = space.axes.settled(x)
+    settled = space.axes.canonical(x)
     assert [space.design(row) for row in settled] == [space.design(row) for row in x]
-    np.testing.assert_array_equal(space.axes.settled(settled), settled)
+    np.testing.assert_array_equal(space.axes.canonical(settled), settled)
 
 
 @pytest.mark.parametrize("space", SPACES)
@@ -40,7 +40,7 @@ def test_whole_numbers_have_equal_shares() -> None:
     axes = SearchAxes(choices=(3, 0), levels=(0, 0))
     x = np.array([[0.0, 0.3], [0.34, 0.3], [0.67, 0.3], [1.0, 0.3]])
     assert axes.indices(x)[:, 0].tolist() == [0, 1, 2, 2]
-    np.testing.assert_allclose(axes.settled(x)[:, 0], [1 / 6, 1 / 2, 5 / 6, 5 / 6])
+    np.testing.assert_allclose(axes.canonical(x)[:, 0], [1 / 6, 1 / 2, 5 / 6, 5 / 6])
 
 
 def test_axes_must_agree() -> None:

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
-from vinefab.search.axes import SearchAxes
-from vinefab.search.optimizers.optimizer import Optimizer
+from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS, make_optimizer_config
-from vinefab.search.record.record_reading import state_from_text, state_to_text
+from vinefab.search.record.run_archive import state_from_text, state_to_text
 
 TARGET = np.linspace(0.2, 0.8, 6)
 MIXED = SearchAxes(choices=(3, 0, 2, 4, 0, 0), levels=(0, 0, 2, 2, 3, 3), depth=0, least_depth=1)
@@ -68,7 +67,7 @@ def test_the_seed_decides_everything(part: tuple[str, dict[str, object]]) -> Non
     assert not same(steps(started(part), 1), steps(started(part, seed=5), 1))
 
 
-def test_a_restored_state_goes_on_bit_for_bit(part: tuple[str, dict[str, object]]) -> None:
+def test_a_restored_state_continues_bit_for_bit(part: tuple[str, dict[str, object]]) -> None:
     undisturbed = steps(started(part), 12)
     for stop in (0, 1, 5, 11):
         first = started(part)
@@ -96,7 +95,9 @@ def test_the_global_generator_is_neither_read_nor_moved(
 def test_every_optimizer_finds_what_random_search_misses(name: str) -> None:
     found = {}
     for each in (name, "random"):
-        optimizer = make_optimizer_config(each).start(SearchAxes.plain(6), population=12, seed=1)
+        optimizer = make_optimizer_config(each).start(
+            SearchAxes.continuous(6), population=12, seed=1
+        )
         found[each] = max(worth(x).max() for x in steps(optimizer, 60))
     assert found[name] > -5e-3
     assert found["random"] < -1e-2
@@ -130,9 +131,9 @@ def test_importing_pyswarms_leaves_logging_environment_and_folder_alone(tmp_path
     program = """
 import logging, os
 handlers, level = list(logging.getLogger().handlers), logging.getLogger().level
-from vinefab.search.axes import SearchAxes
+from vinefab.search.optimizers.optimizer import SearchAxes
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
-make_optimizer_config("pso").start(SearchAxes.plain(3), population=4, seed=1).ask()
+make_optimizer_config("pso").start(SearchAxes.continuous(3), population=4, seed=1).ask()
 assert logging.getLogger().handlers == handlers and logging.getLogger().level == level
 assert os.environ.get("LOG_CFG") == "mine"
 """

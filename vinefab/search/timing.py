@@ -1,4 +1,4 @@
-"""Where the time of a run goes."""
+"""How the time of a run is spent."""
 
 import time
 from collections.abc import Iterable, Iterator
@@ -10,51 +10,49 @@ from typing import NamedTuple
 class Work(NamedTuple):
     """Processor time that some evaluations took, s."""
 
-    # turning points into designs, and finding how far those are from being made
-    making_s: float = 0.0
+    making_s: float = 0.0  # building designs and computing their penalties
     growth_s: float = 0.0  # planning and growing
-    scoring_s: float = 0.0  # what the task thinks of the final states, and composing that
+    scoring_s: float = 0.0  # scoring final states
 
     @classmethod
     def total(cls, parts: Iterable["Work"]) -> "Work":
-        """Return the work of several parts together."""
+        """Return the sum of several parts."""
         return cls(*map(sum, zip(*parts, strict=True)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeSplit:
-    """Where the time of one session went, all in seconds."""
+    """How the time of one session was spent, all in seconds."""
 
-    workers: int = 1  # how many evaluated at once
-    # parts of the session's time: loading compiled code, evaluating points, asking and telling,
-    # recording while nobody evaluates, the rest
+    workers: int = 1  # number of workers that evaluated points
+    # parts of the session's time: loading compiled code, evaluating points, asking and telling the
+    # optimizer, recording while no point is evaluated, the rest
     loading_s: float = 0.0
     evaluating_s: float = 0.0
     optimizer_s: float = 0.0
     store_s: float = 0.0
     other_s: float = 0.0
-    beside_s: float = 0.0  # time of recording while others evaluate; it is part of ``evaluating_s``
-    # making_s, growth_s, scoring_s: processor time of all workers together while evaluating (see
-    # `Work`)
+    beside_s: float = 0.0  # recording in parallel with evaluating; part of ``evaluating_s``
+    # processor time of all workers together while evaluating, as in `Work`
     making_s: float = 0.0
     growth_s: float = 0.0
     scoring_s: float = 0.0
-    processor_s: float = 0.0  # processor time of this process for everything
+    processor_s: float = 0.0  # all processor time of this process
 
     @property
     def total_s(self) -> float:
-        """How long the session was."""
+        """Length of the session."""
         doing_s = self.evaluating_s + self.optimizer_s + self.store_s
         return self.loading_s + doing_s + self.other_s
 
     @property
     def shares(self) -> dict[str, float]:
-        """Shares of the session's time: what the loop did, and what the workers did meanwhile.
+        """Shares of the session's time, and of the workers' time while points were evaluated.
 
-        ``busy`` is the processor time of growing and scoring over that of all workers together
-        while points were evaluated; ``making`` is that of designs and their penalties. On a
-        computer that others use too, workers wait for processors and are less busy; ``useful`` is
-        the share of growing and scoring in the processor time that this process got.
+        ``busy`` is the processor time of growing and scoring over the time of all workers while
+        points were evaluated; ``making`` is that of designs and their penalties. On a computer
+        under other load, workers wait for processors and are less busy; ``useful`` is the share
+        of growing and scoring in the processor time that this process got.
         """
         total_s = max(self.total_s, 1e-9)
         room_s = max(self.workers * self.evaluating_s, 1e-9)
@@ -75,21 +73,21 @@ class TimeSplit:
 
     @classmethod
     def from_plain(cls, values: dict[str, float]) -> "TimeSplit":
-        """Return the split of `plain`; what it does not name is 0."""
+        """Return the split of `plain`; missing parts are 0."""
         known = {field.name for field in fields(cls)}
         return cls(**{key: value for key, value in values.items() if key in known})  # type: ignore[arg-type]
 
     @property
-    def words(self) -> str:
+    def summary(self) -> str:
         """The split as one line for the user."""
         shares = {name: f"{100 * share:.0f} %" for name, share in self.shares.items()}
-        who = "1 worker was" if self.workers == 1 else f"{self.workers} workers were"
+        workers = "1 worker" if self.workers == 1 else f"{self.workers} workers"
         return (
-            f"time: {self.total_s:.1f} s, of which loading compiled code {shares['loading']}, "
-            f"evaluating {shares['evaluating']}, optimizer {shares['optimizer']}, record "
-            f"{shares['store']} (and {shares['beside']} beside evaluating); while evaluating, "
-            f"{who} busy growing {shares['growth']}, scoring "
-            f"{shares['scoring']}, making designs {shares['making']}"
+            f"time: {self.total_s:.1f} s: loading compiled code {shares['loading']}, evaluating "
+            f"{shares['evaluating']}, optimizer {shares['optimizer']}, recording {shares['store']} "
+            f"(plus {shares['beside']} in parallel with evaluating); use of {workers} while "
+            f"evaluating: growth {shares['growth']}, scoring {shares['scoring']}, penalties "
+            f"{shares['making']}"
         )
 
     def plain(self) -> dict[str, float]:
@@ -98,7 +96,7 @@ class TimeSplit:
 
 
 class Ledger:
-    """Collects where time goes while a session runs."""
+    """Adds up how time is spent while a session runs."""
 
     def __init__(self, workers: int) -> None:
         self.workers = workers
@@ -119,8 +117,8 @@ class Ledger:
     def spending(self, part: str) -> Iterator[None]:
         """Count the time of a block as ``loading``, ``evaluating``, ``optimizer`` or ``store``.
 
-        What is done while others evaluate counts as ``beside``, but loading as loading: nobody
-        evaluates before that.
+        A block within evaluating counts as ``beside``, except loading: no point is evaluated
+        before it.
         """
         beside, began_s = self._is_evaluating, time.perf_counter()
         self._is_evaluating = beside or part == "evaluating"
@@ -136,11 +134,11 @@ class Ledger:
             self._spent_s[f"{part}_s"] += spent_s
 
     def add(self, work: Work) -> None:
-        """Count what workers did."""
+        """Count the work of workers."""
         self._work = Work.total((self._work, work))
 
     def split(self) -> TimeSplit:
-        """Return where the time has gone so far."""
+        """Return how the time has been spent so far."""
         total_s = time.perf_counter() - self._began_s
         spent_s = sum(self._spent_s.values()) - self._spent_s["beside_s"]
         other_s = max(0.0, total_s - spent_s)
@@ -155,12 +153,12 @@ class Ledger:
 
 
 class Stopwatch:
-    """Processor time of the thread that it is used in."""
+    """Measures the processor time of the current thread."""
 
     def __init__(self) -> None:
         self._mark_s = time.thread_time()
 
     def lap_s(self) -> float:
-        """Return the processor time since the last lap, or since the watch was made."""
+        """Return the processor time since the last lap, or since the start."""
         before_s, self._mark_s = self._mark_s, time.thread_time()
         return self._mark_s - before_s

@@ -22,6 +22,7 @@ from vinefab.fabrication.rules.penalty import excess_mm, fabrication_penalty, wi
 from vinefab.fabrication.rules.pressure_limits import BURST, RATING, WINDOW
 from vinefab.fabrication.rules.rule import ROUNDING, LimitChanges, Rule
 from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.spacing import capsules_of
 from vinefab.fabrication.rules.tree_and_base import CLAMP, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
 from vinefab.model.design import MOST_BRANCHES, Design

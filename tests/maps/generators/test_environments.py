@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.maps.generators.starts import start_zone
+from vinefab.maps.generators.generated_map import start_zone
 from vinefab.maps.poses import draw_poses
 from vinefab.model.map import Map
 
@@ -89,7 +89,7 @@ def test_default_maps_are_named_seeded_and_offer_poses(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_every_option_has_a_default_a_description_and_a_place_in_the_facts(name: str) -> None:
     options = ENVIRONMENTS[name].options
-    described = (options.__doc__ or "").split("Raises")[0]
+    described = "".join((kind.__doc__ or "").split("Raises")[0] for kind in options.__mro__)
     world = ENVIRONMENTS[name].make(0, options())
     for field in fields(options):
         assert isinstance(field.default, (int, float, str))

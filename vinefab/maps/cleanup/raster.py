@@ -14,7 +14,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, number, positive
 from vinefab.maps.cleanup.cell_walls import Mask, boundary_loops
 from vinefab.maps.cleanup.straighten import LEAST_TOLERANCE, Straightened, straighten
-from vinefab.maps.generators.starts import DECIMALS
+from vinefab.maps.generators.generated_map import rounded
 from vinefab.maps.poses import roomiest_start
 from vinefab.model.map import Map, Pose, Start
 
@@ -46,7 +46,7 @@ class GridPlacement:
 
         def place(points: Floats) -> Floats:
             moved = points @ rotation + np.array([self.x_mm, self.y_mm])
-            return np.asarray(np.round(moved, DECIMALS) + 0.0)
+            return rounded(moved)
 
         return shapely.transform(polygon, place)
 

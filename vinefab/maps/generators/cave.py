@@ -6,7 +6,7 @@ is vinefab's own.
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -16,12 +16,16 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, number, positive, whole
-from vinefab.maps.generators.starts import (
-    DECIMALS,
+from vinefab.maps.generators.generated_map import (
+    COORDINATE_GRID_MM,
+    StartOptions,
     box,
     canonical,
-    check_starts,
-    lower_starts,
+    check_seed,
+    check_shares,
+    directions,
+    generated_map,
+    signed_area_mm2,
     start_zone,
 )
 from vinefab.model.map import Map, Start
@@ -85,15 +89,14 @@ _DISC_POINTS = 20
 def chamber(middle_mm: Floats, radii_mm: Floats) -> Polygon:
     """Return a closed outline with a radius for each of evenly spaced directions."""
     angles = np.arange(len(radii_mm)) * 2.0 * math.pi / len(radii_mm)
-    round_mm = radii_mm[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
-    return Polygon(middle_mm + round_mm)
+    return Polygon(middle_mm + radii_mm[:, None] * directions(angles))
 
 
 def passage(path_mm: Floats, widths_mm: Floats) -> BaseGeometry:
-    """Return a tube along a path: discs as wide as asked at its points, joined by their hulls."""
+    """Return a tube along a path: discs of these widths at its points, joined by their hulls."""
     angles = np.arange(_DISC_POINTS) * 2.0 * math.pi / _DISC_POINTS
-    disc = np.column_stack([np.cos(angles), np.sin(angles)])
-    # A polygon around the disc, not in it: the passage is nowhere narrower than asked.
+    disc = directions(angles)
+    # A polygon around the disc, not in it: the passage is nowhere narrower than this.
     radii_mm = 0.5 * widths_mm / math.cos(math.pi / _DISC_POINTS)
     discs = path_mm[:, None] + radii_mm[:, None, None] * disc
     pairs = np.concatenate([discs[:-1], discs[1:]], axis=1)
@@ -104,26 +107,21 @@ def carved(
     parts: Sequence[BaseGeometry], room: Polygon, detail_mm: float, least_rock_mm2: float
 ) -> Polygon:
     """Return the cave that overlapping parts make together."""
-    grid_mm = 10.0**-DECIMALS
-    solid = shapely.union_all(np.array(parts), grid_size=grid_mm)
-    pieces = canonical(shapely.intersection(solid, room, grid_size=grid_mm))
+    solid = shapely.union_all(np.array(parts), grid_size=COORDINATE_GRID_MM)
+    pieces = canonical(shapely.intersection(solid, room, grid_size=COORDINATE_GRID_MM))
     outer, *holes = shapely.get_rings(max(pieces, key=lambda piece: piece.area))
     rings = [shapely.get_coordinates(ring)[:-1] for ring in (outer, *holes)]
     while True:
-        walls, *rocks = [_plainer(ring, detail_mm) for ring in rings]
-        cave = Polygon(walls, [rock for rock in rocks if _area(rock) >= least_rock_mm2])
+        walls, *rocks = [_simplified(ring, detail_mm) for ring in rings]
+        kept = [rock for rock in rocks if abs(signed_area_mm2(rock)) >= least_rock_mm2]
+        cave = Polygon(walls, kept)
         if cave.is_valid:
             return canonical(cave)[0]
         # Walls that nearly touch may cross when both move; with less detail lost they do not.
         detail_mm *= 0.5
 
 
-def _area(ring_mm: Floats) -> float:
-    x, y = ring_mm.T
-    return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
-
-
-def _plainer(ring_mm: Floats, detail_mm: float) -> Floats:
+def _simplified(ring_mm: Floats, detail_mm: float) -> Floats:
     """Return a ring with fewer corners, none of those left out farther than this from it.
 
     Douglas and Peucker's method on the two halves between the first corner and the one farthest
@@ -156,7 +154,7 @@ _STREAM = 1301
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CaveOptions:
+class CaveOptions(StartOptions):
     """What instances of one Cave environment have in common.
 
     Parameters
@@ -178,10 +176,6 @@ class CaveOptions:
         0: smooth walls; 1: radius and width vary by half.
     margin_mm
         Rock left between cave and bounds, above 0.
-    start_clearance_mm
-        Least distance from every possible starting position to the rock.
-    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
-        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
 
     Raises
     ------
@@ -199,18 +193,14 @@ class CaveOptions:
     wander: float = 0.5
     roughness: float = 0.5
     margin_mm: float = 10.0
-    start_clearance_mm: float = 15.0
     start_spread_x_mm: float = 5.0
-    start_spread_y_mm: float = 0.0
-    start_spread_heading_deg: float = 30.0
 
     def __post_init__(self) -> None:
         positive("size_mm", self.size_mm, 1e6)
         whole("chambers", self.chambers, 1, 200)
         self._check_range("chamber_radius", self.chamber_radius_min_mm, self.chamber_radius_max_mm)
         self._check_range("passage_width", self.passage_width_min_mm, self.passage_width_max_mm)
-        for name in ("loops", "wander", "roughness"):
-            number(name, getattr(self, name), 0.0, 1.0)
+        check_shares(self, "loops", "wander", "roughness")
         positive("margin_mm", self.margin_mm, self.size_mm)
         if self.reach_mm >= 0.25 * self.size_mm:
             raise BadInputError(
@@ -220,7 +210,7 @@ class CaveOptions:
             )
         number("passage_width_min_mm", self.passage_width_min_mm, 0.005 * self.size_mm, 1e6, "mm")
         room_mm = self.size_mm - 2.0 * self.floor_mm
-        check_starts(self, (room_mm, room_mm), 1, 0.5 * self.passage_width_min_mm)
+        self.check_starts((room_mm, room_mm), 0.5 * self.passage_width_min_mm)
 
     @property
     def reach_mm(self) -> float:
@@ -269,25 +259,24 @@ def cave_map(seed: int, options: CaveOptions | None = None) -> Map:
     'Polygon'
     """
     options = options or CaveOptions()
-    whole("seed", seed, 0, 2**63 - 1)
+    check_seed(seed)
     start = _start(options)
     cave = _cave(child(seed, _STREAM), options, start)
     bounds = box(options.size_mm, options.size_mm)
     rocks = [Polygon(bounds.exterior, [cave.exterior])]
     rocks += [Polygon(ring) for ring in cave.interiors]
-    return Map(
-        name=f"cave_{seed}",
+    return generated_map(
+        "cave",
+        seed,
+        options,
         bounds=bounds,
-        obstacles=tuple(canonical(rock)[0] for rock in rocks),
+        obstacles=[canonical(rock)[0] for rock in rocks],
         starts=(start,),
-        environment="cave",
-        seed=seed,
-        facts=asdict(options),
     )
 
 
 def _start(options: CaveOptions) -> Start:
-    (start,) = lower_starts(options, options.size_mm, 1, 0.5 * options.passage_width_min_mm)
+    (start,) = options.lower_starts(options.size_mm, 0.5 * options.passage_width_min_mm)
     raised = replace(start.pose, y_mm=start.pose.y_mm + options.floor_mm)
     return replace(start, pose=raised)
 
@@ -298,7 +287,8 @@ def _cave(rng: np.random.Generator, options: CaveOptions, start: Start) -> Polyg
     mouth = np.array([entry[0], np.clip(entry[1] + options.passage_width_max_mm, low, high)])
     middles = spread_points(rng, options.chambers, (low, high), mouth)
     entrance = start_zone(start).buffer(options.start_clearance_mm + 2.0 * options.detail_mm)
-    parts = [entrance, passage(_evenly(entry, mouth), _widths(rng, options, 8))]
+    to_mouth = entry + np.linspace(0.0, 1.0, 8)[:, None] * (mouth - entry)
+    parts = [entrance, passage(to_mouth, _widths(rng, options, 8))]
     parts += [_chamber(rng, options, middle) for middle in middles]
     for one, other in links(rng, middles, options.loops):
         path = _winding(rng, options, middles[one], middles[other])
@@ -331,10 +321,6 @@ def _winding(
     path = first_mm + share[:, None] * along + swing[:, None] * side
     near, far = options.reach_mm, options.size_mm - options.reach_mm
     return np.asarray(np.clip(path, near, far))
-
-
-def _evenly(first_mm: Floats, last_mm: Floats) -> Floats:
-    return np.asarray(first_mm + np.linspace(0.0, 1.0, 8)[:, None] * (last_mm - first_mm))
 
 
 def _waves(rng: np.random.Generator, count: int, turns: float) -> Floats:

@@ -1,7 +1,7 @@
 """The Corridors environment: a floor plan of halls, rooms and doors."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,16 @@ from shapely import Polygon
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.core.validation import number, positive, whole
-from vinefab.maps.generators.starts import DECIMALS, box, canonical, check_starts, lower_starts
+from vinefab.maps.generators.generated_map import (
+    COORDINATE_DECIMALS,
+    COORDINATE_GRID_MM,
+    StartOptions,
+    box,
+    canonical,
+    check_seed,
+    check_shares,
+    generated_map,
+)
 from vinefab.model.map import Map, Start
 
 _PLANS = 50
@@ -106,11 +115,11 @@ def _crossed(rng: np.random.Generator, part: Region, limits: FloorLimits) -> lis
         return None
     low, high = part.span(axis)
     turned = part._replace(way=axis)
-    second = round(at + inner_mm, DECIMALS)
+    second = round(at + inner_mm, COORDINATE_DECIMALS)
     return [
         turned.part(axis, low, at),
-        part.part(axis, round(at + wall_mm, DECIMALS), second)._replace(hall=True),
-        turned.part(axis, round(second + wall_mm, DECIMALS), high),
+        part.part(axis, round(at + wall_mm, COORDINATE_DECIMALS), second)._replace(hall=True),
+        turned.part(axis, round(second + wall_mm, COORDINATE_DECIMALS), high),
     ]
 
 
@@ -123,7 +132,7 @@ def _rooms(rng: np.random.Generator, part: Region, limits: FloorLimits) -> list[
         at = _wall_place(rng, part, axis, (0.0,), limits)
         if at is not None:
             low, high = part.span(axis)
-            after = round(at + limits.wall_mm, DECIMALS)
+            after = round(at + limits.wall_mm, COORDINATE_DECIMALS)
             halves = (part.part(axis, low, at), part.part(axis, after, high))
             return [room for half in halves for room in _rooms(rng, half, limits)]
     return [part]
@@ -153,7 +162,7 @@ def _wall_place(
         return None
     place = rng.random() * lengths.sum()
     index = min(int(np.searchsorted(np.cumsum(lengths), place)), len(pieces) - 1)
-    return round(pieces[index][0] + float(place - lengths[:index].sum()), DECIMALS)
+    return round(pieces[index][0] + float(place - lengths[:index].sum()), COORDINATE_DECIMALS)
 
 
 def _without(
@@ -260,8 +269,8 @@ def _door(
     rng: np.random.Generator, regions: Sequence[Region], border: _Border, rules: DoorRules
 ) -> Region:
     low, high = border.low + rules.wall_mm, border.high - rules.wall_mm - rules.door_mm
-    begin = round(low + rng.random() * max(0.0, high - low), DECIMALS)
-    return _opening(regions, border, begin, round(begin + rules.door_mm, DECIMALS))
+    begin = round(low + rng.random() * max(0.0, high - low), COORDINATE_DECIMALS)
+    return _opening(regions, border, begin, round(begin + rules.door_mm, COORDINATE_DECIMALS))
 
 
 def _opening(regions: Sequence[Region], border: _Border, low: float, high: float) -> Region:
@@ -274,12 +283,11 @@ def _opening(regions: Sequence[Region], border: _Border, low: float, high: float
 def walls_between(bounds: Polygon, free: Sequence[Region]) -> tuple[Polygon, ...]:
     """Return what is left of the bounds without some free regions.
 
-    All coordinates are on the grid of `DECIMALS`, where the result is exact.
+    All coordinates are on the grid of `COORDINATE_GRID_MM`, where the result is exact.
     """
     boxes = shapely.box(*np.array([region[:4] for region in free]).T)
-    grid_mm = 10.0**-DECIMALS
-    open_floor = shapely.union_all(boxes, grid_size=grid_mm)
-    return canonical(shapely.difference(bounds, open_floor, grid_size=grid_mm))
+    open_floor = shapely.union_all(boxes, grid_size=COORDINATE_GRID_MM)
+    return canonical(shapely.difference(bounds, open_floor, grid_size=COORDINATE_GRID_MM))
 
 
 _STREAM = 1601
@@ -287,7 +295,7 @@ _MOST_ROOMS = 2000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CorridorsOptions:
+class CorridorsOptions(StartOptions):
     """What instances of one Corridors environment have in common.
 
     Parameters
@@ -313,8 +321,6 @@ class CorridorsOptions:
     start_clearance_mm
         Least distance from every possible starting position to walls. The start is at the lower
         end of the first hall; without halls, in the middle of the lower side.
-    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
-        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
 
     Raises
     ------
@@ -331,10 +337,7 @@ class CorridorsOptions:
     wall_mm: float = 6.0
     door_mm: float = 26.0
     loops: float = 0.15
-    start_clearance_mm: float = 15.0
     start_spread_x_mm: float = 5.0
-    start_spread_y_mm: float = 0.0
-    start_spread_heading_deg: float = 30.0
 
     def __post_init__(self) -> None:
         positive("width_mm", self.width_mm, 1e6)
@@ -342,7 +345,7 @@ class CorridorsOptions:
         whole("halls", self.halls, 0, 100)
         positive("wall_mm", self.wall_mm, self.width_mm)
         positive("door_mm", self.door_mm, self.width_mm)
-        number("loops", self.loops, 0.0, 1.0)
+        check_shares(self, "loops")
         number("hall_width_mm", self.hall_width_mm, self.door_wall_mm, self.width_mm, "mm")
         # So that half of any room's wall has room for a door: see `doorways`.
         least_mm = 2.0 * self.door_wall_mm + self.wall_mm
@@ -355,7 +358,7 @@ class CorridorsOptions:
             raise BadInputError("room_min_mm", self.room_min_mm, f"at least {least_mm:.4g} mm")
         # Walls may go where the start is not, but a hall has to be wide enough for it.
         wide_mm = self.hall_width_mm if self.halls > 0 else self.width_mm
-        check_starts(self, (wide_mm, self.height_mm), 1, 0.5 * self.door_mm)
+        self.check_starts((wide_mm, self.height_mm), 0.5 * self.door_mm)
 
     @property
     def passage_mm(self) -> float:
@@ -381,19 +384,19 @@ def corridors_map(seed: int, options: CorridorsOptions | None = None) -> Map:
     'Polygon'
     """
     options = options or CorridorsOptions()
-    whole("seed", seed, 0, 2**63 - 1)
+    check_seed(seed)
     rng = child(seed, _STREAM)
     regions = _regions(rng, options)
     doors = doorways(rng, regions, DoorRules(options.wall_mm, options.door_mm, options.loops))
     bounds = box(options.width_mm, options.height_mm)
-    return Map(
-        name=f"corridors_{seed}",
+    return generated_map(
+        "corridors",
+        seed,
+        options,
         bounds=bounds,
         obstacles=walls_between(bounds, [*regions, *doors]),
         starts=(_start(_entrance(regions, options), options),),
-        environment="corridors",
-        seed=seed,
-        facts={**asdict(options), "rooms": sum(not region.hall for region in regions)},
+        rooms=sum(not region.hall for region in regions),
     )
 
 
@@ -418,8 +421,8 @@ def _entrance(regions: Sequence[Region], options: CorridorsOptions) -> Region:
 
 
 def _start(region: Region, options: CorridorsOptions) -> Start:
-    (start,) = lower_starts(options, region.length(0), 1, 0.5 * options.door_mm)
-    x_mm = round(start.pose.x_mm + region.x_min_mm, DECIMALS)
+    (start,) = options.lower_starts(region.length(0), 0.5 * options.door_mm)
+    x_mm = round(start.pose.x_mm + region.x_min_mm, COORDINATE_DECIMALS)
     return replace(start, pose=replace(start.pose, x_mm=x_mm))
 
 

@@ -1,7 +1,7 @@
 """The Rubble environment: a collapsed building, broken slabs of many sizes that lie one way."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -11,14 +11,16 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
-from vinefab.core.validation import Floats, number, positive, whole
-from vinefab.maps.generators.starts import (
-    DECIMALS,
-    all_zones,
+from vinefab.core.validation import Floats, number, positive
+from vinefab.maps.generators.generated_map import (
+    COORDINATE_GRID_MM,
+    SeveralStartOptions,
     box,
     canonical,
-    check_starts,
-    lower_starts,
+    check_seed,
+    check_shares,
+    generated_map,
+    start_zones,
 )
 from vinefab.model.map import Map, Start
 
@@ -243,7 +245,7 @@ _ROUNDS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RubbleOptions:
+class RubbleOptions(SeveralStartOptions):
     """What instances of one Rubble environment have in common.
 
     Parameters
@@ -271,12 +273,6 @@ class RubbleOptions:
     passage_mm
         Width that stays passable: slabs that do not lean on each other are at least this apart.
         Only the corner between a slab and the one it leans on is narrower.
-    starts
-        Starting places, evenly spread along the lower side; one stands in its middle.
-    start_clearance_mm
-        Least distance from every possible starting position to walls.
-    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
-        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
 
     Raises
     ------
@@ -296,11 +292,6 @@ class RubbleOptions:
     direction_spread_deg: float = 30.0
     leaning: float = 0.35
     passage_mm: float = 18.0
-    starts: int = 1
-    start_clearance_mm: float = 15.0
-    start_spread_x_mm: float = 10.0
-    start_spread_y_mm: float = 0.0
-    start_spread_heading_deg: float = 30.0
 
     def __post_init__(self) -> None:
         positive("size_mm", self.size_mm, 1e6)
@@ -310,13 +301,11 @@ class RubbleOptions:
         number("exponent", self.exponent, 0.0, 5.0)
         number("thickness_min", self.thickness_min, 0.05, 0.8)
         number("thickness_max", self.thickness_max, self.thickness_min, 0.8)
-        for name in ("raggedness", "leaning"):
-            number(name, getattr(self, name), 0.0, 1.0)
+        check_shares(self, "raggedness", "leaning")
         number("direction_deg", self.direction_deg, -360.0, 360.0, "deg")
         number("direction_spread_deg", self.direction_spread_deg, 0.0, 90.0, "deg")
         positive("passage_mm", self.passage_mm, 0.2 * self.size_mm)
-        whole("starts", self.starts, 1, 1000)
-        check_starts(self, (self.size_mm, self.size_mm), self.starts, 0.5 * self.passage_mm)
+        self.check_starts((self.size_mm, self.size_mm), 0.5 * self.passage_mm)
 
     @property
     def slab_kind(self) -> SlabKind:
@@ -353,8 +342,8 @@ def rubble_map(seed: int, options: RubbleOptions | None = None) -> Map:
     'Polygon'
     """
     options = options or RubbleOptions()
-    whole("seed", seed, 0, 2**63 - 1)
-    starts = lower_starts(options, options.size_mm, options.starts, 0.5 * options.passage_mm)
+    check_seed(seed)
+    starts = options.lower_starts(options.size_mm, 0.5 * options.passage_mm)
     pile = _pile(child(seed, _STREAM), options, starts)
     obstacles = canonical(_solid(pile, options))
     covered = sum(polygon.area for polygon in obstacles) / options.size_mm**2
@@ -362,24 +351,23 @@ def rubble_map(seed: int, options: RubbleOptions | None = None) -> Map:
         raise BadInputError(
             "cover", options.cover, f"at most about {covered:.2f} with such slabs and passages"
         )
-    facts = {"slabs": len(pile.polygons), "covered": round(covered, 4)}
-    return Map(
-        name=f"rubble_{seed}",
+    return generated_map(
+        "rubble",
+        seed,
+        options,
         bounds=box(options.size_mm, options.size_mm),
         obstacles=obstacles,
         starts=starts,
-        environment="rubble",
-        seed=seed,
-        facts={**asdict(options), **facts},
+        slabs=len(pile.polygons),
+        covered=round(covered, 4),
     )
 
 
 def _solid(pile: Pile, options: RubbleOptions) -> BaseGeometry:
     """Return the slabs as far as they lie within the bounds; those that lean are one piece."""
-    grid_mm = 10.0**-DECIMALS
-    slabs = shapely.union_all(pile.polygons, grid_size=grid_mm)
+    slabs = shapely.union_all(pile.polygons, grid_size=COORDINATE_GRID_MM)
     bounds = box(options.size_mm, options.size_mm)
-    return shapely.intersection(slabs, bounds, grid_size=grid_mm)
+    return shapely.intersection(slabs, bounds, grid_size=COORDINATE_GRID_MM)
 
 
 def _pile(rng: np.random.Generator, options: RubbleOptions, starts: tuple[Start, ...]) -> Pile:
@@ -390,7 +378,7 @@ def _pile(rng: np.random.Generator, options: RubbleOptions, starts: tuple[Start,
     rules = PileRules(
         size_mm=options.size_mm,
         passage_mm=options.passage_mm,
-        keep_out=all_zones(starts),
+        keep_out=start_zones(starts),
         keep_out_mm=max(options.start_clearance_mm, options.passage_mm),
     )
     pile, wanted_mm2 = Pile(rules), options.cover * options.size_mm**2

@@ -14,8 +14,8 @@ from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.units import deg
 from vinefab.maps.generators.environments import ENVIRONMENTS, Environment
 from vinefab.maps.generators.generated_map import option_fields
-from vinefab.maps.importers.drawing import ImportOptions
 from vinefab.maps.importers.importers import IMPORTERS, import_map
+from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Map
 

@@ -10,7 +10,7 @@ from shapely import Polygon
 
 from vinefab.core.errors import BadInputError
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
-from vinefab.maps.cleanup.shapes import Shape, SourceFrame, framed
+from vinefab.maps.cleanup.drawn_shapes import Shape, SourceFrame, framed
 from vinefab.maps.generators.grid import grid_map
 
 OPTIONS = AssembleOptions(join_mm=0.1, sliver_mm2=0.01)

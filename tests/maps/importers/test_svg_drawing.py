@@ -9,8 +9,8 @@ from shapely import Polygon
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.importers import svg_drawing as svg_map
-from vinefab.maps.importers.drawing import ImportOptions
 from vinefab.maps.importers.importers import import_map
+from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.maps.importers.svg_drawing import path_outlines, run_points
 
 PAGE = 'xmlns="http://www.w3.org/2000/svg" width="200mm" height="100mm" viewBox="0 0 200 100"'

@@ -12,10 +12,16 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import LARGEST_MM, Floats, number, positive
+from vinefab.maps.cleanup.drawn_shapes import (
+    Changes,
+    Shape,
+    SourceFrame,
+    polygons_of,
+    ring_polygons,
+    without_repeats,
+)
 from vinefab.maps.cleanup.joining import Line, join, open_places, refuse_open, walls_along
 from vinefab.maps.cleanup.nesting import Enclosed, SolidRegion, enclose, painted
-from vinefab.maps.cleanup.rings import polygons_of, ring_polygons, without_repeats
-from vinefab.maps.cleanup.shapes import Changes, Shape, SourceFrame
 from vinefab.maps.poses import roomiest_start
 from vinefab.model.map import Map, Pose, Start
 

@@ -13,8 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints
-from vinefab.maps.cleanup.rings import polygons_of
-from vinefab.maps.cleanup.shapes import SAME_MM, Changes
+from vinefab.maps.cleanup.drawn_shapes import SAME_MM, Changes, polygons_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

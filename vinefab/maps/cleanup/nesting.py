@@ -12,8 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Ints
-from vinefab.maps.cleanup.rings import polygons_of
-from vinefab.maps.cleanup.shapes import Changes, Role
+from vinefab.maps.cleanup.drawn_shapes import Changes, Role, polygons_of
 
 Geometries = NDArray[np.object_]
 

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from vinefab.core.errors import BadInputError
-from vinefab.maps.cleanup.curves import Straight
-from vinefab.maps.cleanup.shapes import Role
-from vinefab.maps.importers.drawing import (
+from vinefab.maps.cleanup.drawn_shapes import Role
+from vinefab.maps.importers.source_drawing import (
     DrawingItem,
     ImportOptions,
     Ring,
     SourceDrawing,
+    Straight,
     drawing_map,
 )
 from vinefab.model.files.shipped import read_text

@@ -22,12 +22,15 @@ from scipy.interpolate import BSpline as Interpolated
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.core.validation import Floats
-from vinefab.maps.cleanup.curves import Arc, CurvePiece, Straight, bulge_arc
-from vinefab.maps.importers.drawing import (
+from vinefab.maps.importers.source_drawing import (
+    Arc,
+    CurvePiece,
     DrawingItem,
     ImportOptions,
     Ring,
     SourceDrawing,
+    Straight,
+    bulge_arc,
     drawing_map,
 )
 from vinefab.model.files.shipped import read_bytes

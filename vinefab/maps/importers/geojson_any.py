@@ -13,12 +13,12 @@ from shapely import Polygon
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.validation import positive
-from vinefab.maps.cleanup.curves import Straight
-from vinefab.maps.importers.drawing import (
+from vinefab.maps.importers.source_drawing import (
     DrawingItem,
     ImportOptions,
     Ring,
     SourceDrawing,
+    Straight,
     drawing_map,
 )
 from vinefab.model.files.map_geojson import read_map

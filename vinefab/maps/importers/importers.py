@@ -6,9 +6,9 @@ from pathlib import Path
 from vinefab.core.errors import BadInputError
 from vinefab.core.registry import Registry
 from vinefab.maps.importers.csv_polygons import import_csv
-from vinefab.maps.importers.drawing import ImportOptions
 from vinefab.maps.importers.geojson_any import import_geojson
 from vinefab.maps.importers.ros_map import RosOptions, import_ros
+from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.maps.importers.svg_drawing import import_svg
 from vinefab.model.map import Map
 

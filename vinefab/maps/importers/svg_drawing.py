@@ -11,13 +11,17 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.validation import Floats
-from vinefab.maps.cleanup.curves import Arc, Bezier, CurvePiece, Straight, run_flat
-from vinefab.maps.importers.drawing import (
+from vinefab.maps.importers.source_drawing import (
+    Arc,
+    Bezier,
+    CurvePiece,
     DrawingItem,
     ImportOptions,
     Ring,
     SourceDrawing,
+    Straight,
     drawing_map,
+    run_flat,
 )
 from vinefab.maps.importers.svg_document import (
     IDENTITY,

@@ -14,7 +14,7 @@ from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.units import deg
 from vinefab.maps.generators.environments import ENVIRONMENTS, Environment
 from vinefab.maps.generators.generated_map import option_fields
-from vinefab.maps.importers.importers import IMPORTERS, import_map
+from vinefab.maps.importers.importers import import_map, import_suffixes
 from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Map
@@ -38,7 +38,7 @@ def add_to(app: typer.Typer) -> None:
 
 def import_command(
     *,
-    source: Annotated[Path, typer.Argument(help=f"A file: {', '.join(IMPORTERS)}.")],
+    source: Annotated[Path, typer.Argument(help=f"A file: {', '.join(import_suffixes())}.")],
     out: OutFile,
     scale_mm_per_unit: Annotated[
         float | None,

@@ -5,7 +5,7 @@ import math
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import yaml
@@ -23,8 +23,9 @@ from vinefab.maps.cleanup.raster import (
     RasterOptions,
     raster_map,
 )
+from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.shipped import read_bytes, read_text
-from vinefab.model.map import Map, Pose
+from vinefab.model.map import Map
 
 _DEEP = ("I", "I;16", "I;16B", "I;16L")
 _DEEP_TO_BYTE = 1.0 / 257.0
@@ -77,41 +78,9 @@ def _open(path: Path, data: bytes) -> Image.Image:
 
 _LARGEST_YAML_BYTES = 1 << 20
 _LARGEST_IMAGE_BYTES = 1 << 30
-MODES = ("trinary", "scale", "raw")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RosOptions:
-    """How a ROS map is imported.
-
-    Parameters
-    ----------
-    scale_mm_per_unit
-        Millimetres of the map per metre of the file: 1000 is full size, 50 a table-top model at
-        1:20.
-    simplify_mm
-        Largest distance, in the map, between walls and the boundary of the cells; one cell when
-        None, at least 0.75 of a cell.
-    unknown
-        What cells that were never seen count as. ``free`` may join regions through walls that
-        were seen from one side only.
-    least_obstacle_mm2
-        Obstacles smaller than this are left out; 0 keeps every cell.
-    start
-        Where robots start, in the map; the roomiest place when None. Of several free regions the
-        one with the start is imported, the largest one when None.
-    """
-
-    scale_mm_per_unit: float = 1000.0
-    simplify_mm: float | None = None
-    unknown: Literal["obstacle", "free"] = "obstacle"
-    least_obstacle_mm2: float = 0.0
-    start: Pose | None = None
-
-    def __post_init__(self) -> None:
-        positive("scale_mm_per_unit", self.scale_mm_per_unit, 1e6, "mm per metre")
-        if self.unknown not in ("obstacle", "free"):
-            raise BadInputError("unknown", self.unknown, "obstacle or free")
+_FULL_SIZE = 1000.0
+_MODES = ("trinary", "scale", "raw")
+_ONLY_DRAWINGS = ("join_mm", "layers", "bounds", "margin_mm", "wall_mm", "open_lines")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,18 +105,36 @@ class RosMap:
             number("origin", value, -1e7, 1e7)
         number("occupied_thresh", self.occupied_thresh, 0.0, 1.0)
         number("free_thresh", self.free_thresh, 0.0, self.occupied_thresh)
-        if self.mode not in MODES:
-            raise BadInputError("mode", self.mode, ", ".join(MODES))
+        if self.mode not in _MODES:
+            raise BadInputError("mode", self.mode, ", ".join(_MODES))
+
+    def placement(self, scale_mm_per_m: float) -> GridPlacement:
+        """Return where its cells lie in a map of some scale."""
+        cell_mm = self.resolution_m * scale_mm_per_m
+        if not LEAST_CELL_MM <= cell_mm <= LARGEST_CELL_MM:
+            allowed = f"so much that a cell of {self.resolution_m:g} m becomes 0.01 to 1e6 mm"
+            raise BadInputError("scale_mm_per_unit", scale_mm_per_m, allowed)
+        return GridPlacement(
+            cell_mm=cell_mm,
+            x_mm=self.origin[0] * scale_mm_per_m,
+            y_mm=self.origin[1] * scale_mm_per_m,
+            turn_rad=math.remainder(self.origin[2], 2.0 * math.pi),
+        )
 
 
-def import_ros(path: Path, options: RosOptions | None = None) -> Map:
+def import_ros(path: Path, options: ImportOptions) -> Map:
     """Return the map in a ROS map_server file.
 
-    The bounds are the outer boundary of the free region that counts (the one with the start, or
-    the largest), the solid islands in it are obstacles: see `raster_map`. What was read, done
-    and left out stands in the map's facts.
+    The bounds are the outer boundary of the largest free region, or of the one with the start;
+    the solid islands in it are obstacles: see `raster_map`. The map's facts say what was read and
+    what was left out. ``scale_mm_per_unit`` is per metre, full size (1000) by default.
     """
-    options = options or RosOptions()
+    options.refuse(_ONLY_DRAWINGS, "a ROS map", path)
+    scale = _FULL_SIZE if options.scale_mm_per_unit is None else options.scale_mm_per_unit
+    unknown = options.unknown or "obstacle"
+    positive("scale_mm_per_unit", scale, 1e6, "mm per metre")
+    if unknown not in ("obstacle", "free"):
+        raise BadInputError("unknown", unknown, "obstacle or free")
     source = read_ros_yaml(path)
     data = read_bytes(source.image, _LARGEST_IMAGE_BYTES)
     occupied, free = classify(*read_values(source.image, data), source)
@@ -161,32 +148,19 @@ def import_ros(path: Path, options: RosOptions | None = None) -> Map:
         "occupied_thresh": source.occupied_thresh,
         "free_thresh": source.free_thresh,
         "mode": source.mode,
-        "scale_mm_per_unit": options.scale_mm_per_unit,
-        "unknown": options.unknown,
+        "scale_mm_per_unit": scale,
+        "unknown": unknown,
         "cells": list(free.shape[::-1]),
         "cells_free": int(free.sum()),
         "cells_occupied": int(occupied.sum()),
         "cells_unknown": int(free.size - free.sum() - occupied.sum()),
     }
-    scale = options.scale_mm_per_unit
-    if not LEAST_CELL_MM <= source.resolution_m * scale <= LARGEST_CELL_MM:
-        allowed = f"so much that a cell of {source.resolution_m:g} m becomes 0.01 to 1e6 mm"
-        raise BadInputError("scale_mm_per_unit", scale, allowed, path)
     with located(path):
         world = raster_map(
             path.stem,
-            free if options.unknown == "obstacle" else ~occupied,
-            GridPlacement(
-                cell_mm=source.resolution_m * scale,
-                x_mm=source.origin[0] * scale,
-                y_mm=source.origin[1] * scale,
-                turn_rad=math.remainder(source.origin[2], 2.0 * math.pi),
-            ),
-            RasterOptions(
-                simplify_mm=options.simplify_mm,
-                least_obstacle_mm2=options.least_obstacle_mm2,
-                start=options.start,
-            ),
+            free if unknown == "obstacle" else ~occupied,
+            source.placement(scale),
+            RasterOptions(simplify_mm=options.simplify_mm, start=options.start),
             facts,
         )
     return replace(world, environment="ros")

@@ -41,8 +41,8 @@ def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     they are within ``join_mm``, then the next ones: where their lines meet if that is as near, else
     in the middle.
     """
-    exact = _run(_without_repeated(lines, changes), SAME_MM)
-    return _run(_bridged(exact, join_mm, changes), SAME_MM)
+    exact = _merged(_without_repeated(lines, changes))
+    return _merged(_bridged(exact, join_mm, changes))
 
 
 def end_nodes(lines: list[Line], same_mm: float) -> Ints:
@@ -62,48 +62,35 @@ def _without_repeated(lines: list[Line], changes: Changes) -> list[Line]:
     return list(found.values())
 
 
-def _run(lines: list[Line], same_mm: float) -> list[Line]:
-    """Return maximal chains through nodes at which two ends meet."""
+def _merged(lines: list[Line]) -> list[Line]:
+    """Return maximal chains through nodes at which exactly two ends meet."""
     if not lines:
         return []
-    nodes = end_nodes(lines, same_mm)
-    at: dict[int, list[int]] = {}
-    for index, node in enumerate(nodes.ravel().tolist()):
-        at.setdefault(node, []).append(index)
-    used = np.zeros(len(lines), dtype=np.bool_)
-    # Chains that have ends first; what is left over are rings, which may begin anywhere.
-    starts = [end for ends in at.values() if len(ends) != 2 for end in ends]
+    nodes = end_nodes(lines, SAME_MM).ravel()
+    ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
+    # The ends of a node get equal coordinates: shapely merges only what meets to the last bit.
+    shared = ends[np.unique(nodes, return_index=True)[1]][nodes].reshape(-1, 2, 2)
+    points = [line.points_mm.copy() for line in lines]
+    for own, spots in zip(points, shared, strict=True):
+        own[[0, -1]] = spots
+    merged = shapely.line_merge(shapely.multilinestrings(_line_strings(points)))
+    return _named(shapely.get_parts(merged), lines)
+
+
+def _line_strings(points: list[Floats]) -> NDArray[np.object_]:
+    owner = np.repeat(np.arange(len(points)), [len(own) for own in points])
+    return np.asarray(shapely.linestrings(np.concatenate(points), indices=owner))
+
+
+def _named(parts: NDArray[np.object_], lines: list[Line]) -> list[Line]:
+    """Return parts of lines, each called as the line that its first segment comes from."""
+    points = [shapely.get_coordinates(part) for part in parts]
+    begins = shapely.points(np.array([own[:2].mean(axis=0) for own in points]).reshape(-1, 2))
+    nearest = shapely.STRtree(_line_strings([line.points_mm for line in lines])).nearest(begins)
     return [
-        _follow(lines, (nodes.ravel(), at), end, used)
-        for end in [*starts, *range(0, 2 * len(lines), 2)]
-        if not used[end // 2]
+        Line(points_mm=own, where=lines[index].where)
+        for own, index in zip(points, nearest.tolist(), strict=True)
     ]
-
-
-def _follow(
-    lines: list[Line],
-    graph: tuple[Ints, dict[int, list[int]]],
-    end: int,
-    used: NDArray[np.bool_],
-) -> Line:
-    """Return the chain that begins at an end; ends are numbered 2 x line, + 1 at its last point."""
-    node_of, at = graph
-    where = lines[end // 2].where
-    parts: list[Floats] = []
-    first_node = int(node_of[end])
-    while not used[end // 2]:
-        used[end // 2] = True
-        points = lines[end // 2].points_mm
-        parts.append((points if end % 2 == 0 else points[::-1])[1 if parts else 0 :])
-        far = end ^ 1
-        meeting = at[int(node_of[far])]
-        if len(meeting) != 2:
-            break
-        end = meeting[0] if meeting[1] == far else meeting[1]
-    points = np.concatenate(parts)
-    if len(points) >= 4 and int(node_of[far]) == first_node:
-        points[-1] = points[0]
-    return Line(points_mm=points, where=where)
 
 
 def _bridged(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
@@ -200,31 +187,21 @@ def _cut_at_crossings(
     lines: list[Line], join_mm: float, changes: Changes
 ) -> tuple[list[Line], list[Line]]:
     reached = _led_onto_lines(lines, join_mm, changes)
-    noded = shapely.union_all([LineString(line.points_mm) for line in reached])
+    noded = shapely.union_all(_line_strings([line.points_mm for line in reached]))
     faces, cuts, dangles, _ = shapely.polygonize_full(shapely.get_parts(noded))
     parts = shapely.get_parts(shapely.line_merge(shapely.union_all(np.array([cuts, dangles]))))
     long = shapely.length(parts) > join_mm * (1.0 + 2.0 * _BEYOND)
     trimmed = [part for part in parts[~long] if part.length > 2.0 * _BEYOND * join_mm]
     changes.add("overshoots_trimmed", len(trimmed))
-    tree = shapely.STRtree([LineString(line.points_mm) for line in lines])
-
-    def named(points: Floats) -> Line:
-        nearest = tree.nearest(shapely.points(points[:2].mean(axis=0)))
-        return Line(points_mm=points, where=lines[int(nearest)].where)
-
-    rings = [
-        named(shapely.get_coordinates(ring))
-        for face in shapely.get_parts(faces)
-        for ring in shapely.get_rings(face)
-    ]
-    return rings, [named(shapely.get_coordinates(part)) for part in parts[long]]
+    rings = shapely.get_rings(shapely.get_parts(faces))
+    return _named(rings, lines), _named(parts[long], lines)
 
 
 def _led_onto_lines(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     """Return lines whose loose ends were led onto the nearest line, and a hair beyond it."""
-    strings = np.array([LineString(line.points_mm) for line in lines])
-    tree = shapely.STRtree(strings)
     points = [line.points_mm for line in lines]
+    strings = _line_strings(points)
+    tree = shapely.STRtree(strings)
     for end in loose_ends(lines):
         own, last = end // 2, end % 2 == 1
         spot = lines[own].points_mm[-1 if last else 0]

@@ -38,6 +38,7 @@ from vinefab.model.map import Map
 
 _NUMBER = re.compile(r"[\s,]*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)")
 _FLAG = re.compile(r"[\s,]*([01])")
+_END = re.compile(r"[\s,]*\Z")
 _COMMAND = re.compile(r"[\s,]*([A-Za-z])")
 _COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
 
@@ -88,7 +89,7 @@ class _Pen:
 
     def run(self) -> list[Subpath]:
         command = ""
-        while self.data[self.at :].strip(" \t\r\n,"):
+        while _END.match(self.data, self.at) is None:
             letter = self._match(_COMMAND)
             if letter is not None:
                 command = letter

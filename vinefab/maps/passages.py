@@ -18,13 +18,13 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats, Ints
 
-EXACT = 1e-9
+_EXACT_SHARE = 1e-9
 """Lengths that differ by less than this share of the free space's size are the same."""
 
-PARALLEL_RAD = 1e-6
+_PARALLEL_RAD = 1e-6
 """Walls whose directions differ by less are parallel."""
 
-WIDENS = 1.3
+_WIDENING = 1.3
 """Two narrow places count as one passage unless the way between them gets so many times wider."""
 
 _PAIRS_AT_ONCE = 2_000_000
@@ -61,7 +61,7 @@ def narrow_passages(free: BaseGeometry, most: int = 5) -> tuple[Passage, ...]:
     shares, least_mm, most_mm = [np.zeros((0, 2, 2))], 0.0, walls.typical_mm
     while len(found) < most and least_mm < walls.widest_mm:
         shares += walls.gaps(least_mm, most_mm)
-        found = _apart(walls, _Gaps(np.concatenate(shares), EXACT * walls.size_mm), most)
+        found = _apart(walls, _Gaps(np.concatenate(shares), _EXACT_SHARE * walls.size_mm), most)
         least_mm, most_mm = most_mm, 2.0 * most_mm
     return found
 
@@ -103,13 +103,13 @@ class _Walls:
 
         Where walls run beside each other, the middle of that stretch comes first.
         """
-        least_mm = max(least_mm, EXACT * self.size_mm)
+        least_mm = max(least_mm, _EXACT_SHARE * self.size_mm)
         return [*self._parallel_gaps(least_mm, most_mm), *self._corner_gaps(least_mm, most_mm)]
 
     def are_empty(self, ends: Floats) -> NDArray[np.bool_]:
         """Tell of which ends the circle between them is free and has no wall inside."""
         middle, half = ends.mean(axis=1), 0.5 * np.hypot(*(ends[:, 1] - ends[:, 0]).T)
-        empty = self.clearance(middle) >= half - EXACT * self.size_mm
+        empty = self.clearance(middle) >= half - _EXACT_SHARE * self.size_mm
         empty[empty] = self.is_free(middle[empty])
         return np.asarray(empty)
 
@@ -141,7 +141,7 @@ class _Walls:
             # Walls that leave the corner towards the other end lie inside of the circle.
             for neighbour in (self.end[corner], self.start[self.before[corner]]):
                 leaving = np.sum((neighbour - point) * across, axis=1)
-                keep &= leaving <= EXACT * self.size_mm**2
+                keep &= leaving <= _EXACT_SHARE * self.size_mm**2
             ends = np.stack([point[keep], foot[keep]], axis=1)
             yield ends[self.are_empty(ends)]
 
@@ -168,7 +168,7 @@ class _Walls:
             # Each pair once; walls with free space between them run against each other.
             cross = unit[one, 0] * unit[other, 1] - unit[one, 1] * unit[other, 0]
             facing = np.sum(unit[one] * unit[other], axis=1) < 0.0
-            pair = (one < other) & facing & (np.abs(cross) < PARALLEL_RAD)
+            pair = (one < other) & facing & (np.abs(cross) < _PARALLEL_RAD)
             ends, overlap = self._halfway(one[pair], other[pair], unit)
             width = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
             keep = (overlap >= width) & (width > least_mm) & (width <= most_mm)
@@ -186,14 +186,14 @@ class _Walls:
 
     def _near(self, shapes: NDArray[np.object_], reach_mm: float) -> Iterator[tuple[Ints, Ints]]:
         """Yield pairs of a shape and a wall within reach, some at a time: memory stays bounded."""
-        step = max(1, int(_PAIRS_AT_ONCE / max(1.0, self._crowd(reach_mm))))
+        step = max(1, int(_PAIRS_AT_ONCE / max(1.0, self._neighbour_count(reach_mm))))
         for begin in range(0, len(shapes), step):
             pair = self.tree.query(
                 shapes[begin : begin + step], predicate="dwithin", distance=reach_mm
             )
             yield (pair[0] + begin).astype(np.int64), pair[1].astype(np.int64)
 
-    def _crowd(self, reach_mm: float) -> float:
+    def _neighbour_count(self, reach_mm: float) -> float:
         """Return about how many walls are within reach of a wall."""
         some = self.lines[:: max(1, len(self.lines) // 50)]
         near = self.tree.query(some, predicate="dwithin", distance=reach_mm)
@@ -254,7 +254,9 @@ def _belongs(walls: _Walls, gaps: _Gaps, number: int, kept: list[int]) -> bool:
     is_open = walls.is_free(way.reshape(-1, 2)).reshape(_SAMPLES, -1).all(axis=0)
     sides = (ends + share[..., None] * (others - ends)).reshape(-1, 2)
     bulge = np.where(walls.is_free(sides), walls.clearance(sides), 0.0)
-    keeps_narrow = bulge.reshape(_SAMPLES, -1, 2).max(axis=(0, 2)) <= 0.5 * (WIDENS - 1.0) * width
+    keeps_narrow = (
+        bulge.reshape(_SAMPLES, -1, 2).max(axis=(0, 2)) <= 0.5 * (_WIDENING - 1.0) * width
+    )
     return bool((is_open & keeps_narrow).any())
 
 

@@ -15,7 +15,7 @@ from vinefab.core.validation import LARGEST_MM, Floats, Ints, positive
 
 Role = Literal["bounds", "obstacle"]
 
-SAME_MM = 1e-6
+SAME_POINT_MM = 1e-6
 """Points nearer than this are one point: map files hold no finer coordinates."""
 
 _LEAST_SIZE_MM = 0.01
@@ -119,7 +119,7 @@ def without_repeats(points: Floats, changes: Changes) -> Floats:
     if len(points) < 2:
         return points
     steps = np.hypot(*np.diff(points, axis=0).T)
-    kept = np.append(True, steps > SAME_MM)
+    kept = np.append(True, steps > SAME_POINT_MM)
     changes.add("duplicate_points_removed", int((~kept).sum()))
     return np.asarray(points[kept])
 

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints
-from vinefab.maps.cleanup.drawn_shapes import SAME_MM, Changes, polygons_of
+from vinefab.maps.cleanup.drawn_shapes import SAME_POINT_MM, Changes, polygons_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +37,7 @@ class Line:
 def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     """Return lines joined end to end where exactly two ends meet.
 
-    Ends within `SAME_MM` meet. Of the ends that meet nothing, the nearest two are joined, if
+    Ends within `SAME_POINT_MM` meet. Of the ends that meet nothing, the nearest two are joined, if
     they are within ``join_mm``, then the next ones: where their lines meet if that is as near, else
     in the middle.
     """
@@ -56,7 +56,7 @@ def end_nodes(lines: list[Line], same_mm: float) -> Ints:
 def _without_repeated(lines: list[Line], changes: Changes) -> list[Line]:
     found: dict[bytes, Line] = {}
     for line in lines:
-        cells = np.round(line.points_mm / (2.0 * SAME_MM)) + 0.0
+        cells = np.round(line.points_mm / (2.0 * SAME_POINT_MM)) + 0.0
         found.setdefault(min(cells.tobytes(), cells[::-1].tobytes()), line)
     changes.add("repeated_lines_removed", len(lines) - len(found))
     return list(found.values())
@@ -66,7 +66,7 @@ def _merged(lines: list[Line]) -> list[Line]:
     """Return maximal chains through nodes at which exactly two ends meet."""
     if not lines:
         return []
-    nodes = end_nodes(lines, SAME_MM).ravel()
+    nodes = end_nodes(lines, SAME_POINT_MM).ravel()
     ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
     # The ends of a node get equal coordinates: shapely merges only what meets to the last bit.
     shared = ends[np.unique(nodes, return_index=True)[1]][nodes].reshape(-1, 2, 2)
@@ -146,7 +146,7 @@ def loose_ends(lines: list[Line]) -> list[int]:
     """Return the ends that meet no other end; ends are numbered 2 x line, + 1 at its last point."""
     if not lines:
         return []
-    nodes = end_nodes(lines, SAME_MM).ravel()
+    nodes = end_nodes(lines, SAME_POINT_MM).ravel()
     alone = np.bincount(nodes)[nodes] == 1
     return [int(end) for end in np.flatnonzero(alone)]
 

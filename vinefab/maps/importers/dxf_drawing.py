@@ -36,7 +36,7 @@ from vinefab.maps.importers.source_drawing import (
 from vinefab.model.files.shipped import read_bytes
 from vinefab.model.map import Map
 
-FLAT = "flat drawings: equal z all along an entity, seen from straight above or below"
+_FLAT = "flat drawings: equal z all along an entity, seen from straight above or below"
 _SPLINE_FRAME = 16
 _FINEST_SPAN = 4096
 _LEAST_SLOPE = 1e-6
@@ -44,7 +44,7 @@ _EXTRUSION_SLACK = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class _SplineCurve:
     """A B-spline, rational or not, mirrored in x when -1.
 
     Evaluated here, not by ezdxf: that one runs closed splines over knots at which they have not
@@ -82,10 +82,10 @@ class Curve:
         return np.asarray(values[:, :2] / values[:, 2:])
 
 
-def items_of(entity: DXFGraphic, where: str) -> list[DrawingItem]:
+def _items_of(entity: DXFGraphic, where: str) -> list[DrawingItem]:
     """Return what an entity draws, in world coordinates."""
     try:
-        return READERS[entity.dxftype()](entity, where)
+        return _READERS[entity.dxftype()](entity, where)
     except BadInputError:
         raise
     except (DXFError, ValueError, TypeError, AttributeError, IndexError, ArithmeticError) as error:
@@ -157,7 +157,7 @@ def _elliptic(middle: Floats, major: Floats, ratio: float, params: tuple[float, 
 def _spline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
     spline = entity.construction_tool()  # type: ignore[attr-defined]
     _flat_points(where, list(spline.control_points))
-    curve = Curve(spline)
+    curve = _SplineCurve(spline)
     curve.flat(math.inf)  # so that knots that do not fit are found while it is known where
     closed = bool(entity.closed)  # type: ignore[attr-defined]
     return [DrawingItem(rings=(Ring(pieces=(curve,)),), where=where, closed=closed)]
@@ -172,7 +172,7 @@ def _lwpolyline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
 def _polyline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
     polyline = entity
     if polyline.is_polygon_mesh or polyline.is_poly_face_mesh:  # type: ignore[attr-defined]
-        raise BadInputError(where, "a mesh in space", FLAT)
+        raise BadInputError(where, "a mesh in space", _FLAT)
     drawn = [
         vertex
         for vertex in polyline.vertices  # type: ignore[attr-defined]
@@ -251,14 +251,14 @@ def _edge(edge: object, mirror: float) -> CurvePiece:
     if not isinstance(edge, SplineEdge):
         raise TypeError(f"an edge of the unknown kind {type(edge).__name__}")
     if not edge.control_points:
-        return Curve(fit_points_to_cad_cv(edge.fit_points), mirror)
+        return _SplineCurve(fit_points_to_cad_cv(edge.fit_points), mirror)
     spline = BSpline(
         edge.control_points,
         order=edge.degree + 1,
         knots=edge.knot_values or None,
         weights=edge.weights or None,
     )
-    return Curve(spline, mirror)
+    return _SplineCurve(spline, mirror)
 
 
 def _ellipse_edge(ellipse: ConstructionEllipse, mirror: float) -> CurvePiece:
@@ -296,7 +296,7 @@ def _mirror(entity: DXFGraphic, where: str) -> float:
     direction = Vec3(entity.dxf.get("extrusion", Vec3(0, 0, 1)))
     if not abs(direction.x) + abs(direction.y) <= _EXTRUSION_SLACK * abs(direction.z):
         value = f"extruded along ({direction.x:.4g}, {direction.y:.4g}, {direction.z:.4g})"
-        raise BadInputError(where, value, FLAT)
+        raise BadInputError(where, value, _FLAT)
     return -1.0 if direction.z < 0.0 else 1.0
 
 
@@ -309,11 +309,11 @@ def _flat_points(where: str, points: Sequence[Vec3]) -> Floats:
     if rise[2] > _LEAST_SLOPE * max(rise[0], rise[1]):
         low, high = array[:, 2].min(), array[:, 2].max()
         place = f"{where} at ({array[0, 0]:.8g}, {array[0, 1]:.8g})"
-        raise BadInputError(place, f"3-D, z from {low:.6g} to {high:.6g}", FLAT)
+        raise BadInputError(place, f"3-D, z from {low:.6g} to {high:.6g}", _FLAT)
     return np.asarray(array[:, :2])
 
 
-READERS: dict[str, Callable[[DXFGraphic, str], list[DrawingItem]]] = {
+_READERS: dict[str, Callable[[DXFGraphic, str], list[DrawingItem]]] = {
     "LINE": _line,
     "CIRCLE": _circle,
     "ARC": _arc,
@@ -373,7 +373,7 @@ _BROKEN = (
 
 
 _GUESSED = (AuditError.INVALID_INTEGER_VALUE, AuditError.INVALID_FLOATING_POINT_VALUE)
-_UNHEARD = logging.NullHandler()
+_NO_OUTPUT = logging.NullHandler()
 
 
 def import_dxf(path: Path, options: ImportOptions) -> Map:
@@ -382,7 +382,7 @@ def import_dxf(path: Path, options: ImportOptions) -> Map:
     Hatches and solids are areas, everything else lines and outlines. Blocks are taken apart.
     What is frozen, off, invisible, text or not in model space is counted and left out.
     """
-    document, mended = _document(path)
+    document, repaired = _document(path)
     try:
         drawing = _drawing(document, options.layers)
     except BadInputError as error:
@@ -392,30 +392,30 @@ def import_dxf(path: Path, options: ImportOptions) -> Map:
     except _BROKEN as error:
         problem = " ".join(str(error).split()) or type(error).__name__
         raise UnreadableFileError(path, f"is a damaged DXF file: {problem[:120]}") from error
-    if mended:
-        drawing = replace(drawing, facts={**drawing.facts, "faults_mended_by_reader": mended})
+    if repaired:
+        drawing = replace(drawing, facts={**drawing.facts, "faults_mended_by_reader": repaired})
     return replace(drawing_map(path, drawing, options), environment="dxf")
 
 
 def _document(path: Path) -> tuple["Document", int]:
-    """Return the document and how many faults in it were mended by the reader."""
+    """Return the document and how many of its faults ezdxf repaired."""
     data = read_bytes(path, _LARGEST_BYTES)
     if not data.strip():
         raise UnreadableFileError(path, "is empty")
     # The reader's warnings go into the one line that the user gets, not beside it.
-    logging.getLogger("ezdxf").addHandler(_UNHEARD)
+    logging.getLogger("ezdxf").addHandler(_NO_OUTPUT)
     try:
-        document, mended = readfile(path), 0
+        document, repaired = readfile(path), 0
     except (OSError, *_BROKEN):
-        document, mended = _recovered(path, data)
+        document, repaired = _recovered(path, data)
     if b"$INSUNITS" not in data:
         # ezdxf takes metres then; the file says nothing.
         document.header["$INSUNITS"] = 0
-    return document, mended
+    return document, repaired
 
 
 def _recovered(path: Path, data: bytes) -> tuple["Document", int]:
-    """Return a damaged document, if nothing but its structure had to be mended."""
+    """Return a damaged document, if only its structure had to be repaired."""
     try:
         document, auditor = recover.read(io.BytesIO(data))
     except (OSError, *_BROKEN) as error:
@@ -475,11 +475,11 @@ class _Walk:
             if hidden is not None:
                 self.ignored[hidden] += 1
             elif kind in _SOLIDS or kind.endswith("SURFACE"):
-                raise BadInputError(where, "a solid or surface", FLAT)
-            elif kind not in READERS:
+                raise BadInputError(where, "a solid or surface", _FLAT)
+            elif kind not in _READERS:
                 self.ignored[kind] += 1
             else:
-                found += items_of(entity, where)
+                found += _items_of(entity, where)
                 self.read[kind] += 1
         return found
 
@@ -537,7 +537,7 @@ class _Walk:
             yield from self._leaves(parts, layer, inside, depth + 1)
 
     def _skipped(self, entity: DXFGraphic, reason: str) -> None:
-        if entity.dxftype() in READERS:
+        if entity.dxftype() in _READERS:
             where = f"{entity.dxftype()} (handle {entity.dxf.handle}) in a block"
             raise BadInputError(where, reason, "blocks that can be taken apart; explode it first")
         self.ignored[entity.dxftype()] += 1

@@ -1,6 +1,5 @@
 """GeoJSON of other programs: any geometry, as dirty as it comes."""
 
-import json
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,7 +10,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.errors import BadInputError, located
 from vinefab.core.validation import positive
 from vinefab.maps.importers.source_drawing import (
     DrawingItem,
@@ -21,12 +20,11 @@ from vinefab.maps.importers.source_drawing import (
     Straight,
     drawing_map,
 )
-from vinefab.model.files.map_geojson import read_map
-from vinefab.model.files.shipped import read_text
+from vinefab.model.files.map_geojson import feature_key, geojson_document, read_map
 from vinefab.model.map import Map, Start
 
 
-def scaled_map(world: Map, factor: float) -> Map:
+def _scaled_map(world: Map, factor: float) -> Map:
     """Return a map with all lengths multiplied by a factor, about the origin."""
     positive("scale", factor, 1e6, "new over old")
     if factor == 1.0:
@@ -54,12 +52,12 @@ def _scaled_start(start: Start, factor: float) -> Start:
     )
 
 
-_LARGEST_BYTES = 1 << 30
 _DEEPEST = 20
 _ONLY_DRAWINGS = ("simplify_mm", "start", "join_mm", "bounds", "margin_mm", "wall_mm", "open_lines")
 _ROLES = ("bounds", "obstacle")
 
-Found = tuple[str, dict[str, Any], object]
+_Leaf = tuple[str, dict[str, Any], object]
+"""What messages call a single geometry, the geometry, and the role of its feature."""
 
 
 def import_geojson(path: Path, options: ImportOptions) -> Map:
@@ -74,21 +72,16 @@ def import_geojson(path: Path, options: ImportOptions) -> Map:
     document = _document(path)
     if "vinefab" in document:
         options.refuse(_ONLY_DRAWINGS, "a map that vinefab wrote", path)
-        world = read_map(path)
-        world = scaled_map(world, 1.0 if (s := options.scale_mm_per_unit) is None else s)
+        scale = 1.0 if options.scale_mm_per_unit is None else options.scale_mm_per_unit
+        world = _scaled_map(read_map(path), scale)
         return replace(world, facts={**world.facts, "source": path.name})
-    try:
+    with located(path):
         drawing = _drawing(document)
-    except BadInputError as error:
-        raise error.at(path) from error
     return replace(drawing_map(path, drawing, options), environment="geojson")
 
 
 def _document(path: Path) -> dict[str, Any]:
-    try:
-        document = json.loads(read_text(path, _LARGEST_BYTES))
-    except (ValueError, RecursionError) as error:
-        raise UnreadableFileError(path, f"is not JSON: {error}") from error
+    document = geojson_document(path)
     if not isinstance(document, dict) or "type" not in document:
         raise BadInputError("type", None, "a GeoJSON object such as a FeatureCollection", path)
     return document
@@ -118,7 +111,7 @@ def _unclosed(ring: Ring) -> bool:
     return bool((points[0] != points[-1]).any())
 
 
-def _geometries(document: dict[str, Any]) -> Iterator[Found]:
+def _geometries(document: dict[str, Any]) -> Iterator[_Leaf]:
     """Yield every geometry with what messages call it and its feature's role."""
     if document["type"] != "FeatureCollection":
         yield from _of_feature(str(document["type"]), document)
@@ -126,14 +119,14 @@ def _geometries(document: dict[str, Any]) -> Iterator[Found]:
     features = document.get("features")
     if not isinstance(features, list):
         raise BadInputError("features", features, "a list of features")
-    for index, feature in enumerate(features, start=1):
-        key = f"features[{index}]"
+    for index, feature in enumerate(features):
+        key = feature_key(index)
         if not isinstance(feature, dict):
             raise BadInputError(key, feature, "a GeoJSON Feature")
         yield from _of_feature(key, feature)
 
 
-def _of_feature(key: str, feature: dict[str, Any]) -> Iterator[Found]:
+def _of_feature(key: str, feature: dict[str, Any]) -> Iterator[_Leaf]:
     if feature.get("type") != "Feature":
         yield from _leaves(key, feature, None, 0)
         return
@@ -143,7 +136,7 @@ def _of_feature(key: str, feature: dict[str, Any]) -> Iterator[Found]:
         yield from _leaves(key, geometry, role if role in _ROLES else None, 0)
 
 
-def _leaves(key: str, geometry: object, role: object, depth: int) -> Iterator[Found]:
+def _leaves(key: str, geometry: object, role: object, depth: int) -> Iterator[_Leaf]:
     if not isinstance(geometry, dict) or depth > _DEEPEST:
         raise BadInputError(key, geometry, "a geometry with type and coordinates")
     kind, parts = geometry.get("type"), geometry.get("coordinates")

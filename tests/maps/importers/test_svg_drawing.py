@@ -224,10 +224,10 @@ REFUSED = {
     "infinite": ('<circle r="1e999"/>', "r is '1e999'"),
     "huge": ('<circle r="1e300" fill="none"/>', "drawing is"),
     "transform": ('<rect transform="turn(3)" width="1" height="1"/>', "transform is"),
-    "flat": ('<rect transform="scale(0)" width="1" height="1"/>', "leaves an area"),
+    "flat": ('<rect transform="scale(0)" width="1" height="1"/>', "not singular"),
     "missing": ('<use href="#nothing"/>', "href is '#nothing'"),
     "elsewhere": ('<use href="file:///etc/passwd#x"/>', "id of an element in the file"),
-    "endless": ('<g id="a"><use href="#a"/></g>', "uses of uses without end"),
+    "endless": ('<g id="a"><use href="#a"/></g>', "a use that contains itself"),
     "open": ('<path d="M20 20 L 90 90" fill="none"/>', r"from \(20, 20\) to \(90, 90\)"),
     "outside": (
         '<circle cx="300" cy="50" r="5"/>',

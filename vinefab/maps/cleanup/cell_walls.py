@@ -272,7 +272,7 @@ class CellWalls:
         return np.asarray(np.abs(np.arctan2(sine, cosine)))
 
     def strays(self) -> Flags:
-        """Tell of every section whether it is farther from its loop than the tolerance."""
+        """Return for every section whether it is farther from its loop than the tolerance."""
         return np.asarray(self.deviation() > self.tolerance[self.loop] + 1e-9)
 
     def refine(self, sections: Flags) -> bool:

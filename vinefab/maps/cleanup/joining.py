@@ -18,10 +18,10 @@ from vinefab.maps.cleanup.drawn_shapes import SAME_POINT_MM, Changes, polygons_o
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """A piece of drawing."""
+    """A drawn line."""
 
     points_mm: Floats  # shape (n, 2), n at least 2
-    where: str  # what messages call it
+    where: str  # its name in messages
 
     @property
     def closed(self) -> bool:
@@ -37,9 +37,8 @@ class Line:
 def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     """Return lines joined end to end where exactly two ends meet.
 
-    Ends within `SAME_POINT_MM` meet. Of the ends that meet nothing, the nearest two are joined, if
-    they are within ``join_mm``, then the next ones: where their lines meet if that is as near, else
-    in the middle.
+    Ends within `SAME_POINT_MM` meet. Of the loose ends, pairs within ``join_mm`` are joined, the
+    nearest first: where their lines meet if that is within ``join_mm`` too, else halfway.
     """
     exact = _merged(_without_repeated(lines, changes))
     return _merged(_bridged(exact, join_mm, changes))
@@ -86,15 +85,16 @@ def _named(parts: NDArray[np.object_], lines: list[Line]) -> list[Line]:
     """Return parts of lines, each called as the line that its first segment comes from."""
     points = [shapely.get_coordinates(part) for part in parts]
     begins = shapely.points(np.array([own[:2].mean(axis=0) for own in points]).reshape(-1, 2))
-    nearest = shapely.STRtree(_line_strings([line.points_mm for line in lines])).nearest(begins)
+    tree = shapely.STRtree(_line_strings([line.points_mm for line in lines]))
+    nearest = np.asarray(tree.nearest(begins)).tolist()
     return [
         Line(points_mm=own, where=lines[index].where)
-        for own, index in zip(points, nearest.tolist(), strict=True)
+        for own, index in zip(points, nearest, strict=True)
     ]
 
 
 def _bridged(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
-    """Return lines whose loose ends were moved together in pairs, nearest first."""
+    """Return lines with their loose ends moved together in pairs, the nearest first."""
     loose = loose_ends(lines)
     spots = np.array([_end(lines, end) for end in loose]).reshape(-1, 2)
     if len(spots) < 2:
@@ -123,7 +123,7 @@ def _leg(lines: list[Line], end: int) -> Floats:
 
 
 def _corner(one: Floats, other: Floats, join_mm: float) -> Floats:
-    """Return where two ends are joined: where their lines meet, or in the middle between them."""
+    """Return where two ends are joined: where their lines meet, or halfway between them."""
     middle = 0.5 * (one[0] + other[0])
     along, across = one[0] - one[1], other[0] - other[1]
     turn = float(along[0] * across[1] - along[1] * across[0])
@@ -137,7 +137,7 @@ def _corner(one: Floats, other: Floats, join_mm: float) -> Floats:
 
 
 def _too_short(lines: list[Line], one: int, other: int, gap_mm: float) -> bool:
-    """Tell whether joining two ends would only fold one short line upon itself."""
+    """Return whether joining two ends would only fold a short line onto itself."""
     line = lines[one // 2]
     return one // 2 == other // 2 and (len(line.points_mm) < 4 or line.length_mm < 3.0 * gap_mm)
 
@@ -161,7 +161,7 @@ _MOST_NAMED = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joined:
-    """What became of loose lines."""
+    """Loose lines after joining."""
 
     rings: list[Line]  # closed lines
     open: list[Line]  # lines that enclose nothing
@@ -170,9 +170,9 @@ class Joined:
 def join(lines: list[Line], join_mm: float, changes: Changes) -> Joined:
     """Join loose lines into rings.
 
-    Lines are chained end to end (see `chained`). What is still open then is cut at its crossings:
-    ends that stop just short of a line are led onto it, pieces that reach beyond a crossing are
-    trimmed, and what is enclosed gives the rings.
+    Lines are chained end to end, see `chained`. Chains that stay open are cut at their crossings:
+    ends that stop just short of a line are extended onto it, parts that reach beyond a crossing
+    are trimmed, and the faces between them give the rings.
     """
     chains = chained(lines, join_mm, changes)
     rings = [line for line in chains if line.closed]
@@ -186,8 +186,8 @@ def join(lines: list[Line], join_mm: float, changes: Changes) -> Joined:
 def _cut_at_crossings(
     lines: list[Line], join_mm: float, changes: Changes
 ) -> tuple[list[Line], list[Line]]:
-    reached = _led_onto_lines(lines, join_mm, changes)
-    noded = shapely.union_all(_line_strings([line.points_mm for line in reached]))
+    extended = _extended_onto_lines(lines, join_mm, changes)
+    noded = shapely.union_all(_line_strings([line.points_mm for line in extended]))
     faces, cuts, dangles, _ = shapely.polygonize_full(shapely.get_parts(noded))
     parts = shapely.get_parts(shapely.line_merge(shapely.union_all(np.array([cuts, dangles]))))
     long = shapely.length(parts) > join_mm * (1.0 + 2.0 * _BEYOND)
@@ -197,8 +197,8 @@ def _cut_at_crossings(
     return _named(rings, lines), _named(parts[long], lines)
 
 
-def _led_onto_lines(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
-    """Return lines whose loose ends were led onto the nearest line, and a hair beyond it."""
+def _extended_onto_lines(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
+    """Return lines with loose ends extended onto the nearest line, and slightly beyond it."""
     points = [line.points_mm for line in lines]
     strings = _line_strings(points)
     tree = shapely.STRtree(strings)
@@ -212,7 +212,7 @@ def _led_onto_lines(lines: list[Line], join_mm: float, changes: Changes) -> list
         target = strings[near[np.argmin(shapely.distance(strings[near], shapely.points(spot)))]]
         onto = shapely.get_coordinates(shapely.shortest_line(shapely.points(spot), target))[1]
         gap_mm = float(np.hypot(*(onto - spot)))
-        # A point computed on a line is beside it in the last bit; going on crosses it for sure.
+        # A point computed on a line may miss it in the last bit; going beyond surely crosses it.
         ahead = (onto - spot) / gap_mm if gap_mm else _direction(lines[own].points_mm, last=last)
         beyond = onto + _BEYOND * join_mm * ahead
         points[own] = np.insert(points[own], len(points[own]) if last else 0, beyond, axis=0)
@@ -227,7 +227,7 @@ def _direction(points: Floats, *, last: bool) -> Floats:
 
 
 def refuse_open(lines: list[Line], join_mm: float, changes: Changes) -> BadInputError:
-    """Return the error that says which lines are open, where, and what can be done."""
+    """Return the error that names the open lines, their ends and the options that help."""
     count = len(lines)
     named = "; ".join(open_places(lines[:_MOST_NAMED], changes))
     more = f"; and {count - _MOST_NAMED} more" if count > _MOST_NAMED else ""
@@ -247,7 +247,7 @@ def widest_gap(lines: list[Line]) -> float:
 
 
 def open_places(lines: list[Line], changes: Changes) -> list[str]:
-    """Return for each line what it is and where its ends are."""
+    """Return the name and the ends of each line, in the coordinates of the source."""
     return [
         f"{line.where} from {changes.frame.place(line.points_mm[0])} "
         f"to {changes.frame.place(line.points_mm[-1])}"

@@ -36,7 +36,7 @@ _SHARP = float(np.cos(np.radians(115.0)))
 
 
 def split_loops(loops: list[Floats], tolerance: Floats) -> CellWalls:
-    """Return loops as fitted walls, freed of needless breaks."""
+    """Return loops as fitted walls without needless breaks."""
     rough = _split([_from_extreme(loop) for loop in loops], tolerance)
     walls = _split(_from_best_corner(rough), tolerance)
     walls.divide()
@@ -358,7 +358,7 @@ def raster_map(
 
 @dataclass(frozen=True, slots=True)
 class _Islands:
-    """The loops of a region, without the holes around what is too small."""
+    """The loops of a region without those of obstacles that are too small."""
 
     loops: list[Floats]
     dropped_cells2: list[float]
@@ -386,7 +386,7 @@ class _Islands:
 def _region(
     free: Mask, placement: GridPlacement, start: Pose | None
 ) -> tuple[Mask, Floats, dict[str, object]]:
-    """Return the region that counts, cropped, its lower left corner in cells, and the rest."""
+    """Return the selected region, cropped, its lower left corner in cells, and what is left out."""
     labels, count = ndimage.label(free)
     if count == 0:
         raise BadInputError("image", "no free cell", "at least one free cell")

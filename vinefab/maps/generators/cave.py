@@ -36,7 +36,7 @@ _CANDIDATES = 12
 def spread_points(
     rng: np.random.Generator, count: int, limits: tuple[float, float], first: Floats
 ) -> Floats:
-    """Return points in a square, each the candidate farthest from those before it.
+    """Return points in a square, each the farthest of some candidates from those before it.
 
     Mitchell's best-candidate sampling: random, but neither crowded nor regular.
     """
@@ -49,19 +49,19 @@ def spread_points(
 
 
 def links(rng: np.random.Generator, points: Floats, extra: float) -> list[tuple[int, int]]:
-    """Return pairs of points to connect: a shortest tree over all, and some short cuts.
+    """Return pairs of points to connect: the minimum spanning tree, and some shortcuts.
 
-    Short cuts come from the Gabriel graph: pairs with no other point in the circle between them.
+    Shortcuts are edges of the Gabriel graph: no other point lies in the circle between the two.
     """
     distance = np.linalg.norm(points[:, None] - points, axis=2)
-    tree = _shortest_tree(distance)
+    tree = _spanning_tree(distance)
     possible = [pair for pair in _gabriel(distance) if pair not in tree]
     chosen = rng.random(len(possible)) < extra
     return sorted(tree) + [pair for pair, take in zip(possible, chosen, strict=True) if take]
 
 
-def _shortest_tree(distance: Floats) -> set[tuple[int, int]]:
-    """Return the minimum spanning tree (Prim): pairs (smaller, larger)."""
+def _spanning_tree(distance: Floats) -> set[tuple[int, int]]:
+    """Return the minimum spanning tree (Prim) as pairs (smaller, larger index)."""
     nearest, gap = np.zeros(len(distance), dtype=np.int64), distance[0].copy()
     gap[0] = np.inf
     tree = set()
@@ -106,7 +106,7 @@ def passage(path_mm: Floats, widths_mm: Floats) -> BaseGeometry:
 def carved(
     parts: Sequence[BaseGeometry], room: Polygon, detail_mm: float, least_rock_mm2: float
 ) -> Polygon:
-    """Return the cave that overlapping parts make together."""
+    """Return the largest connected union of parts within a room, with simplified walls."""
     solid = shapely.union_all(np.array(parts), grid_size=COORDINATE_GRID_MM)
     pieces = canonical(shapely.intersection(solid, room, grid_size=COORDINATE_GRID_MM))
     outer, *holes = shapely.get_rings(max(pieces, key=lambda piece: piece.area))
@@ -117,15 +117,15 @@ def carved(
         cave = Polygon(walls, kept)
         if cave.is_valid:
             return canonical(cave)[0]
-        # Walls that nearly touch may cross when both move; with less detail lost they do not.
+        # Simplified walls that nearly touch may cross: simplify less.
         detail_mm *= 0.5
 
 
 def _simplified(ring_mm: Floats, detail_mm: float) -> Floats:
-    """Return a ring with fewer corners, none of those left out farther than this from it.
+    """Return a ring simplified by Douglas and Peucker's method to within ``detail_mm``.
 
-    Douglas and Peucker's method on the two halves between the first corner and the one farthest
-    from it. Libraries begin elsewhere from one version to the next.
+    It is split at the first corner and the one farthest from it. Libraries begin elsewhere from
+    one version to the next, which would change maps.
     """
     closed = np.concatenate([ring_mm, ring_mm[:1]])
     middle = int(np.argmax(np.hypot(*(ring_mm - ring_mm[0]).T)))
@@ -143,7 +143,7 @@ def _simplified(ring_mm: Floats, detail_mm: float) -> Floats:
 
 
 def _off_line(points_mm: Floats) -> Floats:
-    """Return how far points are from the straight piece between the first and the last."""
+    """Return the distance of points to the segment between the first and the last."""
     along = points_mm[-1] - points_mm[0]
     away = points_mm - points_mm[0]
     share = np.clip(away @ along / (along @ along), 0.0, 1.0)
@@ -155,20 +155,20 @@ _STREAM = 1301
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CaveOptions(StartOptions):
-    """What instances of one Cave environment have in common.
+    """Options that instances of one Cave environment share.
 
     Parameters
     ----------
     size_mm
         Width and height of the bounds.
     chambers
-        Number of wider places that the passages connect.
+        Number of chambers that the passages connect.
     chamber_radius_min_mm, chamber_radius_max_mm
         Range of a chamber's mean radius.
     passage_width_min_mm, passage_width_max_mm
         Range of a passage's width; no passage is narrower than the first, to 1 mm in 500.
     loops
-        Share, 0 to 1, of the possible short cuts that are open besides the passages that connect
+        Share, 0 to 1, of the possible shortcuts that are open besides the passages that connect
         everything: 0 gives a cave without islands of rock, unless passages happen to meet.
     wander
         0: passages are straight; 1: they swing to the side by a quarter of their length.
@@ -214,23 +214,23 @@ class CaveOptions(StartOptions):
 
     @property
     def reach_mm(self) -> float:
-        """How far from the bounds the middle of a chamber stays."""
+        """Least distance from the middle of a chamber to the bounds."""
         widest_mm = max(self.chamber_radius_max_mm, 0.5 * self.passage_width_max_mm)
         return self.margin_mm + widest_mm
 
     @property
     def passage_mm(self) -> float:
-        """Width of a round body that gets from the start into every chamber."""
+        """Diameter of a round body that reaches every chamber from the start."""
         return self.passage_width_min_mm - 2.0 * self.detail_mm
 
     @property
     def floor_mm(self) -> float:
-        """Distance from the bounds within which all is rock, and what the walls may move."""
+        """Width of the solid rock along the bounds, and the tolerance of the walls."""
         return self.margin_mm + 2.0 * self.detail_mm
 
     @property
     def detail_mm(self) -> float:
-        """Size below which walls are not detailed."""
+        """Tolerance to which walls are simplified."""
         return 0.001 * self.size_mm
 
     def _check_range(self, name: str, low_mm: float, high_mm: float) -> None:
@@ -239,7 +239,7 @@ class CaveOptions(StartOptions):
 
 
 def cave_map(seed: int, options: CaveOptions | None = None) -> Map:
-    """Make one instance of a Cave environment.
+    """Generate one instance of a Cave environment.
 
     Chambers are spread over the bounds and connected by winding passages; everything else is
     rock: one obstacle with the cave as its hole, and an obstacle for every island of rock that
@@ -312,7 +312,7 @@ def _widths(rng: np.random.Generator, options: CaveOptions, count: int) -> Float
 def _winding(
     rng: np.random.Generator, options: CaveOptions, first_mm: Floats, last_mm: Floats
 ) -> Floats:
-    """Return a path between two places that swings from side to side, shape (n, 2)."""
+    """Return a winding path between two places, shape (n, 2)."""
     along = last_mm - first_mm
     count = 4 + int(math.hypot(*along) / (0.5 * options.passage_width_min_mm))
     share = np.linspace(0.0, 1.0, count)

@@ -24,22 +24,22 @@ from vinefab.maps.generators.generated_map import (
 from vinefab.model.map import Map, Start
 
 _PLANS = 50
-"""How often a plan is begun anew when the halls did not fit."""
+"""Attempts at a plan in which the halls fit."""
 
 
 class Region(NamedTuple):
     """An axis-parallel rectangle of the floor, without the walls around it.
 
-    ``hall`` says that it is one; ``way`` is the axis (0: x, 1: y) along which a hall through it
-    would run, so that halls end on the one before and do not run beside it.
+    A hall through a region ends on the hall before it and does not run beside it, so ``way``
+    changes with every division.
     """
 
     x_min_mm: float
     y_min_mm: float
     x_max_mm: float
     y_max_mm: float
-    hall: bool = False
-    way: int = 0
+    hall: bool = False  # whether it is one
+    way: int = 0  # axis along which a hall through it would run, 0: x, 1: y
 
     def span(self, axis: int) -> tuple[float, float]:
         """Return the smallest and the largest coordinate along an axis."""
@@ -64,7 +64,7 @@ class Region(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FloorLimits:
-    """What walls have to respect."""
+    """Limits that walls respect."""
 
     hall_mm: float  # width of halls
     room_min_mm: float  # least width and depth of rooms
@@ -86,7 +86,7 @@ def floor_plan(
         parts = _with_halls(rng, floor._replace(way=1), halls, limits)
         if parts is not None:
             return [room for part in parts for room in _rooms(rng, part, limits)]
-    raise BadInputError("halls", halls, "so few that rooms fit beside them")
+    raise BadInputError("halls", halls, "fewer, so that rooms fit beside them")
 
 
 def _with_halls(
@@ -106,10 +106,10 @@ def _with_halls(
 
 
 def _crossed(rng: np.random.Generator, part: Region, limits: FloorLimits) -> list[Region] | None:
-    """Return a part divided by a hall into two, and the hall; None where there is no room."""
+    """Return the two parts beside a hall, and the hall; None if there is no room for it."""
     axis, wall_mm = 1 - part.way, limits.wall_mm
     inner_mm = wall_mm + limits.hall_mm
-    # Two walls may stand where there is no keep-out for either.
+    # Neither of the two walls may stand in the keep-out.
     at = _wall_place(rng, part, axis, (0.0, inner_mm), limits)
     if at is None:
         return None
@@ -145,7 +145,7 @@ def _wall_place(
     walls_at_mm: tuple[float, ...],
     limits: FloorLimits,
 ) -> float | None:
-    """Draw where the first of some walls across a part begins; None if nowhere is room."""
+    """Draw where the first of some walls across a part begins; None if there is no room."""
     low, high = part.span(axis)
     first = low + limits.room_min_mm
     last = high - limits.room_min_mm - limits.wall_mm - walls_at_mm[-1]
@@ -168,7 +168,7 @@ def _wall_place(
 def _without(
     pieces: list[tuple[float, float]], low: float, high: float
 ) -> list[tuple[float, float]]:
-    """Return pieces of a line without what lies strictly between two places."""
+    """Return intervals without the open interval between two places."""
     before = [(start, min(end, low)) for start, end in pieces]
     after = [(max(start, high), end) for start, end in pieces]
     return [piece for piece in (*before, *after) if piece[1] >= piece[0]]
@@ -179,16 +179,16 @@ def _overlap(one: tuple[float, float], other: tuple[float, float]) -> float:
 
 
 _SLACK_MM = 1e-3
-"""Coordinates are rounded; a wall that is meant to be long enough is."""
+"""Slack for rounded coordinates."""
 
 
 @dataclass(frozen=True, slots=True)
 class DoorRules:
-    """How doors are made."""
+    """Dimensions and share of doors."""
 
-    wall_mm: float  # thickness of walls, and what a door keeps to the corners of a room
+    wall_mm: float  # thickness of walls, and distance of a door from the corners of a room
     door_mm: float  # width
-    loops: float  # share, 0 to 1, of the doors that are not needed but open
+    loops: float  # share, 0 to 1, of the doors beyond the necessary ones
 
 
 class _Border(NamedTuple):
@@ -226,7 +226,7 @@ def doorways(rng: np.random.Generator, regions: Sequence[Region], rules: DoorRul
 
 
 def _borders(regions: Sequence[Region], wall_mm: float) -> list[_Border]:
-    """Return the borders of all neighbours: regions that face each other a wall apart."""
+    """Return the borders between regions that face each other a wall apart."""
     sides = np.array([region[:4] for region in regions])
     halls = [region.hall for region in regions]
     borders = []
@@ -246,7 +246,7 @@ def _borders(regions: Sequence[Region], wall_mm: float) -> list[_Border]:
 def _spanning(
     count: int, joined: Sequence[_Border], borders: Sequence[_Border]
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return which borders to open, the earliest that will do, so that all are connected."""
+    """Return which borders to open, the earliest first, so that all regions are connected."""
     group = list(range(count))
 
     def root(index: int) -> int:
@@ -296,7 +296,7 @@ _MOST_ROOMS = 2000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorridorsOptions(StartOptions):
-    """What instances of one Corridors environment have in common.
+    """Options that instances of one Corridors environment share.
 
     Parameters
     ----------
@@ -347,7 +347,7 @@ class CorridorsOptions(StartOptions):
         positive("door_mm", self.door_mm, self.width_mm)
         check_shares(self, "loops")
         number("hall_width_mm", self.hall_width_mm, self.door_wall_mm, self.width_mm, "mm")
-        # So that half of any room's wall has room for a door: see `doorways`.
+        # Half of any room's wall then has room for a door, see `doorways`.
         least_mm = 2.0 * self.door_wall_mm + self.wall_mm
         shorter_mm = min(self.width_mm, self.height_mm)
         number("room_min_mm", self.room_min_mm, least_mm, shorter_mm, "mm")
@@ -356,27 +356,27 @@ class CorridorsOptions(StartOptions):
         if self.width_mm * self.height_mm > _MOST_ROOMS * self.room_min_mm**2:
             least_mm = (self.width_mm * self.height_mm / _MOST_ROOMS) ** 0.5
             raise BadInputError("room_min_mm", self.room_min_mm, f"at least {least_mm:.4g} mm")
-        # Walls may go where the start is not, but a hall has to be wide enough for it.
+        # Walls avoid the start, but a hall must be wide enough for it.
         wide_mm = self.hall_width_mm if self.halls > 0 else self.width_mm
         self.check_starts((wide_mm, self.height_mm), 0.5 * self.door_mm)
 
     @property
     def passage_mm(self) -> float:
-        """Width of a round body that gets into every room: that of the doors, to 1e-4 mm."""
+        """Diameter of a round body that reaches every room: the width of doors, to 1e-4 mm."""
         return self.door_mm
 
     @property
     def door_wall_mm(self) -> float:
-        """Length of wall that a door needs, with what it keeps to the corners."""
+        """Length of wall that a door needs, with its distance to the corners."""
         return self.door_mm + 2.0 * self.wall_mm
 
 
 def corridors_map(seed: int, options: CorridorsOptions | None = None) -> Map:
-    """Make one instance of a Corridors environment.
+    """Generate one instance of a Corridors environment.
 
     The floor is divided into halls and rooms by straight walls; doors make all of them
-    reachable. No way between two rooms is narrower than a door. Every possible starting position
-    has ``start_clearance_mm``, and at least half a door's width, to all walls.
+    reachable. No connection between two rooms is narrower than a door. Every possible starting
+    position has ``start_clearance_mm``, and at least half a door's width, to all walls.
 
     Examples
     --------

@@ -39,7 +39,7 @@ _DEEPEST = 0.8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GridOptions(SeveralStartOptions):
-    """What instances of one Grid environment have in common.
+    """Options that instances of one Grid environment share.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class GridOptions(SeveralStartOptions):
 
     @property
     def passage_mm(self) -> float:
-        """Width of a round body that gets everywhere it fits: half the gap, for the sides' sake."""
+        """Diameter of a round body that gets everywhere: half the gap, as kept to the sides."""
         return 0.5 * self.gap_mm
 
     def _check_obstacles(self) -> None:
@@ -121,7 +121,7 @@ class GridOptions(SeveralStartOptions):
 
 
 def grid_map(seed: int, options: GridOptions | None = None) -> Map:
-    """Make one instance of a Grid environment.
+    """Generate one instance of a Grid environment.
 
     Obstacles are valid polygons, convex unless ``concavity`` is set, at least ``gap_mm`` apart, so
     the free space is connected; every possible starting position has ``start_clearance_mm`` to
@@ -165,7 +165,7 @@ def _filled_cells(seed: int, options: GridOptions) -> list[_Cell]:
 def _obstacles(
     seed: int, cells: Sequence[_Cell], options: GridOptions, keep_out: BaseGeometry
 ) -> tuple[Polygon, ...]:
-    """Return an obstacle per cell, but for those that the starts leave no room for."""
+    """Return an obstacle per cell, except where the starts leave no room."""
     drawn = _polygons([next(_draws(seed, cell, options)) for cell in cells], cells, options)
     too_near = shapely.distance(drawn, keep_out) < options.start_clearance_mm
     for index in np.flatnonzero(too_near).tolist():
@@ -186,8 +186,8 @@ def _redrawn(
 def _draws(seed: int, cell: _Cell, options: GridOptions) -> Iterator[Floats]:
     """Yield the random numbers, 0 to 1, of one obstacle after another for the same cell.
 
-    They are a radius, a wander for each corner, a turn, the two ways off the middle, and for
-    concave obstacles a pull for each corner.
+    They are a radius, an offset of the angle of each corner, a turn, an offset of the middle in x
+    and y, and for concave obstacles a pull for each corner.
     """
     rng = child(seed, _STREAM, cell[1], cell[0])
     pulls = child(seed, _STREAM, cell[1], cell[0], 1) if options.concavity > 0.0 else None
@@ -216,7 +216,7 @@ def _corners(numbers: Floats, cells: Ints, options: GridOptions) -> Floats:
     count = (length - 4) // (1 if options.concavity == 0.0 else 2)
     span = options.radius_max - options.radius_min
     radius_mm = options.cell_mm * (options.radius_min + span * numbers[:, 0])
-    # 0.9: below 1, so that neighbouring corners never meet.
+    # 0.9: below 1, so that adjacent corners never coincide.
     wander = 0.9 * options.irregularity * (numbers[:, 1 : count + 1] - 0.5)
     turn = numbers[:, count + 1, None]
     angles_rad = 2.0 * math.pi * (turn + (np.arange(count) + wander) / count)

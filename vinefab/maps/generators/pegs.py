@@ -28,7 +28,7 @@ _LATTICES = ("square", "hexagonal")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PegsOptions(SeveralStartOptions):
-    """What instances of one Pegs environment have in common: the board and how it is filled.
+    """Options that instances of one Pegs environment share: the board and how it is filled.
 
     Parameters
     ----------
@@ -108,12 +108,14 @@ class PegsOptions(SeveralStartOptions):
         number("edge_mm", self.edge_mm, least_mm, 1e4, "mm")
         if self.passage_mm <= 0.01:
             raise BadInputError(
-                "diameter_mm", self.diameter_mm, "so little that pegs touch neither pegs nor sides"
+                "diameter_mm",
+                self.diameter_mm,
+                "less, so that pegs touch neither each other nor the sides",
             )
 
 
 def pegs_map(seed: int, options: PegsOptions | None = None) -> Map:
-    """Make one instance of a Pegs environment.
+    """Generate one instance of a Pegs environment.
 
     Pegs keep `PegsOptions.passage_mm` to each other and to the sides, so the free space is
     connected; every possible starting position has ``start_clearance_mm`` to all walls.
@@ -140,7 +142,7 @@ def _pegs(
     rng: np.random.Generator, options: PegsOptions, starts: tuple[Start, ...]
 ) -> tuple[Polygon, ...]:
     holes_mm = _holes(options)
-    # Drawn for every hole, used or not: a peg does not move when another is added.
+    # Drawn for every hole, used or not, so that more pegs do not move the others.
     order, far, way = rng.random((3, len(holes_mm)))
     angle_rad = 2.0 * math.pi * way
     off_mm = (options.jitter_mm * np.sqrt(far))[:, None] * directions(angle_rad)
@@ -150,7 +152,7 @@ def _pegs(
     possible = np.flatnonzero(away_mm >= near_mm)
     count = round(options.filled * len(possible))
     chosen = np.sort(possible[np.argsort(order[possible], kind="stable")[:count]])
-    # Half a step on, so that flat sides face along the axes.
+    # Turned by half a step: flat sides face along the axes.
     angles_rad = 2.0 * math.pi * (np.arange(options.sides) + 0.5) / options.sides
     peg_mm = 0.5 * options.diameter_mm * directions(angles_rad)
     corners_mm = rounded(middles_mm[chosen, None] + peg_mm)

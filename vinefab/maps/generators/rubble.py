@@ -30,20 +30,18 @@ _DEEPEST = 0.35
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlabKind:
-    """How slabs look."""
+    """Dimensions and directions of slabs."""
 
     # smallest and largest thickness, as a share of the length; at most 0.8
     thickness: tuple[float, float]
-    # direction_rad, direction_spread_rad: slabs lie along the first, counter-clockwise from +x,
-    # give or take up to the second
-    direction_rad: float
-    direction_spread_rad: float
+    direction_rad: float  # of slabs, counter-clockwise from +x
+    direction_spread_rad: float  # largest deviation from it
     # 0: straight ends; 1: ends broken off at a slant, by a third of the thickness
     raggedness: float
 
 
 def power_law(rng: np.random.Generator, limits: tuple[float, float], exponent: float) -> float:
-    """Draw a length whose density falls with a power of it, between limits."""
+    """Draw a length from a power law between limits."""
     low, high = limits
     share = rng.random()
     power = 1.0 - exponent
@@ -74,55 +72,55 @@ def _end(rng: np.random.Generator, thick_mm: float, raggedness: float) -> Floats
     back_low, back_high, tip = rng.random(3)
     if raggedness == 0.0:
         return np.array([(0.0, -half_mm), (0.0, half_mm)])
-    # At least a little, so that the tip stands out and the corner there is one.
+    # Above 0, so that the tip stays a corner.
     deep_mm = _DEEPEST * raggedness * thick_mm * (0.1 + 0.9 * np.array([back_low, back_high]))
     return np.array([(-deep_mm[0], -half_mm), (0.0, half_mm * (tip - 0.5)), (-deep_mm[1], half_mm)])
 
 
 def way_to_contact(mover: Floats, host: Floats, way: Floats) -> float:
-    """Return how far a convex polygon can move until it touches another; infinity if it misses.
+    """Return how far a convex polygon can move until it touches another; infinity if never.
 
     Parameters
     ----------
     mover, host
         Corners, shape (n, 2); apart from each other.
     """
-    ahead = _first_hit(mover, host, way)
-    return min(ahead, _first_hit(host, mover, -way))
+    ahead = _shortest_way(mover, host, way)
+    return min(ahead, _shortest_way(host, mover, -way))
 
 
-def _first_hit(points: Floats, corners: Floats, way: Floats) -> float:
-    """Return the shortest way from any of the points to any of the edges."""
+def _shortest_way(points: Floats, corners: Floats, way: Floats) -> float:
+    """Return the shortest distance along ``way`` from any point to any edge."""
     edges = np.roll(corners, -1, axis=0) - corners
     from_points = corners - points[:, None]
     slope = way[0] * edges[:, 1] - way[1] * edges[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         far = (from_points[..., 0] * edges[:, 1] - from_points[..., 1] * edges[:, 0]) / slope
         place = (from_points[..., 0] * way[1] - from_points[..., 1] * way[0]) / slope
-    hit = (slope != 0.0) & (far >= 0.0) & (place >= 0.0) & (place <= 1.0)
-    return float(np.where(hit, far, np.inf).min())
+    meets = (slope != 0.0) & (far >= 0.0) & (place >= 0.0) & (place <= 1.0)
+    return float(np.where(meets, far, np.inf).min())
 
 
 _TRIES = 150
 _SIDES = 4
 _DEEPEST_IN_SIDE = 0.4
 _BITE = 0.15
-"""How far a leaning slab goes into its host, as a share of the root of its area."""
+"""Depth by which a leaning slab overlaps its host, as a share of the root of its area."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PileRules:
-    """Where slabs may lie."""
+    """Rules for the places of slabs."""
 
     size_mm: float  # width and height of the bounds, from the origin
     # least distance between slabs that do not lean on each other, and to the sides
     passage_mm: float
-    keep_out: BaseGeometry  # what slabs keep ``keep_out_mm`` from
-    keep_out_mm: float  # that distance
+    keep_out: BaseGeometry  # where no slab may be
+    keep_out_mm: float  # least distance of slabs to it
 
 
 class Pile:
-    """Slabs that lie already, and room for more."""
+    """Placed slabs, with a search for room for more."""
 
     def __init__(self, rules: PileRules) -> None:
         self.rules = rules
@@ -134,19 +132,19 @@ class Pile:
 
     @property
     def polygons(self) -> NDArray[np.object_]:
-        """The slabs, in the order they were put down; some overlap, some reach over the bounds."""
+        """The slabs, in the order of their placement; some overlap, some cross the bounds."""
         return self._polygons[: self._count]
 
     def add(self, rng: np.random.Generator, slab_mm: Floats, *, leaning: bool) -> bool:
-        """Put down a slab where there is room, and return whether a place was found."""
+        """Place a slab where there is room; return whether there is."""
         for lean in (True, False) if leaning else (False,):
             for _ in range(_TRIES):
-                host, off_mm = self._place(rng, slab_mm, lean=lean)
-                if off_mm is not None and self._put(slab_mm + off_mm, host):
+                host, off_mm = self._draw_place(rng, slab_mm, lean=lean)
+                if off_mm is not None and self._place_at(slab_mm + off_mm, host):
                     return True
         return False
 
-    def _place(
+    def _draw_place(
         self, rng: np.random.Generator, slab_mm: Floats, *, lean: bool
     ) -> tuple[int, Floats | None]:
         """Draw a host and an offset; hosts -4 .. -1 are the sides, -5 is none."""
@@ -172,7 +170,7 @@ class Pile:
         return off_mm
 
     def _on_slab(self, rng: np.random.Generator, slab_mm: Floats, host: int) -> Floats | None:
-        """Return an offset that slides a slab against another until it just bites into it."""
+        """Return an offset that slides a slab against another until they overlap slightly."""
         turn = 2.0 * math.pi * rng.random()
         way = np.array([math.cos(turn), math.sin(turn)])
         aside = self._radii_mm[host] * (2.0 * rng.random() - 1.0) * np.array([-way[1], way[0]])
@@ -184,14 +182,14 @@ class Pile:
         bite_mm = _BITE * math.sqrt(Polygon(slab_mm).area)
         return np.asarray(begin_mm + (contact_mm + bite_mm) * way)
 
-    def _put(self, slab_mm: Floats, host: int) -> bool:
-        """Put a slab down if it touches nothing but its host; return whether it did."""
+    def _place_at(self, slab_mm: Floats, host: int) -> bool:
+        """Place a slab if it touches nothing but its host; return whether it does."""
         polygon = Polygon(slab_mm)
         if not (self._clear_of_sides(slab_mm, host) and self._clear_of_slabs(polygon, host)):
             return False
         if shapely.distance(polygon, self.rules.keep_out) < self.rules.keep_out_mm:
             return False
-        if host >= 0 and not self._bites(polygon, host):
+        if host >= 0 and not self._overlaps(polygon, host):
             return False
         if self._count == len(self._polygons):
             self._grow()
@@ -224,8 +222,8 @@ class Pile:
         distances_mm = shapely.distance(self.polygons[near], polygon)
         return bool((distances_mm >= self.rules.passage_mm).all())
 
-    def _bites(self, polygon: Polygon, host: int) -> bool:
-        """Return whether the overlap is broad enough to hold, and is no overlap of the whole."""
+    def _overlaps(self, polygon: Polygon, host: int) -> bool:
+        """Return whether the overlap with a host is neither a mere touch nor most of the slab."""
         shared_mm2 = shapely.intersection(polygon, self._polygons[host]).area
         least_mm2, most_mm2 = 0.1 * _BITE**2 * polygon.area, 0.5 * polygon.area
         return bool(least_mm2 < shared_mm2 < most_mm2)
@@ -237,8 +235,8 @@ def _radius(slab_mm: Floats) -> float:
 
 _STREAM = 1401
 _MOST_SLABS = 4000
-_HOPELESS = 12
-"""So many slabs in a row without a place are proof enough that it is full."""
+_MOST_MISSES = 12
+"""Slabs in a row without a place until the bounds count as full."""
 _SHORTFALL = 0.1
 _NEAR = 0.03
 _ROUNDS = 4
@@ -246,15 +244,15 @@ _ROUNDS = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RubbleOptions(SeveralStartOptions):
-    """What instances of one Rubble environment have in common.
+    """Options that instances of one Rubble environment share.
 
     Parameters
     ----------
     size_mm
         Width and height of the bounds.
     cover
-        Share of the bounds that slabs cover: at least nine tenths of this; the last slab put down
-        may go beyond.
+        Share of the bounds that slabs cover: at least nine tenths of this; the last slab may go
+        beyond.
     slab_min_mm, slab_max_mm
         Range of a slab's length.
     exponent
@@ -309,7 +307,7 @@ class RubbleOptions(SeveralStartOptions):
 
     @property
     def slab_kind(self) -> SlabKind:
-        """How its slabs look."""
+        """Dimensions and directions of its slabs."""
         return SlabKind(
             thickness=(self.thickness_min, self.thickness_max),
             direction_rad=math.radians(self.direction_deg),
@@ -319,7 +317,7 @@ class RubbleOptions(SeveralStartOptions):
 
 
 def rubble_map(seed: int, options: RubbleOptions | None = None) -> Map:
-    """Make one instance of a Rubble environment.
+    """Generate one instance of a Rubble environment.
 
     Slabs that lean on each other are one obstacle. A round body ``passage_mm`` wide can go from
     every possible starting position to everywhere it fits (why: see `Pile`).
@@ -364,16 +362,16 @@ def rubble_map(seed: int, options: RubbleOptions | None = None) -> Map:
 
 
 def _solid(pile: Pile, options: RubbleOptions) -> BaseGeometry:
-    """Return the slabs as far as they lie within the bounds; those that lean are one piece."""
+    """Return the union of the slabs, clipped to the bounds."""
     slabs = shapely.union_all(pile.polygons, grid_size=COORDINATE_GRID_MM)
     bounds = box(options.size_mm, options.size_mm)
     return shapely.intersection(slabs, bounds, grid_size=COORDINATE_GRID_MM)
 
 
 def _pile(rng: np.random.Generator, options: RubbleOptions, starts: tuple[Start, ...]) -> Pile:
-    """Return slabs put down as far as there is room.
+    """Return slabs placed as far as there is room.
 
-    More follow where much is lost to overlaps and to what sticks out of the sides.
+    Further rounds replace what is lost to overlaps and beyond the sides.
     """
     rules = PileRules(
         size_mm=options.size_mm,
@@ -384,26 +382,26 @@ def _pile(rng: np.random.Generator, options: RubbleOptions, starts: tuple[Start,
     pile, wanted_mm2 = Pile(rules), options.cover * options.size_mm**2
     for _ in range(_ROUNDS):
         missing_mm2 = wanted_mm2 - _solid(pile, options).area
-        if missing_mm2 <= _NEAR * wanted_mm2 or not _put_down(rng, pile, missing_mm2, options):
+        if missing_mm2 <= _NEAR * wanted_mm2 or not _add_slabs(rng, pile, missing_mm2, options):
             break
     return pile
 
 
-def _put_down(
+def _add_slabs(
     rng: np.random.Generator, pile: Pile, area_mm2: float, options: RubbleOptions
 ) -> bool:
-    """Add slabs from the largest to the smallest; return whether there may be room for more."""
+    """Add slabs from the largest to the smallest; return whether more may fit."""
     misses = 0
     for corners in _slabs(rng, area_mm2, options):
         found = pile.add(rng, corners, leaning=bool(rng.random() < options.leaning))
         misses = 0 if found else misses + 1
-        if misses == _HOPELESS:
+        if misses == _MOST_MISSES:
             return False
     return True
 
 
 def _slabs(rng: np.random.Generator, missing_mm2: float, options: RubbleOptions) -> list[Floats]:
-    """Return slabs that together have this area, the largest first."""
+    """Return slabs with this total area, the largest first."""
     limits = options.slab_min_mm, options.slab_max_mm
     slabs: list[Floats] = []
     areas_mm2: list[float] = []
@@ -414,7 +412,9 @@ def _slabs(rng: np.random.Generator, missing_mm2: float, options: RubbleOptions)
         missing_mm2 -= areas_mm2[-1]
         if len(slabs) > _MOST_SLABS:
             raise BadInputError(
-                "slab_min_mm", options.slab_min_mm, f"more: below {_MOST_SLABS} slabs cover so much"
+                "slab_min_mm",
+                options.slab_min_mm,
+                f"more, so that at most {_MOST_SLABS} slabs are needed",
             )
     order = np.argsort(-np.array(areas_mm2), kind="stable")
     return [slabs[index] for index in order.tolist()]

@@ -45,22 +45,21 @@ _EXTRUSION_SLACK = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class _SplineCurve:
-    """A B-spline, rational or not, mirrored in x when -1.
+    """A B-spline, rational or not.
 
-    Evaluated here, not by ezdxf: that one runs closed splines over knots at which they have not
-    begun yet.
+    Evaluated here, not by ezdxf, which evaluates closed splines over knots outside their range.
     """
 
     spline: BSpline
-    mirror: float = 1.0
+    mirror: float = 1.0  # -1: mirrored in x
 
     def hull(self) -> Floats:
-        """Return the control points, which hold the curve between them."""
+        """Return the control points: their convex hull contains the curve."""
         points = [(self.mirror * point.x, point.y) for point in self.spline.control_points]
         return np.array(points)
 
     def flat(self, tolerance: float) -> Floats:
-        """Return points on the curve: every span between knots is halved until it is flat."""
+        """Return points on the curve: spans between knots are halved until they are flat."""
         knots, order = np.array(self.spline.knots()), self.spline.order
         inner = np.unique(knots[order - 1 : len(knots) - order + 1])
         parts = 4
@@ -83,14 +82,14 @@ class _SplineCurve:
 
 
 def _items_of(entity: DXFGraphic, where: str) -> list[DrawingItem]:
-    """Return what an entity draws, in world coordinates."""
+    """Return the items that an entity draws, in world coordinates."""
     try:
         return _READERS[entity.dxftype()](entity, where)
     except BadInputError:
         raise
     except (DXFError, ValueError, TypeError, AttributeError, IndexError, ArithmeticError) as error:
         problem = " ".join(str(error).split()) or type(error).__name__
-        raise BadInputError(where, problem[:80], "an entity that holds together") from error
+        raise BadInputError(where, problem[:80], "a consistent entity") from error
 
 
 def _line(entity: DXFGraphic, where: str) -> list[DrawingItem]:
@@ -120,7 +119,7 @@ def _circular(entity: DXFGraphic, where: str, start_deg: float, end_deg: float) 
 def _angled(
     middle: Sequence[float], radius: float, angles_deg: tuple[float, float], mirror: float
 ) -> Arc:
-    """Return the counter-clockwise arc from one angle to another, equal angles for all of it."""
+    """Return the counter-clockwise arc between two angles; equal ones give the whole circle."""
     turn_deg = (angles_deg[1] - angles_deg[0]) % 360.0
     return Arc(
         middle=np.array([mirror * middle[0], middle[1]]),
@@ -132,7 +131,7 @@ def _angled(
 
 
 def _ellipse(entity: DXFGraphic, where: str) -> list[DrawingItem]:
-    # Ellipses are stored in world coordinates; mirroring only turns their minor axis over.
+    # Ellipses are stored in world coordinates; mirroring only flips their minor axis.
     up = _mirror(entity, where)
     _flat_points(where, [Vec3(0, 0, 0), entity.dxf.major_axis])
     major = np.array([entity.dxf.major_axis.x, entity.dxf.major_axis.y])
@@ -158,7 +157,7 @@ def _spline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
     spline = entity.construction_tool()  # type: ignore[attr-defined]
     _flat_points(where, list(spline.control_points))
     curve = _SplineCurve(spline)
-    curve.flat(math.inf)  # so that knots that do not fit are found while it is known where
+    curve.flat(math.inf)  # finds wrong knots while the entity is known
     closed = bool(entity.closed)  # type: ignore[attr-defined]
     return [DrawingItem(rings=(Ring(pieces=(curve,)),), where=where, closed=closed)]
 
@@ -201,7 +200,7 @@ def _bulged(
 def _bulged_pieces(
     vertices: Sequence[Sequence[float]], mirror: float, *, closed: bool
 ) -> tuple[CurvePiece, ...]:
-    """Return the pieces of a polyline; straight ones that follow one another are one."""
+    """Return the pieces of a polyline; consecutive straight ones are merged."""
     points = np.array([(mirror * x, y) for x, y, *_ in vertices])
     bulges = [mirror * vertex[2] for vertex in vertices]
     if closed:
@@ -270,7 +269,7 @@ def _ellipse_edge(ellipse: ConstructionEllipse, mirror: float) -> CurvePiece:
 
 
 def _edge_loops(pieces: list[CurvePiece]) -> list[Ring]:
-    """Return the loops that a hatch's edges make, in whichever direction each edge runs."""
+    """Return the loops of a hatch's edges, whichever way each edge runs."""
     loops: list[list[CurvePiece]] = []
     first = last = np.full(2, math.nan)
     for piece in pieces:
@@ -369,7 +368,7 @@ _BROKEN = (
     RecursionError,
     StopIteration,
 )
-"""What ezdxf raises on files that are broken in ways that it does not expect."""
+"""What ezdxf raises on files with damage that it does not expect."""
 
 
 _GUESSED = (AuditError.INVALID_INTEGER_VALUE, AuditError.INVALID_FLOATING_POINT_VALUE)
@@ -379,16 +378,14 @@ _NO_OUTPUT = logging.NullHandler()
 def import_dxf(path: Path, options: ImportOptions) -> Map:
     """Return the map in a DXF drawing.
 
-    Hatches and solids are areas, everything else lines and outlines. Blocks are taken apart.
-    What is frozen, off, invisible, text or not in model space is counted and left out.
+    Hatches and solids are areas, everything else lines and outlines. Blocks are exploded. What is
+    frozen, off, invisible, text or outside model space is counted and left out.
     """
     document, repaired = _document(path)
     try:
         drawing = _drawing(document, options.layers)
-    except BadInputError as error:
+    except (BadInputError, UnknownNameError) as error:
         raise error.at(path) from error
-    except UnknownNameError:
-        raise
     except _BROKEN as error:
         problem = " ".join(str(error).split()) or type(error).__name__
         raise UnreadableFileError(path, f"is a damaged DXF file: {problem[:120]}") from error
@@ -402,14 +399,14 @@ def _document(path: Path) -> tuple["Document", int]:
     data = read_bytes(path, _LARGEST_BYTES)
     if not data.strip():
         raise UnreadableFileError(path, "is empty")
-    # The reader's warnings go into the one line that the user gets, not beside it.
+    # Its warnings are not printed beside the one line that a user gets.
     logging.getLogger("ezdxf").addHandler(_NO_OUTPUT)
     try:
         document, repaired = readfile(path), 0
     except (OSError, *_BROKEN):
         document, repaired = _recovered(path, data)
     if b"$INSUNITS" not in data:
-        # ezdxf takes metres then; the file says nothing.
+        # ezdxf assumes metres then; the file names no unit.
         document.header["$INSUNITS"] = 0
     return document, repaired
 
@@ -459,7 +456,7 @@ def _layer(entity: DXFGraphic) -> str:
 
 @dataclass(slots=True)
 class _Walk:
-    """A walk through model space and the blocks inserted in it."""
+    """Traversal of model space and the blocks inserted in it."""
 
     document: "Document"
     layers: frozenset[str]
@@ -498,7 +495,7 @@ class _Walk:
     def _leaves(
         self, space: Iterable[DXFGraphic], outer: str | None, inside: str, depth: int
     ) -> Iterator[tuple[DXFGraphic, str, str]]:
-        """Yield entities that are no blocks, with their layer and what messages call them."""
+        """Yield entities other than blocks, with their layer and their name in messages."""
         for entity in space:
             self.seen += 1
             if self.seen > _MOST_ENTITIES:
@@ -539,5 +536,7 @@ class _Walk:
     def _skipped(self, entity: DXFGraphic, reason: str) -> None:
         if entity.dxftype() in _READERS:
             where = f"{entity.dxftype()} (handle {entity.dxf.handle}) in a block"
-            raise BadInputError(where, reason, "blocks that can be taken apart; explode it first")
+            raise BadInputError(
+                where, reason, "blocks that can be exploded; explode it in the drawing program"
+            )
         self.ignored[entity.dxftype()] += 1

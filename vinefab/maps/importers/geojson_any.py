@@ -1,4 +1,4 @@
-"""GeoJSON of other programs: any geometry, as dirty as it comes."""
+"""GeoJSON of other programs: any geometry, also an invalid one."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -57,16 +57,15 @@ _ONLY_DRAWINGS = ("simplify_mm", "start", "join_mm", "bounds", "margin_mm", "wal
 _ROLES = ("bounds", "obstacle")
 
 _Leaf = tuple[str, dict[str, Any], object]
-"""What messages call a single geometry, the geometry, and the role of its feature."""
+"""Name in messages, a geometry that is no collection, and the role of its feature."""
 
 
 def import_geojson(path: Path, options: ImportOptions) -> Map:
     """Return the map in a GeoJSON file.
 
-    A map that vinefab wrote is read as it is. Of other files polygons are solid areas (the
-    largest is the bounds and its holes are obstacles), closed lines are outlines and open ones
-    are joined; points and everything else are counted and left out. ``properties.role`` may say
-    what is bounds and what an obstacle.
+    A map that vinefab wrote is read unchanged. In other files polygons are solid areas (the
+    largest is the bounds, its holes are obstacles), closed lines are outlines and open ones are
+    joined; points are counted and left out. ``properties.role`` may name bounds and obstacles.
     """
     options.refuse(("layers", "unknown"), "a GeoJSON file", path)
     document = _document(path)
@@ -112,7 +111,7 @@ def _unclosed(ring: Ring) -> bool:
 
 
 def _geometries(document: dict[str, Any]) -> Iterator[_Leaf]:
-    """Yield every geometry with what messages call it and its feature's role."""
+    """Yield every single geometry of a document."""
     if document["type"] != "FeatureCollection":
         yield from _of_feature(str(document["type"]), document)
         return
@@ -175,7 +174,7 @@ def _items(key: str, geometry: dict[str, Any], role: Any) -> list[DrawingItem]: 
 
 
 def _ring(key: str, points: object) -> Ring | None:
-    """Return a ring's positions, None if it has none."""
+    """Return a ring, None without positions."""
     positions = _list(key, points)
     for number, point in enumerate(positions, start=1):
         if not _is_position(point):

@@ -33,7 +33,7 @@ _GREY = ("1", "L")
 _COLOUR = ("LA", "P", "PA", "RGB", "RGBA")
 
 Values = NDArray[Any]
-"""Numbers from 0 to 255; whole ones (uint8) for grey images."""
+"""Pixel values from 0 to 255; uint8 for grey images."""
 
 
 def read_values(path: Path, data: bytes) -> tuple[Values, Values | None]:
@@ -85,7 +85,7 @@ _ONLY_DRAWINGS = ("join_mm", "layers", "bounds", "margin_mm", "wall_mm", "open_l
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RosMap:
-    """The YAML file: what the map_server calls the map's metadata."""
+    """The YAML file: the map's metadata, as the map_server calls it."""
 
     image: Path  # path of the image
     resolution_m: float  # width of a cell
@@ -93,10 +93,8 @@ class RosMap:
     # left pixel
     origin: tuple[float, float, float]
     negate: bool  # whether white is occupied
-    # occupied_thresh, free_thresh: cells above the first are occupied, below the second free, else
-    # unknown
-    occupied_thresh: float
-    free_thresh: float
+    occupied_thresh: float  # cells above it are occupied
+    free_thresh: float  # cells below it are free, those in between unknown
     mode: str  # how a pixel gives an occupancy, see `classify`
 
     def __post_init__(self) -> None:
@@ -167,13 +165,12 @@ def import_ros(path: Path, options: ImportOptions) -> Map:
 
 
 def classify(values: Values, opacity: Values | None, source: RosMap) -> tuple[Mask, Mask]:
-    """Return which cells are occupied and which are free, as the map_server decides.
+    """Return which cells are occupied and which are free by the rules of the map_server.
 
     With occupancy p = (255 - value) / 255 (value / 255 when negated): occupied when
     p > ``occupied_thresh``, free when p < ``free_thresh``, else unknown.
 
-    - *trinary*: transparency is averaged in as a fourth colour, as the map_server has always
-      done.
+    - *trinary*: opacity is averaged in as a fourth colour, as the map_server does.
     - *scale*: pixels that are not opaque are unknown.
     - *raw*: the value, 0 to 100, is the occupancy in percent; larger ones are unknown and
       ``negate`` does not matter.
@@ -230,7 +227,7 @@ def _ros_map(path: Path, data: dict[str, Any]) -> RosMap:
 
 
 def _number(key: str, value: object) -> float:
-    """Return a number; also from text, as YAML takes 5e-2 without a point for a word."""
+    """Return a number, also from text: in YAML 5e-2 without a point is a string."""
     try:
         if isinstance(value, int | float | str) and not isinstance(value, bool):
             return float(value)

@@ -1,4 +1,4 @@
-"""What the readers of drawings share: curves, items, tolerances, and how a map is made of them."""
+"""Drawings as their readers give them: curves, items and options, and how they become a map."""
 
 import math
 from collections.abc import Mapping
@@ -8,31 +8,31 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, located
 from vinefab.core.validation import Floats, number, positive
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
 from vinefab.maps.cleanup.drawn_shapes import Role, Shape, SourceFrame, framed
 from vinefab.model.map import Map, Pose
 
 MOST_POINTS = 1_000_000
-"""Of one piece: a tolerance that asks for more was surely mixed up."""
+"""In one curve: a tolerance that needs more surely has the wrong unit."""
 
 
 class CurvePiece(Protocol):
-    """A piece of a line, in the units of its source."""
+    """A straight or curved part of a line, in the units of its source."""
 
     def hull(self) -> Floats:
-        """Return points, shape (n, 2), whose box holds the piece."""
+        """Return points, shape (n, 2), whose bounding box contains the piece."""
 
     def flat(self, tolerance: float) -> Floats:
-        """Return points along it, shape (n, 2); chords stay within the tolerance."""
+        """Return points on it, shape (n, 2), whose chords stay within a tolerance."""
 
 
 @dataclass(frozen=True, slots=True)
 class Straight:
-    """A polyline: its points, shape (n, 2)."""
+    """A polyline."""
 
-    points: Floats
+    points: Floats  # shape (n, 2)
 
     def hull(self) -> Floats:
         """Return the points."""
@@ -45,19 +45,16 @@ class Straight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arc:
-    """A piece of an ellipse: ``middle + first cos(t) + second sin(t)``."""
+    """An arc of an ellipse: ``middle + first cos(t) + second sin(t)``."""
 
-    # middle, first, second: shape (2,) each; any two conjugate radii, so that it may be sheared and
-    # scaled
-    middle: Floats
-    first: Floats
-    second: Floats
-    # start_rad, turn_rad: first t, and by how much it grows (or shrinks when negative)
-    start_rad: float = 0.0
-    turn_rad: float = math.tau
+    middle: Floats  # shape (2,)
+    first: Floats  # shape (2,), one of two conjugate radii, so that it may be sheared and scaled
+    second: Floats  # shape (2,), the other one
+    start_rad: float = 0.0  # first t
+    turn_rad: float = math.tau  # by how much t grows, or shrinks when negative
 
     def hull(self) -> Floats:
-        """Return samples of it, moved out and in by as much as it may bulge between them."""
+        """Return samples, moved out and in by the most that it may bulge between them."""
         turns = np.linspace(self.start_rad, self.start_rad + self.turn_rad, 17)
         bulge = 1.0 - math.cos(self.turn_rad / 32.0)
         reach = bulge * np.hypot(self.first, self.second)
@@ -65,12 +62,12 @@ class Arc:
         return np.vstack([samples - reach, samples + reach])
 
     def at(self, turns_rad: Floats) -> Floats:
-        """Return the points at some t, shape (n, 2)."""
+        """Return the points at some values of t, shape (n, 2)."""
         cosine, sine = np.cos(turns_rad)[:, None], np.sin(turns_rad)[:, None]
         return np.asarray(self.middle + cosine * self.first + sine * self.second)
 
     def flat(self, tolerance: float) -> Floats:
-        """Return points on the arc; a chord's middle is at most the tolerance off."""
+        """Return points on the arc whose chords stay within a tolerance."""
         # For a sheared ellipse the longer radius is at most the root of the sum of squares.
         radius = math.hypot(*self.first, *self.second)
         count = _steps(abs(self.turn_rad) / _chord_rad(radius, tolerance))
@@ -83,9 +80,9 @@ class Arc:
 
 @dataclass(frozen=True, slots=True)
 class Bezier:
-    """A cubic Bezier curve: its control points, shape (4, 2)."""
+    """A cubic Bezier curve."""
 
-    controls: Floats
+    controls: Floats  # control points, shape (4, 2)
 
     def hull(self) -> Floats:
         """Return the control points."""
@@ -104,7 +101,7 @@ class Bezier:
 
 
 def _chord_rad(radius: float, tolerance: float) -> float:
-    """Return the angle of a chord whose middle is the tolerance off the arc."""
+    """Return the angle of a chord whose middle is a tolerance off the arc."""
     if radius <= tolerance:
         return math.tau
     return 2.0 * math.acos(1.0 - tolerance / radius)
@@ -119,7 +116,7 @@ def bulge_arc(start: Floats, end: Floats, bulge: float) -> CurvePiece:
     chord = end - start
     if bulge == 0.0 or not chord.any():
         return Straight(np.array([start, end]))
-    # The middle lies beside the chord's, on its left for a short counter-clockwise arc.
+    # The arc's middle lies beside the chord's, to the left for a short counter-clockwise arc.
     aside = 0.25 * (1.0 / bulge - bulge)
     middle = 0.5 * (start + end) + aside * np.array([-chord[1], chord[0]])
     first = start - middle
@@ -132,7 +129,7 @@ def bulge_arc(start: Floats, end: Floats, bulge: float) -> CurvePiece:
 
 
 def run_flat(pieces: tuple[CurvePiece, ...], tolerance: float) -> Floats:
-    """Return the points of pieces that follow one another, each turned to begin where it fits."""
+    """Return the points of consecutive pieces, each reversed where it fits better so."""
     parts = [piece.flat(tolerance) for piece in pieces]
     for index in range(1, len(parts)):
         if index == 1 and _nearer_at_start(parts[0], parts[1]):
@@ -164,17 +161,17 @@ _MOST_POINTS = 5_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportOptions:
-    """What a user may choose about an import; None leaves it to the importer.
+    """Options of an import; None leaves the choice to the importer.
 
     Parameters
     ----------
     scale_mm_per_unit
-        Millimetres of the map per unit of the source (per metre for ROS maps); instead of the
+        Millimetres of the map per unit of the source (per metre for ROS maps), instead of the
         unit that the source names.
     simplify_mm
         Largest distance between imported walls and those of the source.
     unknown
-        What cells of a ROS map that were never seen count as: ``obstacle`` or ``free``.
+        Meaning of cells of a ROS map that were never seen: ``obstacle`` or ``free``.
     start
         Where robots start, in the map's millimetres.
     join_mm
@@ -203,7 +200,7 @@ class ImportOptions:
     open_lines: Literal["refuse", "drop"] | None = None
 
     def refuse(self, names: tuple[str, ...], kind: str, source: Path) -> None:
-        """Raise BadInputError if one of some options was given; they mean nothing there."""
+        """Raise BadInputError if an option was given that means nothing for a kind of file."""
         for name in names:
             value = getattr(self, name)
             if value is not None and value != ():
@@ -213,12 +210,12 @@ class ImportOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ring:
-    """Pieces that follow one another."""
+    """Consecutive pieces."""
 
     pieces: tuple[CurvePiece, ...]  # at least one
 
     def hull(self) -> Floats:
-        """Return points whose box holds all the pieces."""
+        """Return points whose bounding box contains all pieces."""
         return np.concatenate([piece.hull() for piece in self.pieces])
 
 
@@ -226,7 +223,7 @@ class Ring:
 class DrawingItem:
     """A `Shape` whose curves are still curves."""
 
-    # as there
+    # the fields of `Shape`
     rings: tuple[Ring, ...]
     where: str
     closed: bool = True
@@ -235,7 +232,7 @@ class DrawingItem:
     role: Role | None = None
 
     def flat(self, tolerance: float) -> Shape:
-        """Return it with curves as chords within a tolerance in units of the source."""
+        """Return it with chords for curves, within a tolerance in units of the source."""
         rings, holes = (
             tuple(run_flat(ring.pieces, tolerance) for ring in group)
             for group in (self.rings, self.holes)
@@ -254,22 +251,20 @@ class DrawingItem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceDrawing:
-    """What a file of another program holds."""
+    """The content of a drawing file."""
 
-    items: tuple[DrawingItem, ...]  # everything that can be a wall
-    mm_per_unit: float = 1.0  # what the file says about its unit, or what is taken
+    items: tuple[DrawingItem, ...]  # what can be walls
+    mm_per_unit: float = 1.0  # as the file says, or assumed
     down: bool = False  # whether y points down
     origin: tuple[float, float] = (0.0, 0.0)  # position in the file that becomes the map's origin
-    facts: Mapping[str, object] = field(default_factory=dict)  # what was read and what was left out
+    facts: Mapping[str, object] = field(default_factory=dict)  # what was read and left out
     curved: bool = True  # whether such files hold curves
 
 
 def drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> Map:
     """Return the map that a drawing shows, see `assemble`."""
-    try:
+    with located(path):
         return _drawing_map(path, drawing, options)
-    except BadInputError as error:
-        raise error.at(path) if error.source is None else error from error
 
 
 def _drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> Map:
@@ -302,7 +297,7 @@ def _drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> 
 
 
 def _hull(items: tuple[DrawingItem, ...]) -> Floats:
-    """Return the corners of every item's box; refuse the first that is not finite."""
+    """Return the corners of every item's bounding box; refuse items that are not finite."""
     corners = []
     for item in items:
         points = np.concatenate([ring.hull() for ring in (*item.rings, *item.holes)])
@@ -315,25 +310,27 @@ def _hull(items: tuple[DrawingItem, ...]) -> Floats:
 def _assembling(
     options: ImportOptions, size_mm: float, *, curved: bool
 ) -> tuple[AssembleOptions, float]:
-    """Return the options with their defaults for a drawing's size, and the curves' tolerance.
+    """Return the options with defaults for a drawing's size, and the tolerance of curves, mm.
 
-    What the user allows is split between curves made chords and corners left out.
+    ``simplify_mm`` is split between the chords of curves and corners that are left out.
     """
-    join_mm = _short(JOIN_SHARE * size_mm) if options.join_mm is None else options.join_mm
+    join_mm = _four_digits(JOIN_SHARE * size_mm) if options.join_mm is None else options.join_mm
     number("join_mm", join_mm, 0.0, 0.1 * size_mm, "mm, a tenth of the drawing")
     simplify_mm = options.simplify_mm
-    tolerance_mm = _short(SIMPLIFY_SHARE * size_mm)
+    tolerance_mm = _four_digits(SIMPLIFY_SHARE * size_mm)
     if simplify_mm is not None:
         number("simplify_mm", simplify_mm, _FINEST_SHARE * size_mm, size_mm, "mm")
         tolerance_mm = 0.5 * simplify_mm if curved else 0.0
         simplify_mm -= tolerance_mm
     if options.wall_mm is not None:
         positive("wall_mm", options.wall_mm, size_mm)
-    margin_mm = _short(MARGIN_SHARE * size_mm) if options.margin_mm is None else options.margin_mm
+    margin_mm = (
+        _four_digits(MARGIN_SHARE * size_mm) if options.margin_mm is None else options.margin_mm
+    )
     return AssembleOptions(
         join_mm=join_mm,
         simplify_mm=simplify_mm or 0.0,
-        sliver_mm2=_short(max(join_mm, 1e-4) ** 2),
+        sliver_mm2=_four_digits(max(join_mm, 1e-4) ** 2),
         bounds=options.bounds or "outline",
         margin_mm=margin_mm,
         wall_mm=options.wall_mm,
@@ -342,6 +339,6 @@ def _assembling(
     ), tolerance_mm
 
 
-def _short(value: float) -> float:
-    """Return a default with four digits: it is printed, and may be typed again."""
+def _four_digits(value: float) -> float:
+    """Return a default rounded to four digits: it is printed, and may be typed again."""
     return float(f"{value:.4g}")

@@ -1,4 +1,8 @@
-"""SVG drawings: groups, uses, styles, units and the outlines of all shapes."""
+"""SVG drawings: path data, shapes, groups, uses and styles.
+
+`svgelements` is no replacement for the path grammar: it accepts unknown commands, infinite
+coordinates and paths without a move, and its errors name no position.
+"""
 
 import math
 import re
@@ -9,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.core.errors import BadInputError, UnknownNameError, located
 from vinefab.core.validation import Floats
 from vinefab.maps.importers.source_drawing import (
     Arc,
@@ -45,7 +49,7 @@ _COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 
 
 @dataclass(slots=True)
 class Subpath:
-    """One run of the pen: its pieces, and whether it is closed."""
+    """A part of a path between two moves."""
 
     pieces: list[CurvePiece] = field(default_factory=list)
     closed: bool = False
@@ -59,7 +63,7 @@ def path_outlines(data: str) -> list[Subpath]:
     >>> [(len(run.pieces), run.closed) for run in path_outlines("M0 0h9v9z m20 0 l5,5")]
     [(2, True), (1, False)]
     """
-    return _Pen(data).run()
+    return _PathReader(data).run()
 
 
 def run_points(run: Subpath, tolerance: float) -> Floats:
@@ -67,7 +71,7 @@ def run_points(run: Subpath, tolerance: float) -> Floats:
     return run_flat(tuple(run.pieces), tolerance)
 
 
-class _Pen:
+class _PathReader:
     """Reads path data (SVG 1.1, chapter 8)."""
 
     def __init__(self, data: str) -> None:
@@ -94,18 +98,18 @@ class _Pen:
             if letter is not None:
                 command = letter
             elif command in ("", "Z", "z"):
-                raise self._wrong()
+                raise self._syntax_error()
             if not self.subpaths and command not in ("M", "m"):
-                raise self._wrong()
+                raise self._syntax_error()
             self._step(command)
-            # Further pairs after a move are lines.
+            # Further coordinate pairs after a move are lines.
             command = {"M": "L", "m": "l"}.get(command, command)
         return [run for run in self.subpaths if run.pieces]
 
     def _step(self, command: str) -> None:
         kind = command.upper()
         if kind not in _COUNTS:
-            raise self._wrong()
+            raise self._syntax_error()
         values = [self._value(kind, index) for index in range(_COUNTS[kind])]
         origin = self.now if command.islower() else np.zeros(2)
         if kind == "M":
@@ -116,7 +120,7 @@ class _Pen:
             self.now = self.first
         else:
             if self.subpaths[-1].closed:
-                # Drawing on after a close begins a new subpath at the same place.
+                # A segment after a close begins a new subpath at the same place.
                 self.subpaths.append(Subpath())
             self.control = self.control if kind in "CSQT" else ("", self.now)
             self._curve_or_line(kind, values, origin)
@@ -162,7 +166,7 @@ class _Pen:
     def _value(self, kind: str, index: int) -> float:
         text = self._match(_FLAG if kind == "A" and index in (3, 4) else _NUMBER)
         if text is None or not math.isfinite(float(text)):
-            raise self._wrong()
+            raise self._syntax_error()
         return float(text)
 
     def _match(self, pattern: re.Pattern[str]) -> str | None:
@@ -172,7 +176,7 @@ class _Pen:
         self.at = match.end()
         return match[1]
 
-    def _wrong(self) -> BadInputError:
+    def _syntax_error(self) -> BadInputError:
         rest = " ".join(self.data[self.at :].split())[:30]
         return BadInputError(f"d, character {self.at + 1}", rest, "path data such as M 0 0 L 9 9 Z")
 
@@ -237,7 +241,7 @@ def ellipse(x: float, y: float, radii: tuple[float, float]) -> Subpath:
 
 
 def moved(piece: CurvePiece, matrix: Floats) -> CurvePiece:
-    """Return a piece after an affine map, shape (2, 3)."""
+    """Return a piece transformed by an affine map, shape (2, 3)."""
     linear, shift = matrix[:, :2], matrix[:, 2]
     if isinstance(piece, Straight):
         return Straight(piece.points @ linear.T + shift)
@@ -268,7 +272,7 @@ _RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Where in the tree an element stands."""
+    """Properties that an element inherits."""
 
     matrix: Floats
     layers: tuple[str, ...]
@@ -280,14 +284,12 @@ def import_svg(path: Path, options: ImportOptions) -> Map:
     """Return the map in an SVG drawing.
 
     All shapes are outlines or lines, whatever their colour. With ``wall_mm`` shapes without fill
-    are walls of that thickness, those with a fill outlines. The lower left corner of the page is
-    the map's origin.
+    are walls of that thickness, filled ones outlines. The lower left corner of the page is the
+    map's origin.
     """
     root = read_nodes(path)
-    try:
+    with located(path):
         drawing = _drawing(root, options)
-    except BadInputError as error:
-        raise error.at(path) from error
     return replace(drawing_map(path, drawing, options), environment="svg")
 
 
@@ -314,7 +316,7 @@ def _drawing(root: Node, options: ImportOptions) -> SourceDrawing:
 
 @dataclass(slots=True)
 class _Walk:
-    """A walk through the elements of a drawing."""
+    """Traversal of the elements of a drawing."""
 
     root: Node
     layers: frozenset[str]
@@ -354,7 +356,7 @@ class _Walk:
             yield from self._drawn(node, style, place)
 
     def _left_out(self, node: Node, style: dict[str, str], place: _Place) -> bool:
-        """Tell whether an element draws nothing; count it if one might think that it does."""
+        """Return whether an element draws nothing; count it if it might be expected to."""
         if node.tag in _SILENT and not (node.tag == "symbol" and place.uses):
             return True
         if node.tag not in _DRAWN:
@@ -395,7 +397,7 @@ class _Walk:
         if target is None:
             raise BadInputError(f"{node.where}: href", name, "the id of an element in the file")
         if place.uses >= _DEEPEST_USE:
-            raise BadInputError(node.where, "uses of uses without end", f"{_DEEPEST_USE} at most")
+            raise BadInputError(node.where, "a use that contains itself", f"{_DEEPEST_USE} at most")
         shift = np.array([[1.0, 0.0, length_px(node, "x")], [0.0, 1.0, length_px(node, "y")]])
         place = replace(place, matrix=after(place.matrix, shift), uses=place.uses + 1)
         if target.tag in ("symbol", "svg"):
@@ -414,7 +416,7 @@ class _Walk:
         for run in _outlines(node):
             pieces = tuple(moved(piece, place.matrix) for piece in run.pieces)
             ring = Ring(pieces=pieces)
-            # Painting fills a path up to the straight line that would close it.
+            # A fill closes an open path with a straight line.
             fills = place.filled and len(ring.hull()) > 2
             item = DrawingItem(
                 rings=(ring,),
@@ -427,8 +429,8 @@ class _Walk:
             yield item
 
     def _without_backgrounds(self, items: list[DrawingItem]) -> list[DrawingItem]:
-        """Return items without the paper they lie on, if one of them encloses others anyway."""
-        rest = [item for item in items if not any(item is paper for paper in self.backgrounds)]
+        """Return items without the page's background, if one of the others encloses the rest."""
+        rest = [item for item in items if not any(item is page for page in self.backgrounds)]
         if not self.backgrounds or len(rest) < 2:
             return items
         hulls = [item.rings[0].hull() for item in rest]
@@ -441,7 +443,7 @@ class _Walk:
         return rest
 
     def _is_page(self, ring: Ring) -> bool:
-        """Tell whether an outline is the rectangle of the page."""
+        """Return whether an outline is the rectangle of the page."""
         points = np.unique(ring.hull(), axis=0)
         if len(points) != 4:
             return False
@@ -453,7 +455,7 @@ class _Walk:
 
 
 def _outlines(node: Node) -> list[Subpath]:
-    """Return what a shape draws, in its own coordinates."""
+    """Return the subpaths of a shape, in its own coordinates."""
     try:
         if node.tag == "path":
             return path_outlines(node.attributes.get("d", ""))

@@ -74,7 +74,7 @@ def test_far_coordinates_are_moved_and_named_as_they_were():
 @pytest.mark.parametrize(
     "points", [[[0, 0], [1e8, 1]], [[0, 0], [1e-3, 1e-3]], [[-1e308, 0], [1e308, 1]]]
 )
-def test_sizes_that_speak_of_a_wrong_unit(points):
+def test_sizes_that_come_from_a_wrong_unit_are_refused(points):
     with pytest.raises(BadInputError, match=r"drawing is .* mm wide"):
         framed(np.array(points, dtype=float), SourceFrame())
 

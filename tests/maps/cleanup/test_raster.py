@@ -266,7 +266,7 @@ def test_the_offered_start_has_the_most_room_and_looks_along_the_longest_way() -
     assert len(draw_poses(world, 50, 0)) == 50
 
 
-def test_small_obstacles_are_left_out_only_when_asked_and_then_counted() -> None:
+def test_small_obstacles_are_left_out_only_on_request_and_counted() -> None:
     free = room()
     free[4, 10] = False
     assert len(made(free).obstacles) == 2

@@ -135,7 +135,7 @@ def test_lengths_follow_the_power_law() -> None:
 
 
 @given(st.integers(0, 2**32), st.floats(0.05, 0.8), SHARE, st.just(0.0) | st.floats(0.01, 1.0))
-def test_slabs_are_strictly_convex_and_as_long_as_asked(
+def test_slabs_are_strictly_convex_and_as_long_as_requested(
     seed: int, thin: float, share: float, raggedness: float
 ) -> None:
     kind = SlabKind(

@@ -168,7 +168,7 @@ def test_units_are_honoured(drawn, units, mm):
     assert world.facts["scale_mm_per_unit"] == mm
 
 
-def test_the_scale_is_per_unit_of_the_file_and_unitless_is_said(drawn):
+def test_the_scale_is_per_unit_of_the_file_and_a_missing_unit_is_reported(drawn):
     tenth = ImportOptions(scale_mm_per_unit=0.1)
     assert drawn(lambda _: None, units=6, options=tenth).size_mm == (50, 40)
     world = drawn(lambda _: None, units=0)

@@ -198,7 +198,7 @@ def test_a_ring_shaped_world_comes_out_clean(importing: Import) -> None:
     assert world.facts["deviation_mm"] <= 50.0
 
 
-def test_a_tolerance_asked_for_is_kept_and_saves_walls(importing: Import) -> None:
+def test_a_given_tolerance_is_kept_and_saves_walls(importing: Import) -> None:
     pixels, _, _ = ring_world()
     fine = importing(pixels, ImportOptions(simplify_mm=38.0))
     coarse = importing(pixels, ImportOptions(simplify_mm=150.0))

@@ -62,18 +62,38 @@ def _without_repeated(lines: list[Line], changes: Changes) -> list[Line]:
 
 
 def _merged(lines: list[Line]) -> list[Line]:
-    """Return maximal chains through nodes at which exactly two ends meet."""
+    """Return maximal chains through nodes at which exactly two ends meet, as they were drawn."""
     if not lines:
         return []
     nodes = end_nodes(lines, SAME_POINT_MM).ravel()
     ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
     # The ends of a node get equal coordinates: shapely merges only what meets to the last bit.
-    shared = ends[np.unique(nodes, return_index=True)[1]][nodes].reshape(-1, 2, 2)
+    earliest = np.unique(nodes, return_index=True)[1]
     points = [line.points_mm.copy() for line in lines]
-    for own, spots in zip(points, shared, strict=True):
+    for own, spots in zip(points, ends[earliest][nodes].reshape(-1, 2, 2), strict=True):
         own[[0, -1]] = spots
     merged = shapely.line_merge(shapely.multilinestrings(_line_strings(points)))
-    return _named(shapely.get_parts(merged), lines)
+    order = {tuple(ends[end].tolist()): int(end) for end in earliest}
+    parts = [shapely.get_coordinates(part) for part in shapely.get_parts(merged)]
+    chains = sorted((_as_drawn(part, order, points) for part in parts), key=lambda chain: chain[0])
+    return _named([chain for _, chain in chains], lines)
+
+
+def _as_drawn(
+    points: Floats, order: dict[tuple[float, ...], int], drawn: list[Floats]
+) -> tuple[tuple[bool, float], Floats]:
+    """Return a sort key and the chain, begun and directed as the first line in it was drawn.
+
+    Merging leaves that open; files should not depend on it. ``order`` has the first end (numbered
+    2 x line, + 1 at its last point) at each node.
+    """
+    ranks = np.array([order.get(tuple(point), np.inf) for point in points.tolist()])
+    if (points[0] != points[-1]).any():
+        return (False, ranks[[0, -1]].min()), points if ranks[0] < ranks[-1] else points[::-1]
+    begin = int(np.argmin(ranks))
+    ring = np.vstack([points[begin:-1], points[: begin + 1]])
+    second = drawn[int(ranks[begin]) // 2][1]
+    return (True, ranks[begin]), ring if (ring[1] == second).all() else ring[::-1]
 
 
 def _line_strings(points: list[Floats]) -> NDArray[np.object_]:
@@ -81,15 +101,14 @@ def _line_strings(points: list[Floats]) -> NDArray[np.object_]:
     return np.asarray(shapely.linestrings(np.concatenate(points), indices=owner))
 
 
-def _named(parts: NDArray[np.object_], lines: list[Line]) -> list[Line]:
+def _named(parts: list[Floats], lines: list[Line]) -> list[Line]:
     """Return parts of lines, each called as the line that its first segment comes from."""
-    points = [shapely.get_coordinates(part) for part in parts]
-    begins = shapely.points(np.array([own[:2].mean(axis=0) for own in points]).reshape(-1, 2))
+    begins = shapely.points(np.array([own[:2].mean(axis=0) for own in parts]).reshape(-1, 2))
     tree = shapely.STRtree(_line_strings([line.points_mm for line in lines]))
     nearest = np.asarray(tree.nearest(begins)).tolist()
     return [
         Line(points_mm=own, where=lines[index].where)
-        for own, index in zip(points, nearest, strict=True)
+        for own, index in zip(parts, nearest, strict=True)
     ]
 
 
@@ -194,7 +213,11 @@ def _cut_at_crossings(
     trimmed = [part for part in parts[~long] if part.length > 2.0 * _BEYOND * join_mm]
     changes.add("overshoots_trimmed", len(trimmed))
     rings = shapely.get_rings(shapely.get_parts(faces))
-    return _named(rings, lines), _named(parts[long], lines)
+    enclosing, left = (
+        _named([shapely.get_coordinates(part) for part in found], lines)
+        for found in (rings, parts[long])
+    )
+    return enclosing, left
 
 
 def _extended_onto_lines(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:

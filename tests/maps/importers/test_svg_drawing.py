@@ -10,8 +10,8 @@ from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileE
 from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.importers import svg_drawing as svg_map
 from vinefab.maps.importers.importers import import_map
-from vinefab.maps.importers.source_drawing import ImportOptions
-from vinefab.maps.importers.svg_drawing import path_outlines, run_points
+from vinefab.maps.importers.source_drawing import ImportOptions, run_flat
+from vinefab.maps.importers.svg_drawing import path_outlines
 
 PAGE = 'xmlns="http://www.w3.org/2000/svg" width="200mm" height="100mm" viewBox="0 0 200 100"'
 BOUNDS = '<rect width="200" height="100" fill="none" stroke="black"/>'
@@ -117,7 +117,7 @@ PATHS = [
 
 @pytest.mark.parametrize("data", PATHS)
 def test_path_data_as_another_reader_has_it(data):
-    ours = [run_points(run, 1e-4) for run in path_outlines(data)]
+    ours = [run_flat(tuple(run.pieces), 1e-4) for run in path_outlines(data)]
     theirs = []
     for run in svgelements.Path(data).as_subpaths():
         part = svgelements.Path(run)

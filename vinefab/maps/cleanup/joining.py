@@ -44,7 +44,7 @@ def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     return _merged(_bridged(exact, join_mm, changes))
 
 
-def end_nodes(lines: list[Line], same_mm: float) -> Ints:
+def _end_nodes(lines: list[Line], same_mm: float) -> Ints:
     """Return which node each line begins and ends at, shape (n, 2); near ends share a node."""
     ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
     pairs = cKDTree(ends).query_pairs(same_mm, output_type="ndarray")
@@ -65,7 +65,7 @@ def _merged(lines: list[Line]) -> list[Line]:
     """Return maximal chains through nodes at which exactly two ends meet, as they were drawn."""
     if not lines:
         return []
-    nodes = end_nodes(lines, SAME_POINT_MM).ravel()
+    nodes = _end_nodes(lines, SAME_POINT_MM).ravel()
     ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
     # The ends of a node get equal coordinates: shapely merges only what meets to the last bit.
     earliest = np.unique(nodes, return_index=True)[1]
@@ -114,7 +114,7 @@ def _named(parts: list[Floats], lines: list[Line]) -> list[Line]:
 
 def _bridged(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     """Return lines with their loose ends moved together in pairs, the nearest first."""
-    loose = loose_ends(lines)
+    loose = _loose_ends(lines)
     spots = np.array([_end(lines, end) for end in loose]).reshape(-1, 2)
     if len(spots) < 2:
         return lines
@@ -161,11 +161,11 @@ def _too_short(lines: list[Line], one: int, other: int, gap_mm: float) -> bool:
     return one // 2 == other // 2 and (len(line.points_mm) < 4 or line.length_mm < 3.0 * gap_mm)
 
 
-def loose_ends(lines: list[Line]) -> list[int]:
+def _loose_ends(lines: list[Line]) -> list[int]:
     """Return the ends that meet no other end; ends are numbered 2 x line, + 1 at its last point."""
     if not lines:
         return []
-    nodes = end_nodes(lines, SAME_POINT_MM).ravel()
+    nodes = _end_nodes(lines, SAME_POINT_MM).ravel()
     alone = np.bincount(nodes)[nodes] == 1
     return [int(end) for end in np.flatnonzero(alone)]
 
@@ -225,7 +225,7 @@ def _extended_onto_lines(lines: list[Line], join_mm: float, changes: Changes) ->
     points = [line.points_mm for line in lines]
     strings = _line_strings(points)
     tree = shapely.STRtree(strings)
-    for end in loose_ends(lines):
+    for end in _loose_ends(lines):
         own, last = end // 2, end % 2 == 1
         spot = lines[own].points_mm[-1 if last else 0]
         near = tree.query(shapely.points(spot), predicate="dwithin", distance=join_mm)
@@ -254,7 +254,7 @@ def refuse_open(lines: list[Line], join_mm: float, changes: Changes) -> BadInput
     count = len(lines)
     named = "; ".join(open_places(lines[:_MOST_NAMED], changes))
     more = f"; and {count - _MOST_NAMED} more" if count > _MOST_NAMED else ""
-    gap_mm = widest_gap(lines)
+    gap_mm = _widest_gap(lines)
     return BadInputError(
         f"{'an open line' if count == 1 else f'{count} open lines'}: {named}{more}",
         "not closed",
@@ -263,7 +263,7 @@ def refuse_open(lines: list[Line], join_mm: float, changes: Changes) -> BadInput
     )
 
 
-def widest_gap(lines: list[Line]) -> float:
+def _widest_gap(lines: list[Line]) -> float:
     """Return the largest distance from an end to the nearest other one, mm."""
     ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
     return float(np.max(cKDTree(ends).query(ends, k=[2])[0]))
@@ -298,7 +298,7 @@ def walls_along(
 
 
 def _ends_at_corners(chains: list[Line]) -> list[bool]:
-    loose = set(loose_ends(chains))
+    loose = set(_loose_ends(chains))
     return [end not in loose and not chains[end // 2].closed for end in range(2 * len(chains))]
 
 

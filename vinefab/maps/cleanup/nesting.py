@@ -19,7 +19,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Ints
 from vinefab.maps.cleanup.drawn_shapes import Changes, Role, polygons_of
 
-Geometries = NDArray[np.object_]
+_Geometries = NDArray[np.object_]
 
 _OVERLAP = "T********"
 _SHARED_EDGE = "F***1****"
@@ -91,7 +91,7 @@ class _Nest:
         return np.asarray((self.depth % 2 == 1) & ~self.unclear)
 
     @classmethod
-    def of(cls, outlines: Geometries) -> "_Nest":
+    def of(cls, outlines: _Geometries) -> "_Nest":
         count = len(outlines)
         around, inside = shapely.STRtree(outlines).query(outlines, predicate="intersects")
         around, inside = around[around != inside], inside[around != inside]
@@ -155,13 +155,13 @@ def merged(polygons: list[Polygon], gap_mm: float, changes: Changes) -> list[Pol
     return result
 
 
-def _overlapping(one: Geometries, other: Geometries) -> NDArray[np.bool_]:
+def _overlapping(one: _Geometries, other: _Geometries) -> NDArray[np.bool_]:
     """Return which pairs overlap or share a part of an edge."""
     overlap = shapely.relate_pattern(one, other, _OVERLAP)
     return np.asarray(overlap | shapely.relate_pattern(one, other, _SHARED_EDGE))
 
 
-def _united(items: Geometries, gap_mm: float) -> list[Polygon]:
+def _united(items: _Geometries, gap_mm: float) -> list[Polygon]:
     whole = shapely.union_all(items)
     if gap_mm > 0.0:
         # Closing: growing and shrinking by the same amount fills gaps and keeps the rest.

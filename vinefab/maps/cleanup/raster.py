@@ -35,7 +35,7 @@ _SMALL_CELLS = 20.0
 _SHARP = float(np.cos(np.radians(115.0)))
 
 
-def split_loops(loops: list[Floats], tolerance: Floats) -> CellWalls:
+def _split_loops(loops: list[Floats], tolerance: Floats) -> CellWalls:
     """Return loops as fitted walls without needless breaks."""
     rough = _split([_from_extreme(loop) for loop in loops], tolerance)
     walls = _split(_from_best_corner(rough), tolerance)
@@ -112,7 +112,7 @@ def _blunted(loop: Floats, breaks: Ints) -> Ints:
     return np.unique(np.append(both, 0))
 
 
-LEAST_TOLERANCE = 0.75
+_LEAST_TOLERANCE = 0.75
 """In cells. The corners of a straight wall's cells lie up to 0.71 beside it, so below this stairs
 could not be told from walls."""
 
@@ -162,7 +162,7 @@ def straighten(loops: list[Floats], tolerance: float) -> Straightened:
     rough = [loop for loop, rectangle in zip(loops, rectangles, strict=True) if rectangle is None]
     if not rough:
         return Straightened(_polygon(fixed), 0.0)
-    walls = split_loops(rough, np.array([_tolerance_for(loop, tolerance) for loop in rough]))
+    walls = _split_loops(rough, np.array([_tolerance_for(loop, tolerance) for loop in rough]))
     while _refine(walls, fixed):
         pass
     return Straightened(_polygon(_rings(walls, fixed)), float(walls.deviation().max()))
@@ -172,7 +172,7 @@ def _tolerance_for(loop: Floats, tolerance: float) -> float:
     size = float(np.ptp(loop, axis=0).max())
     thickness = 2.0 * float(Polygon(loop).area) / len(loop)
     own = min(_SMALL_SHARE * size, _THIN_SHARE * thickness)
-    return max(LEAST_TOLERANCE, min(tolerance, own))
+    return max(_LEAST_TOLERANCE, min(tolerance, own))
 
 
 def _rectangle(loop: Floats) -> Floats | None:
@@ -246,7 +246,7 @@ def _jumping(rings: list[Floats], lines: Lines, ends: Ints) -> Ints:
 
 def _nearest_to(solid: Polygon, lines: Lines) -> Ints:
     off = shapely.distance(lines, solid)
-    return np.flatnonzero(off <= off.min() + LEAST_TOLERANCE)
+    return np.flatnonzero(off <= off.min() + _LEAST_TOLERANCE)
 
 
 LEAST_CELL_MM = 0.01
@@ -331,14 +331,14 @@ def raster_map(
     not a plate as large as the image.
     """
     tolerance_mm = placement.cell_mm if options.simplify_mm is None else options.simplify_mm
-    least_mm = LEAST_TOLERANCE * placement.cell_mm
+    least_mm = _LEAST_TOLERANCE * placement.cell_mm
     if tolerance_mm < least_mm * (1.0 - 1e-9):
         raise BadInputError(
             "simplify_mm", tolerance_mm, f"at least {least_mm:.6g} mm, 0.75 of a cell"
         )
     region, corner, left_out = _region(free, placement, options.start)
     islands = _Islands.of(region, options.least_obstacle_mm2 / placement.cell_mm**2)
-    result = straighten(islands.loops, max(tolerance_mm / placement.cell_mm, LEAST_TOLERANCE))
+    result = straighten(islands.loops, max(tolerance_mm / placement.cell_mm, _LEAST_TOLERANCE))
     walls = placement.to_map(shapely.transform(result.polygon, lambda cells: cells + corner))
     return Map(
         name=name,

@@ -33,7 +33,7 @@ from vinefab.model.map import Map, Start
 _CANDIDATES = 12
 
 
-def spread_points(
+def _spread_points(
     rng: np.random.Generator, count: int, limits: tuple[float, float], first: Floats
 ) -> Floats:
     """Return points in a square, each the farthest of some candidates from those before it.
@@ -103,7 +103,7 @@ def passage(path_mm: Floats, widths_mm: Floats) -> BaseGeometry:
     return shapely.union_all(shapely.convex_hull(shapely.multipoints(pairs)))
 
 
-def carved(
+def _carved(
     parts: Sequence[BaseGeometry], room: Polygon, detail_mm: float, least_rock_mm2: float
 ) -> Polygon:
     """Return the largest connected union of parts within a room, with simplified walls."""
@@ -285,7 +285,7 @@ def _cave(rng: np.random.Generator, options: CaveOptions, start: Start) -> Polyg
     low, high = options.reach_mm, options.size_mm - options.reach_mm
     entry = np.array([start.pose.x_mm, start.pose.y_mm])
     mouth = np.array([entry[0], np.clip(entry[1] + options.passage_width_max_mm, low, high)])
-    middles = spread_points(rng, options.chambers, (low, high), mouth)
+    middles = _spread_points(rng, options.chambers, (low, high), mouth)
     entrance = start_zone(start).buffer(options.start_clearance_mm + 2.0 * options.detail_mm)
     to_mouth = entry + np.linspace(0.0, 1.0, 8)[:, None] * (mouth - entry)
     parts = [entrance, passage(to_mouth, _widths(rng, options, 8))]
@@ -295,7 +295,7 @@ def _cave(rng: np.random.Generator, options: CaveOptions, start: Start) -> Polyg
         parts.append(passage(path, _widths(rng, options, len(path))))
     near, far = options.margin_mm, options.size_mm - options.margin_mm
     room = shapely.box(near, near, far, far)
-    return carved(parts, room, options.detail_mm, (0.5 * options.passage_width_min_mm) ** 2)
+    return _carved(parts, room, options.detail_mm, (0.5 * options.passage_width_min_mm) ** 2)
 
 
 def _chamber(rng: np.random.Generator, options: CaveOptions, middle_mm: Floats) -> Polygon:

@@ -280,7 +280,7 @@ def _opening(regions: Sequence[Region], border: _Border, low: float, high: float
     return Region(low, through[0], high, through[1])
 
 
-def walls_between(bounds: Polygon, free: Sequence[Region]) -> tuple[Polygon, ...]:
+def _walls_between(bounds: Polygon, free: Sequence[Region]) -> tuple[Polygon, ...]:
     """Return what is left of the bounds without some free regions.
 
     All coordinates are on the grid of `COORDINATE_GRID_MM`, where the result is exact.
@@ -394,7 +394,7 @@ def corridors_map(seed: int, options: CorridorsOptions | None = None) -> Map:
         seed,
         options,
         bounds=bounds,
-        obstacles=walls_between(bounds, [*regions, *doors]),
+        obstacles=_walls_between(bounds, [*regions, *doors]),
         starts=(_start(_entrance(regions, options), options),),
         rooms=sum(not region.hall for region in regions),
     )

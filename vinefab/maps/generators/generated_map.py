@@ -114,15 +114,7 @@ class StartOptions:
         return 1
 
     def check_starts(self, room_mm: tuple[float, float], least_mm: float = 0.0) -> None:
-        """Raise BadInputError unless the starts have room, each with its clearance or more.
-
-        Parameters
-        ----------
-        room_mm
-            Width and height of where they may be.
-        least_mm
-            Clearance that they have even if `start_clearance_mm` is smaller.
-        """
+        """Raise BadInputError unless the starts fit, each with its clearance or ``least_mm``."""
         count, (width_mm, height_mm) = self.start_count, room_mm
         whole("starts", count, 1, 1000)
         number("start_clearance_mm", self.start_clearance_mm, 0.0, width_mm, "mm")
@@ -190,7 +182,7 @@ def check_shares(options: StartOptions, *names: str) -> None:
 
 
 def check_seed(seed: int) -> None:
-    """Raise BadInputError unless a seed is a whole number from 0 to 2^63 - 1."""
+    """Raise BadInputError unless a seed is a whole number below 2^63."""
     whole("seed", seed, 0, 2**63 - 1)
 
 

@@ -36,7 +36,7 @@ Values = NDArray[Any]
 """Pixel values from 0 to 255; uint8 for grey images."""
 
 
-def read_values(path: Path, data: bytes) -> tuple[Values, Values | None]:
+def _read_values(path: Path, data: bytes) -> tuple[Values, Values | None]:
     """Return brightness and opacity of every pixel, 0 to 255, the image's lowest row first.
 
     Brightness is the mean of red, green and blue.
@@ -84,7 +84,7 @@ _ONLY_DRAWINGS = ("join_mm", "layers", "bounds", "margin_mm", "wall_mm", "open_l
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RosMap:
+class _RosMap:
     """The YAML file: the map's metadata, as the map_server calls it."""
 
     image: Path  # path of the image
@@ -95,7 +95,7 @@ class RosMap:
     negate: bool  # whether white is occupied
     occupied_thresh: float  # cells above it are occupied
     free_thresh: float  # cells below it are free, those in between unknown
-    mode: str  # how a pixel gives an occupancy, see `classify`
+    mode: str  # how a pixel gives an occupancy, see `_classify`
 
     def __post_init__(self) -> None:
         number("resolution", self.resolution_m, 1e-6, 1e6, "m")
@@ -133,9 +133,9 @@ def import_ros(path: Path, options: ImportOptions) -> Map:
     positive("scale_mm_per_unit", scale, 1e6, "mm per metre")
     if unknown not in ("obstacle", "free"):
         raise BadInputError("unknown", unknown, "obstacle or free")
-    source = read_ros_yaml(path)
+    source = _read_ros_yaml(path)
     data = read_bytes(source.image, _LARGEST_IMAGE_BYTES)
-    occupied, free = classify(*read_values(source.image, data), source)
+    occupied, free = _classify(*_read_values(source.image, data), source)
     facts = {
         "source": path.name,
         "image": source.image.name,
@@ -164,7 +164,7 @@ def import_ros(path: Path, options: ImportOptions) -> Map:
     return replace(world, environment="ros")
 
 
-def classify(values: Values, opacity: Values | None, source: RosMap) -> tuple[Mask, Mask]:
+def _classify(values: Values, opacity: Values | None, source: _RosMap) -> tuple[Mask, Mask]:
     """Return which cells are occupied and which are free by the rules of the map_server.
 
     With occupancy p = (255 - value) / 255 (value / 255 when negated): occupied when
@@ -181,7 +181,7 @@ def classify(values: Values, opacity: Values | None, source: RosMap) -> tuple[Ma
     return _classified(values, opacity, source)
 
 
-def _classified(values: Values, opacity: Values | None, source: RosMap) -> tuple[Mask, Mask]:
+def _classified(values: Values, opacity: Values | None, source: _RosMap) -> tuple[Mask, Mask]:
     known = np.ones(values.shape, dtype=np.bool_)
     if source.mode == "raw":
         known = np.round(values) <= 100.0
@@ -195,7 +195,7 @@ def _classified(values: Values, opacity: Values | None, source: RosMap) -> tuple
     return (occupancy > source.occupied_thresh) & known, (occupancy < source.free_thresh) & known
 
 
-def read_ros_yaml(path: Path) -> RosMap:
+def _read_ros_yaml(path: Path) -> _RosMap:
     """Return the metadata in a map_server's YAML file."""
     text = read_text(path, _LARGEST_YAML_BYTES)
     try:
@@ -208,14 +208,14 @@ def read_ros_yaml(path: Path) -> RosMap:
         return _ros_map(path, data)
 
 
-def _ros_map(path: Path, data: dict[str, Any]) -> RosMap:
+def _ros_map(path: Path, data: dict[str, Any]) -> _RosMap:
     image, origin = data.get("image"), data.get("origin")
     if not isinstance(image, str) or not image or "\0" in image:
         raise BadInputError("image", image, "the path of the image")
     if not isinstance(origin, list) or len(origin) != 3:
         raise BadInputError("origin", origin, "[x, y, yaw]")
     x, y, yaw = (_number("origin", value) for value in origin)
-    return RosMap(
+    return _RosMap(
         image=path.parent / image,
         resolution_m=_number("resolution", data.get("resolution")),
         origin=(x, y, yaw),

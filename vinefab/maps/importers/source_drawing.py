@@ -14,7 +14,7 @@ from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
 from vinefab.maps.cleanup.drawn_shapes import Role, Shape, SourceFrame, framed
 from vinefab.model.map import Map, Pose
 
-MOST_POINTS = 1_000_000
+_MOST_CURVE_POINTS = 1_000_000
 """In one curve: a tolerance that needs more surely has the wrong unit."""
 
 
@@ -108,7 +108,7 @@ def _chord_rad(radius: float, tolerance: float) -> float:
 
 
 def _steps(wanted: float) -> int:
-    return max(1, min(math.ceil(wanted - 1e-9), MOST_POINTS)) if math.isfinite(wanted) else 1
+    return max(1, min(math.ceil(wanted - 1e-9), _MOST_CURVE_POINTS)) if math.isfinite(wanted) else 1
 
 
 def bulge_arc(start: Floats, end: Floats, bulge: float) -> CurvePiece:
@@ -149,11 +149,11 @@ def _nearer_at_start(first: Floats, second: Floats) -> bool:
     )
 
 
-SIMPLIFY_SHARE = 1e-4
+_SIMPLIFY_SHARE = 1e-4
 """Default tolerance of curves, by the drawing's larger side: 0.05 mm in 500 mm."""
-JOIN_SHARE = 2e-4
+_JOIN_SHARE = 2e-4
 """Default width of gaps that are closed, by the drawing's larger side: 0.1 mm in 500 mm."""
-MARGIN_SHARE = 0.05
+_MARGIN_SHARE = 0.05
 """Default margin of a rectangle around everything, by the drawing's larger side."""
 _FINEST_SHARE = 1e-7
 _MOST_POINTS = 5_000_000
@@ -314,10 +314,10 @@ def _assembling(
 
     ``simplify_mm`` is split between the chords of curves and corners that are left out.
     """
-    join_mm = _four_digits(JOIN_SHARE * size_mm) if options.join_mm is None else options.join_mm
+    join_mm = _four_digits(_JOIN_SHARE * size_mm) if options.join_mm is None else options.join_mm
     number("join_mm", join_mm, 0.0, 0.1 * size_mm, "mm, a tenth of the drawing")
     simplify_mm = options.simplify_mm
-    tolerance_mm = _four_digits(SIMPLIFY_SHARE * size_mm)
+    tolerance_mm = _four_digits(_SIMPLIFY_SHARE * size_mm)
     if simplify_mm is not None:
         number("simplify_mm", simplify_mm, _FINEST_SHARE * size_mm, size_mm, "mm")
         tolerance_mm = 0.5 * simplify_mm if curved else 0.0
@@ -325,7 +325,7 @@ def _assembling(
     if options.wall_mm is not None:
         positive("wall_mm", options.wall_mm, size_mm)
     margin_mm = (
-        _four_digits(MARGIN_SHARE * size_mm) if options.margin_mm is None else options.margin_mm
+        _four_digits(_MARGIN_SHARE * size_mm) if options.margin_mm is None else options.margin_mm
     )
     return AssembleOptions(
         join_mm=join_mm,

@@ -110,7 +110,7 @@ def _plain(name: str) -> str:
     return name.rpartition("}")[2]
 
 
-MM_PER_PX = 25.4 / 96.0
+_MM_PER_PX = 25.4 / 96.0
 _UNITS_PX = {
     "": 1.0,
     "px": 1.0,
@@ -147,16 +147,16 @@ def page_frame(root: Node) -> tuple[Floats, float, str]:
         View box as x, y, width, height in user units (zeros where there is none); millimetres
         per user unit in x; and the origin of that scale, as text.
     """
-    box = view_box(root)
+    box = _view_box(root)
     size = tuple(_absolute(root, name) for name in ("width", "height"))
     if box is None:
         whole = np.array([0.0, 0.0, size[0] or 0.0, size[1] or 0.0])
-        return whole, MM_PER_PX, "px of 1/96 inch (no viewBox)"
+        return whole, _MM_PER_PX, "px of 1/96 inch (no viewBox)"
     known = [side / part for side, part in zip(size, box[2:], strict=True) if side is not None]
     if not known:
-        return box, MM_PER_PX, "px of 1/96 inch (no absolute width or height)"
+        return box, _MM_PER_PX, "px of 1/96 inch (no absolute width or height)"
     # Rounded: 210 mm for 210 units is 1 mm, whatever the last bit of 96 / 25.4 says.
-    return box, float(f"{min(known) * MM_PER_PX:.12g}"), "width, height and viewBox"
+    return box, float(f"{min(known) * _MM_PER_PX:.12g}"), "width, height and viewBox"
 
 
 def _absolute(root: Node, name: str) -> float | None:
@@ -166,7 +166,7 @@ def _absolute(root: Node, name: str) -> float | None:
     return value if value > 0.0 else None
 
 
-def view_box(node: Node) -> Floats | None:
+def _view_box(node: Node) -> Floats | None:
     """Return x, y, width and height of a view box, None if there is none."""
     text = node.attributes.get("viewBox")
     if text is None:
@@ -180,7 +180,7 @@ def view_box(node: Node) -> Floats | None:
 def viewport(node: Node) -> Floats:
     """Return the affine map of a nested ``svg`` or a used ``symbol``, shape (2, 3)."""
     x, y = length_px(node, "x"), length_px(node, "y")
-    box = view_box(node)
+    box = _view_box(node)
     if box is None or not {"width", "height"} <= set(node.attributes):
         return np.array([[1.0, 0.0, x], [0.0, 1.0, y]])
     size = np.array([length_px(node, "width"), length_px(node, "height")])

@@ -25,7 +25,6 @@ from vinefab.maps.importers.source_drawing import (
     SourceDrawing,
     Straight,
     drawing_map,
-    run_flat,
 )
 from vinefab.maps.importers.svg_document import (
     IDENTITY,
@@ -64,11 +63,6 @@ def path_outlines(data: str) -> list[Subpath]:
     [(2, True), (1, False)]
     """
     return _PathReader(data).run()
-
-
-def run_points(run: Subpath, tolerance: float) -> Floats:
-    """Return the points of a subpath, shape (n, 2), curves as chords within a tolerance."""
-    return run_flat(tuple(run.pieces), tolerance)
 
 
 class _PathReader:
@@ -211,7 +205,9 @@ def _end_point_arc(
     )
 
 
-def rectangle(x: float, y: float, size: tuple[float, float], radii: tuple[float, float]) -> Subpath:
+def _rectangle(
+    x: float, y: float, size: tuple[float, float], radii: tuple[float, float]
+) -> Subpath:
     """Return a rectangle, its corners rounded by elliptical radii (0 for sharp ones)."""
     width, height = size
     rx, ry = min(radii[0], 0.5 * width), min(radii[1], 0.5 * height)
@@ -232,7 +228,7 @@ def rectangle(x: float, y: float, size: tuple[float, float], radii: tuple[float,
     return Subpath(pieces, closed=True)
 
 
-def ellipse(x: float, y: float, radii: tuple[float, float]) -> Subpath:
+def _ellipse(x: float, y: float, radii: tuple[float, float]) -> Subpath:
     """Return a whole ellipse about (x, y)."""
     arc = Arc(
         middle=np.array([x, y]), first=np.array([radii[0], 0.0]), second=np.array([0.0, radii[1]])
@@ -240,7 +236,7 @@ def ellipse(x: float, y: float, radii: tuple[float, float]) -> Subpath:
     return Subpath([arc], closed=True)
 
 
-def moved(piece: CurvePiece, matrix: Floats) -> CurvePiece:
+def _moved(piece: CurvePiece, matrix: Floats) -> CurvePiece:
     """Return a piece transformed by an affine map, shape (2, 3)."""
     linear, shift = matrix[:, :2], matrix[:, 2]
     if isinstance(piece, Straight):
@@ -414,7 +410,7 @@ class _Walk:
             return
         self.read[node.tag] += 1
         for run in _outlines(node):
-            pieces = tuple(moved(piece, place.matrix) for piece in run.pieces)
+            pieces = tuple(_moved(piece, place.matrix) for piece in run.pieces)
             ring = Ring(pieces=pieces)
             # A fill closes an open path with a straight line.
             fills = place.filled and len(ring.hull()) > 2
@@ -482,9 +478,9 @@ def _simple(node: Node) -> list[Subpath]:
     rx, ry = (at[name] or at[other] for name, other in (("rx", "ry"), ("ry", "rx")))
     if node.tag == "rect":
         size = (at["width"], at["height"])
-        return [rectangle(at["x"], at["y"], size, (rx, ry))] if min(size) > 0.0 else []
+        return [_rectangle(at["x"], at["y"], size, (rx, ry))] if min(size) > 0.0 else []
     radii = (at["r"], at["r"]) if node.tag == "circle" else (at["rx"], at["ry"])
-    return [ellipse(at["cx"], at["cy"], radii)] if min(radii) > 0.0 else []
+    return [_ellipse(at["cx"], at["cy"], radii)] if min(radii) > 0.0 else []
 
 
 def _all(root: Node) -> Iterator[Node]:

@@ -40,8 +40,8 @@ def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     Ends within `SAME_POINT_MM` meet. Of the loose ends, pairs within ``join_mm`` are joined, the
     nearest first: where their lines meet if that is within ``join_mm`` too, else halfway.
     """
-    exact = _merged(_without_repeated(lines, changes))
-    return _merged(_bridged(exact, join_mm, changes))
+    exact = _chains(_without_repeated(lines, changes))
+    return _chains(_bridged(exact, join_mm, changes))
 
 
 def _end_nodes(lines: list[Line], same_mm: float) -> Ints:
@@ -61,39 +61,52 @@ def _without_repeated(lines: list[Line], changes: Changes) -> list[Line]:
     return list(found.values())
 
 
-def _merged(lines: list[Line]) -> list[Line]:
-    """Return maximal chains through nodes at which exactly two ends meet, as they were drawn."""
+def _chains(lines: list[Line]) -> list[Line]:
+    """Return maximal chains through nodes at which exactly two ends meet.
+
+    `shapely.line_merge` finds the same chains, but leaves open where they begin, which way they
+    run, their order and which lines they are made of; to restore that takes more than this.
+    """
     if not lines:
         return []
-    nodes = _end_nodes(lines, SAME_POINT_MM).ravel()
-    ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
-    # The ends of a node get equal coordinates: shapely merges only what meets to the last bit.
-    earliest = np.unique(nodes, return_index=True)[1]
-    points = [line.points_mm.copy() for line in lines]
-    for own, spots in zip(points, ends[earliest][nodes].reshape(-1, 2, 2), strict=True):
-        own[[0, -1]] = spots
-    merged = shapely.line_merge(shapely.multilinestrings(_line_strings(points)))
-    order = {tuple(ends[end].tolist()): int(end) for end in earliest}
-    parts = [shapely.get_coordinates(part) for part in shapely.get_parts(merged)]
-    chains = sorted((_as_drawn(part, order, points) for part in parts), key=lambda chain: chain[0])
-    return _named([chain for _, chain in chains], lines)
+    nodes = _end_nodes(lines, SAME_POINT_MM)
+    at: dict[int, list[int]] = {}
+    for index, node in enumerate(nodes.ravel().tolist()):
+        at.setdefault(node, []).append(index)
+    used = np.zeros(len(lines), dtype=np.bool_)
+    # Chains with ends first; the rest are rings, which begin with their first line.
+    starts = [end for ends in at.values() if len(ends) != 2 for end in ends]
+    return [
+        _chain_from(lines, (nodes.ravel(), at), end, used)
+        for end in [*starts, *range(0, 2 * len(lines), 2)]
+        if not used[end // 2]
+    ]
 
 
-def _as_drawn(
-    points: Floats, order: dict[tuple[float, ...], int], drawn: list[Floats]
-) -> tuple[tuple[bool, float], Floats]:
-    """Return a sort key and the chain, begun and directed as the first line in it was drawn.
-
-    Merging leaves that open; files should not depend on it. ``order`` has the first end (numbered
-    2 x line, + 1 at its last point) at each node.
-    """
-    ranks = np.array([order.get(tuple(point), np.inf) for point in points.tolist()])
-    if (points[0] != points[-1]).any():
-        return (False, ranks[[0, -1]].min()), points if ranks[0] < ranks[-1] else points[::-1]
-    begin = int(np.argmin(ranks))
-    ring = np.vstack([points[begin:-1], points[: begin + 1]])
-    second = drawn[int(ranks[begin]) // 2][1]
-    return (True, ranks[begin]), ring if (ring[1] == second).all() else ring[::-1]
+def _chain_from(
+    lines: list[Line],
+    graph: tuple[Ints, dict[int, list[int]]],
+    end: int,
+    used: NDArray[np.bool_],
+) -> Line:
+    """Return the chain that begins at an end; ends are numbered 2 x line, + 1 at its last point."""
+    node_of, at = graph
+    where = lines[end // 2].where
+    parts: list[Floats] = []
+    first_node = int(node_of[end])
+    while not used[end // 2]:
+        used[end // 2] = True
+        points = lines[end // 2].points_mm
+        parts.append((points if end % 2 == 0 else points[::-1])[1 if parts else 0 :])
+        far = end ^ 1
+        meeting = at[int(node_of[far])]
+        if len(meeting) != 2:
+            break
+        end = meeting[0] if meeting[1] == far else meeting[1]
+    points = np.concatenate(parts)
+    if len(points) >= 4 and int(node_of[far]) == first_node:
+        points[-1] = points[0]
+    return Line(points_mm=points, where=where)
 
 
 def _line_strings(points: list[Floats]) -> NDArray[np.object_]:

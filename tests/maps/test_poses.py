@@ -65,7 +65,7 @@ def test_starts_take_turns_and_longer_draws_begin_with_shorter_ones() -> None:
     assert draw_poses(world_with(*starts), 6, 10) != poses
 
 
-def test_no_start_and_no_free_pose_are_said() -> None:
+def test_no_start_and_no_free_pose_are_refused() -> None:
     with pytest.raises(BadInputError, match="starts is 'empty'"):
         draw_poses(world_with(), 1, 0)
     buried = world_with(start_at(50, 50), obstacles=(shapely.box(30, 30, 70, 70),))

@@ -3,7 +3,6 @@
 import inspect
 import re
 from collections.abc import Callable
-from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -14,8 +13,9 @@ from vinefab.cli.options import CommandOutput, Force, Quiet, ensure_apart, pose_
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.units import deg
 from vinefab.maps.generators.environments import ENVIRONMENTS, Environment
-from vinefab.maps.importers.drawing import ImportOptions
-from vinefab.maps.importers.importers import IMPORTERS, import_map
+from vinefab.maps.generators.generated_map import option_fields
+from vinefab.maps.importers.importers import import_map, import_suffixes
+from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Map
 
@@ -38,7 +38,7 @@ def add_to(app: typer.Typer) -> None:
 
 def import_command(
     *,
-    source: Annotated[Path, typer.Argument(help=f"A file: {', '.join(IMPORTERS)}.")],
+    source: Annotated[Path, typer.Argument(help=f"A file: {', '.join(import_suffixes())}.")],
     out: OutFile,
     scale_mm_per_unit: Annotated[
         float | None,
@@ -134,7 +134,7 @@ def _save(world: Map, out: Path, voice: CommandOutput) -> None:
 
 def _generator(environment: Environment) -> Callable[..., None]:
     """Return a command whose options are the fields of an environment's options class."""
-    known = {field.name: field for field in fields(environment.options)}
+    known = {field.name: field for field in option_fields(environment.options)}
 
     def generate(**given: Any) -> None:  # noqa: ANN401  one value per option, of its own type
         out, voice = given["out"], CommandOutput(quiet=given["quiet"], force=given["force"])
@@ -177,12 +177,13 @@ def _help(name: str, environment: Environment) -> str:
 
 
 def _described(options: type) -> dict[str, str]:
-    """Return what the docstring says of each parameter, by name."""
-    text = inspect.getdoc(options) or ""
-    block = re.search(r"Parameters\n-+\n(.*?)(?:\n\n[A-Z]\w+\n-+\n|\Z)", text, re.DOTALL)
+    """Return what the docstrings of a class and its bases say of each parameter, by name."""
     found: dict[str, str] = {}
-    for names, words in re.findall(
-        r"^(\w[\w, ]*)\n((?:[ \t]+.*\n?|\n)+)", block.group(1) if block else "", re.MULTILINE
-    ):
-        found |= dict.fromkeys(names.split(", "), " ".join(words.replace("``", "").split()))
+    for kind in reversed(options.__mro__):
+        text = inspect.getdoc(kind) or ""
+        block = re.search(r"Parameters\n-+\n(.*?)(?:\n\n[A-Z]\w+\n-+\n|\Z)", text, re.DOTALL)
+        for names, words in re.findall(
+            r"^(\w[\w, ]*)\n((?:[ \t]+.*\n?|\n)+)", block.group(1) if block else "", re.MULTILINE
+        ):
+            found |= dict.fromkeys(names.split(", "), " ".join(words.replace("``", "").split()))
     return found

@@ -1,7 +1,7 @@
 """The narrow passages of a free space, exactly.
 
-A passage is a place where the way between two walls is narrower than just before and just after it:
-the circle with the passage for its diameter has no wall inside. (These circles' centres are the
+A passage is a local minimum of the width between two walls: the circle with the passage as its
+diameter has no wall inside. (These circles' centres are the
 saddles of the distance to the walls, see Lieutier, "Any open bounded subset of R^n has the same
 homotopy type as its medial axis", 2004.) So both ends lie at the nearest points of two walls, and
 at least one of them at a corner, unless the walls are parallel.
@@ -18,14 +18,14 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats, Ints
 
-EXACT = 1e-9
-"""Lengths that differ by less than this share of the free space's size are the same."""
+_EXACT_SHARE = 1e-9
+"""Lengths that differ by less than this share of the free space's size are equal."""
 
-PARALLEL_RAD = 1e-6
+_PARALLEL_RAD = 1e-6
 """Walls whose directions differ by less are parallel."""
 
-WIDENS = 1.3
-"""Two narrow places count as one passage unless the way between them gets so many times wider."""
+_WIDENING = 1.3
+"""Two narrow places are one passage unless the free space between them widens by this factor."""
 
 _PAIRS_AT_ONCE = 2_000_000
 _SAMPLES = 15
@@ -37,8 +37,7 @@ class Passage:
     """A narrow place between two walls."""
 
     width_mm: float  # distance between the walls
-    # where it touches them: ((x, y), (x, y))
-    ends_mm: tuple[tuple[float, float], tuple[float, float]]
+    ends_mm: tuple[tuple[float, float], tuple[float, float]]  # where it touches them
 
     @property
     def middle_mm(self) -> tuple[float, float]:
@@ -61,7 +60,7 @@ def narrow_passages(free: BaseGeometry, most: int = 5) -> tuple[Passage, ...]:
     shares, least_mm, most_mm = [np.zeros((0, 2, 2))], 0.0, walls.typical_mm
     while len(found) < most and least_mm < walls.widest_mm:
         shares += walls.gaps(least_mm, most_mm)
-        found = _apart(walls, _Gaps(np.concatenate(shares), EXACT * walls.size_mm), most)
+        found = _apart(walls, _Gaps(np.concatenate(shares), _EXACT_SHARE * walls.size_mm), most)
         least_mm, most_mm = most_mm, 2.0 * most_mm
     return found
 
@@ -77,7 +76,7 @@ class _Gaps:
 
 
 class _Walls:
-    """Walls of a free space with the free side on the left, and what is near to what."""
+    """Walls of a free space, the free side on the left, with spatial indices."""
 
     def __init__(self, free: BaseGeometry) -> None:
         parts = shapely.get_parts(free)
@@ -91,11 +90,11 @@ class _Walls:
         self.lines = np.asarray(shapely.linestrings(np.stack([self.start, self.end], axis=1)))
         self.tree, self.inside = STRtree(self.lines), STRtree(self.parts)
         self.size_mm = float(np.hypot(*np.ptp(points, axis=0))) if len(points) else 0.0
-        # No circle is wider than the largest one, which is known to within a tolerance.
+        # No passage is wider than the largest inscribed circle, known to within a tolerance.
         self.widest_mm = max(
             (_widest_mm(part, 0.01 * self.size_mm) for part in self.parts), default=0
         )
-        # So wide that a circle of it meets about one wall: where the search begins.
+        # The search begins here: a circle of this diameter meets about one wall.
         self.typical_mm = 0.5 * self.size_mm / np.sqrt(len(self.start) + 1.0)
 
     def gaps(self, least_mm: float, most_mm: float) -> list[Floats]:
@@ -103,13 +102,13 @@ class _Walls:
 
         Where walls run beside each other, the middle of that stretch comes first.
         """
-        least_mm = max(least_mm, EXACT * self.size_mm)
+        least_mm = max(least_mm, _EXACT_SHARE * self.size_mm)
         return [*self._parallel_gaps(least_mm, most_mm), *self._corner_gaps(least_mm, most_mm)]
 
     def are_empty(self, ends: Floats) -> NDArray[np.bool_]:
-        """Tell of which ends the circle between them is free and has no wall inside."""
+        """Return for which ends the circle between them is free and has no wall inside."""
         middle, half = ends.mean(axis=1), 0.5 * np.hypot(*(ends[:, 1] - ends[:, 0]).T)
-        empty = self.clearance(middle) >= half - EXACT * self.size_mm
+        empty = self.clearance(middle) >= half - _EXACT_SHARE * self.size_mm
         empty[empty] = self.is_free(middle[empty])
         return np.asarray(empty)
 
@@ -123,7 +122,7 @@ class _Walls:
         return np.asarray(distance[np.argsort(index[0], kind="stable")])
 
     def is_free(self, points: Floats) -> NDArray[np.bool_]:
-        """Tell which points are in the free space, shape (n,)."""
+        """Return which points are in the free space, shape (n,)."""
         free = np.zeros(len(points), dtype=np.bool_)
         point, part = self.inside.query(shapely.points(points))
         free[point[shapely.contains_xy(self.parts[part], points[point])]] = True
@@ -141,7 +140,7 @@ class _Walls:
             # Walls that leave the corner towards the other end lie inside of the circle.
             for neighbour in (self.end[corner], self.start[self.before[corner]]):
                 leaving = np.sum((neighbour - point) * across, axis=1)
-                keep &= leaving <= EXACT * self.size_mm**2
+                keep &= leaving <= _EXACT_SHARE * self.size_mm**2
             ends = np.stack([point[keep], foot[keep]], axis=1)
             yield ends[self.are_empty(ends)]
 
@@ -165,17 +164,17 @@ class _Walls:
         long = np.flatnonzero(length >= least_mm)
         for index, other in self._near(self.lines[long], most_mm):
             one = long[index]
-            # Each pair once; walls with free space between them run against each other.
+            # Each pair once; walls with free space between them run in opposite directions.
             cross = unit[one, 0] * unit[other, 1] - unit[one, 1] * unit[other, 0]
             facing = np.sum(unit[one] * unit[other], axis=1) < 0.0
-            pair = (one < other) & facing & (np.abs(cross) < PARALLEL_RAD)
+            pair = (one < other) & facing & (np.abs(cross) < _PARALLEL_RAD)
             ends, overlap = self._halfway(one[pair], other[pair], unit)
             width = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
             keep = (overlap >= width) & (width > least_mm) & (width <= most_mm)
             yield ends[keep][self.are_empty(ends[keep])]
 
     def _halfway(self, one: Ints, other: Ints, unit: Floats) -> tuple[Floats, Floats]:
-        """Return where to cross between two walls, and how far they run beside each other."""
+        """Return the ends halfway along the overlap of two walls, and the length of the overlap."""
         origin, towards = self.start[one], unit[one]
         first = np.sum((self.end[other] - origin) * towards, axis=1)
         last = np.sum((self.start[other] - origin) * towards, axis=1)
@@ -185,16 +184,16 @@ class _Walls:
         return np.stack([middle, self._foot(middle, other)], axis=1), high - low
 
     def _near(self, shapes: NDArray[np.object_], reach_mm: float) -> Iterator[tuple[Ints, Ints]]:
-        """Yield pairs of a shape and a wall within reach, some at a time: memory stays bounded."""
-        step = max(1, int(_PAIRS_AT_ONCE / max(1.0, self._crowd(reach_mm))))
+        """Yield pairs of a shape and a wall within reach, in batches that bound the memory."""
+        step = max(1, int(_PAIRS_AT_ONCE / max(1.0, self._neighbour_count(reach_mm))))
         for begin in range(0, len(shapes), step):
             pair = self.tree.query(
                 shapes[begin : begin + step], predicate="dwithin", distance=reach_mm
             )
             yield (pair[0] + begin).astype(np.int64), pair[1].astype(np.int64)
 
-    def _crowd(self, reach_mm: float) -> float:
-        """Return about how many walls are within reach of a wall."""
+    def _neighbour_count(self, reach_mm: float) -> float:
+        """Return an estimate of the number of walls within reach of a wall."""
         some = self.lines[:: max(1, len(self.lines) // 50)]
         near = self.tree.query(some, predicate="dwithin", distance=reach_mm)
         return float(near.shape[1]) / len(some)
@@ -207,7 +206,7 @@ class _Walls:
 
 
 def _before(ring: Ints) -> Ints:
-    """Return the wall before each wall, from the ring of each, rising, shape (n,)."""
+    """Return the wall before each wall; ``ring`` is the ring of each, increasing, shape (n,)."""
     before = np.arange(len(ring)) - 1
     begins = np.flatnonzero(np.append(True, ring[1:] != ring[:-1])[: len(ring)])
     before[begins] = np.append(begins[1:], len(ring))[: len(begins)] - 1
@@ -215,7 +214,7 @@ def _before(ring: Ints) -> Ints:
 
 
 def _unit(vectors: Floats) -> Floats:
-    """Return vectors at length 1; zeros stay zeros."""
+    """Return vectors of length 1; zero vectors stay zero."""
     length = np.hypot(*vectors.T)[:, None]
     return np.asarray(np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0.0))
 
@@ -237,10 +236,10 @@ def _apart(walls: _Walls, gaps: _Gaps, most: int) -> tuple[Passage, ...]:
 
 
 def _belongs(walls: _Walls, gaps: _Gaps, number: int, kept: list[int]) -> bool:
-    """Tell whether the way from a gap to a narrower one is short, or hardly gets any wider.
+    """Return whether a narrower gap is near, or the free space between them hardly widens.
 
-    It does not get wider if it is free and the straight lines that join the gaps' ends, one on
-    either side of it, run along walls.
+    It does not widen if the straight line between the gaps is free and the lines that join their
+    ends on either side run along walls.
     """
     width, middle = gaps.width[number], gaps.middle[number]
     if (np.hypot(*(gaps.middle[kept] - middle).T) <= 0.5 * width).any():
@@ -254,7 +253,9 @@ def _belongs(walls: _Walls, gaps: _Gaps, number: int, kept: list[int]) -> bool:
     is_open = walls.is_free(way.reshape(-1, 2)).reshape(_SAMPLES, -1).all(axis=0)
     sides = (ends + share[..., None] * (others - ends)).reshape(-1, 2)
     bulge = np.where(walls.is_free(sides), walls.clearance(sides), 0.0)
-    keeps_narrow = bulge.reshape(_SAMPLES, -1, 2).max(axis=(0, 2)) <= 0.5 * (WIDENS - 1.0) * width
+    keeps_narrow = (
+        bulge.reshape(_SAMPLES, -1, 2).max(axis=(0, 2)) <= 0.5 * (_WIDENING - 1.0) * width
+    )
     return bool((is_open & keeps_narrow).any())
 
 

@@ -1,4 +1,4 @@
-"""Drawing poses from the starts that a map offers, and finding a start where none is."""
+"""Poses drawn from the starts of a map, and the roomiest start where it has none."""
 
 import math
 
@@ -29,7 +29,7 @@ def draw_poses(
     """Draw poses, uniformly within the ranges of the map's starts, in free space.
 
     Pose ``i`` belongs to start ``i`` modulo the number of starts and depends only on the seed and
-    ``i``, so a longer draw begins with the shorter one. A start without spread gives itself.
+    ``i``, so a longer draw begins with the shorter one. A start without spread gives its own pose.
     """
     whole("poses", count, 0, 10_000_000)
     whole("seed", seed, 0, 2**63 - 1)
@@ -68,7 +68,7 @@ def _pose_within(start: Start, rng: np.random.Generator) -> Pose:
 
 
 def roomiest_start(free: Polygon, accuracy_mm: float) -> Start:
-    """Return the start with the most room around it, launching where the way is longest.
+    """Return the start with the largest clearance, launching in the longest free direction.
 
     Poses drawn from it stay within a quarter of the clearance and 30 degrees.
     """
@@ -90,7 +90,7 @@ def roomiest_start(free: Polygon, accuracy_mm: float) -> Start:
 
 
 def _free_length(first: Floats, last: Floats, angle: float) -> float:
-    """Return how far one can go from the origin at an angle before meeting one of the walls."""
+    """Return the distance from the origin at an angle to the first wall."""
     cosine, sine = math.cos(angle), math.sin(angle)
     side_first = cosine * first[:, 1] - sine * first[:, 0]
     side_last = cosine * last[:, 1] - sine * last[:, 0]

@@ -10,7 +10,7 @@ from shapely import Polygon
 
 from vinefab.core.errors import BadInputError
 from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
-from vinefab.maps.cleanup.shapes import Shape, SourceFrame, framed
+from vinefab.maps.cleanup.drawn_shapes import Shape, SourceFrame, framed
 from vinefab.maps.generators.grid import grid_map
 
 OPTIONS = AssembleOptions(join_mm=0.1, sliver_mm2=0.01)
@@ -74,7 +74,7 @@ def test_far_coordinates_are_moved_and_named_as_they_were():
 @pytest.mark.parametrize(
     "points", [[[0, 0], [1e8, 1]], [[0, 0], [1e-3, 1e-3]], [[-1e308, 0], [1e308, 1]]]
 )
-def test_sizes_that_speak_of_a_wrong_unit(points):
+def test_sizes_that_come_from_a_wrong_unit_are_refused(points):
     with pytest.raises(BadInputError, match=r"drawing is .* mm wide"):
         framed(np.array(points, dtype=float), SourceFrame())
 

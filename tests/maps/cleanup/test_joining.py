@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import Polygon
 
+from vinefab.maps.cleanup.drawn_shapes import Changes, SourceFrame
 from vinefab.maps.cleanup.joining import Line, chained, join, walls_along
-from vinefab.maps.cleanup.shapes import Changes, SourceFrame
 
 
 def line(*points, where="line"):
@@ -63,6 +63,19 @@ def test_fine_lines_shorter_than_the_gap_are_not_swallowed():
     (ring,) = join(pieces, 0.1, changes()).rings
     assert len(ring.points_mm) == 2001
     assert Polygon(ring.points_mm).area == pytest.approx(math.pi, rel=1e-5)
+
+
+@given(st.permutations(range(5)), st.lists(st.booleans(), min_size=5, max_size=5))
+def test_a_chain_begins_and_runs_as_its_first_line_and_has_its_name(order, turned):
+    corners = [(0, 0), (4, 0), (5, 3), (2, 5), (-1, 3)]
+    sides = [(corners[k], corners[(k + 1) % 5]) for k in range(5)]
+    lines = [line(*(sides[k][::-1] if turned[k] else sides[k]), where=f"side {k}") for k in order]
+    (ring,) = join(lines, 0.1, changes()).rings
+    assert ring.points_mm[:2].tolist() == lines[0].points_mm.tolist()
+    assert ring.where == lines[0].where
+    (chain,) = chained([one for one in lines if one.where != "side 4"], 0.1, changes())
+    assert sorted(map(tuple, chain.points_mm[[0, -1]].tolist())) == [(-1, 3), (0, 0)]
+    assert chain.where in ("side 0", "side 3")
 
 
 def test_the_nearest_ends_are_joined_and_the_gap_is_noted():

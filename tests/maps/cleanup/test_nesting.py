@@ -2,8 +2,8 @@ import pytest
 import shapely
 from shapely import Polygon, box
 
+from vinefab.maps.cleanup.drawn_shapes import Changes, SourceFrame
 from vinefab.maps.cleanup.nesting import merged, painted, repeats, solids
-from vinefab.maps.cleanup.shapes import Changes, SourceFrame
 
 
 def square(middle, half):
@@ -28,7 +28,7 @@ def test_a_notch_is_not_taken_for_a_hole(changes):
     assert "nested_outlines_made_holes" not in changes.counts
 
 
-def test_rooms_that_overlap_stay_solid_and_it_is_said(changes):
+def test_rooms_that_overlap_stay_solid_and_are_counted(changes):
     found = solids([box(0, 0, 20, 10), box(2, 2, 8, 8), box(6, 4, 14, 9)], changes)
     assert [p.area for p in found] == [200.0]
     assert changes.counts == {"nested_outlines_left_solid": 2}

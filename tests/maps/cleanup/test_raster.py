@@ -3,12 +3,207 @@ import math
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+from shapely import MultiLineString, Polygon
+from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.maps.cleanup.cell_walls import Mask
-from vinefab.maps.cleanup.raster import GridPlacement, RasterOptions, raster_map
+from vinefab.maps.cleanup.cell_walls import Mask, boundary_loops, corners_between
+from vinefab.maps.cleanup.raster import (
+    LEAST_GAP,
+    GridPlacement,
+    RasterOptions,
+    raster_map,
+    straighten,
+)
 from vinefab.maps.poses import draw_poses
 from vinefab.model.map import Map, Pose
+
+TOLERANCES = (0.75, 1.0, 1.5, 3.0)
+
+
+def largest_region(mask: Mask) -> Mask:
+    labels, _ = ndimage.label(mask)
+    sizes = np.bincount(labels.ravel())
+    sizes[0] = 0
+    return np.asarray(labels == sizes.argmax())
+
+
+def cells_in(shape: BaseGeometry, rows: int, columns: int) -> Mask:
+    x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
+    return np.asarray(shapely.contains_xy(shape, x.ravel(), y.ravel())).reshape(rows, columns)
+
+
+def pixel_boundary(mask: Mask) -> MultiLineString:
+    rings = [corners_between(loop, np.roll(loop, -1, axis=0)) for loop in boundary_loops(mask)]
+    return MultiLineString([np.vstack([ring, ring[:1]]) for ring in rings])
+
+
+def hausdorff(one: BaseGeometry, two: BaseGeometry) -> float:
+    def directed(first: BaseGeometry, second: BaseGeometry) -> float:
+        points = shapely.points(shapely.get_coordinates(shapely.segmentize(first, 0.1)))
+        return float(shapely.distance(points, second).max())
+
+    return max(directed(one, two), directed(two, one))
+
+
+def smallest_gap(polygon: Polygon) -> float:
+    """Return the least distance between two walls that do not share a corner or a short wall."""
+    rings = [np.array(ring.coords) for ring in (polygon.exterior, *polygon.interiors)]
+    lines = [list(shapely.linestrings(np.stack([r[:-1], r[1:]], axis=1))) for r in rings]
+    least = math.inf
+    for index, ring in enumerate(lines):
+        for other in lines[index + 1 :]:
+            least = min(least, shapely.distance(np.array(ring)[:, None], np.array(other)).min())
+        for k, line in enumerate(ring):
+            far = [
+                other
+                for j, other in enumerate(ring)
+                if min((j - k) % len(ring), (k - j) % len(ring)) > 2
+            ]
+            if far:
+                least = min(least, shapely.distance(line, far).min())
+    return float(least)
+
+
+def assert_faithful(mask: Mask, tolerance: float) -> Polygon:
+    loops = boundary_loops(mask)
+    result = straighten(loops, tolerance)
+    polygon = result.polygon
+    assert polygon.is_valid, shapely.is_valid_reason(polygon)
+    assert len(polygon.interiors) == len(loops) - 1
+    deviation = hausdorff(pixel_boundary(mask), polygon.boundary)
+    assert deviation <= result.deviation + 1e-9
+    assert deviation <= tolerance + 1e-9
+    assert smallest_gap(polygon) >= LEAST_GAP - 1e-9
+    return polygon
+
+
+@st.composite
+def regions(draw: st.DrawFn) -> Mask:
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    size = draw(st.integers(6, 36))
+    kind = draw(st.sampled_from(["noise", "blobs", "lines", "discs", "walk"]))
+    free = np.ones((size, size), dtype=np.bool_)
+    if kind == "noise":
+        free = rng.random((size, size)) > rng.choice([0.05, 0.2, 0.35])
+    elif kind == "blobs":
+        field = ndimage.gaussian_filter(rng.random((size, size)), rng.uniform(0.5, 3.0))
+        free = field > np.quantile(field, rng.uniform(0.2, 0.5))
+    elif kind == "lines":
+        for ends in rng.random((6, 2, 2)) * size:
+            steps = ends[0] + np.linspace(0, 1, 150)[:, None] * (ends[1] - ends[0])
+            free[tuple(steps.astype(int).T)] = False
+    elif kind == "discs":
+        row, column = np.mgrid[:size, :size]
+        for x, y, radius in rng.random((5, 3)) * (size, size, size / 6) + (0, 0, 0.4):
+            free &= np.hypot(row - y, column - x) > radius
+    else:
+        free[:] = False
+        steps = np.array([(0, 1), (1, 0), (0, -1), (-1, 0)])[rng.integers(4, size=6 * size)]
+        place = np.clip(size // 2 + np.cumsum(steps, axis=0), 0, size - 1)
+        free[tuple(place.T)] = True
+    free[size // 2, size // 2] = True
+    return largest_region(free)
+
+
+@settings(max_examples=120, deadline=None)
+@given(regions(), st.sampled_from(TOLERANCES))
+def test_any_region_keeps_its_topology_and_the_deviation_its_bound(
+    mask: Mask, tolerance: float
+) -> None:
+    assert_faithful(mask, tolerance)
+
+
+@pytest.mark.parametrize("angle_deg", [0, 3, 11, 26.6, 30, 37, 45, 62, 81])
+def test_a_straight_wall_comes_back_straight_at_any_angle(angle_deg: float) -> None:
+    room = shapely.affinity.rotate(shapely.box(20, 30, 120, 90), angle_deg)
+    polygon = assert_faithful(cells_in(room, 140, 140), 1.0)
+    assert len(polygon.exterior.coords) - 1 <= 6
+    assert polygon.symmetric_difference(room).area < 0.02 * room.area
+    corners = np.array(polygon.exterior.coords)
+    steps = np.diff(corners, axis=0)
+    long = np.hypot(*steps.T) > 20
+    found = np.degrees(np.arctan2(steps[long, 1], steps[long, 0])) % 90
+    error = (found - angle_deg + 45) % 90 - 45
+    assert long.sum() == 4
+    assert np.abs(error).max() < 0.6
+
+
+def test_rooms_along_the_axes_come_back_exactly() -> None:
+    mask = np.zeros((30, 40), dtype=bool)
+    mask[2:20, 3:30] = True
+    mask[10:28, 15:38] = True
+    mask[5:8, 5:6] = False
+    polygon = assert_faithful(mask, 1.0)
+    cells = [shapely.box(x, y, x + 1, y + 1) for y, x in np.argwhere(mask)]
+    assert polygon.symmetric_difference(shapely.union_all(cells)).area < 1e-9
+    assert len(shapely.get_coordinates(polygon)) == 9 + 5
+
+
+def test_a_single_solid_cell_stays_that_cell() -> None:
+    mask = np.ones((9, 9), dtype=bool)
+    mask[4, 5] = False
+    polygon = assert_faithful(mask, 3.0)
+    assert Polygon(polygon.interiors[0]).equals(shapely.box(5, 4, 6, 5))
+
+
+@pytest.mark.parametrize("tolerance", TOLERANCES)
+@pytest.mark.parametrize("angle_deg", [0, 20, 45, 70])
+def test_a_wall_one_cell_thick_neither_vanishes_nor_opens(
+    angle_deg: float, tolerance: float
+) -> None:
+    line = shapely.affinity.rotate(shapely.box(10, 29, 50, 30), angle_deg, origin=(30, 30))
+    mask = ~cells_in(shapely.buffer(line, 0.3), 60, 60)
+    polygon = assert_faithful(largest_region(mask), tolerance)
+    (hole,) = polygon.interiors
+    wall = Polygon(hole)
+    assert wall.area == pytest.approx((~mask).sum(), rel=0.25)
+    assert shapely.minimum_clearance(wall) > 0.25
+
+
+@pytest.mark.parametrize("tolerance", TOLERANCES)
+def test_a_closed_ring_keeps_inside_and_outside_apart(tolerance: float) -> None:
+    row, column = np.mgrid[:50, :50]
+    distance = np.hypot(row - 24.5, column - 24.5)
+    free = (distance < 14.4) | (distance > 15.6)
+    inner = assert_faithful(largest_region(free & (distance < 15)), tolerance)
+    outer = assert_faithful(largest_region(free & (distance > 15)), tolerance)
+    assert not inner.intersects(outer)
+
+
+@pytest.mark.parametrize("radius", [2.5, 4.0, 8.0])
+def test_round_pillars_stay_round_and_keep_their_size(radius: float) -> None:
+    row, column = np.mgrid[:40, :40]
+    mask = np.hypot(row - 20.2, column - 19.7) > radius
+    polygon = assert_faithful(mask, 1.0)
+    pillar = Polygon(polygon.interiors[0])
+    assert pillar.area == pytest.approx((~mask).sum(), rel=0.06)
+    assert 4 * math.pi * pillar.area / pillar.length**2 > 0.88
+    assert len(pillar.exterior.coords) - 1 >= 6
+    small = straighten(boundary_loops(mask), 5.0).polygon
+    assert Polygon(small.interiors[0]).area == pytest.approx((~mask).sum(), rel=0.12)
+
+
+def test_a_speck_near_a_wall_is_not_swallowed_by_a_large_tolerance() -> None:
+    mask = np.zeros((40, 60), dtype=bool)
+    mask[3:37, 3:57] = True
+    mask[3:6, 30:33] = False
+    mask[7, 31] = False
+    assert_faithful(mask, 5.0)
+
+
+def test_a_higher_tolerance_never_needs_more_walls_on_a_noisy_wall() -> None:
+    rng = np.random.default_rng(3)
+    height = 20 + np.round(rng.normal(0, 0.7, 120)).astype(int)
+    mask = np.arange(40)[:, None] < height
+    counts = [
+        len(assert_faithful(largest_region(mask), tolerance).exterior.coords)
+        for tolerance in (0.75, 1.5, 3.0)
+    ]
+    assert counts[0] > counts[1] > counts[2]
 
 
 def room() -> Mask:
@@ -71,7 +266,7 @@ def test_the_offered_start_has_the_most_room_and_looks_along_the_longest_way() -
     assert len(draw_poses(world, 50, 0)) == 50
 
 
-def test_small_obstacles_are_left_out_only_when_asked_and_then_counted() -> None:
+def test_small_obstacles_are_left_out_only_on_request_and_counted() -> None:
     free = room()
     free[4, 10] = False
     assert len(made(free).obstacles) == 2

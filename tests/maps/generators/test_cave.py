@@ -27,7 +27,7 @@ def test_any_cave_is_one_with_rock_all_around(
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_no_passage_is_narrower_than_asked(seed: int) -> None:
+def test_no_passage_is_narrower_than_its_option(seed: int) -> None:
     options = CaveOptions()
     free = cave_map(seed, options).free_space
     way = free.buffer(-(0.5 * options.passage_width_min_mm - 2.0 * options.detail_mm))

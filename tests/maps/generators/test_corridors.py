@@ -59,7 +59,7 @@ def test_every_room_by_a_hall_opens_on_it_and_halls_open_on_each_other() -> None
             assert to_hall or beside < 2.0 * 30.0
 
 
-def test_doors_are_as_wide_as_asked_and_keep_off_the_corners() -> None:
+def test_doors_have_their_width_and_keep_off_the_corners() -> None:
     regions = plan(4, 2)
     doors = doorways(child(4, 1), regions, DoorRules(wall_mm=6.0, door_mm=25.0, loops=1.0))
     sizes = [sorted((door.length(0), door.length(1))) for door in doors]

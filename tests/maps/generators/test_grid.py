@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vinefab.core.errors import BadInputError
+from vinefab.maps.generators.generated_map import start_zone
 from vinefab.maps.generators.grid import GridOptions, grid_map
-from vinefab.maps.generators.starts import start_zone
 from vinefab.model.map import Map
 
 KNOWN_CORNER = (15.9867, 58.7968)

@@ -42,7 +42,7 @@ def test_a_fuller_board_keeps_its_pegs() -> None:
     assert few < many
 
 
-def test_jitter_moves_pegs_by_at_most_what_it_says() -> None:
+def test_jitter_moves_pegs_by_at_most_its_value() -> None:
     still = middles(filled=1.0, start_clearance_mm=0.0, start_spread_x_mm=0.0)
     moved = middles(filled=1.0, start_clearance_mm=0.0, start_spread_x_mm=0.0, jitter_mm=5.0)
     off = np.hypot(*(moved - still).T)
@@ -50,7 +50,7 @@ def test_jitter_moves_pegs_by_at_most_what_it_says() -> None:
     assert off.mean() == pytest.approx(5.0 * 2 / 3, rel=0.1)
 
 
-def test_pegs_are_regular_and_as_wide_as_asked() -> None:
+def test_pegs_are_regular_polygons_of_their_diameter() -> None:
     peg = pegs_map(0, PegsOptions(diameter_mm=20.0, sides=6)).obstacles[0]
     corners = np.array(peg.exterior.coords)[:-1]
     assert np.hypot(*(corners - corners.mean(axis=0)).T) == pytest.approx(10.0, abs=1e-3)

@@ -9,8 +9,8 @@ from shapely import Polygon
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.maps.generators.grid import grid_map
-from vinefab.maps.importers.drawing import ImportOptions
 from vinefab.maps.importers.importers import import_map
+from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text, read_map
 
 VERSIONS = ("R12", "R2000", "R2010", "R2018")
@@ -168,7 +168,7 @@ def test_units_are_honoured(drawn, units, mm):
     assert world.facts["scale_mm_per_unit"] == mm
 
 
-def test_the_scale_is_per_unit_of_the_file_and_unitless_is_said(drawn):
+def test_the_scale_is_per_unit_of_the_file_and_a_missing_unit_is_reported(drawn):
     tenth = ImportOptions(scale_mm_per_unit=0.1)
     assert drawn(lambda _: None, units=6, options=tenth).size_mm == (50, 40)
     world = drawn(lambda _: None, units=0)

@@ -11,7 +11,8 @@ from shapely import Point, Polygon
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.hashing import sha256_of_file
-from vinefab.maps.importers.ros_map import RosOptions, import_ros
+from vinefab.maps.importers.ros_map import import_ros
+from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text, read_map
 from vinefab.model.map import Map, Pose
 
@@ -43,7 +44,7 @@ def box_world() -> np.ndarray:
 
 @pytest.fixture
 def importing(tmp_path: Path) -> Import:
-    def run(picture: Any, options: RosOptions | None = None, **changes: Any) -> Map:
+    def run(picture: Any, options: ImportOptions | None = None, **changes: Any) -> Map:
         name = str(changes.get("image", "world.pgm"))
         if isinstance(picture, bytes):
             (tmp_path / name).write_bytes(picture)
@@ -51,7 +52,7 @@ def importing(tmp_path: Path) -> Import:
             image = picture if isinstance(picture, Image.Image) else Image.fromarray(picture)
             image.save(tmp_path / name)
         (tmp_path / "world.yaml").write_text(yaml_text(**changes), encoding="utf-8")
-        return import_ros(tmp_path / "world.yaml", options)
+        return import_ros(tmp_path / "world.yaml", options or ImportOptions())
 
     return run
 
@@ -81,7 +82,7 @@ def test_the_imported_map_survives_its_file(importing: Import, tmp_path: Path) -
 
 
 def test_a_table_top_is_the_same_world_scaled(importing: Import) -> None:
-    small = importing(box_world(), RosOptions(scale_mm_per_unit=50.0))
+    small = importing(box_world(), ImportOptions(scale_mm_per_unit=50.0))
     assert small.bounds.equals(shapely.box(-42.5, 107.5, -17.5, 122.5))
     assert small.facts["simplify_mm"] == 2.5
 
@@ -115,7 +116,7 @@ def test_unknown_cells_can_count_as_free(importing: Import) -> None:
     pixels[4, 5] = FREE
     pixels[2, 2:4] = OCCUPIED
     assert importing(pixels).bounds.area == pytest.approx(2500)
-    world = importing(pixels, RosOptions(unknown="free"))
+    world = importing(pixels, ImportOptions(unknown="free"))
     assert world.bounds.equals(shapely.box(-1000, 2000, -400, 2450))
     assert len(world.obstacles) == 1
 
@@ -197,10 +198,10 @@ def test_a_ring_shaped_world_comes_out_clean(importing: Import) -> None:
     assert world.facts["deviation_mm"] <= 50.0
 
 
-def test_a_tolerance_asked_for_is_kept_and_saves_walls(importing: Import) -> None:
+def test_a_given_tolerance_is_kept_and_saves_walls(importing: Import) -> None:
     pixels, _, _ = ring_world()
-    fine = importing(pixels, RosOptions(simplify_mm=38.0))
-    coarse = importing(pixels, RosOptions(simplify_mm=150.0))
+    fine = importing(pixels, ImportOptions(simplify_mm=38.0))
+    coarse = importing(pixels, ImportOptions(simplify_mm=150.0))
     assert fine.facts["deviation_mm"] <= 38.0
     assert coarse.facts["deviation_mm"] <= 150.0
     assert coarse.wall_count < fine.wall_count
@@ -208,7 +209,7 @@ def test_a_tolerance_asked_for_is_kept_and_saves_walls(importing: Import) -> Non
 
 def test_the_start_given_is_the_start(importing: Import) -> None:
     pose = Pose(x_mm=-500.0, y_mm=2200.0, heading_rad=1.0)
-    world = importing(box_world(), RosOptions(start=pose))
+    world = importing(box_world(), ImportOptions(start=pose))
     assert world.starts[0].pose == pose
 
 
@@ -245,7 +246,7 @@ def test_numbers_that_yaml_takes_for_words_are_numbers(importing: Import) -> Non
 
 def test_a_scale_that_leaves_nothing_of_a_cell_is_named(importing: Import) -> None:
     with pytest.raises(BadInputError, match=r"world.yaml: scale_mm_per_unit is 1e-09"):
-        importing(box_world(), RosOptions(scale_mm_per_unit=1e-9))
+        importing(box_world(), ImportOptions(scale_mm_per_unit=1e-9))
 
 
 def test_other_problems_are_one_clear_line(importing: Import, tmp_path: Path) -> None:
@@ -262,11 +263,11 @@ def test_other_problems_are_one_clear_line(importing: Import, tmp_path: Path) ->
     with pytest.raises(BadInputError, match="no free cell"):
         importing(np.full((5, 5), UNKNOWN, dtype=np.uint8))
     with pytest.raises(BadInputError, match=r"simplify_mm is 20.*at least 37.5 mm"):
-        importing(box_world(), RosOptions(simplify_mm=20.0))
+        importing(box_world(), ImportOptions(simplify_mm=20.0))
     for text, problem in (("- 1\n", "not a ROS map"), ("a: [", "not YAML"), ("\tx", "not YAML")):
         (tmp_path / "bad.yaml").write_text(text, encoding="utf-8")
         with pytest.raises(UnreadableFileError, match=problem) as caught:
-            import_ros(tmp_path / "bad.yaml")
+            import_ros(tmp_path / "bad.yaml", ImportOptions())
         assert "bad.yaml" in str(caught.value)
 
 
@@ -278,7 +279,9 @@ def test_other_problems_are_one_clear_line(importing: Import, tmp_path: Path) ->
         ({"unknown": "maybe"}, "unknown"),
     ],
 )
-def test_bad_import_options_name_the_option(options: dict[str, Any], key: str) -> None:
+def test_bad_import_options_name_the_option(
+    importing: Import, options: dict[str, Any], key: str
+) -> None:
     with pytest.raises(BadInputError) as caught:
-        RosOptions(**options)
+        importing(box_world(), ImportOptions(**options))
     assert caught.value.key == key

@@ -9,9 +9,9 @@ from shapely import Polygon
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.importers import svg_drawing as svg_map
-from vinefab.maps.importers.drawing import ImportOptions
 from vinefab.maps.importers.importers import import_map
-from vinefab.maps.importers.svg_drawing import path_outlines, run_points
+from vinefab.maps.importers.source_drawing import ImportOptions, run_flat
+from vinefab.maps.importers.svg_drawing import path_outlines
 
 PAGE = 'xmlns="http://www.w3.org/2000/svg" width="200mm" height="100mm" viewBox="0 0 200 100"'
 BOUNDS = '<rect width="200" height="100" fill="none" stroke="black"/>'
@@ -117,7 +117,7 @@ PATHS = [
 
 @pytest.mark.parametrize("data", PATHS)
 def test_path_data_as_another_reader_has_it(data):
-    ours = [run_points(run, 1e-4) for run in path_outlines(data)]
+    ours = [run_flat(tuple(run.pieces), 1e-4) for run in path_outlines(data)]
     theirs = []
     for run in svgelements.Path(data).as_subpaths():
         part = svgelements.Path(run)
@@ -224,10 +224,10 @@ REFUSED = {
     "infinite": ('<circle r="1e999"/>', "r is '1e999'"),
     "huge": ('<circle r="1e300" fill="none"/>', "drawing is"),
     "transform": ('<rect transform="turn(3)" width="1" height="1"/>', "transform is"),
-    "flat": ('<rect transform="scale(0)" width="1" height="1"/>', "leaves an area"),
+    "flat": ('<rect transform="scale(0)" width="1" height="1"/>', "not singular"),
     "missing": ('<use href="#nothing"/>', "href is '#nothing'"),
     "elsewhere": ('<use href="file:///etc/passwd#x"/>', "id of an element in the file"),
-    "endless": ('<g id="a"><use href="#a"/></g>', "uses of uses without end"),
+    "endless": ('<g id="a"><use href="#a"/></g>', "a use that contains itself"),
     "open": ('<path d="M20 20 L 90 90" fill="none"/>', r"from \(20, 20\) to \(90, 90\)"),
     "outside": (
         '<circle cx="300" cy="50" r="5"/>',

@@ -1,4 +1,4 @@
-"""Drawings of other programs made into maps: outlines closed, repaired, nested, enclosed."""
+"""Maps from drawings of other programs: close, repair, nest and enclose outlines."""
 
 import math
 from collections.abc import Mapping
@@ -12,10 +12,16 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import LARGEST_MM, Floats, number, positive
+from vinefab.maps.cleanup.drawn_shapes import (
+    Changes,
+    Shape,
+    SourceFrame,
+    polygons_of,
+    ring_polygons,
+    without_repeats,
+)
 from vinefab.maps.cleanup.joining import Line, join, open_places, refuse_open, walls_along
 from vinefab.maps.cleanup.nesting import Enclosed, SolidRegion, enclose, painted
-from vinefab.maps.cleanup.rings import polygons_of, ring_polygons, without_repeats
-from vinefab.maps.cleanup.shapes import Changes, Shape, SourceFrame
 from vinefab.maps.poses import roomiest_start
 from vinefab.model.map import Map, Pose, Start
 
@@ -84,10 +90,10 @@ def assemble(
 ) -> Map:
     """Return the map that a drawing shows.
 
-    Loose lines are joined into outlines, outlines that cross themselves repaired, repeated ones
-    removed, the one that contains the others becomes the bounds, outlines in it obstacles and
-    outlines in those holes; obstacles that overlap are merged. What is not clear is refused with
-    its place, in the coordinates of the source.
+    Loose lines are joined into outlines, self-crossing outlines repaired and duplicates removed.
+    The outline that contains all others becomes the bounds, outlines in it become obstacles and
+    outlines in those holes; overlapping obstacles are merged. What is ambiguous is refused with
+    its position in the coordinates of the source.
     """
     changes = Changes(frame)
     solid = [*_filled(shapes, options, changes), *_outlines(shapes, options, changes)]
@@ -153,7 +159,7 @@ def _rings_of(area: BaseGeometry) -> list[LinearRing]:
 
 
 def _shells(polygons: list[Polygon]) -> list[Polygon]:
-    """Return every ring of some polygons as a polygon of its own."""
+    """Return every ring of some polygons as a polygon without holes."""
     return [Polygon(ring) for polygon in polygons for ring in shapely.get_rings(polygon)]
 
 
@@ -210,7 +216,7 @@ def _solid(
 def _ring(
     points_mm: Floats, shape: Shape, options: AssembleOptions, changes: Changes
 ) -> list[Polygon]:
-    """Return what a ring encloses, with fewer corners if asked."""
+    """Return what a ring encloses, simplified if the options say so."""
     polygons = ring_polygons(points_mm, shape.where, options.sliver_mm2, changes)
     if options.simplify_mm == 0.0:
         return polygons
@@ -221,7 +227,7 @@ def _ring(
 
 
 def _on_grid(polygons: list[Polygon], sliver_mm2: float, changes: Changes) -> list[Polygon]:
-    """Return polygons on the grid that files have, without slivers and pinholes."""
+    """Return polygons rounded to the precision of files, without slivers and pinholes."""
     rounded = shapely.set_precision(polygons, _GRID_MM)
     parts = [part for item in rounded for part in shapely.get_parts(item)]
     kept = []
@@ -246,7 +252,7 @@ def _roomiest(region: Polygon, size_mm: float) -> Start:
 
 
 def _start(world: Map, options: AssembleOptions) -> tuple[Start, dict[str, object]]:
-    # Scattered obstacles are subtracted ten times faster this way than by Map.free_space.
+    # Ten times faster than Map.free_space for scattered obstacles.
     solid = shapely.disjoint_subset_union_all(np.array(world.obstacles, dtype=np.object_))
     regions = polygons_of(shapely.difference(world.bounds, solid))
     if not regions:

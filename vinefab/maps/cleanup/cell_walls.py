@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from vinefab.core.validation import Floats, Ints
 
-Flags = NDArray[np.bool_]
+Mask = NDArray[np.bool_]
 _PARALLEL_SINE = float(np.sin(np.radians(12.0)))
 
 
-def cross_products(first: Floats, second: Floats) -> Floats:
+def _cross_products(first: Floats, second: Floats) -> Floats:
     """Return the cross products of plane vectors, shape (n,)."""
     return np.asarray(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
 
@@ -34,7 +34,7 @@ def unit(vectors: Floats) -> Floats:
     return np.asarray(vectors / np.maximum(np.hypot(*vectors.T), 1e-30)[:, None])
 
 
-def distance_to_segments(points: Floats, first: Floats, last: Floats) -> Floats:
+def _distance_to_segments(points: Floats, first: Floats, last: Floats) -> Floats:
     """Return the distance of each point to its segment."""
     step = last - first
     length_2 = np.maximum(np.sum(step * step, axis=1), 1e-30)
@@ -42,13 +42,13 @@ def distance_to_segments(points: Floats, first: Floats, last: Floats) -> Floats:
     return np.asarray(np.hypot(*(first + share[:, None] * step - points).T))
 
 
-def feet_on_lines(points: Floats, on_line: Floats, direction: Floats) -> Floats:
+def _feet_on_lines(points: Floats, on_line: Floats, direction: Floats) -> Floats:
     """Return the foot of each point on its line; directions are unit vectors."""
     along = np.sum((points - on_line) * direction, axis=1)
     return np.asarray(on_line + along[:, None] * direction)
 
 
-def principal_directions(centred: Floats, starts: Ints) -> Floats:
+def _principal_directions(centred: Floats, starts: Ints) -> Floats:
     """Return the direction of the largest second moment of each run of centred points."""
     x, y = centred.T
     xx, yy, xy = (np.add.reduceat(values, starts) for values in (x * x, y * y, x * y))
@@ -56,7 +56,7 @@ def principal_directions(centred: Floats, starts: Ints) -> Floats:
     return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def meeting_points(
+def _meeting_points(
     first: tuple[Floats, Floats], second: tuple[Floats, Floats], near: Floats
 ) -> Floats:
     """Return where pairs of lines meet.
@@ -67,15 +67,13 @@ def meeting_points(
         For lines within 12 degrees of parallel the answer is the middle of this point's two
         feet: where they meet says nothing then.
     """
-    sine = cross_products(first[1], second[1])
+    sine = _cross_products(first[1], second[1])
     parallel = np.abs(sine) < _PARALLEL_SINE
-    along = cross_products(second[0] - first[0], second[1]) / np.where(parallel, 1.0, sine)
+    along = _cross_products(second[0] - first[0], second[1]) / np.where(parallel, 1.0, sine)
     meeting = first[0] + along[:, None] * first[1]
-    between = 0.5 * (feet_on_lines(near, *first) + feet_on_lines(near, *second))
+    between = 0.5 * (_feet_on_lines(near, *first) + _feet_on_lines(near, *second))
     return np.where(parallel[:, None], between, meeting)
 
-
-Mask = NDArray[np.bool_]
 
 _STEPS = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
 """Directions counter-clockwise: right, up, left, down."""
@@ -259,7 +257,7 @@ class CellWalls:
         lattice = corners_between(self.midpoints, self.midpoints[following])
         section, after = np.repeat(np.arange(len(self.breaks)), self.sizes), self.after
         ends = self.corners[after]
-        off = distance_to_segments(lattice, self.corners[section], ends[section])
+        off = _distance_to_segments(lattice, self.corners[section], ends[section])
         at_ends = np.hypot(*(self.corners - self.midpoints[self.breaks]).T)
         between = np.maximum.reduceat(off, self.breaks)
         return np.asarray(np.maximum(between, np.maximum(at_ends, at_ends[after])))
@@ -268,14 +266,14 @@ class CellWalls:
         """Return by how much the loop turns at each corner, 0 to pi."""
         ahead = unit(self.corners[self.after] - self.corners)
         behind = ahead[self.before]
-        sine, cosine = cross_products(behind, ahead), np.sum(behind * ahead, axis=1)
+        sine, cosine = _cross_products(behind, ahead), np.sum(behind * ahead, axis=1)
         return np.asarray(np.abs(np.arctan2(sine, cosine)))
 
-    def strays(self) -> Flags:
-        """Tell of every section whether it is farther from its loop than the tolerance."""
+    def strays(self) -> Mask:
+        """Return for every section whether it is farther from its loop than the tolerance."""
         return np.asarray(self.deviation() > self.tolerance[self.loop] + 1e-9)
 
-    def refine(self, sections: Flags) -> bool:
+    def refine(self, sections: Mask) -> bool:
         """Follow the trace more closely in some sections, by one step.
 
         The steps: hold their ends on the longer line, split them, hold their ends on the breaks.
@@ -300,8 +298,8 @@ class CellWalls:
         self.lines = point, direction = self._lines()
         sizes, sizes_before = self.sizes, self.sizes[before]
         longer = np.where(sizes_before > sizes, before, np.arange(len(before)))
-        foot = feet_on_lines(on_break, point[longer], direction[longer])
-        meeting = meeting_points((point[before], direction[before]), (point, direction), on_break)
+        foot = _feet_on_lines(on_break, point[longer], direction[longer])
+        meeting = _meeting_points((point[before], direction[before]), (point, direction), on_break)
         trust = _REACH[np.searchsorted(_SIZES, np.minimum(sizes, sizes_before))]
         reach = np.minimum(self.tolerance[self.loop], trust)
         self.corners = on_break
@@ -350,7 +348,7 @@ class CellWalls:
                 return
             needed = self._without(dropped, needed)
 
-    def _hardly_turning(self, needed: Flags) -> Flags:
+    def _hardly_turning(self, needed: Mask) -> Mask:
         """Return breaks that might be dropped, no two neighbours, loops keeping enough."""
         after, before = self.after, self.before
         turn = self.turns_rad()
@@ -359,7 +357,7 @@ class CellWalls:
         left = np.bincount(self.loop, weights=~dropped, minlength=len(self.first))
         return np.asarray(dropped & (left >= FEWEST_CORNERS)[self.loop])
 
-    def _without(self, dropped: Flags, needed: Flags) -> Flags:
+    def _without(self, dropped: Mask, needed: Mask) -> Mask:
         """Drop some breaks, put back those that were needed; return the needed ones' flags."""
         kept = ~dropped
         trial = CellWalls(
@@ -382,7 +380,7 @@ class CellWalls:
         """Return for every section the sum of squared distances of its midpoints to its line."""
         point, direction = self.lines
         section = np.repeat(np.arange(len(self.breaks)), self.sizes)
-        off = cross_products(self.midpoints - point[section], direction[section])
+        off = _cross_products(self.midpoints - point[section], direction[section])
         off[self.breaks] = 0.0
         return np.asarray(np.add.reduceat(off * off, self.breaks))
 
@@ -402,7 +400,7 @@ class CellWalls:
         short = (count < _ENOUGH_TO_FIT)[:, None]
         number = np.where(short[:, 0], count + 2, count)[:, None]
         middle = (total + np.where(short, chord, 0.0)) / number
-        direction = principal_directions((local - middle[section]) * inner, self.breaks)
+        direction = _principal_directions((local - middle[section]) * inner, self.breaks)
         direction = np.where(short, unit(chord), direction)
         direction *= np.where(np.sum(direction * chord, axis=1) < 0.0, -1.0, 1.0)[:, None]
         return middle + on_break, direction
@@ -412,4 +410,4 @@ class CellWalls:
         low, size = self.breaks[section], self.sizes[section]
         chord = self.midpoints[self.breaks[[section, after]]]
         inner = self.midpoints[low + 1 : low + size]
-        return int(low + 1 + np.argmax(distance_to_segments(inner, chord[:1], chord[1:])))
+        return int(low + 1 + np.argmax(_distance_to_segments(inner, chord[:1], chord[1:])))

@@ -13,16 +13,15 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints
-from vinefab.maps.cleanup.rings import polygons_of
-from vinefab.maps.cleanup.shapes import SAME_MM, Changes
+from vinefab.maps.cleanup.drawn_shapes import SAME_POINT_MM, Changes, polygons_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """A piece of drawing."""
+    """A drawn line."""
 
     points_mm: Floats  # shape (n, 2), n at least 2
-    where: str  # what messages call it
+    where: str  # its name in messages
 
     @property
     def closed(self) -> bool:
@@ -38,15 +37,14 @@ class Line:
 def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     """Return lines joined end to end where exactly two ends meet.
 
-    Ends within `SAME_MM` meet. Of the ends that meet nothing, the nearest two are joined, if
-    they are within ``join_mm``, then the next ones: where their lines meet if that is as near, else
-    in the middle.
+    Ends within `SAME_POINT_MM` meet. Of the loose ends, pairs within ``join_mm`` are joined, the
+    nearest first: where their lines meet if that is within ``join_mm`` too, else halfway.
     """
-    exact = _run(_without_repeated(lines, changes), SAME_MM)
-    return _run(_bridged(exact, join_mm, changes), SAME_MM)
+    exact = _chains(_without_repeated(lines, changes))
+    return _chains(_bridged(exact, join_mm, changes))
 
 
-def end_nodes(lines: list[Line], same_mm: float) -> Ints:
+def _end_nodes(lines: list[Line], same_mm: float) -> Ints:
     """Return which node each line begins and ends at, shape (n, 2); near ends share a node."""
     ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
     pairs = cKDTree(ends).query_pairs(same_mm, output_type="ndarray")
@@ -57,31 +55,35 @@ def end_nodes(lines: list[Line], same_mm: float) -> Ints:
 def _without_repeated(lines: list[Line], changes: Changes) -> list[Line]:
     found: dict[bytes, Line] = {}
     for line in lines:
-        cells = np.round(line.points_mm / (2.0 * SAME_MM)) + 0.0
+        cells = np.round(line.points_mm / (2.0 * SAME_POINT_MM)) + 0.0
         found.setdefault(min(cells.tobytes(), cells[::-1].tobytes()), line)
     changes.add("repeated_lines_removed", len(lines) - len(found))
     return list(found.values())
 
 
-def _run(lines: list[Line], same_mm: float) -> list[Line]:
-    """Return maximal chains through nodes at which two ends meet."""
+def _chains(lines: list[Line]) -> list[Line]:
+    """Return maximal chains through nodes at which exactly two ends meet.
+
+    `shapely.line_merge` finds the same chains, but leaves open where they begin, which way they
+    run, their order and which lines they are made of; to restore that takes more than this.
+    """
     if not lines:
         return []
-    nodes = end_nodes(lines, same_mm)
+    nodes = _end_nodes(lines, SAME_POINT_MM)
     at: dict[int, list[int]] = {}
     for index, node in enumerate(nodes.ravel().tolist()):
         at.setdefault(node, []).append(index)
     used = np.zeros(len(lines), dtype=np.bool_)
-    # Chains that have ends first; what is left over are rings, which may begin anywhere.
+    # Chains with ends first; the rest are rings, which begin with their first line.
     starts = [end for ends in at.values() if len(ends) != 2 for end in ends]
     return [
-        _follow(lines, (nodes.ravel(), at), end, used)
+        _chain_from(lines, (nodes.ravel(), at), end, used)
         for end in [*starts, *range(0, 2 * len(lines), 2)]
         if not used[end // 2]
     ]
 
 
-def _follow(
+def _chain_from(
     lines: list[Line],
     graph: tuple[Ints, dict[int, list[int]]],
     end: int,
@@ -107,9 +109,25 @@ def _follow(
     return Line(points_mm=points, where=where)
 
 
+def _line_strings(points: list[Floats]) -> NDArray[np.object_]:
+    owner = np.repeat(np.arange(len(points)), [len(own) for own in points])
+    return np.asarray(shapely.linestrings(np.concatenate(points), indices=owner))
+
+
+def _named(parts: list[Floats], lines: list[Line]) -> list[Line]:
+    """Return parts of lines, each called as the line that its first segment comes from."""
+    begins = shapely.points(np.array([own[:2].mean(axis=0) for own in parts]).reshape(-1, 2))
+    tree = shapely.STRtree(_line_strings([line.points_mm for line in lines]))
+    nearest = np.asarray(tree.nearest(begins)).tolist()
+    return [
+        Line(points_mm=own, where=lines[index].where)
+        for own, index in zip(parts, nearest, strict=True)
+    ]
+
+
 def _bridged(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
-    """Return lines whose loose ends were moved together in pairs, nearest first."""
-    loose = loose_ends(lines)
+    """Return lines with their loose ends moved together in pairs, the nearest first."""
+    loose = _loose_ends(lines)
     spots = np.array([_end(lines, end) for end in loose]).reshape(-1, 2)
     if len(spots) < 2:
         return lines
@@ -137,7 +155,7 @@ def _leg(lines: list[Line], end: int) -> Floats:
 
 
 def _corner(one: Floats, other: Floats, join_mm: float) -> Floats:
-    """Return where two ends are joined: where their lines meet, or in the middle between them."""
+    """Return where two ends are joined: where their lines meet, or halfway between them."""
     middle = 0.5 * (one[0] + other[0])
     along, across = one[0] - one[1], other[0] - other[1]
     turn = float(along[0] * across[1] - along[1] * across[0])
@@ -151,16 +169,16 @@ def _corner(one: Floats, other: Floats, join_mm: float) -> Floats:
 
 
 def _too_short(lines: list[Line], one: int, other: int, gap_mm: float) -> bool:
-    """Tell whether joining two ends would only fold one short line upon itself."""
+    """Return whether joining two ends would only fold a short line onto itself."""
     line = lines[one // 2]
     return one // 2 == other // 2 and (len(line.points_mm) < 4 or line.length_mm < 3.0 * gap_mm)
 
 
-def loose_ends(lines: list[Line]) -> list[int]:
+def _loose_ends(lines: list[Line]) -> list[int]:
     """Return the ends that meet no other end; ends are numbered 2 x line, + 1 at its last point."""
     if not lines:
         return []
-    nodes = end_nodes(lines, SAME_MM).ravel()
+    nodes = _end_nodes(lines, SAME_POINT_MM).ravel()
     alone = np.bincount(nodes)[nodes] == 1
     return [int(end) for end in np.flatnonzero(alone)]
 
@@ -175,7 +193,7 @@ _MOST_NAMED = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joined:
-    """What became of loose lines."""
+    """Loose lines after joining."""
 
     rings: list[Line]  # closed lines
     open: list[Line]  # lines that enclose nothing
@@ -184,9 +202,9 @@ class Joined:
 def join(lines: list[Line], join_mm: float, changes: Changes) -> Joined:
     """Join loose lines into rings.
 
-    Lines are chained end to end (see `chained`). What is still open then is cut at its crossings:
-    ends that stop just short of a line are led onto it, pieces that reach beyond a crossing are
-    trimmed, and what is enclosed gives the rings.
+    Lines are chained end to end, see `chained`. Chains that stay open are cut at their crossings:
+    ends that stop just short of a line are extended onto it, parts that reach beyond a crossing
+    are trimmed, and the faces between them give the rings.
     """
     chains = chained(lines, join_mm, changes)
     rings = [line for line in chains if line.closed]
@@ -200,33 +218,27 @@ def join(lines: list[Line], join_mm: float, changes: Changes) -> Joined:
 def _cut_at_crossings(
     lines: list[Line], join_mm: float, changes: Changes
 ) -> tuple[list[Line], list[Line]]:
-    reached = _led_onto_lines(lines, join_mm, changes)
-    noded = shapely.union_all([LineString(line.points_mm) for line in reached])
+    extended = _extended_onto_lines(lines, join_mm, changes)
+    noded = shapely.union_all(_line_strings([line.points_mm for line in extended]))
     faces, cuts, dangles, _ = shapely.polygonize_full(shapely.get_parts(noded))
     parts = shapely.get_parts(shapely.line_merge(shapely.union_all(np.array([cuts, dangles]))))
     long = shapely.length(parts) > join_mm * (1.0 + 2.0 * _BEYOND)
     trimmed = [part for part in parts[~long] if part.length > 2.0 * _BEYOND * join_mm]
     changes.add("overshoots_trimmed", len(trimmed))
-    tree = shapely.STRtree([LineString(line.points_mm) for line in lines])
-
-    def named(points: Floats) -> Line:
-        nearest = tree.nearest(shapely.points(points[:2].mean(axis=0)))
-        return Line(points_mm=points, where=lines[int(nearest)].where)
-
-    rings = [
-        named(shapely.get_coordinates(ring))
-        for face in shapely.get_parts(faces)
-        for ring in shapely.get_rings(face)
-    ]
-    return rings, [named(shapely.get_coordinates(part)) for part in parts[long]]
+    rings = shapely.get_rings(shapely.get_parts(faces))
+    enclosing, left = (
+        _named([shapely.get_coordinates(part) for part in found], lines)
+        for found in (rings, parts[long])
+    )
+    return enclosing, left
 
 
-def _led_onto_lines(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
-    """Return lines whose loose ends were led onto the nearest line, and a hair beyond it."""
-    strings = np.array([LineString(line.points_mm) for line in lines])
-    tree = shapely.STRtree(strings)
+def _extended_onto_lines(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
+    """Return lines with loose ends extended onto the nearest line, and slightly beyond it."""
     points = [line.points_mm for line in lines]
-    for end in loose_ends(lines):
+    strings = _line_strings(points)
+    tree = shapely.STRtree(strings)
+    for end in _loose_ends(lines):
         own, last = end // 2, end % 2 == 1
         spot = lines[own].points_mm[-1 if last else 0]
         near = tree.query(shapely.points(spot), predicate="dwithin", distance=join_mm)
@@ -236,7 +248,7 @@ def _led_onto_lines(lines: list[Line], join_mm: float, changes: Changes) -> list
         target = strings[near[np.argmin(shapely.distance(strings[near], shapely.points(spot)))]]
         onto = shapely.get_coordinates(shapely.shortest_line(shapely.points(spot), target))[1]
         gap_mm = float(np.hypot(*(onto - spot)))
-        # A point computed on a line is beside it in the last bit; going on crosses it for sure.
+        # A point computed on a line may miss it in the last bit; going beyond surely crosses it.
         ahead = (onto - spot) / gap_mm if gap_mm else _direction(lines[own].points_mm, last=last)
         beyond = onto + _BEYOND * join_mm * ahead
         points[own] = np.insert(points[own], len(points[own]) if last else 0, beyond, axis=0)
@@ -251,11 +263,11 @@ def _direction(points: Floats, *, last: bool) -> Floats:
 
 
 def refuse_open(lines: list[Line], join_mm: float, changes: Changes) -> BadInputError:
-    """Return the error that says which lines are open, where, and what can be done."""
+    """Return the error that names the open lines, their ends and the options that help."""
     count = len(lines)
     named = "; ".join(open_places(lines[:_MOST_NAMED], changes))
     more = f"; and {count - _MOST_NAMED} more" if count > _MOST_NAMED else ""
-    gap_mm = widest_gap(lines)
+    gap_mm = _widest_gap(lines)
     return BadInputError(
         f"{'an open line' if count == 1 else f'{count} open lines'}: {named}{more}",
         "not closed",
@@ -264,14 +276,14 @@ def refuse_open(lines: list[Line], join_mm: float, changes: Changes) -> BadInput
     )
 
 
-def widest_gap(lines: list[Line]) -> float:
+def _widest_gap(lines: list[Line]) -> float:
     """Return the largest distance from an end to the nearest other one, mm."""
     ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
     return float(np.max(cKDTree(ends).query(ends, k=[2])[0]))
 
 
 def open_places(lines: list[Line], changes: Changes) -> list[str]:
-    """Return for each line what it is and where its ends are."""
+    """Return the name and the ends of each line, in the coordinates of the source."""
     return [
         f"{line.where} from {changes.frame.place(line.points_mm[0])} "
         f"to {changes.frame.place(line.points_mm[-1])}"
@@ -299,7 +311,7 @@ def walls_along(
 
 
 def _ends_at_corners(chains: list[Line]) -> list[bool]:
-    loose = set(loose_ends(chains))
+    loose = set(_loose_ends(chains))
     return [end not in loose and not chains[end // 2].closed for end in range(2 * len(chains))]
 
 

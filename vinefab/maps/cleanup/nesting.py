@@ -1,4 +1,9 @@
-"""Which outlines enclose solid matter, which are holes, and which one is the bounds."""
+"""Nested outlines: which enclose solid matter, which are holes, and which is the bounds.
+
+`shapely.build_area` is no replacement: it takes every outline in an outline for a hole, also one
+in the overlap of two or one that touches its parent, which cannot be told from a notch here and
+stays solid (and counted); and in one fill it joins overlapping islands by even-odd.
+"""
 
 from dataclasses import dataclass
 
@@ -12,17 +17,16 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Ints
-from vinefab.maps.cleanup.rings import polygons_of
-from vinefab.maps.cleanup.shapes import Changes, Role
+from vinefab.maps.cleanup.drawn_shapes import Changes, Role, polygons_of
 
-Geometries = NDArray[np.object_]
+_Geometries = NDArray[np.object_]
 
 _OVERLAP = "T********"
 _SHARED_EDGE = "F***1****"
 
 
 def repeats(outlines: list[Polygon], near_mm: float) -> NDArray[np.bool_]:
-    """Tell of every outline whether it repeats an earlier one."""
+    """Return for every outline whether it repeats an earlier one."""
     rings = shapely.get_exterior_ring(np.array(outlines, dtype=np.object_))
     boxes = shapely.bounds(rings).reshape(-1, 4)
     low = np.asarray(shapely.points(boxes[:, :2]), dtype=np.object_)
@@ -36,11 +40,11 @@ def repeats(outlines: list[Polygon], near_mm: float) -> NDArray[np.bool_]:
 
 
 def solids(outlines: list[Polygon], changes: Changes) -> list[Polygon]:
-    """Return the solid polygons that nested outlines mean by the even-odd rule.
+    """Return the solid polygons of nested outlines by the even-odd rule.
 
-    An outline in none or two or four others encloses solid matter. One in an odd number of others
-    is a hole, but only if it touches none and those around it lie in one another; any other one
-    says nothing and counts as solid.
+    An outline in an even number of others encloses solid matter. One in an odd number of others
+    is a hole, but only if it touches none of them and they are nested; otherwise it is ambiguous
+    and counts as solid.
     """
     nest = _Nest.of(np.array(outlines, dtype=np.object_))
     holes = np.flatnonzero(nest.is_hole)
@@ -56,10 +60,10 @@ def solids(outlines: list[Polygon], changes: Changes) -> list[Polygon]:
 
 
 def painted(rings: list[Polygon]) -> BaseGeometry:
-    """Return the area that the rings of one fill mean: solid, hole, island, from the outside in.
+    """Return the area of the rings of one fill: solid, hole, island, from the outside in.
 
-    Unlike the outlines of `solids`, rings of one fill were drawn to be holes and islands, so those
-    that touch or overlap on the same level count together.
+    Unlike outlines in `solids`, rings of one fill are meant as holes and islands, so those that
+    touch or overlap on the same level are united.
     """
     if len(rings) == 1:
         return rings[0]
@@ -80,14 +84,14 @@ class _Nest:
 
     parent: Ints  # shape (n,), the smallest outline around each, -1 for none
     depth: Ints  # shape (n,), number of outlines around each
-    unclear: NDArray[np.bool_]  # shape (n,), whether it may as well be a hole as not
+    unclear: NDArray[np.bool_]  # shape (n,), whether it is ambiguous: hole or solid
 
     @property
     def is_hole(self) -> NDArray[np.bool_]:
         return np.asarray((self.depth % 2 == 1) & ~self.unclear)
 
     @classmethod
-    def of(cls, outlines: Geometries) -> "_Nest":
+    def of(cls, outlines: _Geometries) -> "_Nest":
         count = len(outlines)
         around, inside = shapely.STRtree(outlines).query(outlines, predicate="intersects")
         around, inside = around[around != inside], inside[around != inside]
@@ -97,7 +101,7 @@ class _Nest:
         areas = shapely.area(outlines)
         parent = np.full(count, -1, dtype=np.int64)
         order = np.argsort(-areas[around[proper]], kind="stable")
-        # Of several assignments the last one stays: that of the smallest outline around.
+        # The last of several assignments stays: that of the smallest outline around.
         parent[inside[proper][order]] = around[proper][order]
         nested = set(zip(around[proper].tolist(), inside[proper].tolist(), strict=True))
         rest = [
@@ -107,7 +111,7 @@ class _Nest:
         ]
         first, second = np.array(rest, dtype=np.int64).reshape(-1, 2).T
         mixed = np.zeros(count, dtype=np.bool_)
-        # Also a shared corner: whether the inner outline is a hole or a notch cannot be told.
+        # Also at a shared corner: the inner outline may be a hole or a notch.
         mixed[first] = mixed[second] = True
         return cls(parent, depth, _unclear(parent, depth, mixed))
 
@@ -124,9 +128,9 @@ def _unclear(parent: Ints, depth: Ints, mixed: NDArray[np.bool_]) -> NDArray[np.
 
 
 def merged(polygons: list[Polygon], gap_mm: float, changes: Changes) -> list[Polygon]:
-    """Return polygons of which no two overlap, share an edge, or leave a narrower gap.
+    """Return polygons of which no two overlap, share an edge or leave a narrower gap.
 
-    Those that no other one is near to come back as they were.
+    Isolated polygons are returned unchanged.
     """
     if not polygons:
         return []
@@ -134,7 +138,7 @@ def merged(polygons: list[Polygon], gap_mm: float, changes: Changes) -> list[Pol
     one, other = shapely.STRtree(items).query(items, predicate="dwithin", distance=gap_mm)
     one, other = one[one < other], other[one < other]
     apart = shapely.distance(items[one], items[other]) > 0.0
-    joined = apart | _meet(items[one], items[other])
+    joined = apart | _overlapping(items[one], items[other])
     one, other, apart = one[joined], other[joined], apart[joined]
     graph = coo_array((np.ones(len(one)), (one, other)), shape=(len(items), len(items)))
     count, group = connected_components(graph, directed=False)
@@ -145,22 +149,22 @@ def merged(polygons: list[Polygon], gap_mm: float, changes: Changes) -> list[Pol
         if len(members) == 1:
             result.append(items[members[0]])
             continue
-        result += _together(items[members], gap_mm if gaps[number] else 0.0)
+        result += _united(items[members], gap_mm if gaps[number] else 0.0)
         changes.add("overlapping_obstacles_merged", len(members))
     changes.add("gaps_between_obstacles_closed", int(gaps.sum()))
     return result
 
 
-def _meet(one: Geometries, other: Geometries) -> NDArray[np.bool_]:
-    """Tell which pairs overlap or share a piece of an edge."""
+def _overlapping(one: _Geometries, other: _Geometries) -> NDArray[np.bool_]:
+    """Return which pairs overlap or share a part of an edge."""
     overlap = shapely.relate_pattern(one, other, _OVERLAP)
     return np.asarray(overlap | shapely.relate_pattern(one, other, _SHARED_EDGE))
 
 
-def _together(items: Geometries, gap_mm: float) -> list[Polygon]:
+def _united(items: _Geometries, gap_mm: float) -> list[Polygon]:
     whole = shapely.union_all(items)
     if gap_mm > 0.0:
-        # Grown and shrunk again by the same amount: gaps fill, everything else stays.
+        # Closing: growing and shrinking by the same amount fills gaps and keeps the rest.
         grown = shapely.buffer(whole, 0.55 * gap_mm, join_style="mitre")
         closed = shapely.buffer(grown, -0.55 * gap_mm, join_style="mitre")
         filling = polygons_of(shapely.difference(closed, whole), (0.01 * gap_mm) ** 2)
@@ -173,10 +177,10 @@ class SolidRegion:
     """A closed part of a drawing."""
 
     polygon: Polygon  # without holes unless filled
-    where: str  # what messages call it
-    role: Role | None = None  # what the source says that it is
-    filled: bool = False  # whether its inside is solid, whatever it lies in
-    wall: bool = False  # whether it was made of a line
+    where: str  # its name in messages
+    role: Role | None = None  # as the source names it
+    filled: bool = False  # whether its inside is solid wherever it lies
+    wall: bool = False  # whether it was made from a line
 
     @property
     def shell(self) -> Polygon:
@@ -190,19 +194,19 @@ class Enclosed:
 
     bounds: Polygon  # without holes
     obstacles: list[Polygon]  # none overlaps another
-    how: str  # in words, which bounds were chosen
+    how: str  # which bounds were chosen, as text
 
 
 def enclose(
     parts: list[SolidRegion], mode: str, margin_mm: float, join_mm: float, changes: Changes
 ) -> Enclosed:
-    """Choose the bounds of a drawing and make the rest obstacles.
+    """Choose the bounds of a drawing and turn the rest into obstacles.
 
     Parameters
     ----------
     mode
-        ``outline``, ``largest``, ``wall`` or ``box``: see `AssembleOptions`. Bounds that have
-        their role from the source, and walls made of lines, go their own way.
+        ``outline``, ``largest``, ``wall`` or ``box``, see `AssembleOptions`. Bounds named by the
+        source and walls made from lines take precedence.
     """
     parts = _without_repeats(parts, join_mm, changes)
     named = [part for part in parts if part.role == "bounds"]
@@ -247,7 +251,7 @@ def _in_box(
 def _without_repeats(
     parts: list[SolidRegion], join_mm: float, changes: Changes
 ) -> list[SolidRegion]:
-    """Return parts without repeated ones; of an outline and a fill the fill stays."""
+    """Return parts without duplicates; of an outline and an equal fill the fill stays."""
     filled = _different_fills([part for part in parts if part.filled], join_mm, changes)
     rings = [Polygon(ring) for part in filled for ring in shapely.get_rings(part.polygon)]
     outlines = [part for part in parts if not part.filled]
@@ -260,7 +264,7 @@ def _without_repeats(
 def _different_fills(
     filled: list[SolidRegion], join_mm: float, changes: Changes
 ) -> list[SolidRegion]:
-    """Return fills without those that repeat another one, holes included."""
+    """Return fills without duplicates, holes compared too."""
     again = repeats([part.shell for part in filled], join_mm)
     found: list[SolidRegion] = []
     for part, alike in zip(filled, again, strict=True):
@@ -280,7 +284,7 @@ def _same(one: Polygon, other: Polygon, join_mm: float) -> bool:
 def _inside(
     shell: Polygon, rest: list[SolidRegion], join_mm: float, changes: Changes
 ) -> list[SolidRegion]:
-    """Return the parts that lie in the bounds."""
+    """Return the parts, or raise BadInputError if one lies outside the bounds."""
     shapely.prepare(shell)
     for part in rest:
         if shell.covers(part.polygon):
@@ -300,7 +304,7 @@ def _inside(
 
 
 def _cut_off(shell: Polygon, rest: list[SolidRegion], changes: Changes) -> list[SolidRegion]:
-    """Return the parts that lie in the bounds or reach into them."""
+    """Return the parts that overlap the bounds."""
     shapely.prepare(shell)
     inside = [part for part in rest if shapely.relate_pattern(shell, part.polygon, "T********")]
     changes.add("outlines_outside_left_out", len(rest) - len(inside))
@@ -318,14 +322,14 @@ def _holes_of(outer: SolidRegion) -> list[SolidRegion]:
 
 
 def _solid_polygons(parts: list[SolidRegion], changes: Changes) -> list[Polygon]:
-    """Return the solid matter of parts; it may still overlap."""
+    """Return the solid polygons of parts; they may overlap."""
     given = [part.polygon for part in parts if part.filled or part.role == "obstacle"]
     nested = solids([part.polygon for part in parts if not (part.filled or part.role)], changes)
     return [*given, *nested]
 
 
 def _cut(obstacles: list[Polygon], bounds: Polygon, changes: Changes) -> list[Polygon]:
-    """Return obstacles without what reaches over the bounds."""
+    """Return obstacles clipped to the bounds."""
     if not obstacles:
         return []
     shapely.prepare(bounds)

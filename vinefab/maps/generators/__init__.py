@@ -1,1 +1,1 @@
-"""One file per environment: a seed and options in, a map out."""
+"""One file per environment: a seed and options in, a map out; ``environments`` lists them."""

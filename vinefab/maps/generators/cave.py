@@ -6,7 +6,7 @@ is vinefab's own.
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -16,12 +16,16 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, number, positive, whole
-from vinefab.maps.generators.starts import (
-    DECIMALS,
+from vinefab.maps.generators.generated_map import (
+    COORDINATE_GRID_MM,
+    StartOptions,
     box,
     canonical,
-    check_starts,
-    lower_starts,
+    check_seed,
+    check_shares,
+    directions,
+    generated_map,
+    signed_area_mm2,
     start_zone,
 )
 from vinefab.model.map import Map, Start
@@ -29,10 +33,10 @@ from vinefab.model.map import Map, Start
 _CANDIDATES = 12
 
 
-def spread_points(
+def _spread_points(
     rng: np.random.Generator, count: int, limits: tuple[float, float], first: Floats
 ) -> Floats:
-    """Return points in a square, each the candidate farthest from those before it.
+    """Return points in a square, each the farthest of some candidates from those before it.
 
     Mitchell's best-candidate sampling: random, but neither crowded nor regular.
     """
@@ -45,19 +49,19 @@ def spread_points(
 
 
 def links(rng: np.random.Generator, points: Floats, extra: float) -> list[tuple[int, int]]:
-    """Return pairs of points to connect: a shortest tree over all, and some short cuts.
+    """Return pairs of points to connect: the minimum spanning tree, and some shortcuts.
 
-    Short cuts come from the Gabriel graph: pairs with no other point in the circle between them.
+    Shortcuts are edges of the Gabriel graph: no other point lies in the circle between the two.
     """
     distance = np.linalg.norm(points[:, None] - points, axis=2)
-    tree = _shortest_tree(distance)
+    tree = _spanning_tree(distance)
     possible = [pair for pair in _gabriel(distance) if pair not in tree]
     chosen = rng.random(len(possible)) < extra
     return sorted(tree) + [pair for pair, take in zip(possible, chosen, strict=True) if take]
 
 
-def _shortest_tree(distance: Floats) -> set[tuple[int, int]]:
-    """Return the minimum spanning tree (Prim): pairs (smaller, larger)."""
+def _spanning_tree(distance: Floats) -> set[tuple[int, int]]:
+    """Return the minimum spanning tree (Prim) as pairs (smaller, larger index)."""
     nearest, gap = np.zeros(len(distance), dtype=np.int64), distance[0].copy()
     gap[0] = np.inf
     tree = set()
@@ -85,49 +89,43 @@ _DISC_POINTS = 20
 def chamber(middle_mm: Floats, radii_mm: Floats) -> Polygon:
     """Return a closed outline with a radius for each of evenly spaced directions."""
     angles = np.arange(len(radii_mm)) * 2.0 * math.pi / len(radii_mm)
-    round_mm = radii_mm[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
-    return Polygon(middle_mm + round_mm)
+    return Polygon(middle_mm + radii_mm[:, None] * directions(angles))
 
 
 def passage(path_mm: Floats, widths_mm: Floats) -> BaseGeometry:
-    """Return a tube along a path: discs as wide as asked at its points, joined by their hulls."""
+    """Return a tube along a path: discs of these widths at its points, joined by their hulls."""
     angles = np.arange(_DISC_POINTS) * 2.0 * math.pi / _DISC_POINTS
-    disc = np.column_stack([np.cos(angles), np.sin(angles)])
-    # A polygon around the disc, not in it: the passage is nowhere narrower than asked.
+    disc = directions(angles)
+    # A polygon around the disc, not in it: the passage is nowhere narrower than this.
     radii_mm = 0.5 * widths_mm / math.cos(math.pi / _DISC_POINTS)
     discs = path_mm[:, None] + radii_mm[:, None, None] * disc
     pairs = np.concatenate([discs[:-1], discs[1:]], axis=1)
     return shapely.union_all(shapely.convex_hull(shapely.multipoints(pairs)))
 
 
-def carved(
+def _carved(
     parts: Sequence[BaseGeometry], room: Polygon, detail_mm: float, least_rock_mm2: float
 ) -> Polygon:
-    """Return the cave that overlapping parts make together."""
-    grid_mm = 10.0**-DECIMALS
-    solid = shapely.union_all(np.array(parts), grid_size=grid_mm)
-    pieces = canonical(shapely.intersection(solid, room, grid_size=grid_mm))
+    """Return the largest connected union of parts within a room, with simplified walls."""
+    solid = shapely.union_all(np.array(parts), grid_size=COORDINATE_GRID_MM)
+    pieces = canonical(shapely.intersection(solid, room, grid_size=COORDINATE_GRID_MM))
     outer, *holes = shapely.get_rings(max(pieces, key=lambda piece: piece.area))
     rings = [shapely.get_coordinates(ring)[:-1] for ring in (outer, *holes)]
     while True:
-        walls, *rocks = [_plainer(ring, detail_mm) for ring in rings]
-        cave = Polygon(walls, [rock for rock in rocks if _area(rock) >= least_rock_mm2])
+        walls, *rocks = [_simplified(ring, detail_mm) for ring in rings]
+        kept = [rock for rock in rocks if abs(signed_area_mm2(rock)) >= least_rock_mm2]
+        cave = Polygon(walls, kept)
         if cave.is_valid:
             return canonical(cave)[0]
-        # Walls that nearly touch may cross when both move; with less detail lost they do not.
+        # Simplified walls that nearly touch may cross: simplify less.
         detail_mm *= 0.5
 
 
-def _area(ring_mm: Floats) -> float:
-    x, y = ring_mm.T
-    return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
+def _simplified(ring_mm: Floats, detail_mm: float) -> Floats:
+    """Return a ring simplified by Douglas and Peucker's method to within ``detail_mm``.
 
-
-def _plainer(ring_mm: Floats, detail_mm: float) -> Floats:
-    """Return a ring with fewer corners, none of those left out farther than this from it.
-
-    Douglas and Peucker's method on the two halves between the first corner and the one farthest
-    from it. Libraries begin elsewhere from one version to the next.
+    It is split at the first corner and the one farthest from it. Libraries begin elsewhere from
+    one version to the next, which would change maps.
     """
     closed = np.concatenate([ring_mm, ring_mm[:1]])
     middle = int(np.argmax(np.hypot(*(ring_mm - ring_mm[0]).T)))
@@ -145,7 +143,7 @@ def _plainer(ring_mm: Floats, detail_mm: float) -> Floats:
 
 
 def _off_line(points_mm: Floats) -> Floats:
-    """Return how far points are from the straight piece between the first and the last."""
+    """Return the distance of points to the segment between the first and the last."""
     along = points_mm[-1] - points_mm[0]
     away = points_mm - points_mm[0]
     share = np.clip(away @ along / (along @ along), 0.0, 1.0)
@@ -156,21 +154,21 @@ _STREAM = 1301
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CaveOptions:
-    """What instances of one Cave environment have in common.
+class CaveOptions(StartOptions):
+    """Options that instances of one Cave environment share.
 
     Parameters
     ----------
     size_mm
         Width and height of the bounds.
     chambers
-        Number of wider places that the passages connect.
+        Number of chambers that the passages connect.
     chamber_radius_min_mm, chamber_radius_max_mm
         Range of a chamber's mean radius.
     passage_width_min_mm, passage_width_max_mm
         Range of a passage's width; no passage is narrower than the first, to 1 mm in 500.
     loops
-        Share, 0 to 1, of the possible short cuts that are open besides the passages that connect
+        Share, 0 to 1, of the possible shortcuts that are open besides the passages that connect
         everything: 0 gives a cave without islands of rock, unless passages happen to meet.
     wander
         0: passages are straight; 1: they swing to the side by a quarter of their length.
@@ -178,10 +176,6 @@ class CaveOptions:
         0: smooth walls; 1: radius and width vary by half.
     margin_mm
         Rock left between cave and bounds, above 0.
-    start_clearance_mm
-        Least distance from every possible starting position to the rock.
-    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
-        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
 
     Raises
     ------
@@ -199,18 +193,14 @@ class CaveOptions:
     wander: float = 0.5
     roughness: float = 0.5
     margin_mm: float = 10.0
-    start_clearance_mm: float = 15.0
     start_spread_x_mm: float = 5.0
-    start_spread_y_mm: float = 0.0
-    start_spread_heading_deg: float = 30.0
 
     def __post_init__(self) -> None:
         positive("size_mm", self.size_mm, 1e6)
         whole("chambers", self.chambers, 1, 200)
         self._check_range("chamber_radius", self.chamber_radius_min_mm, self.chamber_radius_max_mm)
         self._check_range("passage_width", self.passage_width_min_mm, self.passage_width_max_mm)
-        for name in ("loops", "wander", "roughness"):
-            number(name, getattr(self, name), 0.0, 1.0)
+        check_shares(self, "loops", "wander", "roughness")
         positive("margin_mm", self.margin_mm, self.size_mm)
         if self.reach_mm >= 0.25 * self.size_mm:
             raise BadInputError(
@@ -220,27 +210,27 @@ class CaveOptions:
             )
         number("passage_width_min_mm", self.passage_width_min_mm, 0.005 * self.size_mm, 1e6, "mm")
         room_mm = self.size_mm - 2.0 * self.floor_mm
-        check_starts(self, (room_mm, room_mm), 1, 0.5 * self.passage_width_min_mm)
+        self.check_starts((room_mm, room_mm), 0.5 * self.passage_width_min_mm)
 
     @property
     def reach_mm(self) -> float:
-        """How far from the bounds the middle of a chamber stays."""
+        """Least distance from the middle of a chamber to the bounds."""
         widest_mm = max(self.chamber_radius_max_mm, 0.5 * self.passage_width_max_mm)
         return self.margin_mm + widest_mm
 
     @property
     def passage_mm(self) -> float:
-        """Width of a round body that gets from the start into every chamber."""
+        """Diameter of a round body that reaches every chamber from the start."""
         return self.passage_width_min_mm - 2.0 * self.detail_mm
 
     @property
     def floor_mm(self) -> float:
-        """Distance from the bounds within which all is rock, and what the walls may move."""
+        """Width of the solid rock along the bounds, and the tolerance of the walls."""
         return self.margin_mm + 2.0 * self.detail_mm
 
     @property
     def detail_mm(self) -> float:
-        """Size below which walls are not detailed."""
+        """Tolerance to which walls are simplified."""
         return 0.001 * self.size_mm
 
     def _check_range(self, name: str, low_mm: float, high_mm: float) -> None:
@@ -249,7 +239,7 @@ class CaveOptions:
 
 
 def cave_map(seed: int, options: CaveOptions | None = None) -> Map:
-    """Make one instance of a Cave environment.
+    """Generate one instance of a Cave environment.
 
     Chambers are spread over the bounds and connected by winding passages; everything else is
     rock: one obstacle with the cave as its hole, and an obstacle for every island of rock that
@@ -269,25 +259,24 @@ def cave_map(seed: int, options: CaveOptions | None = None) -> Map:
     'Polygon'
     """
     options = options or CaveOptions()
-    whole("seed", seed, 0, 2**63 - 1)
+    check_seed(seed)
     start = _start(options)
     cave = _cave(child(seed, _STREAM), options, start)
     bounds = box(options.size_mm, options.size_mm)
     rocks = [Polygon(bounds.exterior, [cave.exterior])]
     rocks += [Polygon(ring) for ring in cave.interiors]
-    return Map(
-        name=f"cave_{seed}",
+    return generated_map(
+        "cave",
+        seed,
+        options,
         bounds=bounds,
-        obstacles=tuple(canonical(rock)[0] for rock in rocks),
+        obstacles=[canonical(rock)[0] for rock in rocks],
         starts=(start,),
-        environment="cave",
-        seed=seed,
-        facts=asdict(options),
     )
 
 
 def _start(options: CaveOptions) -> Start:
-    (start,) = lower_starts(options, options.size_mm, 1, 0.5 * options.passage_width_min_mm)
+    (start,) = options.lower_starts(options.size_mm, 0.5 * options.passage_width_min_mm)
     raised = replace(start.pose, y_mm=start.pose.y_mm + options.floor_mm)
     return replace(start, pose=raised)
 
@@ -296,16 +285,17 @@ def _cave(rng: np.random.Generator, options: CaveOptions, start: Start) -> Polyg
     low, high = options.reach_mm, options.size_mm - options.reach_mm
     entry = np.array([start.pose.x_mm, start.pose.y_mm])
     mouth = np.array([entry[0], np.clip(entry[1] + options.passage_width_max_mm, low, high)])
-    middles = spread_points(rng, options.chambers, (low, high), mouth)
+    middles = _spread_points(rng, options.chambers, (low, high), mouth)
     entrance = start_zone(start).buffer(options.start_clearance_mm + 2.0 * options.detail_mm)
-    parts = [entrance, passage(_evenly(entry, mouth), _widths(rng, options, 8))]
+    to_mouth = entry + np.linspace(0.0, 1.0, 8)[:, None] * (mouth - entry)
+    parts = [entrance, passage(to_mouth, _widths(rng, options, 8))]
     parts += [_chamber(rng, options, middle) for middle in middles]
     for one, other in links(rng, middles, options.loops):
         path = _winding(rng, options, middles[one], middles[other])
         parts.append(passage(path, _widths(rng, options, len(path))))
     near, far = options.margin_mm, options.size_mm - options.margin_mm
     room = shapely.box(near, near, far, far)
-    return carved(parts, room, options.detail_mm, (0.5 * options.passage_width_min_mm) ** 2)
+    return _carved(parts, room, options.detail_mm, (0.5 * options.passage_width_min_mm) ** 2)
 
 
 def _chamber(rng: np.random.Generator, options: CaveOptions, middle_mm: Floats) -> Polygon:
@@ -322,7 +312,7 @@ def _widths(rng: np.random.Generator, options: CaveOptions, count: int) -> Float
 def _winding(
     rng: np.random.Generator, options: CaveOptions, first_mm: Floats, last_mm: Floats
 ) -> Floats:
-    """Return a path between two places that swings from side to side, shape (n, 2)."""
+    """Return a winding path between two places, shape (n, 2)."""
     along = last_mm - first_mm
     count = 4 + int(math.hypot(*along) / (0.5 * options.passage_width_min_mm))
     share = np.linspace(0.0, 1.0, count)
@@ -331,10 +321,6 @@ def _winding(
     path = first_mm + share[:, None] * along + swing[:, None] * side
     near, far = options.reach_mm, options.size_mm - options.reach_mm
     return np.asarray(np.clip(path, near, far))
-
-
-def _evenly(first_mm: Floats, last_mm: Floats) -> Floats:
-    return np.asarray(first_mm + np.linspace(0.0, 1.0, 8)[:, None] * (last_mm - first_mm))
 
 
 def _waves(rng: np.random.Generator, count: int, turns: float) -> Floats:

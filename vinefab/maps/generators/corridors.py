@@ -1,7 +1,7 @@
 """The Corridors environment: a floor plan of halls, rooms and doors."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,26 +11,35 @@ from shapely import Polygon
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.core.validation import number, positive, whole
-from vinefab.maps.generators.starts import DECIMALS, box, canonical, check_starts, lower_starts
+from vinefab.maps.generators.generated_map import (
+    COORDINATE_DECIMALS,
+    COORDINATE_GRID_MM,
+    StartOptions,
+    box,
+    canonical,
+    check_seed,
+    check_shares,
+    generated_map,
+)
 from vinefab.model.map import Map, Start
 
 _PLANS = 50
-"""How often a plan is begun anew when the halls did not fit."""
+"""Attempts at a plan in which the halls fit."""
 
 
 class Region(NamedTuple):
     """An axis-parallel rectangle of the floor, without the walls around it.
 
-    ``hall`` says that it is one; ``way`` is the axis (0: x, 1: y) along which a hall through it
-    would run, so that halls end on the one before and do not run beside it.
+    A hall through a region ends on the hall before it and does not run beside it, so ``way``
+    changes with every division.
     """
 
     x_min_mm: float
     y_min_mm: float
     x_max_mm: float
     y_max_mm: float
-    hall: bool = False
-    way: int = 0
+    hall: bool = False  # whether it is one
+    way: int = 0  # axis along which a hall through it would run, 0: x, 1: y
 
     def span(self, axis: int) -> tuple[float, float]:
         """Return the smallest and the largest coordinate along an axis."""
@@ -55,7 +64,7 @@ class Region(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FloorLimits:
-    """What walls have to respect."""
+    """Limits that walls respect."""
 
     hall_mm: float  # width of halls
     room_min_mm: float  # least width and depth of rooms
@@ -77,7 +86,7 @@ def floor_plan(
         parts = _with_halls(rng, floor._replace(way=1), halls, limits)
         if parts is not None:
             return [room for part in parts for room in _rooms(rng, part, limits)]
-    raise BadInputError("halls", halls, "so few that rooms fit beside them")
+    raise BadInputError("halls", halls, "fewer, so that rooms fit beside them")
 
 
 def _with_halls(
@@ -97,20 +106,20 @@ def _with_halls(
 
 
 def _crossed(rng: np.random.Generator, part: Region, limits: FloorLimits) -> list[Region] | None:
-    """Return a part divided by a hall into two, and the hall; None where there is no room."""
+    """Return the two parts beside a hall, and the hall; None if there is no room for it."""
     axis, wall_mm = 1 - part.way, limits.wall_mm
     inner_mm = wall_mm + limits.hall_mm
-    # Two walls may stand where there is no keep-out for either.
+    # Neither of the two walls may stand in the keep-out.
     at = _wall_place(rng, part, axis, (0.0, inner_mm), limits)
     if at is None:
         return None
     low, high = part.span(axis)
     turned = part._replace(way=axis)
-    second = round(at + inner_mm, DECIMALS)
+    second = round(at + inner_mm, COORDINATE_DECIMALS)
     return [
         turned.part(axis, low, at),
-        part.part(axis, round(at + wall_mm, DECIMALS), second)._replace(hall=True),
-        turned.part(axis, round(second + wall_mm, DECIMALS), high),
+        part.part(axis, round(at + wall_mm, COORDINATE_DECIMALS), second)._replace(hall=True),
+        turned.part(axis, round(second + wall_mm, COORDINATE_DECIMALS), high),
     ]
 
 
@@ -123,7 +132,7 @@ def _rooms(rng: np.random.Generator, part: Region, limits: FloorLimits) -> list[
         at = _wall_place(rng, part, axis, (0.0,), limits)
         if at is not None:
             low, high = part.span(axis)
-            after = round(at + limits.wall_mm, DECIMALS)
+            after = round(at + limits.wall_mm, COORDINATE_DECIMALS)
             halves = (part.part(axis, low, at), part.part(axis, after, high))
             return [room for half in halves for room in _rooms(rng, half, limits)]
     return [part]
@@ -136,7 +145,7 @@ def _wall_place(
     walls_at_mm: tuple[float, ...],
     limits: FloorLimits,
 ) -> float | None:
-    """Draw where the first of some walls across a part begins; None if nowhere is room."""
+    """Draw where the first of some walls across a part begins; None if there is no room."""
     low, high = part.span(axis)
     first = low + limits.room_min_mm
     last = high - limits.room_min_mm - limits.wall_mm - walls_at_mm[-1]
@@ -153,13 +162,13 @@ def _wall_place(
         return None
     place = rng.random() * lengths.sum()
     index = min(int(np.searchsorted(np.cumsum(lengths), place)), len(pieces) - 1)
-    return round(pieces[index][0] + float(place - lengths[:index].sum()), DECIMALS)
+    return round(pieces[index][0] + float(place - lengths[:index].sum()), COORDINATE_DECIMALS)
 
 
 def _without(
     pieces: list[tuple[float, float]], low: float, high: float
 ) -> list[tuple[float, float]]:
-    """Return pieces of a line without what lies strictly between two places."""
+    """Return intervals without the open interval between two places."""
     before = [(start, min(end, low)) for start, end in pieces]
     after = [(max(start, high), end) for start, end in pieces]
     return [piece for piece in (*before, *after) if piece[1] >= piece[0]]
@@ -170,16 +179,16 @@ def _overlap(one: tuple[float, float], other: tuple[float, float]) -> float:
 
 
 _SLACK_MM = 1e-3
-"""Coordinates are rounded; a wall that is meant to be long enough is."""
+"""Slack for rounded coordinates."""
 
 
 @dataclass(frozen=True, slots=True)
 class DoorRules:
-    """How doors are made."""
+    """Dimensions and share of doors."""
 
-    wall_mm: float  # thickness of walls, and what a door keeps to the corners of a room
+    wall_mm: float  # thickness of walls, and distance of a door from the corners of a room
     door_mm: float  # width
-    loops: float  # share, 0 to 1, of the doors that are not needed but open
+    loops: float  # share, 0 to 1, of the doors beyond the necessary ones
 
 
 class _Border(NamedTuple):
@@ -217,7 +226,7 @@ def doorways(rng: np.random.Generator, regions: Sequence[Region], rules: DoorRul
 
 
 def _borders(regions: Sequence[Region], wall_mm: float) -> list[_Border]:
-    """Return the borders of all neighbours: regions that face each other a wall apart."""
+    """Return the borders between regions that face each other a wall apart."""
     sides = np.array([region[:4] for region in regions])
     halls = [region.hall for region in regions]
     borders = []
@@ -237,7 +246,7 @@ def _borders(regions: Sequence[Region], wall_mm: float) -> list[_Border]:
 def _spanning(
     count: int, joined: Sequence[_Border], borders: Sequence[_Border]
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return which borders to open, the earliest that will do, so that all are connected."""
+    """Return which borders to open, the earliest first, so that all regions are connected."""
     group = list(range(count))
 
     def root(index: int) -> int:
@@ -260,8 +269,8 @@ def _door(
     rng: np.random.Generator, regions: Sequence[Region], border: _Border, rules: DoorRules
 ) -> Region:
     low, high = border.low + rules.wall_mm, border.high - rules.wall_mm - rules.door_mm
-    begin = round(low + rng.random() * max(0.0, high - low), DECIMALS)
-    return _opening(regions, border, begin, round(begin + rules.door_mm, DECIMALS))
+    begin = round(low + rng.random() * max(0.0, high - low), COORDINATE_DECIMALS)
+    return _opening(regions, border, begin, round(begin + rules.door_mm, COORDINATE_DECIMALS))
 
 
 def _opening(regions: Sequence[Region], border: _Border, low: float, high: float) -> Region:
@@ -271,15 +280,14 @@ def _opening(regions: Sequence[Region], border: _Border, low: float, high: float
     return Region(low, through[0], high, through[1])
 
 
-def walls_between(bounds: Polygon, free: Sequence[Region]) -> tuple[Polygon, ...]:
+def _walls_between(bounds: Polygon, free: Sequence[Region]) -> tuple[Polygon, ...]:
     """Return what is left of the bounds without some free regions.
 
-    All coordinates are on the grid of `DECIMALS`, where the result is exact.
+    All coordinates are on the grid of `COORDINATE_GRID_MM`, where the result is exact.
     """
     boxes = shapely.box(*np.array([region[:4] for region in free]).T)
-    grid_mm = 10.0**-DECIMALS
-    open_floor = shapely.union_all(boxes, grid_size=grid_mm)
-    return canonical(shapely.difference(bounds, open_floor, grid_size=grid_mm))
+    open_floor = shapely.union_all(boxes, grid_size=COORDINATE_GRID_MM)
+    return canonical(shapely.difference(bounds, open_floor, grid_size=COORDINATE_GRID_MM))
 
 
 _STREAM = 1601
@@ -287,8 +295,8 @@ _MOST_ROOMS = 2000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CorridorsOptions:
-    """What instances of one Corridors environment have in common.
+class CorridorsOptions(StartOptions):
+    """Options that instances of one Corridors environment share.
 
     Parameters
     ----------
@@ -313,8 +321,6 @@ class CorridorsOptions:
     start_clearance_mm
         Least distance from every possible starting position to walls. The start is at the lower
         end of the first hall; without halls, in the middle of the lower side.
-    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
-        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
 
     Raises
     ------
@@ -331,10 +337,7 @@ class CorridorsOptions:
     wall_mm: float = 6.0
     door_mm: float = 26.0
     loops: float = 0.15
-    start_clearance_mm: float = 15.0
     start_spread_x_mm: float = 5.0
-    start_spread_y_mm: float = 0.0
-    start_spread_heading_deg: float = 30.0
 
     def __post_init__(self) -> None:
         positive("width_mm", self.width_mm, 1e6)
@@ -342,9 +345,9 @@ class CorridorsOptions:
         whole("halls", self.halls, 0, 100)
         positive("wall_mm", self.wall_mm, self.width_mm)
         positive("door_mm", self.door_mm, self.width_mm)
-        number("loops", self.loops, 0.0, 1.0)
+        check_shares(self, "loops")
         number("hall_width_mm", self.hall_width_mm, self.door_wall_mm, self.width_mm, "mm")
-        # So that half of any room's wall has room for a door: see `doorways`.
+        # Half of any room's wall then has room for a door, see `doorways`.
         least_mm = 2.0 * self.door_wall_mm + self.wall_mm
         shorter_mm = min(self.width_mm, self.height_mm)
         number("room_min_mm", self.room_min_mm, least_mm, shorter_mm, "mm")
@@ -353,27 +356,27 @@ class CorridorsOptions:
         if self.width_mm * self.height_mm > _MOST_ROOMS * self.room_min_mm**2:
             least_mm = (self.width_mm * self.height_mm / _MOST_ROOMS) ** 0.5
             raise BadInputError("room_min_mm", self.room_min_mm, f"at least {least_mm:.4g} mm")
-        # Walls may go where the start is not, but a hall has to be wide enough for it.
+        # Walls avoid the start, but a hall must be wide enough for it.
         wide_mm = self.hall_width_mm if self.halls > 0 else self.width_mm
-        check_starts(self, (wide_mm, self.height_mm), 1, 0.5 * self.door_mm)
+        self.check_starts((wide_mm, self.height_mm), 0.5 * self.door_mm)
 
     @property
     def passage_mm(self) -> float:
-        """Width of a round body that gets into every room: that of the doors, to 1e-4 mm."""
+        """Diameter of a round body that reaches every room: the width of doors, to 1e-4 mm."""
         return self.door_mm
 
     @property
     def door_wall_mm(self) -> float:
-        """Length of wall that a door needs, with what it keeps to the corners."""
+        """Length of wall that a door needs, with its distance to the corners."""
         return self.door_mm + 2.0 * self.wall_mm
 
 
 def corridors_map(seed: int, options: CorridorsOptions | None = None) -> Map:
-    """Make one instance of a Corridors environment.
+    """Generate one instance of a Corridors environment.
 
     The floor is divided into halls and rooms by straight walls; doors make all of them
-    reachable. No way between two rooms is narrower than a door. Every possible starting position
-    has ``start_clearance_mm``, and at least half a door's width, to all walls.
+    reachable. No connection between two rooms is narrower than a door. Every possible starting
+    position has ``start_clearance_mm``, and at least half a door's width, to all walls.
 
     Examples
     --------
@@ -381,19 +384,19 @@ def corridors_map(seed: int, options: CorridorsOptions | None = None) -> Map:
     'Polygon'
     """
     options = options or CorridorsOptions()
-    whole("seed", seed, 0, 2**63 - 1)
+    check_seed(seed)
     rng = child(seed, _STREAM)
     regions = _regions(rng, options)
     doors = doorways(rng, regions, DoorRules(options.wall_mm, options.door_mm, options.loops))
     bounds = box(options.width_mm, options.height_mm)
-    return Map(
-        name=f"corridors_{seed}",
+    return generated_map(
+        "corridors",
+        seed,
+        options,
         bounds=bounds,
-        obstacles=walls_between(bounds, [*regions, *doors]),
+        obstacles=_walls_between(bounds, [*regions, *doors]),
         starts=(_start(_entrance(regions, options), options),),
-        environment="corridors",
-        seed=seed,
-        facts={**asdict(options), "rooms": sum(not region.hall for region in regions)},
+        rooms=sum(not region.hall for region in regions),
     )
 
 
@@ -418,8 +421,8 @@ def _entrance(regions: Sequence[Region], options: CorridorsOptions) -> Region:
 
 
 def _start(region: Region, options: CorridorsOptions) -> Start:
-    (start,) = lower_starts(options, region.length(0), 1, 0.5 * options.door_mm)
-    x_mm = round(start.pose.x_mm + region.x_min_mm, DECIMALS)
+    (start,) = options.lower_starts(region.length(0), 0.5 * options.door_mm)
+    x_mm = round(start.pose.x_mm + region.x_min_mm, COORDINATE_DECIMALS)
     return replace(start, pose=replace(start.pose, x_mm=x_mm))
 
 

@@ -18,7 +18,7 @@ from vinefab.model.map import Map
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Environment:
-    """A generator of maps that look related."""
+    """A generator of related maps."""
 
     description: str  # one line for lists and help texts
     options: type[Any]  # the options class: callable without arguments, every field documented

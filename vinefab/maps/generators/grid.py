@@ -6,7 +6,7 @@ is vinefab's own.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
@@ -18,7 +18,16 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, Ints, number, positive, whole
-from vinefab.maps.generators.starts import all_zones, box, check_starts, lower_starts, rounded
+from vinefab.maps.generators.generated_map import (
+    SeveralStartOptions,
+    box,
+    check_seed,
+    check_shares,
+    directions,
+    generated_map,
+    rounded,
+    start_zones,
+)
 from vinefab.model.map import Map
 
 _STREAM = 1101
@@ -29,8 +38,8 @@ _DEEPEST = 0.8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GridOptions:
-    """What instances of one Grid environment have in common.
+class GridOptions(SeveralStartOptions):
+    """Options that instances of one Grid environment share.
 
     Parameters
     ----------
@@ -53,12 +62,6 @@ class GridOptions:
         Share, 0 to 1, of the room left in its cell that an obstacle may be off the middle.
     gap_mm
         Least distance between two obstacles; half of it is kept to the bounds.
-    starts
-        Starting places, evenly spread along the lower side; one stands in its middle.
-    start_clearance_mm
-        Least distance from every possible starting position to obstacles and bounds.
-    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
-        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
 
     Raises
     ------
@@ -79,16 +82,10 @@ class GridOptions:
     concavity: float = 0.0
     jitter: float = 0.8
     gap_mm: float = 8.0
-    starts: int = 1
-    start_clearance_mm: float = 15.0
-    start_spread_x_mm: float = 10.0
-    start_spread_y_mm: float = 0.0
-    start_spread_heading_deg: float = 30.0
 
     def __post_init__(self) -> None:
         self._check_obstacles()
-        whole("starts", self.starts, 1, 1000)
-        check_starts(self, (self.size_mm, self.height_mm), self.starts)
+        self.check_starts((self.size_mm, self.height_mm))
 
     @property
     def cell_mm(self) -> float:
@@ -102,7 +99,7 @@ class GridOptions:
 
     @property
     def passage_mm(self) -> float:
-        """Width of a round body that gets everywhere it fits: half the gap, for the sides' sake."""
+        """Diameter of a round body that gets everywhere: half the gap, as kept to the sides."""
         return 0.5 * self.gap_mm
 
     def _check_obstacles(self) -> None:
@@ -113,10 +110,7 @@ class GridOptions:
         whole("corners_max", self.corners_max, self.corners_min, 100)
         number("radius_min", self.radius_min, 0.01, 0.5)
         number("radius_max", self.radius_max, self.radius_min, 0.5)
-        number("filled", self.filled, 0.0, 1.0)
-        number("concavity", self.concavity, 0.0, 1.0)
-        number("irregularity", self.irregularity, 0.0, 1.0)
-        number("jitter", self.jitter, 0.0, 1.0)
+        check_shares(self, "filled", "concavity", "irregularity", "jitter")
         if self.cell_mm * self.radius_min < _LEAST_RADIUS_MM * self.corners_max:
             least_mm = _LEAST_RADIUS_MM * self.corners_max * self.columns / self.radius_min
             raise BadInputError(
@@ -127,7 +121,7 @@ class GridOptions:
 
 
 def grid_map(seed: int, options: GridOptions | None = None) -> Map:
-    """Make one instance of a Grid environment.
+    """Generate one instance of a Grid environment.
 
     Obstacles are valid polygons, convex unless ``concavity`` is set, at least ``gap_mm`` apart, so
     the free space is connected; every possible starting position has ``start_clearance_mm`` to
@@ -141,26 +135,26 @@ def grid_map(seed: int, options: GridOptions | None = None) -> Map:
     (36, (500.0, 500.0))
     """
     options = options or GridOptions()
-    whole("seed", seed, 0, 2**63 - 1)
-    starts = lower_starts(options, options.size_mm, options.starts)
+    check_seed(seed)
+    starts = options.lower_starts(options.size_mm)
     cells = _filled_cells(seed, options)
-    obstacles = _obstacles(seed, cells, options, all_zones(starts))
-    return Map(
-        name=f"grid_{seed}",
+    obstacles = _obstacles(seed, cells, options, start_zones(starts))
+    return generated_map(
+        "grid",
+        seed,
+        options,
         bounds=box(options.size_mm, options.height_mm),
         obstacles=obstacles,
         starts=starts,
-        environment="grid",
-        seed=seed,
-        facts={**asdict(options), "left_out": len(cells) - len(obstacles)},
+        left_out=len(cells) - len(obstacles),
     )
 
 
-Cell = tuple[int, int]
+_Cell = tuple[int, int]
 """Column and row."""
 
 
-def _filled_cells(seed: int, options: GridOptions) -> list[Cell]:
+def _filled_cells(seed: int, options: GridOptions) -> list[_Cell]:
     cells = [(column, row) for row in range(options.rows) for column in range(options.columns)]
     if options.filled == 1.0:
         return cells
@@ -169,9 +163,9 @@ def _filled_cells(seed: int, options: GridOptions) -> list[Cell]:
 
 
 def _obstacles(
-    seed: int, cells: Sequence[Cell], options: GridOptions, keep_out: BaseGeometry
+    seed: int, cells: Sequence[_Cell], options: GridOptions, keep_out: BaseGeometry
 ) -> tuple[Polygon, ...]:
-    """Return an obstacle per cell, but for those that the starts leave no room for."""
+    """Return an obstacle per cell, except where the starts leave no room."""
     drawn = _polygons([next(_draws(seed, cell, options)) for cell in cells], cells, options)
     too_near = shapely.distance(drawn, keep_out) < options.start_clearance_mm
     for index in np.flatnonzero(too_near).tolist():
@@ -179,7 +173,9 @@ def _obstacles(
     return tuple(polygon for polygon in drawn.tolist() if polygon is not None)
 
 
-def _redrawn(seed: int, cell: Cell, options: GridOptions, keep_out: BaseGeometry) -> Polygon | None:
+def _redrawn(
+    seed: int, cell: _Cell, options: GridOptions, keep_out: BaseGeometry
+) -> Polygon | None:
     for numbers in islice(_draws(seed, cell, options), 1, _DRAWS_PER_CELL):
         polygon: Polygon = _polygons([numbers], [cell], options)[0]
         if shapely.distance(polygon, keep_out) >= options.start_clearance_mm:
@@ -187,11 +183,11 @@ def _redrawn(seed: int, cell: Cell, options: GridOptions, keep_out: BaseGeometry
     return None
 
 
-def _draws(seed: int, cell: Cell, options: GridOptions) -> Iterator[Floats]:
+def _draws(seed: int, cell: _Cell, options: GridOptions) -> Iterator[Floats]:
     """Yield the random numbers, 0 to 1, of one obstacle after another for the same cell.
 
-    They are a radius, a wander for each corner, a turn, the two ways off the middle, and for
-    concave obstacles a pull for each corner.
+    They are a radius, an offset of the angle of each corner, a turn, an offset of the middle in x
+    and y, and for concave obstacles a pull for each corner.
     """
     rng = child(seed, _STREAM, cell[1], cell[0])
     pulls = child(seed, _STREAM, cell[1], cell[0], 1) if options.concavity > 0.0 else None
@@ -202,7 +198,7 @@ def _draws(seed: int, cell: Cell, options: GridOptions) -> Iterator[Floats]:
 
 
 def _polygons(
-    draws: Sequence[Floats], cells: Sequence[Cell], options: GridOptions
+    draws: Sequence[Floats], cells: Sequence[_Cell], options: GridOptions
 ) -> NDArray[np.object_]:
     """Return a polygon for each cell, made from its random numbers."""
     polygons = np.empty(len(draws), dtype=object)
@@ -220,7 +216,7 @@ def _corners(numbers: Floats, cells: Ints, options: GridOptions) -> Floats:
     count = (length - 4) // (1 if options.concavity == 0.0 else 2)
     span = options.radius_max - options.radius_min
     radius_mm = options.cell_mm * (options.radius_min + span * numbers[:, 0])
-    # 0.9: below 1, so that neighbouring corners never meet.
+    # 0.9: below 1, so that adjacent corners never coincide.
     wander = 0.9 * options.irregularity * (numbers[:, 1 : count + 1] - 0.5)
     turn = numbers[:, count + 1, None]
     angles_rad = 2.0 * math.pi * (turn + (np.arange(count) + wander) / count)
@@ -231,5 +227,5 @@ def _corners(numbers: Floats, cells: Ints, options: GridOptions) -> Floats:
     # With four corners none is more than half a turn from the next, so any pull is possible.
     if count > 3 and length > count + 4:
         far_mm *= 1.0 - _DEEPEST * options.concavity * numbers[:, count + 4 :]
-    round_mm = far_mm[:, :, None] * np.stack([np.cos(angles_rad), np.sin(angles_rad)], axis=2)
+    round_mm = far_mm[:, :, None] * directions(angles_rad)
     return rounded(middle_mm[:, None] + round_mm).reshape(rows, count, 2)

@@ -1,7 +1,7 @@
 """The Pegs environment: a peg board for the bench, round pegs in some holes of a lattice."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -10,7 +10,16 @@ from shapely import Polygon
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, number, positive, whole
-from vinefab.maps.generators.starts import all_zones, box, check_starts, lower_starts, rounded
+from vinefab.maps.generators.generated_map import (
+    SeveralStartOptions,
+    box,
+    check_seed,
+    check_shares,
+    directions,
+    generated_map,
+    rounded,
+    start_zones,
+)
 from vinefab.model.map import Map, Start
 
 _STREAM = 1501
@@ -18,8 +27,8 @@ _LATTICES = ("square", "hexagonal")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PegsOptions:
-    """What instances of one Pegs environment have in common: the board and how it is filled.
+class PegsOptions(SeveralStartOptions):
+    """Options that instances of one Pegs environment share: the board and how it is filled.
 
     Parameters
     ----------
@@ -40,13 +49,9 @@ class PegsOptions:
         Share, 0 to 1, of the holes that hold a peg, of those that the starts leave free.
     jitter_mm
         Pegs stand off their holes by at most this, in any direction.
-    starts
-        Starting places, evenly spread along the lower side; one stands in its middle.
     start_clearance_mm
         Least distance from every possible starting position to pegs and sides; holes where a peg
         would stand nearer stay empty.
-    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
-        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
 
     Raises
     ------
@@ -64,11 +69,6 @@ class PegsOptions:
     sides: int = 16
     filled: float = 0.45
     jitter_mm: float = 0.0
-    starts: int = 1
-    start_clearance_mm: float = 15.0
-    start_spread_x_mm: float = 10.0
-    start_spread_y_mm: float = 0.0
-    start_spread_heading_deg: float = 30.0
 
     def __post_init__(self) -> None:
         if self.lattice not in _LATTICES:
@@ -80,10 +80,9 @@ class PegsOptions:
         whole("sides", self.sides, 3, 100)
         if self.diameter_mm < 0.02 * self.sides:
             raise BadInputError("diameter_mm", self.diameter_mm, f"at least {0.02 * self.sides:g}")
-        number("filled", self.filled, 0.0, 1.0)
+        check_shares(self, "filled")
         self._check_room()
-        whole("starts", self.starts, 1, 1000)
-        check_starts(self, self.size_mm, self.starts)
+        self.check_starts(self.size_mm)
 
     @property
     def size_mm(self) -> tuple[float, float]:
@@ -109,12 +108,14 @@ class PegsOptions:
         number("edge_mm", self.edge_mm, least_mm, 1e4, "mm")
         if self.passage_mm <= 0.01:
             raise BadInputError(
-                "diameter_mm", self.diameter_mm, "so little that pegs touch neither pegs nor sides"
+                "diameter_mm",
+                self.diameter_mm,
+                "less, so that pegs touch neither each other nor the sides",
             )
 
 
 def pegs_map(seed: int, options: PegsOptions | None = None) -> Map:
-    """Make one instance of a Pegs environment.
+    """Generate one instance of a Pegs environment.
 
     Pegs keep `PegsOptions.passage_mm` to each other and to the sides, so the free space is
     connected; every possible starting position has ``start_clearance_mm`` to all walls.
@@ -125,16 +126,15 @@ def pegs_map(seed: int, options: PegsOptions | None = None) -> Map:
     (500.0, 500.0)
     """
     options = options or PegsOptions()
-    whole("seed", seed, 0, 2**63 - 1)
-    starts = lower_starts(options, options.size_mm[0], options.starts)
-    return Map(
-        name=f"pegs_{seed}",
+    check_seed(seed)
+    starts = options.lower_starts(options.size_mm[0])
+    return generated_map(
+        "pegs",
+        seed,
+        options,
         bounds=box(*options.size_mm),
         obstacles=_pegs(child(seed, _STREAM), options, starts),
         starts=starts,
-        environment="pegs",
-        seed=seed,
-        facts=asdict(options),
     )
 
 
@@ -142,25 +142,21 @@ def _pegs(
     rng: np.random.Generator, options: PegsOptions, starts: tuple[Start, ...]
 ) -> tuple[Polygon, ...]:
     holes_mm = _holes(options)
-    # Drawn for every hole, used or not: a peg does not move when another is added.
+    # Drawn for every hole, used or not, so that more pegs do not move the others.
     order, far, way = rng.random((3, len(holes_mm)))
     angle_rad = 2.0 * math.pi * way
-    off_mm = (options.jitter_mm * np.sqrt(far))[:, None] * _directions(angle_rad)
+    off_mm = (options.jitter_mm * np.sqrt(far))[:, None] * directions(angle_rad)
     middles_mm = holes_mm + off_mm
     near_mm = options.start_clearance_mm + 0.5 * options.diameter_mm
-    away_mm = shapely.distance(shapely.points(middles_mm), all_zones(starts))
+    away_mm = shapely.distance(shapely.points(middles_mm), start_zones(starts))
     possible = np.flatnonzero(away_mm >= near_mm)
     count = round(options.filled * len(possible))
     chosen = np.sort(possible[np.argsort(order[possible], kind="stable")[:count]])
-    # Half a step on, so that flat sides face along the axes.
+    # Turned by half a step: flat sides face along the axes.
     angles_rad = 2.0 * math.pi * (np.arange(options.sides) + 0.5) / options.sides
-    peg_mm = 0.5 * options.diameter_mm * _directions(angles_rad)
+    peg_mm = 0.5 * options.diameter_mm * directions(angles_rad)
     corners_mm = rounded(middles_mm[chosen, None] + peg_mm)
     return tuple(Polygon(corners) for corners in corners_mm)
-
-
-def _directions(angles_rad: Floats) -> Floats:
-    return np.column_stack([np.cos(angles_rad), np.sin(angles_rad)])
 
 
 def _holes(options: PegsOptions) -> Floats:

@@ -1,7 +1,7 @@
 """The Rubble environment: a collapsed building, broken slabs of many sizes that lie one way."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -11,14 +11,16 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.rng import child
-from vinefab.core.validation import Floats, number, positive, whole
-from vinefab.maps.generators.starts import (
-    DECIMALS,
-    all_zones,
+from vinefab.core.validation import Floats, number, positive
+from vinefab.maps.generators.generated_map import (
+    COORDINATE_GRID_MM,
+    SeveralStartOptions,
     box,
     canonical,
-    check_starts,
-    lower_starts,
+    check_seed,
+    check_shares,
+    generated_map,
+    start_zones,
 )
 from vinefab.model.map import Map, Start
 
@@ -28,20 +30,18 @@ _DEEPEST = 0.35
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlabKind:
-    """How slabs look."""
+    """Dimensions and directions of slabs."""
 
     # smallest and largest thickness, as a share of the length; at most 0.8
     thickness: tuple[float, float]
-    # direction_rad, direction_spread_rad: slabs lie along the first, counter-clockwise from +x,
-    # give or take up to the second
-    direction_rad: float
-    direction_spread_rad: float
+    direction_rad: float  # of slabs, counter-clockwise from +x
+    direction_spread_rad: float  # largest deviation from it
     # 0: straight ends; 1: ends broken off at a slant, by a third of the thickness
     raggedness: float
 
 
 def power_law(rng: np.random.Generator, limits: tuple[float, float], exponent: float) -> float:
-    """Draw a length whose density falls with a power of it, between limits."""
+    """Draw a length from a power law between limits."""
     low, high = limits
     share = rng.random()
     power = 1.0 - exponent
@@ -72,55 +72,55 @@ def _end(rng: np.random.Generator, thick_mm: float, raggedness: float) -> Floats
     back_low, back_high, tip = rng.random(3)
     if raggedness == 0.0:
         return np.array([(0.0, -half_mm), (0.0, half_mm)])
-    # At least a little, so that the tip stands out and the corner there is one.
+    # Above 0, so that the tip stays a corner.
     deep_mm = _DEEPEST * raggedness * thick_mm * (0.1 + 0.9 * np.array([back_low, back_high]))
     return np.array([(-deep_mm[0], -half_mm), (0.0, half_mm * (tip - 0.5)), (-deep_mm[1], half_mm)])
 
 
 def way_to_contact(mover: Floats, host: Floats, way: Floats) -> float:
-    """Return how far a convex polygon can move until it touches another; infinity if it misses.
+    """Return how far a convex polygon can move until it touches another; infinity if never.
 
     Parameters
     ----------
     mover, host
         Corners, shape (n, 2); apart from each other.
     """
-    ahead = _first_hit(mover, host, way)
-    return min(ahead, _first_hit(host, mover, -way))
+    ahead = _shortest_way(mover, host, way)
+    return min(ahead, _shortest_way(host, mover, -way))
 
 
-def _first_hit(points: Floats, corners: Floats, way: Floats) -> float:
-    """Return the shortest way from any of the points to any of the edges."""
+def _shortest_way(points: Floats, corners: Floats, way: Floats) -> float:
+    """Return the shortest distance along ``way`` from any point to any edge."""
     edges = np.roll(corners, -1, axis=0) - corners
     from_points = corners - points[:, None]
     slope = way[0] * edges[:, 1] - way[1] * edges[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         far = (from_points[..., 0] * edges[:, 1] - from_points[..., 1] * edges[:, 0]) / slope
         place = (from_points[..., 0] * way[1] - from_points[..., 1] * way[0]) / slope
-    hit = (slope != 0.0) & (far >= 0.0) & (place >= 0.0) & (place <= 1.0)
-    return float(np.where(hit, far, np.inf).min())
+    meets = (slope != 0.0) & (far >= 0.0) & (place >= 0.0) & (place <= 1.0)
+    return float(np.where(meets, far, np.inf).min())
 
 
 _TRIES = 150
 _SIDES = 4
 _DEEPEST_IN_SIDE = 0.4
 _BITE = 0.15
-"""How far a leaning slab goes into its host, as a share of the root of its area."""
+"""Depth by which a leaning slab overlaps its host, as a share of the root of its area."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PileRules:
-    """Where slabs may lie."""
+    """Rules for the places of slabs."""
 
     size_mm: float  # width and height of the bounds, from the origin
     # least distance between slabs that do not lean on each other, and to the sides
     passage_mm: float
-    keep_out: BaseGeometry  # what slabs keep ``keep_out_mm`` from
-    keep_out_mm: float  # that distance
+    keep_out: BaseGeometry  # where no slab may be
+    keep_out_mm: float  # least distance of slabs to it
 
 
 class Pile:
-    """Slabs that lie already, and room for more."""
+    """Placed slabs, with a search for room for more."""
 
     def __init__(self, rules: PileRules) -> None:
         self.rules = rules
@@ -132,19 +132,19 @@ class Pile:
 
     @property
     def polygons(self) -> NDArray[np.object_]:
-        """The slabs, in the order they were put down; some overlap, some reach over the bounds."""
+        """The slabs, in the order of their placement; some overlap, some cross the bounds."""
         return self._polygons[: self._count]
 
     def add(self, rng: np.random.Generator, slab_mm: Floats, *, leaning: bool) -> bool:
-        """Put down a slab where there is room, and return whether a place was found."""
+        """Place a slab where there is room; return whether there is."""
         for lean in (True, False) if leaning else (False,):
             for _ in range(_TRIES):
-                host, off_mm = self._place(rng, slab_mm, lean=lean)
-                if off_mm is not None and self._put(slab_mm + off_mm, host):
+                host, off_mm = self._draw_place(rng, slab_mm, lean=lean)
+                if off_mm is not None and self._place_at(slab_mm + off_mm, host):
                     return True
         return False
 
-    def _place(
+    def _draw_place(
         self, rng: np.random.Generator, slab_mm: Floats, *, lean: bool
     ) -> tuple[int, Floats | None]:
         """Draw a host and an offset; hosts -4 .. -1 are the sides, -5 is none."""
@@ -170,7 +170,7 @@ class Pile:
         return off_mm
 
     def _on_slab(self, rng: np.random.Generator, slab_mm: Floats, host: int) -> Floats | None:
-        """Return an offset that slides a slab against another until it just bites into it."""
+        """Return an offset that slides a slab against another until they overlap slightly."""
         turn = 2.0 * math.pi * rng.random()
         way = np.array([math.cos(turn), math.sin(turn)])
         aside = self._radii_mm[host] * (2.0 * rng.random() - 1.0) * np.array([-way[1], way[0]])
@@ -182,14 +182,14 @@ class Pile:
         bite_mm = _BITE * math.sqrt(Polygon(slab_mm).area)
         return np.asarray(begin_mm + (contact_mm + bite_mm) * way)
 
-    def _put(self, slab_mm: Floats, host: int) -> bool:
-        """Put a slab down if it touches nothing but its host; return whether it did."""
+    def _place_at(self, slab_mm: Floats, host: int) -> bool:
+        """Place a slab if it touches nothing but its host; return whether it does."""
         polygon = Polygon(slab_mm)
         if not (self._clear_of_sides(slab_mm, host) and self._clear_of_slabs(polygon, host)):
             return False
         if shapely.distance(polygon, self.rules.keep_out) < self.rules.keep_out_mm:
             return False
-        if host >= 0 and not self._bites(polygon, host):
+        if host >= 0 and not self._overlaps(polygon, host):
             return False
         if self._count == len(self._polygons):
             self._grow()
@@ -222,8 +222,8 @@ class Pile:
         distances_mm = shapely.distance(self.polygons[near], polygon)
         return bool((distances_mm >= self.rules.passage_mm).all())
 
-    def _bites(self, polygon: Polygon, host: int) -> bool:
-        """Return whether the overlap is broad enough to hold, and is no overlap of the whole."""
+    def _overlaps(self, polygon: Polygon, host: int) -> bool:
+        """Return whether the overlap with a host is neither a mere touch nor most of the slab."""
         shared_mm2 = shapely.intersection(polygon, self._polygons[host]).area
         least_mm2, most_mm2 = 0.1 * _BITE**2 * polygon.area, 0.5 * polygon.area
         return bool(least_mm2 < shared_mm2 < most_mm2)
@@ -235,24 +235,24 @@ def _radius(slab_mm: Floats) -> float:
 
 _STREAM = 1401
 _MOST_SLABS = 4000
-_HOPELESS = 12
-"""So many slabs in a row without a place are proof enough that it is full."""
+_MOST_MISSES = 12
+"""Slabs in a row without a place until the bounds count as full."""
 _SHORTFALL = 0.1
 _NEAR = 0.03
 _ROUNDS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RubbleOptions:
-    """What instances of one Rubble environment have in common.
+class RubbleOptions(SeveralStartOptions):
+    """Options that instances of one Rubble environment share.
 
     Parameters
     ----------
     size_mm
         Width and height of the bounds.
     cover
-        Share of the bounds that slabs cover: at least nine tenths of this; the last slab put down
-        may go beyond.
+        Share of the bounds that slabs cover: at least nine tenths of this; the last slab may go
+        beyond.
     slab_min_mm, slab_max_mm
         Range of a slab's length.
     exponent
@@ -271,12 +271,6 @@ class RubbleOptions:
     passage_mm
         Width that stays passable: slabs that do not lean on each other are at least this apart.
         Only the corner between a slab and the one it leans on is narrower.
-    starts
-        Starting places, evenly spread along the lower side; one stands in its middle.
-    start_clearance_mm
-        Least distance from every possible starting position to walls.
-    start_spread_x_mm, start_spread_y_mm, start_spread_heading_deg
-        Half-widths of the ranges from which poses are drawn; the middle heading is straight up.
 
     Raises
     ------
@@ -296,11 +290,6 @@ class RubbleOptions:
     direction_spread_deg: float = 30.0
     leaning: float = 0.35
     passage_mm: float = 18.0
-    starts: int = 1
-    start_clearance_mm: float = 15.0
-    start_spread_x_mm: float = 10.0
-    start_spread_y_mm: float = 0.0
-    start_spread_heading_deg: float = 30.0
 
     def __post_init__(self) -> None:
         positive("size_mm", self.size_mm, 1e6)
@@ -310,17 +299,15 @@ class RubbleOptions:
         number("exponent", self.exponent, 0.0, 5.0)
         number("thickness_min", self.thickness_min, 0.05, 0.8)
         number("thickness_max", self.thickness_max, self.thickness_min, 0.8)
-        for name in ("raggedness", "leaning"):
-            number(name, getattr(self, name), 0.0, 1.0)
+        check_shares(self, "raggedness", "leaning")
         number("direction_deg", self.direction_deg, -360.0, 360.0, "deg")
         number("direction_spread_deg", self.direction_spread_deg, 0.0, 90.0, "deg")
         positive("passage_mm", self.passage_mm, 0.2 * self.size_mm)
-        whole("starts", self.starts, 1, 1000)
-        check_starts(self, (self.size_mm, self.size_mm), self.starts, 0.5 * self.passage_mm)
+        self.check_starts((self.size_mm, self.size_mm), 0.5 * self.passage_mm)
 
     @property
     def slab_kind(self) -> SlabKind:
-        """How its slabs look."""
+        """Dimensions and directions of its slabs."""
         return SlabKind(
             thickness=(self.thickness_min, self.thickness_max),
             direction_rad=math.radians(self.direction_deg),
@@ -330,7 +317,7 @@ class RubbleOptions:
 
 
 def rubble_map(seed: int, options: RubbleOptions | None = None) -> Map:
-    """Make one instance of a Rubble environment.
+    """Generate one instance of a Rubble environment.
 
     Slabs that lean on each other are one obstacle. A round body ``passage_mm`` wide can go from
     every possible starting position to everywhere it fits (why: see `Pile`).
@@ -353,8 +340,8 @@ def rubble_map(seed: int, options: RubbleOptions | None = None) -> Map:
     'Polygon'
     """
     options = options or RubbleOptions()
-    whole("seed", seed, 0, 2**63 - 1)
-    starts = lower_starts(options, options.size_mm, options.starts, 0.5 * options.passage_mm)
+    check_seed(seed)
+    starts = options.lower_starts(options.size_mm, 0.5 * options.passage_mm)
     pile = _pile(child(seed, _STREAM), options, starts)
     obstacles = canonical(_solid(pile, options))
     covered = sum(polygon.area for polygon in obstacles) / options.size_mm**2
@@ -362,60 +349,59 @@ def rubble_map(seed: int, options: RubbleOptions | None = None) -> Map:
         raise BadInputError(
             "cover", options.cover, f"at most about {covered:.2f} with such slabs and passages"
         )
-    facts = {"slabs": len(pile.polygons), "covered": round(covered, 4)}
-    return Map(
-        name=f"rubble_{seed}",
+    return generated_map(
+        "rubble",
+        seed,
+        options,
         bounds=box(options.size_mm, options.size_mm),
         obstacles=obstacles,
         starts=starts,
-        environment="rubble",
-        seed=seed,
-        facts={**asdict(options), **facts},
+        slabs=len(pile.polygons),
+        covered=round(covered, 4),
     )
 
 
 def _solid(pile: Pile, options: RubbleOptions) -> BaseGeometry:
-    """Return the slabs as far as they lie within the bounds; those that lean are one piece."""
-    grid_mm = 10.0**-DECIMALS
-    slabs = shapely.union_all(pile.polygons, grid_size=grid_mm)
+    """Return the union of the slabs, clipped to the bounds."""
+    slabs = shapely.union_all(pile.polygons, grid_size=COORDINATE_GRID_MM)
     bounds = box(options.size_mm, options.size_mm)
-    return shapely.intersection(slabs, bounds, grid_size=grid_mm)
+    return shapely.intersection(slabs, bounds, grid_size=COORDINATE_GRID_MM)
 
 
 def _pile(rng: np.random.Generator, options: RubbleOptions, starts: tuple[Start, ...]) -> Pile:
-    """Return slabs put down as far as there is room.
+    """Return slabs placed as far as there is room.
 
-    More follow where much is lost to overlaps and to what sticks out of the sides.
+    Further rounds replace what is lost to overlaps and beyond the sides.
     """
     rules = PileRules(
         size_mm=options.size_mm,
         passage_mm=options.passage_mm,
-        keep_out=all_zones(starts),
+        keep_out=start_zones(starts),
         keep_out_mm=max(options.start_clearance_mm, options.passage_mm),
     )
     pile, wanted_mm2 = Pile(rules), options.cover * options.size_mm**2
     for _ in range(_ROUNDS):
         missing_mm2 = wanted_mm2 - _solid(pile, options).area
-        if missing_mm2 <= _NEAR * wanted_mm2 or not _put_down(rng, pile, missing_mm2, options):
+        if missing_mm2 <= _NEAR * wanted_mm2 or not _add_slabs(rng, pile, missing_mm2, options):
             break
     return pile
 
 
-def _put_down(
+def _add_slabs(
     rng: np.random.Generator, pile: Pile, area_mm2: float, options: RubbleOptions
 ) -> bool:
-    """Add slabs from the largest to the smallest; return whether there may be room for more."""
+    """Add slabs from the largest to the smallest; return whether more may fit."""
     misses = 0
     for corners in _slabs(rng, area_mm2, options):
         found = pile.add(rng, corners, leaning=bool(rng.random() < options.leaning))
         misses = 0 if found else misses + 1
-        if misses == _HOPELESS:
+        if misses == _MOST_MISSES:
             return False
     return True
 
 
 def _slabs(rng: np.random.Generator, missing_mm2: float, options: RubbleOptions) -> list[Floats]:
-    """Return slabs that together have this area, the largest first."""
+    """Return slabs with this total area, the largest first."""
     limits = options.slab_min_mm, options.slab_max_mm
     slabs: list[Floats] = []
     areas_mm2: list[float] = []
@@ -426,7 +412,9 @@ def _slabs(rng: np.random.Generator, missing_mm2: float, options: RubbleOptions)
         missing_mm2 -= areas_mm2[-1]
         if len(slabs) > _MOST_SLABS:
             raise BadInputError(
-                "slab_min_mm", options.slab_min_mm, f"more: below {_MOST_SLABS} slabs cover so much"
+                "slab_min_mm",
+                options.slab_min_mm,
+                f"more, so that at most {_MOST_SLABS} slabs are needed",
             )
     order = np.argsort(-np.array(areas_mm2), kind="stable")
     return [slabs[index] for index in order.tolist()]

@@ -1,1 +1,1 @@
-"""One file per format: a foreign file in, a map out."""
+"""One file per format: a file of another program in, a map out; ``importers`` lists them."""

@@ -1,9 +1,9 @@
-"""Polygons as comma-separated values: one point a line.
+"""Polygons as comma-separated values, one point per line.
 
-With the columns ``polygon,x_mm,y_mm`` and perhaps ``role`` (``bounds`` or ``obstacle``), named in
-a header in any order or, without header, in this order, points with the same polygon follow one
-another. With the columns ``x_mm,y_mm`` alone an empty line ends a polygon. Commas, semicolons or
-tabs separate; ``#`` begins a comment. Polygons close by themselves.
+Columns are ``polygon,x_mm,y_mm`` and optionally ``role`` (``bounds`` or ``obstacle``), in the
+order of a header or, without one, in this order; points of one polygon follow one another. With
+``x_mm,y_mm`` alone an empty line ends a polygon. Commas, semicolons or tabs separate; ``#`` begins
+a comment. Polygons need not repeat their first point.
 """
 
 import math
@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from vinefab.core.errors import BadInputError
-from vinefab.maps.cleanup.curves import Straight
-from vinefab.maps.cleanup.shapes import Role
-from vinefab.maps.importers.drawing import (
+from vinefab.core.errors import BadInputError, located
+from vinefab.maps.cleanup.drawn_shapes import Role
+from vinefab.maps.importers.source_drawing import (
     DrawingItem,
     ImportOptions,
     Ring,
     SourceDrawing,
+    Straight,
     drawing_map,
 )
 from vinefab.model.files.shipped import read_text
@@ -51,10 +51,8 @@ class _Polygon:
 def import_csv(path: Path, options: ImportOptions) -> Map:
     """Return the map in a file of comma-separated polygons."""
     options.refuse(("layers",), "a CSV file", path)
-    try:
+    with located(path):
         polygons = _polygons(read_text(path, _LARGEST_BYTES))
-    except BadInputError as error:
-        raise error.at(path) from error
     items = tuple(
         DrawingItem(
             rings=(Ring(pieces=(Straight(np.array(polygon.points)),)),),
@@ -92,7 +90,7 @@ def _polygons(text: str) -> list[_Polygon]:
 
 
 def _columns(number: int, cells: list[str]) -> tuple[tuple[str, ...], bool]:
-    """Return what each column holds, and whether the line is a header."""
+    """Return the name of each column, and whether the line is a header."""
     named = tuple(_NAMES.get(cell.lower(), "") for cell in cells)
     if {"x", "y"} <= set(named) and "" not in named and len(set(named)) == len(named):
         return named, True

@@ -22,18 +22,21 @@ from scipy.interpolate import BSpline as Interpolated
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.core.validation import Floats
-from vinefab.maps.cleanup.curves import Arc, CurvePiece, Straight, bulge_arc
-from vinefab.maps.importers.drawing import (
+from vinefab.maps.importers.source_drawing import (
+    Arc,
+    CurvePiece,
     DrawingItem,
     ImportOptions,
     Ring,
     SourceDrawing,
+    Straight,
+    bulge_arc,
     drawing_map,
 )
 from vinefab.model.files.shipped import read_bytes
 from vinefab.model.map import Map
 
-FLAT = "flat drawings: equal z all along an entity, seen from straight above or below"
+_FLAT = "flat drawings: equal z all along an entity, seen from straight above or below"
 _SPLINE_FRAME = 16
 _FINEST_SPAN = 4096
 _LEAST_SLOPE = 1e-6
@@ -41,23 +44,22 @@ _EXTRUSION_SLACK = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
-    """A B-spline, rational or not, mirrored in x when -1.
+class _SplineCurve:
+    """A B-spline, rational or not.
 
-    Evaluated here, not by ezdxf: that one runs closed splines over knots at which they have not
-    begun yet.
+    Evaluated here, not by ezdxf, which evaluates closed splines over knots outside their range.
     """
 
     spline: BSpline
-    mirror: float = 1.0
+    mirror: float = 1.0  # -1: mirrored in x
 
     def hull(self) -> Floats:
-        """Return the control points, which hold the curve between them."""
+        """Return the control points: their convex hull contains the curve."""
         points = [(self.mirror * point.x, point.y) for point in self.spline.control_points]
         return np.array(points)
 
     def flat(self, tolerance: float) -> Floats:
-        """Return points on the curve: every span between knots is halved until it is flat."""
+        """Return points on the curve: spans between knots are halved until they are flat."""
         knots, order = np.array(self.spline.knots()), self.spline.order
         inner = np.unique(knots[order - 1 : len(knots) - order + 1])
         parts = 4
@@ -79,15 +81,15 @@ class Curve:
         return np.asarray(values[:, :2] / values[:, 2:])
 
 
-def items_of(entity: DXFGraphic, where: str) -> list[DrawingItem]:
-    """Return what an entity draws, in world coordinates."""
+def _items_of(entity: DXFGraphic, where: str) -> list[DrawingItem]:
+    """Return the items that an entity draws, in world coordinates."""
     try:
-        return READERS[entity.dxftype()](entity, where)
+        return _READERS[entity.dxftype()](entity, where)
     except BadInputError:
         raise
     except (DXFError, ValueError, TypeError, AttributeError, IndexError, ArithmeticError) as error:
         problem = " ".join(str(error).split()) or type(error).__name__
-        raise BadInputError(where, problem[:80], "an entity that holds together") from error
+        raise BadInputError(where, problem[:80], "a consistent entity") from error
 
 
 def _line(entity: DXFGraphic, where: str) -> list[DrawingItem]:
@@ -117,7 +119,7 @@ def _circular(entity: DXFGraphic, where: str, start_deg: float, end_deg: float) 
 def _angled(
     middle: Sequence[float], radius: float, angles_deg: tuple[float, float], mirror: float
 ) -> Arc:
-    """Return the counter-clockwise arc from one angle to another, equal angles for all of it."""
+    """Return the counter-clockwise arc between two angles; equal ones give the whole circle."""
     turn_deg = (angles_deg[1] - angles_deg[0]) % 360.0
     return Arc(
         middle=np.array([mirror * middle[0], middle[1]]),
@@ -129,7 +131,7 @@ def _angled(
 
 
 def _ellipse(entity: DXFGraphic, where: str) -> list[DrawingItem]:
-    # Ellipses are stored in world coordinates; mirroring only turns their minor axis over.
+    # Ellipses are stored in world coordinates; mirroring only flips their minor axis.
     up = _mirror(entity, where)
     _flat_points(where, [Vec3(0, 0, 0), entity.dxf.major_axis])
     major = np.array([entity.dxf.major_axis.x, entity.dxf.major_axis.y])
@@ -154,8 +156,8 @@ def _elliptic(middle: Floats, major: Floats, ratio: float, params: tuple[float, 
 def _spline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
     spline = entity.construction_tool()  # type: ignore[attr-defined]
     _flat_points(where, list(spline.control_points))
-    curve = Curve(spline)
-    curve.flat(math.inf)  # so that knots that do not fit are found while it is known where
+    curve = _SplineCurve(spline)
+    curve.flat(math.inf)  # finds wrong knots while the entity is known
     closed = bool(entity.closed)  # type: ignore[attr-defined]
     return [DrawingItem(rings=(Ring(pieces=(curve,)),), where=where, closed=closed)]
 
@@ -169,7 +171,7 @@ def _lwpolyline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
 def _polyline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
     polyline = entity
     if polyline.is_polygon_mesh or polyline.is_poly_face_mesh:  # type: ignore[attr-defined]
-        raise BadInputError(where, "a mesh in space", FLAT)
+        raise BadInputError(where, "a mesh in space", _FLAT)
     drawn = [
         vertex
         for vertex in polyline.vertices  # type: ignore[attr-defined]
@@ -198,7 +200,7 @@ def _bulged(
 def _bulged_pieces(
     vertices: Sequence[Sequence[float]], mirror: float, *, closed: bool
 ) -> tuple[CurvePiece, ...]:
-    """Return the pieces of a polyline; straight ones that follow one another are one."""
+    """Return the pieces of a polyline; consecutive straight ones are merged."""
     points = np.array([(mirror * x, y) for x, y, *_ in vertices])
     bulges = [mirror * vertex[2] for vertex in vertices]
     if closed:
@@ -248,14 +250,14 @@ def _edge(edge: object, mirror: float) -> CurvePiece:
     if not isinstance(edge, SplineEdge):
         raise TypeError(f"an edge of the unknown kind {type(edge).__name__}")
     if not edge.control_points:
-        return Curve(fit_points_to_cad_cv(edge.fit_points), mirror)
+        return _SplineCurve(fit_points_to_cad_cv(edge.fit_points), mirror)
     spline = BSpline(
         edge.control_points,
         order=edge.degree + 1,
         knots=edge.knot_values or None,
         weights=edge.weights or None,
     )
-    return Curve(spline, mirror)
+    return _SplineCurve(spline, mirror)
 
 
 def _ellipse_edge(ellipse: ConstructionEllipse, mirror: float) -> CurvePiece:
@@ -267,7 +269,7 @@ def _ellipse_edge(ellipse: ConstructionEllipse, mirror: float) -> CurvePiece:
 
 
 def _edge_loops(pieces: list[CurvePiece]) -> list[Ring]:
-    """Return the loops that a hatch's edges make, in whichever direction each edge runs."""
+    """Return the loops of a hatch's edges, whichever way each edge runs."""
     loops: list[list[CurvePiece]] = []
     first = last = np.full(2, math.nan)
     for piece in pieces:
@@ -293,7 +295,7 @@ def _mirror(entity: DXFGraphic, where: str) -> float:
     direction = Vec3(entity.dxf.get("extrusion", Vec3(0, 0, 1)))
     if not abs(direction.x) + abs(direction.y) <= _EXTRUSION_SLACK * abs(direction.z):
         value = f"extruded along ({direction.x:.4g}, {direction.y:.4g}, {direction.z:.4g})"
-        raise BadInputError(where, value, FLAT)
+        raise BadInputError(where, value, _FLAT)
     return -1.0 if direction.z < 0.0 else 1.0
 
 
@@ -306,11 +308,11 @@ def _flat_points(where: str, points: Sequence[Vec3]) -> Floats:
     if rise[2] > _LEAST_SLOPE * max(rise[0], rise[1]):
         low, high = array[:, 2].min(), array[:, 2].max()
         place = f"{where} at ({array[0, 0]:.8g}, {array[0, 1]:.8g})"
-        raise BadInputError(place, f"3-D, z from {low:.6g} to {high:.6g}", FLAT)
+        raise BadInputError(place, f"3-D, z from {low:.6g} to {high:.6g}", _FLAT)
     return np.asarray(array[:, :2])
 
 
-READERS: dict[str, Callable[[DXFGraphic, str], list[DrawingItem]]] = {
+_READERS: dict[str, Callable[[DXFGraphic, str], list[DrawingItem]]] = {
     "LINE": _line,
     "CIRCLE": _circle,
     "ARC": _arc,
@@ -366,53 +368,51 @@ _BROKEN = (
     RecursionError,
     StopIteration,
 )
-"""What ezdxf raises on files that are broken in ways that it does not expect."""
+"""What ezdxf raises on files with damage that it does not expect."""
 
 
 _GUESSED = (AuditError.INVALID_INTEGER_VALUE, AuditError.INVALID_FLOATING_POINT_VALUE)
-_UNHEARD = logging.NullHandler()
+_NO_OUTPUT = logging.NullHandler()
 
 
 def import_dxf(path: Path, options: ImportOptions) -> Map:
     """Return the map in a DXF drawing.
 
-    Hatches and solids are areas, everything else lines and outlines. Blocks are taken apart.
-    What is frozen, off, invisible, text or not in model space is counted and left out.
+    Hatches and solids are areas, everything else lines and outlines. Blocks are exploded. What is
+    frozen, off, invisible, text or outside model space is counted and left out.
     """
-    document, mended = _document(path)
+    document, repaired = _document(path)
     try:
         drawing = _drawing(document, options.layers)
-    except BadInputError as error:
+    except (BadInputError, UnknownNameError) as error:
         raise error.at(path) from error
-    except UnknownNameError:
-        raise
     except _BROKEN as error:
         problem = " ".join(str(error).split()) or type(error).__name__
         raise UnreadableFileError(path, f"is a damaged DXF file: {problem[:120]}") from error
-    if mended:
-        drawing = replace(drawing, facts={**drawing.facts, "faults_mended_by_reader": mended})
+    if repaired:
+        drawing = replace(drawing, facts={**drawing.facts, "faults_mended_by_reader": repaired})
     return replace(drawing_map(path, drawing, options), environment="dxf")
 
 
 def _document(path: Path) -> tuple["Document", int]:
-    """Return the document and how many faults in it were mended by the reader."""
+    """Return the document and how many of its faults ezdxf repaired."""
     data = read_bytes(path, _LARGEST_BYTES)
     if not data.strip():
         raise UnreadableFileError(path, "is empty")
-    # The reader's warnings go into the one line that the user gets, not beside it.
-    logging.getLogger("ezdxf").addHandler(_UNHEARD)
+    # Its warnings are not printed beside the one line that a user gets.
+    logging.getLogger("ezdxf").addHandler(_NO_OUTPUT)
     try:
-        document, mended = readfile(path), 0
+        document, repaired = readfile(path), 0
     except (OSError, *_BROKEN):
-        document, mended = _recovered(path, data)
+        document, repaired = _recovered(path, data)
     if b"$INSUNITS" not in data:
-        # ezdxf takes metres then; the file says nothing.
+        # ezdxf assumes metres then; the file names no unit.
         document.header["$INSUNITS"] = 0
-    return document, mended
+    return document, repaired
 
 
 def _recovered(path: Path, data: bytes) -> tuple["Document", int]:
-    """Return a damaged document, if nothing but its structure had to be mended."""
+    """Return a damaged document, if only its structure had to be repaired."""
     try:
         document, auditor = recover.read(io.BytesIO(data))
     except (OSError, *_BROKEN) as error:
@@ -456,7 +456,7 @@ def _layer(entity: DXFGraphic) -> str:
 
 @dataclass(slots=True)
 class _Walk:
-    """A walk through model space and the blocks inserted in it."""
+    """Traversal of model space and the blocks inserted in it."""
 
     document: "Document"
     layers: frozenset[str]
@@ -472,11 +472,11 @@ class _Walk:
             if hidden is not None:
                 self.ignored[hidden] += 1
             elif kind in _SOLIDS or kind.endswith("SURFACE"):
-                raise BadInputError(where, "a solid or surface", FLAT)
-            elif kind not in READERS:
+                raise BadInputError(where, "a solid or surface", _FLAT)
+            elif kind not in _READERS:
                 self.ignored[kind] += 1
             else:
-                found += items_of(entity, where)
+                found += _items_of(entity, where)
                 self.read[kind] += 1
         return found
 
@@ -495,7 +495,7 @@ class _Walk:
     def _leaves(
         self, space: Iterable[DXFGraphic], outer: str | None, inside: str, depth: int
     ) -> Iterator[tuple[DXFGraphic, str, str]]:
-        """Yield entities that are no blocks, with their layer and what messages call them."""
+        """Yield entities other than blocks, with their layer and their name in messages."""
         for entity in space:
             self.seen += 1
             if self.seen > _MOST_ENTITIES:
@@ -534,7 +534,9 @@ class _Walk:
             yield from self._leaves(parts, layer, inside, depth + 1)
 
     def _skipped(self, entity: DXFGraphic, reason: str) -> None:
-        if entity.dxftype() in READERS:
+        if entity.dxftype() in _READERS:
             where = f"{entity.dxftype()} (handle {entity.dxf.handle}) in a block"
-            raise BadInputError(where, reason, "blocks that can be taken apart; explode it first")
+            raise BadInputError(
+                where, reason, "blocks that can be exploded; explode it in the drawing program"
+            )
         self.ignored[entity.dxftype()] += 1

@@ -1,6 +1,5 @@
-"""GeoJSON of other programs: any geometry, as dirty as it comes."""
+"""GeoJSON of other programs: any geometry, also an invalid one."""
 
-import json
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,22 +10,21 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.errors import BadInputError, located
 from vinefab.core.validation import positive
-from vinefab.maps.cleanup.curves import Straight
-from vinefab.maps.importers.drawing import (
+from vinefab.maps.importers.source_drawing import (
     DrawingItem,
     ImportOptions,
     Ring,
     SourceDrawing,
+    Straight,
     drawing_map,
 )
-from vinefab.model.files.map_geojson import read_map
-from vinefab.model.files.shipped import read_text
+from vinefab.model.files.map_geojson import feature_key, geojson_document, read_map
 from vinefab.model.map import Map, Start
 
 
-def scaled_map(world: Map, factor: float) -> Map:
+def _scaled_map(world: Map, factor: float) -> Map:
     """Return a map with all lengths multiplied by a factor, about the origin."""
     positive("scale", factor, 1e6, "new over old")
     if factor == 1.0:
@@ -54,41 +52,35 @@ def _scaled_start(start: Start, factor: float) -> Start:
     )
 
 
-_LARGEST_BYTES = 1 << 30
 _DEEPEST = 20
 _ONLY_DRAWINGS = ("simplify_mm", "start", "join_mm", "bounds", "margin_mm", "wall_mm", "open_lines")
 _ROLES = ("bounds", "obstacle")
 
-Found = tuple[str, dict[str, Any], object]
+_Leaf = tuple[str, dict[str, Any], object]
+"""Name in messages, a geometry that is no collection, and the role of its feature."""
 
 
 def import_geojson(path: Path, options: ImportOptions) -> Map:
     """Return the map in a GeoJSON file.
 
-    A map that vinefab wrote is read as it is. Of other files polygons are solid areas (the
-    largest is the bounds and its holes are obstacles), closed lines are outlines and open ones
-    are joined; points and everything else are counted and left out. ``properties.role`` may say
-    what is bounds and what an obstacle.
+    A map that vinefab wrote is read unchanged. In other files polygons are solid areas (the
+    largest is the bounds, its holes are obstacles), closed lines are outlines and open ones are
+    joined; points are counted and left out. ``properties.role`` may name bounds and obstacles.
     """
     options.refuse(("layers", "unknown"), "a GeoJSON file", path)
     document = _document(path)
     if "vinefab" in document:
         options.refuse(_ONLY_DRAWINGS, "a map that vinefab wrote", path)
-        world = read_map(path)
-        world = scaled_map(world, 1.0 if (s := options.scale_mm_per_unit) is None else s)
+        scale = 1.0 if options.scale_mm_per_unit is None else options.scale_mm_per_unit
+        world = _scaled_map(read_map(path), scale)
         return replace(world, facts={**world.facts, "source": path.name})
-    try:
+    with located(path):
         drawing = _drawing(document)
-    except BadInputError as error:
-        raise error.at(path) from error
     return replace(drawing_map(path, drawing, options), environment="geojson")
 
 
 def _document(path: Path) -> dict[str, Any]:
-    try:
-        document = json.loads(read_text(path, _LARGEST_BYTES))
-    except (ValueError, RecursionError) as error:
-        raise UnreadableFileError(path, f"is not JSON: {error}") from error
+    document = geojson_document(path)
     if not isinstance(document, dict) or "type" not in document:
         raise BadInputError("type", None, "a GeoJSON object such as a FeatureCollection", path)
     return document
@@ -118,22 +110,22 @@ def _unclosed(ring: Ring) -> bool:
     return bool((points[0] != points[-1]).any())
 
 
-def _geometries(document: dict[str, Any]) -> Iterator[Found]:
-    """Yield every geometry with what messages call it and its feature's role."""
+def _geometries(document: dict[str, Any]) -> Iterator[_Leaf]:
+    """Yield every single geometry of a document."""
     if document["type"] != "FeatureCollection":
         yield from _of_feature(str(document["type"]), document)
         return
     features = document.get("features")
     if not isinstance(features, list):
         raise BadInputError("features", features, "a list of features")
-    for index, feature in enumerate(features, start=1):
-        key = f"features[{index}]"
+    for index, feature in enumerate(features):
+        key = feature_key(index)
         if not isinstance(feature, dict):
             raise BadInputError(key, feature, "a GeoJSON Feature")
         yield from _of_feature(key, feature)
 
 
-def _of_feature(key: str, feature: dict[str, Any]) -> Iterator[Found]:
+def _of_feature(key: str, feature: dict[str, Any]) -> Iterator[_Leaf]:
     if feature.get("type") != "Feature":
         yield from _leaves(key, feature, None, 0)
         return
@@ -143,7 +135,7 @@ def _of_feature(key: str, feature: dict[str, Any]) -> Iterator[Found]:
         yield from _leaves(key, geometry, role if role in _ROLES else None, 0)
 
 
-def _leaves(key: str, geometry: object, role: object, depth: int) -> Iterator[Found]:
+def _leaves(key: str, geometry: object, role: object, depth: int) -> Iterator[_Leaf]:
     if not isinstance(geometry, dict) or depth > _DEEPEST:
         raise BadInputError(key, geometry, "a geometry with type and coordinates")
     kind, parts = geometry.get("type"), geometry.get("coordinates")
@@ -182,7 +174,7 @@ def _items(key: str, geometry: dict[str, Any], role: Any) -> list[DrawingItem]: 
 
 
 def _ring(key: str, points: object) -> Ring | None:
-    """Return a ring's positions, None if it has none."""
+    """Return a ring, None without positions."""
     positions = _list(key, points)
     for number, point in enumerate(positions, start=1):
         if not _is_position(point):

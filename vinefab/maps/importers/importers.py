@@ -1,53 +1,95 @@
-"""Maps that other programs wrote, by the kind of file."""
+"""The formats that maps can be imported from.
+
+To add one: a file with ``read(path, options)``, an entry here, a valid sample in the contract test.
+"""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.registry import Registry
 from vinefab.maps.importers.csv_polygons import import_csv
-from vinefab.maps.importers.drawing import ImportOptions
 from vinefab.maps.importers.geojson_any import import_geojson
-from vinefab.maps.importers.ros_map import RosOptions, import_ros
+from vinefab.maps.importers.ros_map import import_ros
+from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.maps.importers.svg_drawing import import_svg
 from vinefab.model.map import Map
 
-Importer = Callable[[Path, ImportOptions], Map]
 
-_NOT_FOR_ROS = ("join_mm", "layers", "bounds", "margin_mm", "wall_mm", "open_lines")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapImporter:
+    """Reads maps in one format.
+
+    What is wrong with a file is a BadInputError or an UnreadableFileError that names the file.
+    """
+
+    suffixes: tuple[str, ...]  # of its files, in lower case with the dot
+    read: Callable[[Path, ImportOptions], Map]
+    malformed: bytes  # a damaged file, which must be refused
 
 
-def import_map(source: Path, options: ImportOptions) -> Map:
-    """Return the map in a file of another program, by its suffix."""
-    suffix = source.suffix.lower()
-    if suffix not in IMPORTERS:
-        raise BadInputError("source", str(source), f"a file ending in {', '.join(IMPORTERS)}")
-    return IMPORTERS[suffix](source, options)
-
-
-def _dxf(path: Path, options: ImportOptions) -> Map:
+def _import_dxf(path: Path, options: ImportOptions) -> Map:
     from vinefab.maps.importers.dxf_drawing import import_dxf  # noqa: PLC0415  ezdxf takes a second to import
 
     return import_dxf(path, options)
 
 
-def _ros(path: Path, options: ImportOptions) -> Map:
-    options.refuse(_NOT_FOR_ROS, "a ROS map", path)
-    given = {name: getattr(options, name) for name in ("scale_mm_per_unit", "unknown", "start")}
-    chosen = {name: value for name, value in given.items() if value is not None}
-    return import_ros(path, RosOptions(simplify_mm=options.simplify_mm, **chosen))
-
-
-IMPORTERS: Registry[Importer] = Registry(
-    "kind of map file",
+IMPORTERS: Registry[MapImporter] = Registry(
+    "map format",
     {
-        ".yaml": _ros,
-        ".yml": _ros,
-        ".geojson": import_geojson,
-        ".json": import_geojson,
-        ".dxf": _dxf,
-        ".svg": import_svg,
-        ".csv": import_csv,
+        "ros": MapImporter(
+            suffixes=(".yaml", ".yml"),
+            read=import_ros,
+            malformed=b"image: world.pgm\nresolution: 0.05\norigin: [0.0, 0.0]\n",
+        ),
+        "geojson": MapImporter(
+            suffixes=(".geojson", ".json"),
+            read=import_geojson,
+            malformed=b'{"type": "Polygon", "coordinates": [[[0, 0], [9, 0], ["9", 9]]]}',
+        ),
+        "dxf": MapImporter(
+            suffixes=(".dxf",),
+            read=_import_dxf,
+            malformed=b"0\nSECTION\n2\nENTITIES\n0\nLINE\n10\nhere\n0\nENDSEC\n0\nEOF\n",
+        ),
+        "svg": MapImporter(
+            suffixes=(".svg",),
+            read=import_svg,
+            malformed=b'<svg xmlns="http://www.w3.org/2000/svg"><path d="M 0 0 L 9 x"/></svg>',
+        ),
+        "csv": MapImporter(
+            suffixes=(".csv",),
+            read=import_csv,
+            malformed=b"polygon,x_mm,y_mm\nroom,0,0\nroom,100\n",
+        ),
     },
 )
-"""Importers by suffix."""
+
+
+def import_suffixes() -> dict[str, MapImporter]:
+    """Return the importers by the suffixes of their files."""
+    return {suffix: importer for importer in IMPORTERS.values() for suffix in importer.suffixes}
+
+
+def import_map(source: Path, options: ImportOptions) -> Map:
+    """Return the map in a file of another program.
+
+    Parameters
+    ----------
+    source
+        Its suffix, in upper or lower case, says which importer reads it.
+
+    Raises
+    ------
+    BadInputError
+        If no importer knows the suffix, an option means nothing for the format, or the content
+        is no map; the message says where in the file.
+    UnreadableFileError
+        If the file is missing, damaged or of another format than its suffix says.
+    """
+    known = import_suffixes()
+    suffix = source.suffix.lower()
+    if suffix not in known:
+        raise BadInputError("source", str(source), f"a file ending in {', '.join(known)}")
+    return known[suffix].read(source, options)

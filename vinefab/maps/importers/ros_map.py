@@ -5,7 +5,7 @@ import math
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import yaml
@@ -23,8 +23,9 @@ from vinefab.maps.cleanup.raster import (
     RasterOptions,
     raster_map,
 )
+from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.shipped import read_bytes, read_text
-from vinefab.model.map import Map, Pose
+from vinefab.model.map import Map
 
 _DEEP = ("I", "I;16", "I;16B", "I;16L")
 _DEEP_TO_BYTE = 1.0 / 257.0
@@ -32,10 +33,10 @@ _GREY = ("1", "L")
 _COLOUR = ("LA", "P", "PA", "RGB", "RGBA")
 
 Values = NDArray[Any]
-"""Numbers from 0 to 255; whole ones (uint8) for grey images."""
+"""Pixel values from 0 to 255; uint8 for grey images."""
 
 
-def read_values(path: Path, data: bytes) -> tuple[Values, Values | None]:
+def _read_values(path: Path, data: bytes) -> tuple[Values, Values | None]:
     """Return brightness and opacity of every pixel, 0 to 255, the image's lowest row first.
 
     Brightness is the mean of red, green and blue.
@@ -77,46 +78,14 @@ def _open(path: Path, data: bytes) -> Image.Image:
 
 _LARGEST_YAML_BYTES = 1 << 20
 _LARGEST_IMAGE_BYTES = 1 << 30
-MODES = ("trinary", "scale", "raw")
+_FULL_SIZE = 1000.0
+_MODES = ("trinary", "scale", "raw")
+_ONLY_DRAWINGS = ("join_mm", "layers", "bounds", "margin_mm", "wall_mm", "open_lines")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RosOptions:
-    """How a ROS map is imported.
-
-    Parameters
-    ----------
-    scale_mm_per_unit
-        Millimetres of the map per metre of the file: 1000 is full size, 50 a table-top model at
-        1:20.
-    simplify_mm
-        Largest distance, in the map, between walls and the boundary of the cells; one cell when
-        None, at least 0.75 of a cell.
-    unknown
-        What cells that were never seen count as. ``free`` may join regions through walls that
-        were seen from one side only.
-    least_obstacle_mm2
-        Obstacles smaller than this are left out; 0 keeps every cell.
-    start
-        Where robots start, in the map; the roomiest place when None. Of several free regions the
-        one with the start is imported, the largest one when None.
-    """
-
-    scale_mm_per_unit: float = 1000.0
-    simplify_mm: float | None = None
-    unknown: Literal["obstacle", "free"] = "obstacle"
-    least_obstacle_mm2: float = 0.0
-    start: Pose | None = None
-
-    def __post_init__(self) -> None:
-        positive("scale_mm_per_unit", self.scale_mm_per_unit, 1e6, "mm per metre")
-        if self.unknown not in ("obstacle", "free"):
-            raise BadInputError("unknown", self.unknown, "obstacle or free")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RosMap:
-    """The YAML file: what the map_server calls the map's metadata."""
+class _RosMap:
+    """The YAML file: the map's metadata, as the map_server calls it."""
 
     image: Path  # path of the image
     resolution_m: float  # width of a cell
@@ -124,11 +93,9 @@ class RosMap:
     # left pixel
     origin: tuple[float, float, float]
     negate: bool  # whether white is occupied
-    # occupied_thresh, free_thresh: cells above the first are occupied, below the second free, else
-    # unknown
-    occupied_thresh: float
-    free_thresh: float
-    mode: str  # how a pixel gives an occupancy, see `classify`
+    occupied_thresh: float  # cells above it are occupied
+    free_thresh: float  # cells below it are free, those in between unknown
+    mode: str  # how a pixel gives an occupancy, see `_classify`
 
     def __post_init__(self) -> None:
         number("resolution", self.resolution_m, 1e-6, 1e6, "m")
@@ -136,21 +103,39 @@ class RosMap:
             number("origin", value, -1e7, 1e7)
         number("occupied_thresh", self.occupied_thresh, 0.0, 1.0)
         number("free_thresh", self.free_thresh, 0.0, self.occupied_thresh)
-        if self.mode not in MODES:
-            raise BadInputError("mode", self.mode, ", ".join(MODES))
+        if self.mode not in _MODES:
+            raise BadInputError("mode", self.mode, ", ".join(_MODES))
+
+    def placement(self, scale_mm_per_m: float) -> GridPlacement:
+        """Return where its cells lie in a map of some scale."""
+        cell_mm = self.resolution_m * scale_mm_per_m
+        if not LEAST_CELL_MM <= cell_mm <= LARGEST_CELL_MM:
+            allowed = f"so much that a cell of {self.resolution_m:g} m becomes 0.01 to 1e6 mm"
+            raise BadInputError("scale_mm_per_unit", scale_mm_per_m, allowed)
+        return GridPlacement(
+            cell_mm=cell_mm,
+            x_mm=self.origin[0] * scale_mm_per_m,
+            y_mm=self.origin[1] * scale_mm_per_m,
+            turn_rad=math.remainder(self.origin[2], 2.0 * math.pi),
+        )
 
 
-def import_ros(path: Path, options: RosOptions | None = None) -> Map:
+def import_ros(path: Path, options: ImportOptions) -> Map:
     """Return the map in a ROS map_server file.
 
-    The bounds are the outer boundary of the free region that counts (the one with the start, or
-    the largest), the solid islands in it are obstacles: see `raster_map`. What was read, done
-    and left out stands in the map's facts.
+    The bounds are the outer boundary of the largest free region, or of the one with the start;
+    the solid islands in it are obstacles: see `raster_map`. The map's facts say what was read and
+    what was left out. ``scale_mm_per_unit`` is per metre, full size (1000) by default.
     """
-    options = options or RosOptions()
-    source = read_ros_yaml(path)
+    options.refuse(_ONLY_DRAWINGS, "a ROS map", path)
+    scale = _FULL_SIZE if options.scale_mm_per_unit is None else options.scale_mm_per_unit
+    unknown = options.unknown or "obstacle"
+    positive("scale_mm_per_unit", scale, 1e6, "mm per metre")
+    if unknown not in ("obstacle", "free"):
+        raise BadInputError("unknown", unknown, "obstacle or free")
+    source = _read_ros_yaml(path)
     data = read_bytes(source.image, _LARGEST_IMAGE_BYTES)
-    occupied, free = classify(*read_values(source.image, data), source)
+    occupied, free = _classify(*_read_values(source.image, data), source)
     facts = {
         "source": path.name,
         "image": source.image.name,
@@ -161,45 +146,31 @@ def import_ros(path: Path, options: RosOptions | None = None) -> Map:
         "occupied_thresh": source.occupied_thresh,
         "free_thresh": source.free_thresh,
         "mode": source.mode,
-        "scale_mm_per_unit": options.scale_mm_per_unit,
-        "unknown": options.unknown,
+        "scale_mm_per_unit": scale,
+        "unknown": unknown,
         "cells": list(free.shape[::-1]),
         "cells_free": int(free.sum()),
         "cells_occupied": int(occupied.sum()),
         "cells_unknown": int(free.size - free.sum() - occupied.sum()),
     }
-    scale = options.scale_mm_per_unit
-    if not LEAST_CELL_MM <= source.resolution_m * scale <= LARGEST_CELL_MM:
-        allowed = f"so much that a cell of {source.resolution_m:g} m becomes 0.01 to 1e6 mm"
-        raise BadInputError("scale_mm_per_unit", scale, allowed, path)
     with located(path):
         world = raster_map(
             path.stem,
-            free if options.unknown == "obstacle" else ~occupied,
-            GridPlacement(
-                cell_mm=source.resolution_m * scale,
-                x_mm=source.origin[0] * scale,
-                y_mm=source.origin[1] * scale,
-                turn_rad=math.remainder(source.origin[2], 2.0 * math.pi),
-            ),
-            RasterOptions(
-                simplify_mm=options.simplify_mm,
-                least_obstacle_mm2=options.least_obstacle_mm2,
-                start=options.start,
-            ),
+            free if unknown == "obstacle" else ~occupied,
+            source.placement(scale),
+            RasterOptions(simplify_mm=options.simplify_mm, start=options.start),
             facts,
         )
     return replace(world, environment="ros")
 
 
-def classify(values: Values, opacity: Values | None, source: RosMap) -> tuple[Mask, Mask]:
-    """Return which cells are occupied and which are free, as the map_server decides.
+def _classify(values: Values, opacity: Values | None, source: _RosMap) -> tuple[Mask, Mask]:
+    """Return which cells are occupied and which are free by the rules of the map_server.
 
     With occupancy p = (255 - value) / 255 (value / 255 when negated): occupied when
     p > ``occupied_thresh``, free when p < ``free_thresh``, else unknown.
 
-    - *trinary*: transparency is averaged in as a fourth colour, as the map_server has always
-      done.
+    - *trinary*: opacity is averaged in as a fourth colour, as the map_server does.
     - *scale*: pixels that are not opaque are unknown.
     - *raw*: the value, 0 to 100, is the occupancy in percent; larger ones are unknown and
       ``negate`` does not matter.
@@ -210,7 +181,7 @@ def classify(values: Values, opacity: Values | None, source: RosMap) -> tuple[Ma
     return _classified(values, opacity, source)
 
 
-def _classified(values: Values, opacity: Values | None, source: RosMap) -> tuple[Mask, Mask]:
+def _classified(values: Values, opacity: Values | None, source: _RosMap) -> tuple[Mask, Mask]:
     known = np.ones(values.shape, dtype=np.bool_)
     if source.mode == "raw":
         known = np.round(values) <= 100.0
@@ -224,7 +195,7 @@ def _classified(values: Values, opacity: Values | None, source: RosMap) -> tuple
     return (occupancy > source.occupied_thresh) & known, (occupancy < source.free_thresh) & known
 
 
-def read_ros_yaml(path: Path) -> RosMap:
+def _read_ros_yaml(path: Path) -> _RosMap:
     """Return the metadata in a map_server's YAML file."""
     text = read_text(path, _LARGEST_YAML_BYTES)
     try:
@@ -237,14 +208,14 @@ def read_ros_yaml(path: Path) -> RosMap:
         return _ros_map(path, data)
 
 
-def _ros_map(path: Path, data: dict[str, Any]) -> RosMap:
+def _ros_map(path: Path, data: dict[str, Any]) -> _RosMap:
     image, origin = data.get("image"), data.get("origin")
     if not isinstance(image, str) or not image or "\0" in image:
         raise BadInputError("image", image, "the path of the image")
     if not isinstance(origin, list) or len(origin) != 3:
         raise BadInputError("origin", origin, "[x, y, yaw]")
     x, y, yaw = (_number("origin", value) for value in origin)
-    return RosMap(
+    return _RosMap(
         image=path.parent / image,
         resolution_m=_number("resolution", data.get("resolution")),
         origin=(x, y, yaw),
@@ -256,7 +227,7 @@ def _ros_map(path: Path, data: dict[str, Any]) -> RosMap:
 
 
 def _number(key: str, value: object) -> float:
-    """Return a number; also from text, as YAML takes 5e-2 without a point for a word."""
+    """Return a number, also from text: in YAML 5e-2 without a point is a string."""
     try:
         if isinstance(value, int | float | str) and not isinstance(value, bool):
             return float(value)

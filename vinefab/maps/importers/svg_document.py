@@ -1,4 +1,4 @@
-"""SVG text as plain nodes with line numbers; lengths, transforms and view boxes."""
+"""SVG documents: elements with line numbers, lengths, transforms and view boxes."""
 
 import math
 import re
@@ -21,7 +21,7 @@ _LONGEST_ENTITY = 500
 class Node:
     """An element."""
 
-    tag: str  # its name without namespace
+    tag: str  # without namespace
     attributes: dict[str, str]  # by name without namespace
     line: int  # where it begins
     children: list["Node"] = field(default_factory=list)  # in order
@@ -29,7 +29,7 @@ class Node:
 
     @property
     def where(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
         name = self.attributes.get("id")
         return f"{self.tag}{f' {name!r}' if name else ''} (line {self.line})"
 
@@ -45,10 +45,10 @@ def read_nodes(path: Path) -> Node:
     builder.parser = parser
     parser.StartElementHandler = builder.start
     parser.EndElementHandler = builder.end
-    parser.CharacterDataHandler = builder.words
+    parser.CharacterDataHandler = builder.characters
     parser.EntityDeclHandler = builder.entity
     try:
-        parser.Parse(data, True)  # noqa: FBT003  expat's way to say that this is all
+        parser.Parse(data, True)  # noqa: FBT003  expat's isfinal
     except (expat.ExpatError, ValueError, LookupError) as error:
         raise UnreadableFileError(path, f"is not SVG: {error}") from error
     if builder.root is None or builder.root.tag != "svg":
@@ -57,7 +57,7 @@ def read_nodes(path: Path) -> Node:
 
 
 class _Builder:
-    """Collects nodes from a parser's calls."""
+    """Builds nodes from a parser's events."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -76,7 +76,7 @@ class _Builder:
             )
         plain: dict[str, str] = {}
         for key, value in attributes.items():
-            # An attribute without namespace counts before one of the same name with.
+            # An attribute without namespace precedes one of the same name with.
             if "}" not in key or _plain(key) not in attributes:
                 plain[_plain(key)] = value
         node = Node(_plain(name), plain, self.line)
@@ -89,7 +89,7 @@ class _Builder:
     def end(self, name: str) -> None:  # noqa: ARG002  expat passes it
         self.open.pop()
 
-    def words(self, text: str) -> None:
+    def characters(self, text: str) -> None:
         if self.open and self.open[-1].tag == "style":
             self.open[-1].text += text
 
@@ -102,7 +102,7 @@ class _Builder:
     ) -> None:
         if value is None or "&" in value or "%" in value or len(value) > _LONGEST_ENTITY:
             raise UnreadableFileError(
-                self.path, f"declares the entity {name!r}, which is long, nested or elsewhere"
+                self.path, f"declares the entity {name!r}, which is long, nested or external"
             )
 
 
@@ -110,7 +110,7 @@ def _plain(name: str) -> str:
     return name.rpartition("}")[2]
 
 
-MM_PER_PX = 25.4 / 96.0
+_MM_PER_PX = 25.4 / 96.0
 _UNITS_PX = {
     "": 1.0,
     "px": 1.0,
@@ -139,24 +139,24 @@ def length_px(node: Node, name: str, default: float = 0.0) -> float:
 
 
 def page_frame(root: Node) -> tuple[Floats, float, str]:
-    """Return the frame that the outermost element sets.
+    """Return the frame set by the outermost element.
 
     Returns
     -------
     tuple
         View box as x, y, width, height in user units (zeros where there is none); millimetres
-        per user unit in x; and in words where that comes from.
+        per user unit in x; and the origin of that scale, as text.
     """
-    box = view_box(root)
+    box = _view_box(root)
     size = tuple(_absolute(root, name) for name in ("width", "height"))
     if box is None:
         whole = np.array([0.0, 0.0, size[0] or 0.0, size[1] or 0.0])
-        return whole, MM_PER_PX, "px of 1/96 inch (no viewBox)"
+        return whole, _MM_PER_PX, "px of 1/96 inch (no viewBox)"
     known = [side / part for side, part in zip(size, box[2:], strict=True) if side is not None]
     if not known:
-        return box, MM_PER_PX, "px of 1/96 inch (no absolute width or height)"
+        return box, _MM_PER_PX, "px of 1/96 inch (no absolute width or height)"
     # Rounded: 210 mm for 210 units is 1 mm, whatever the last bit of 96 / 25.4 says.
-    return box, float(f"{min(known) * MM_PER_PX:.12g}"), "width, height and viewBox"
+    return box, float(f"{min(known) * _MM_PER_PX:.12g}"), "width, height and viewBox"
 
 
 def _absolute(root: Node, name: str) -> float | None:
@@ -166,7 +166,7 @@ def _absolute(root: Node, name: str) -> float | None:
     return value if value > 0.0 else None
 
 
-def view_box(node: Node) -> Floats | None:
+def _view_box(node: Node) -> Floats | None:
     """Return x, y, width and height of a view box, None if there is none."""
     text = node.attributes.get("viewBox")
     if text is None:
@@ -178,9 +178,9 @@ def view_box(node: Node) -> Floats | None:
 
 
 def viewport(node: Node) -> Floats:
-    """Return the map that a nested ``svg`` or a used ``symbol`` sets, shape (2, 3)."""
+    """Return the affine map of a nested ``svg`` or a used ``symbol``, shape (2, 3)."""
     x, y = length_px(node, "x"), length_px(node, "y")
-    box = view_box(node)
+    box = _view_box(node)
     if box is None or not {"width", "height"} <= set(node.attributes):
         return np.array([[1.0, 0.0, x], [0.0, 1.0, y]])
     size = np.array([length_px(node, "width"), length_px(node, "height")])
@@ -193,22 +193,22 @@ def viewport(node: Node) -> Floats:
 
 
 def transform(node: Node) -> Floats:
-    """Return the map that ``transform`` says, shape (2, 3)."""
+    """Return the affine map in a node's ``transform``, shape (2, 3)."""
     text = node.attributes.get("transform", "")
     matrix, at = IDENTITY, 0
     while at < len(text.rstrip()):
         match = _TRANSFORM.match(text, at)
         if match is None:
-            raise _wrong(node, text)
+            raise _bad_transform(node, text)
         values = _numbers(match[2], f"{node.where}: transform")
         matrix, at = after(matrix, _single(node, match[1], values)), match.end()
     if abs(np.linalg.det(matrix[:, :2])) < 1e-30:
-        raise BadInputError(f"{node.where}: transform", text, "one that leaves an area")
+        raise BadInputError(f"{node.where}: transform", text, "one that is not singular")
     return matrix
 
 
 def after(outer: Floats, inner: Floats) -> Floats:
-    """Return the map that does first the inner, then the outer one."""
+    """Return the affine map that applies first the inner, then the outer one."""
     linear = outer[:, :2] @ inner[:, :2]
     return np.column_stack([linear, outer[:, :2] @ inner[:, 2] + outer[:, 2]])
 
@@ -224,7 +224,7 @@ def _single(node: Node, name: str, values: list[float]) -> Floats:
     }
     fewest, most = known.get(name, (99, 0))
     if not fewest <= len(values) <= most or (name == "rotate" and len(values) == 2):
-        raise _wrong(node, f"{name}({values})")
+        raise _bad_transform(node, f"{name}({values})")
     if name == "matrix":
         a, b, c, d, e, f = values
         return np.array([[a, c, e], [b, d, f]])
@@ -249,7 +249,7 @@ def numbers(node: Node, name: str) -> list[float]:
 
 
 def _numbers(text: str, key: str) -> list[float]:
-    # Signs and second points may part numbers: 1-2 and .5.5 are two each.
+    # Signs and second points may separate numbers: 1-2 and .5.5 are two each.
     words = re.findall(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[^\s,]", text)
     try:
         values = [float(word) for word in words]
@@ -260,6 +260,6 @@ def _numbers(text: str, key: str) -> list[float]:
     return values
 
 
-def _wrong(node: Node, text: str) -> BadInputError:
+def _bad_transform(node: Node, text: str) -> BadInputError:
     allowed = "matrix, translate, scale, rotate, skewX and skewY with their numbers"
     return BadInputError(f"{node.where}: transform", text, allowed)

@@ -1,4 +1,8 @@
-"""SVG drawings: groups, uses, styles, units and the outlines of all shapes."""
+"""SVG drawings: path data, shapes, groups, uses and styles.
+
+`svgelements` is no replacement for the path grammar: it accepts unknown commands, infinite
+coordinates and paths without a move, and its errors name no position.
+"""
 
 import math
 import re
@@ -9,14 +13,17 @@ from pathlib import Path
 
 import numpy as np
 
-from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.core.errors import BadInputError, UnknownNameError, located
 from vinefab.core.validation import Floats
-from vinefab.maps.cleanup.curves import Arc, Bezier, CurvePiece, Straight, run_flat
-from vinefab.maps.importers.drawing import (
+from vinefab.maps.importers.source_drawing import (
+    Arc,
+    Bezier,
+    CurvePiece,
     DrawingItem,
     ImportOptions,
     Ring,
     SourceDrawing,
+    Straight,
     drawing_map,
 )
 from vinefab.maps.importers.svg_document import (
@@ -34,13 +41,14 @@ from vinefab.model.map import Map
 
 _NUMBER = re.compile(r"[\s,]*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)")
 _FLAG = re.compile(r"[\s,]*([01])")
+_END = re.compile(r"[\s,]*\Z")
 _COMMAND = re.compile(r"[\s,]*([A-Za-z])")
 _COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
 
 
 @dataclass(slots=True)
 class Subpath:
-    """One run of the pen: its pieces, and whether it is closed."""
+    """A part of a path between two moves."""
 
     pieces: list[CurvePiece] = field(default_factory=list)
     closed: bool = False
@@ -54,15 +62,10 @@ def path_outlines(data: str) -> list[Subpath]:
     >>> [(len(run.pieces), run.closed) for run in path_outlines("M0 0h9v9z m20 0 l5,5")]
     [(2, True), (1, False)]
     """
-    return _Pen(data).run()
+    return _PathReader(data).run()
 
 
-def run_points(run: Subpath, tolerance: float) -> Floats:
-    """Return the points of a subpath, shape (n, 2), curves as chords within a tolerance."""
-    return run_flat(tuple(run.pieces), tolerance)
-
-
-class _Pen:
+class _PathReader:
     """Reads path data (SVG 1.1, chapter 8)."""
 
     def __init__(self, data: str) -> None:
@@ -84,23 +87,23 @@ class _Pen:
 
     def run(self) -> list[Subpath]:
         command = ""
-        while self.data[self.at :].strip(" \t\r\n,"):
+        while _END.match(self.data, self.at) is None:
             letter = self._match(_COMMAND)
             if letter is not None:
                 command = letter
             elif command in ("", "Z", "z"):
-                raise self._wrong()
+                raise self._syntax_error()
             if not self.subpaths and command not in ("M", "m"):
-                raise self._wrong()
+                raise self._syntax_error()
             self._step(command)
-            # Further pairs after a move are lines.
+            # Further coordinate pairs after a move are lines.
             command = {"M": "L", "m": "l"}.get(command, command)
         return [run for run in self.subpaths if run.pieces]
 
     def _step(self, command: str) -> None:
         kind = command.upper()
         if kind not in _COUNTS:
-            raise self._wrong()
+            raise self._syntax_error()
         values = [self._value(kind, index) for index in range(_COUNTS[kind])]
         origin = self.now if command.islower() else np.zeros(2)
         if kind == "M":
@@ -111,7 +114,7 @@ class _Pen:
             self.now = self.first
         else:
             if self.subpaths[-1].closed:
-                # Drawing on after a close begins a new subpath at the same place.
+                # A segment after a close begins a new subpath at the same place.
                 self.subpaths.append(Subpath())
             self.control = self.control if kind in "CSQT" else ("", self.now)
             self._curve_or_line(kind, values, origin)
@@ -157,7 +160,7 @@ class _Pen:
     def _value(self, kind: str, index: int) -> float:
         text = self._match(_FLAG if kind == "A" and index in (3, 4) else _NUMBER)
         if text is None or not math.isfinite(float(text)):
-            raise self._wrong()
+            raise self._syntax_error()
         return float(text)
 
     def _match(self, pattern: re.Pattern[str]) -> str | None:
@@ -167,7 +170,7 @@ class _Pen:
         self.at = match.end()
         return match[1]
 
-    def _wrong(self) -> BadInputError:
+    def _syntax_error(self) -> BadInputError:
         rest = " ".join(self.data[self.at :].split())[:30]
         return BadInputError(f"d, character {self.at + 1}", rest, "path data such as M 0 0 L 9 9 Z")
 
@@ -202,7 +205,9 @@ def _end_point_arc(
     )
 
 
-def rectangle(x: float, y: float, size: tuple[float, float], radii: tuple[float, float]) -> Subpath:
+def _rectangle(
+    x: float, y: float, size: tuple[float, float], radii: tuple[float, float]
+) -> Subpath:
     """Return a rectangle, its corners rounded by elliptical radii (0 for sharp ones)."""
     width, height = size
     rx, ry = min(radii[0], 0.5 * width), min(radii[1], 0.5 * height)
@@ -223,7 +228,7 @@ def rectangle(x: float, y: float, size: tuple[float, float], radii: tuple[float,
     return Subpath(pieces, closed=True)
 
 
-def ellipse(x: float, y: float, radii: tuple[float, float]) -> Subpath:
+def _ellipse(x: float, y: float, radii: tuple[float, float]) -> Subpath:
     """Return a whole ellipse about (x, y)."""
     arc = Arc(
         middle=np.array([x, y]), first=np.array([radii[0], 0.0]), second=np.array([0.0, radii[1]])
@@ -231,8 +236,8 @@ def ellipse(x: float, y: float, radii: tuple[float, float]) -> Subpath:
     return Subpath([arc], closed=True)
 
 
-def moved(piece: CurvePiece, matrix: Floats) -> CurvePiece:
-    """Return a piece after an affine map, shape (2, 3)."""
+def _moved(piece: CurvePiece, matrix: Floats) -> CurvePiece:
+    """Return a piece transformed by an affine map, shape (2, 3)."""
     linear, shift = matrix[:, :2], matrix[:, 2]
     if isinstance(piece, Straight):
         return Straight(piece.points @ linear.T + shift)
@@ -263,7 +268,7 @@ _RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Where in the tree an element stands."""
+    """Properties that an element inherits."""
 
     matrix: Floats
     layers: tuple[str, ...]
@@ -275,14 +280,12 @@ def import_svg(path: Path, options: ImportOptions) -> Map:
     """Return the map in an SVG drawing.
 
     All shapes are outlines or lines, whatever their colour. With ``wall_mm`` shapes without fill
-    are walls of that thickness, those with a fill outlines. The lower left corner of the page is
-    the map's origin.
+    are walls of that thickness, filled ones outlines. The lower left corner of the page is the
+    map's origin.
     """
     root = read_nodes(path)
-    try:
+    with located(path):
         drawing = _drawing(root, options)
-    except BadInputError as error:
-        raise error.at(path) from error
     return replace(drawing_map(path, drawing, options), environment="svg")
 
 
@@ -309,7 +312,7 @@ def _drawing(root: Node, options: ImportOptions) -> SourceDrawing:
 
 @dataclass(slots=True)
 class _Walk:
-    """A walk through the elements of a drawing."""
+    """Traversal of the elements of a drawing."""
 
     root: Node
     layers: frozenset[str]
@@ -349,7 +352,7 @@ class _Walk:
             yield from self._drawn(node, style, place)
 
     def _left_out(self, node: Node, style: dict[str, str], place: _Place) -> bool:
-        """Tell whether an element draws nothing; count it if one might think that it does."""
+        """Return whether an element draws nothing; count it if it might be expected to."""
         if node.tag in _SILENT and not (node.tag == "symbol" and place.uses):
             return True
         if node.tag not in _DRAWN:
@@ -390,7 +393,7 @@ class _Walk:
         if target is None:
             raise BadInputError(f"{node.where}: href", name, "the id of an element in the file")
         if place.uses >= _DEEPEST_USE:
-            raise BadInputError(node.where, "uses of uses without end", f"{_DEEPEST_USE} at most")
+            raise BadInputError(node.where, "a use that contains itself", f"{_DEEPEST_USE} at most")
         shift = np.array([[1.0, 0.0, length_px(node, "x")], [0.0, 1.0, length_px(node, "y")]])
         place = replace(place, matrix=after(place.matrix, shift), uses=place.uses + 1)
         if target.tag in ("symbol", "svg"):
@@ -407,9 +410,9 @@ class _Walk:
             return
         self.read[node.tag] += 1
         for run in _outlines(node):
-            pieces = tuple(moved(piece, place.matrix) for piece in run.pieces)
+            pieces = tuple(_moved(piece, place.matrix) for piece in run.pieces)
             ring = Ring(pieces=pieces)
-            # Painting fills a path up to the straight line that would close it.
+            # A fill closes an open path with a straight line.
             fills = place.filled and len(ring.hull()) > 2
             item = DrawingItem(
                 rings=(ring,),
@@ -422,8 +425,8 @@ class _Walk:
             yield item
 
     def _without_backgrounds(self, items: list[DrawingItem]) -> list[DrawingItem]:
-        """Return items without the paper they lie on, if one of them encloses others anyway."""
-        rest = [item for item in items if not any(item is paper for paper in self.backgrounds)]
+        """Return items without the page's background, if one of the others encloses the rest."""
+        rest = [item for item in items if not any(item is page for page in self.backgrounds)]
         if not self.backgrounds or len(rest) < 2:
             return items
         hulls = [item.rings[0].hull() for item in rest]
@@ -436,7 +439,7 @@ class _Walk:
         return rest
 
     def _is_page(self, ring: Ring) -> bool:
-        """Tell whether an outline is the rectangle of the page."""
+        """Return whether an outline is the rectangle of the page."""
         points = np.unique(ring.hull(), axis=0)
         if len(points) != 4:
             return False
@@ -448,7 +451,7 @@ class _Walk:
 
 
 def _outlines(node: Node) -> list[Subpath]:
-    """Return what a shape draws, in its own coordinates."""
+    """Return the subpaths of a shape, in its own coordinates."""
     try:
         if node.tag == "path":
             return path_outlines(node.attributes.get("d", ""))
@@ -475,9 +478,9 @@ def _simple(node: Node) -> list[Subpath]:
     rx, ry = (at[name] or at[other] for name, other in (("rx", "ry"), ("ry", "rx")))
     if node.tag == "rect":
         size = (at["width"], at["height"])
-        return [rectangle(at["x"], at["y"], size, (rx, ry))] if min(size) > 0.0 else []
+        return [_rectangle(at["x"], at["y"], size, (rx, ry))] if min(size) > 0.0 else []
     radii = (at["r"], at["r"]) if node.tag == "circle" else (at["rx"], at["ry"])
-    return [ellipse(at["cx"], at["cy"], radii)] if min(radii) > 0.0 else []
+    return [_ellipse(at["cx"], at["cy"], radii)] if min(radii) > 0.0 else []
 
 
 def _all(root: Node) -> Iterator[Node]:

@@ -17,18 +17,23 @@ from vinefab.core.validation import LARGEST_MM, Floats
 from vinefab.model.files.shipped import read_text
 from vinefab.model.map import Map, Pose, Start
 
-LARGEST_GEOJSON_BYTES = 1 << 30
-DECIMALS = 6
-"""Coordinates are written to 1e-6 mm: far below what can be made, above rounding noise."""
+_LARGEST_BYTES = 1 << 30
+_DECIMALS = 6
+"""Coordinates are written to 1e-6 mm: below any machine's precision, above rounding noise."""
 
 
-def read_features(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Return a FeatureCollection's document and its features."""
-    text = read_text(path, LARGEST_GEOJSON_BYTES)
+def geojson_document(path: Path) -> Any:  # noqa: ANN401  JSON
+    """Return what a file holds as JSON."""
+    text = read_text(path, _LARGEST_BYTES)
     try:
-        document = json.loads(text)
+        return json.loads(text)
     except (ValueError, RecursionError) as error:
         raise UnreadableFileError(path, f"is not JSON: {error}") from error
+
+
+def _features(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Return a FeatureCollection's document and its features."""
+    document = geojson_document(path)
     if not isinstance(document, dict) or document.get("type") != "FeatureCollection":
         kind = document.get("type") if isinstance(document, dict) else type(document).__name__
         raise BadInputError("type", kind, "FeatureCollection (a GeoJSON map)", path)
@@ -46,7 +51,7 @@ def feature_key(index: int) -> str:
     return f"features[{index + 1}]"
 
 
-def polygons_in(key: str, feature: dict[str, Any]) -> list[Polygon]:
+def _polygons(key: str, feature: dict[str, Any]) -> list[Polygon]:
     """Return the valid polygons of a feature; a MultiPolygon gives each of its parts."""
     kind, coordinates = _geometry(key, feature)
     if kind == "Polygon":
@@ -57,7 +62,7 @@ def polygons_in(key: str, feature: dict[str, Any]) -> list[Polygon]:
     raise BadInputError(f"{key}.geometry.type", kind, "Polygon or MultiPolygon")
 
 
-def point_in(key: str, feature: dict[str, Any]) -> tuple[float, float]:
+def _point(key: str, feature: dict[str, Any]) -> tuple[float, float]:
     """Return the position of a Point feature, or raise BadInputError."""
     kind, coordinates = _geometry(key, feature)
     if kind != "Point":
@@ -66,11 +71,11 @@ def point_in(key: str, feature: dict[str, Any]) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def polygon_text(polygon: Polygon) -> str:
+def _polygon_text(polygon: Polygon) -> str:
     """Return a polygon as GeoJSON: outer ring counter-clockwise, holes clockwise (RFC 7946)."""
     oriented = shapely.orient_polygons(polygon)
     rings = [oriented.exterior, *oriented.interiors]
-    coordinates = [np.round(shapely.get_coordinates(ring), DECIMALS) + 0.0 for ring in rings]
+    coordinates = [np.round(shapely.get_coordinates(ring), _DECIMALS) + 0.0 for ring in rings]
     return json.dumps(
         {"type": "Polygon", "coordinates": [ring.tolist() for ring in coordinates]},
         allow_nan=False,
@@ -130,8 +135,8 @@ def _reason(polygon: Polygon) -> str:
     return f"{what} at ({x}, {y})" if where else what
 
 
-SCHEMA = "vinefab/map-1"
-ROLES = ("bounds", "obstacle", "start")
+MAP_SCHEMA = "vinefab/map-1"
+_ROLES = ("bounds", "obstacle", "start")
 _SLACK_MM = 1e-6
 
 
@@ -145,10 +150,17 @@ class _Content:
 def read_map(path: Path) -> Map:
     """Return the map in a GeoJSON file.
 
-    A file of vinefab gives every feature a role. In a file without any roles the largest polygon
-    must contain all others and is the bounds; the others are obstacles.
+    A file that vinefab wrote gives every feature a role. In a file without any roles the largest
+    polygon must contain all others and is the bounds; the others are obstacles.
+
+    Raises
+    ------
+    UnreadableFileError
+        If the file is missing, not UTF-8 or not JSON.
+    BadInputError
+        If it is no map; the message names the feature and the position.
     """
-    document, features = read_features(path)
+    document, features = _features(path)
     try:
         about = _about(document)
         content = _content(features)
@@ -167,9 +179,9 @@ def read_map(path: Path) -> Map:
 
 
 def map_text(world: Map) -> str:
-    """Return a map as GeoJSON text, one feature a line, coordinates to 1e-6 mm."""
+    """Return a map as GeoJSON text, one feature per line, coordinates to 1e-6 mm."""
     about = {
-        "schema": SCHEMA,
+        "schema": MAP_SCHEMA,
         "generator": GENERATOR,
         "name": world.name,
         "environment": world.environment,
@@ -187,12 +199,12 @@ def map_text(world: Map) -> str:
 def _polygon_line(role: str, polygon: Polygon) -> str:
     return (
         f'{{"type": "Feature", "properties": {{"role": "{role}"}}, '
-        f'"geometry": {polygon_text(polygon)}}}'
+        f'"geometry": {_polygon_text(polygon)}}}'
     )
 
 
 def _start_line(start: Start) -> str:
-    position = [round(start.pose.x_mm, DECIMALS), round(start.pose.y_mm, DECIMALS)]
+    position = [round(start.pose.x_mm, _DECIMALS), round(start.pose.y_mm, _DECIMALS)]
     properties = {
         "role": "start",
         "heading_deg": deg(start.pose.heading_rad),
@@ -211,9 +223,9 @@ def _about(document: dict[str, Any]) -> dict[str, Any]:
         return {}
     about = document["vinefab"]
     if not isinstance(about, dict):
-        raise BadInputError("vinefab", about, f'an object with "schema": "{SCHEMA}"')
-    if about.get("schema") != SCHEMA:
-        raise BadInputError("vinefab.schema", about.get("schema"), SCHEMA)
+        raise BadInputError("vinefab", about, f'an object with "schema": "{MAP_SCHEMA}"')
+    if about.get("schema") != MAP_SCHEMA:
+        raise BadInputError("vinefab.schema", about.get("schema"), MAP_SCHEMA)
     kinds = {"name": str, "environment": str, "seed": int, "facts": dict}
     for key, kind in kinds.items():
         value = about.get(key)
@@ -229,7 +241,7 @@ def _content(features: list[dict[str, Any]]) -> _Content:
     named = [
         (feature_key(index), polygon)
         for index, feature in enumerate(features)
-        for polygon in polygons_in(feature_key(index), feature)
+        for polygon in _polygons(feature_key(index), feature)
     ]
     return _without_roles(named)
 
@@ -246,13 +258,13 @@ def _with_roles(features: list[dict[str, Any]], roles: list[object]) -> _Content
     for index, (feature, role) in enumerate(zip(features, roles, strict=True)):
         key = feature_key(index)
         if role == "bounds":
-            bounds += polygons_in(key, feature)
+            bounds += _polygons(key, feature)
         elif role == "obstacle":
-            obstacles += polygons_in(key, feature)
+            obstacles += _polygons(key, feature)
         elif role == "start":
             starts.append(_start(key, feature))
         else:
-            raise BadInputError(f"{key}.properties.role", role, ", ".join(ROLES))
+            raise BadInputError(f"{key}.properties.role", role, ", ".join(_ROLES))
     if len(bounds) != 1:
         raise BadInputError("bounds", f"{len(bounds)} polygons", "exactly one")
     return _Content(bounds[0], tuple(obstacles), tuple(starts))
@@ -286,7 +298,7 @@ def _start(key: str, feature: dict[str, Any]) -> Start:
             ("spread_heading_deg", 0.0),
         )
     }
-    x_mm, y_mm = point_in(key, feature)
+    x_mm, y_mm = _point(key, feature)
     try:
         return Start(
             pose=Pose(x_mm=x_mm, y_mm=y_mm, heading_rad=rad(values["heading_deg"])),

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vinefab.maps.cleanup.curves import Arc, Bezier, Straight, bulge_arc, run_flat
+from vinefab.maps.importers.source_drawing import Arc, Bezier, Straight, bulge_arc, run_flat
 
 
 def distance_to_chords(points, chords):

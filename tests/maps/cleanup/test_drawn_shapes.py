@@ -6,8 +6,13 @@ from hypothesis import strategies as st
 from shapely import Polygon
 
 from vinefab.core.errors import BadInputError
-from vinefab.maps.cleanup.rings import ring_polygons, winding_numbers, without_repeats
-from vinefab.maps.cleanup.shapes import Changes, SourceFrame
+from vinefab.maps.cleanup.drawn_shapes import (
+    Changes,
+    SourceFrame,
+    ring_polygons,
+    winding_numbers,
+    without_repeats,
+)
 
 
 def repaired(points, sliver_mm2=1e-4, frame=None):

@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import Polygon
 
-from vinefab.maps.generators.starts import canonical, start_zone, upward_start
+from vinefab.maps.generators.generated_map import canonical, start_zone
+from vinefab.model.map import Pose, Start
 
 HOLED = shapely.box(0, 0, 9, 9).difference(
     shapely.union_all([shapely.box(1, 1, 2, 2), shapely.box(4, 4, 6, 7)])
@@ -41,8 +42,9 @@ def test_canonical_keeps_the_shape_and_turns_holes_the_other_way() -> None:
 
 
 def test_starting_zones_are_rectangles_lines_or_points() -> None:
+    pose = Pose(x_mm=5.0, y_mm=5.0, heading_rad=0.0)
     kinds = [
-        start_zone(upward_start(5.0, 5.0, (x, y, 0.0))).geom_type
+        start_zone(Start(pose=pose, spread_x_mm=x, spread_y_mm=y)).geom_type
         for x, y in ((1.0, 2.0), (1.0, 0.0), (0.0, 0.0), (1.0, 1e-300))
     ]
     assert kinds == ["Polygon", "LineString", "Point", "LineString"]

@@ -1,0 +1,150 @@
+"""What every registered importer promises."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.maps.importers.importers import IMPORTERS, import_map, import_suffixes
+from vinefab.maps.importers.source_drawing import ImportOptions
+from vinefab.model.map import Map
+
+ROOM = [(0, 0), (100, 0), (100, 60), (0, 60)]
+PILLAR = [(40, 20), (60, 20), (60, 40), (40, 40)]
+
+
+def csv_sample() -> bytes:
+    rows = [(name, *point) for name, ring in (("room", ROOM), ("pillar", PILLAR)) for point in ring]
+    return "".join(f"{name},{x},{y}\n" for name, x, y in rows).encode()
+
+
+def svg_sample() -> bytes:
+    shapes = (" ".join(f"{x},{60 - y}" for x, y in ring) for ring in (ROOM, PILLAR))
+    return (
+        '<svg xmlns="http://www.w3.org/2000/svg" width="100mm" height="60mm" viewBox="0 0 100 60">'
+        + "".join(f'<polygon points="{points}"/>' for points in shapes)
+        + "</svg>"
+    ).encode()
+
+
+def geojson_sample() -> bytes:
+    rings = str([[list(point) for point in ring] for ring in (ROOM, PILLAR)])
+    return f'{{"type": "Polygon", "coordinates": {rings}}}'.encode()
+
+
+def dxf_sample() -> bytes:
+    lines = [
+        f"0\nLINE\n8\n0\n10\n{a[0]}\n20\n{a[1]}\n11\n{b[0]}\n21\n{b[1]}\n"
+        for ring in (ROOM, PILLAR)
+        for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)
+    ]
+    return f"0\nSECTION\n2\nENTITIES\n{''.join(lines)}0\nENDSEC\n0\nEOF\n".encode()
+
+
+def ros_sample() -> bytes:
+    return (
+        b"image: cells.pgm\nresolution: 0.01\norigin: [0, 0, 0]\n"
+        b"negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+
+
+def ros_image() -> bytes:
+    cells = np.full((6, 10), 254, dtype=np.uint8)
+    cells[2:4, 4:6] = 0
+    return b"P5 10 6 255\n" + cells.tobytes()
+
+
+SAMPLES = {
+    "csv": csv_sample,
+    "dxf": dxf_sample,
+    "geojson": geojson_sample,
+    "ros": ros_sample,
+    "svg": svg_sample,
+}
+"""The smallest file of each format that shows the room with its pillar."""
+
+NAMES = sorted(IMPORTERS)
+EVERY_SUFFIX = [(name, suffix) for name in NAMES for suffix in IMPORTERS[name].suffixes]
+
+
+def imported(folder: Path, suffix: str, data: bytes) -> Map:
+    """Import data as a file with a suffix; the image that ROS maps name lies beside it."""
+    (folder / "cells.pgm").write_bytes(ros_image())
+    path = folder / f"sample{suffix}"
+    path.write_bytes(data)
+    options = ImportOptions(scale_mm_per_unit=1000.0 if suffix in (".yaml", ".yml") else None)
+    return import_map(path, options)
+
+
+def assert_refused(folder: Path, suffix: str, data: bytes) -> None:
+    """Refused by one line that names the file once."""
+    with pytest.raises((BadInputError, UnreadableFileError)) as caught:
+        imported(folder, suffix, data)
+    message = str(caught.value)
+    assert message.count(f"sample{suffix}") == 1
+    assert "\n" not in message
+    assert len(message) < 400
+
+
+def test_every_format_has_a_sample() -> None:
+    assert sorted(SAMPLES) == NAMES
+
+
+def test_suffixes_are_lower_case_and_belong_to_one_format() -> None:
+    suffixes = [suffix for _, suffix in EVERY_SUFFIX]
+    assert sorted(import_suffixes()) == sorted(suffixes)
+    assert all(suffix == suffix.lower() and suffix.startswith(".") for suffix in suffixes)
+
+
+@pytest.mark.parametrize(("name", "suffix"), EVERY_SUFFIX)
+@pytest.mark.parametrize("case", [str.lower, str.upper])
+def test_the_smallest_valid_file_becomes_a_map(
+    tmp_path: Path, name: str, suffix: str, case: Callable[[str], str]
+) -> None:
+    world = imported(tmp_path, case(suffix), SAMPLES[name]())
+    assert world.bounds.equals(shapely.Polygon(ROOM))
+    (pillar,) = world.obstacles
+    assert pillar.equals(shapely.Polygon(PILLAR))
+    assert len(world.starts) == 1
+    assert world.facts["source"].lower() == f"sample{suffix}"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_malformed_file_is_refused(tmp_path: Path, name: str) -> None:
+    importer = IMPORTERS[name]
+    assert importer.malformed.strip()
+    assert_refused(tmp_path, importer.suffixes[0], importer.malformed)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("empty", [b"", b"\n  \n"])
+def test_an_empty_file_is_refused(tmp_path: Path, name: str, empty: bytes) -> None:
+    assert_refused(tmp_path, IMPORTERS[name].suffixes[0], empty)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", range(5))
+def test_random_bytes_are_refused(tmp_path: Path, name: str, seed: int) -> None:
+    noise = np.random.default_rng(seed).bytes(3000)
+    assert_refused(tmp_path, IMPORTERS[name].suffixes[0], noise)
+    assert_refused(tmp_path, IMPORTERS[name].suffixes[0], bytes(range(256)))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_file_cut_short_is_a_crash(tmp_path: Path, name: str) -> None:
+    data, messages = SAMPLES[name](), []
+    for end in range(0, len(data), max(1, len(data) // 25)):
+        try:
+            imported(tmp_path, IMPORTERS[name].suffixes[0], data[:end])
+        except (BadInputError, UnreadableFileError) as error:
+            messages.append(str(error))
+    assert len(messages) > 10
+    assert all("sample" in message for message in messages)
+
+
+def test_an_unknown_suffix_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(BadInputError, match=r"plan\.txt.*ending in .*\.yaml.*\.svg"):
+        import_map(Path("plan.txt"), ImportOptions())

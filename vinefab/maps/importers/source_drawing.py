@@ -1,0 +1,344 @@
+"""Drawings as their readers give them: curves, items and options, and how they become a map."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, Protocol
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError, located
+from vinefab.core.validation import Floats, number, positive
+from vinefab.maps.cleanup.assemble import AssembleOptions, assemble
+from vinefab.maps.cleanup.drawn_shapes import Role, Shape, SourceFrame, framed
+from vinefab.model.map import Map, Pose
+
+_MOST_CURVE_POINTS = 1_000_000
+"""In one curve: a tolerance that needs more surely has the wrong unit."""
+
+
+class CurvePiece(Protocol):
+    """A straight or curved part of a line, in the units of its source."""
+
+    def hull(self) -> Floats:
+        """Return points, shape (n, 2), whose bounding box contains the piece."""
+
+    def flat(self, tolerance: float) -> Floats:
+        """Return points on it, shape (n, 2), whose chords stay within a tolerance."""
+
+
+@dataclass(frozen=True, slots=True)
+class Straight:
+    """A polyline."""
+
+    points: Floats  # shape (n, 2)
+
+    def hull(self) -> Floats:
+        """Return the points."""
+        return self.points
+
+    def flat(self, tolerance: float) -> Floats:  # noqa: ARG002  nothing to flatten
+        """Return the points."""
+        return self.points
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arc:
+    """An arc of an ellipse: ``middle + first cos(t) + second sin(t)``."""
+
+    middle: Floats  # shape (2,)
+    first: Floats  # shape (2,), one of two conjugate radii, so that it may be sheared and scaled
+    second: Floats  # shape (2,), the other one
+    start_rad: float = 0.0  # first t
+    turn_rad: float = math.tau  # by how much t grows, or shrinks when negative
+
+    def hull(self) -> Floats:
+        """Return samples, moved out and in by the most that it may bulge between them."""
+        turns = np.linspace(self.start_rad, self.start_rad + self.turn_rad, 17)
+        bulge = 1.0 - math.cos(self.turn_rad / 32.0)
+        reach = bulge * np.hypot(self.first, self.second)
+        samples = self.at(turns)
+        return np.vstack([samples - reach, samples + reach])
+
+    def at(self, turns_rad: Floats) -> Floats:
+        """Return the points at some values of t, shape (n, 2)."""
+        cosine, sine = np.cos(turns_rad)[:, None], np.sin(turns_rad)[:, None]
+        return np.asarray(self.middle + cosine * self.first + sine * self.second)
+
+    def flat(self, tolerance: float) -> Floats:
+        """Return points on the arc whose chords stay within a tolerance."""
+        # For a sheared ellipse the longer radius is at most the root of the sum of squares.
+        radius = math.hypot(*self.first, *self.second)
+        count = _steps(abs(self.turn_rad) / _chord_rad(radius, tolerance))
+        count = max(count, math.ceil(abs(self.turn_rad) / (0.5 * math.pi) - 1e-9))
+        points = self.at(self.start_rad + self.turn_rad * np.linspace(0.0, 1.0, count + 1))
+        if abs(abs(self.turn_rad) - math.tau) < 1e-12:
+            points[-1] = points[0]
+        return points
+
+
+@dataclass(frozen=True, slots=True)
+class Bezier:
+    """A cubic Bezier curve."""
+
+    controls: Floats  # control points, shape (4, 2)
+
+    def hull(self) -> Floats:
+        """Return the control points."""
+        return self.controls
+
+    def flat(self, tolerance: float) -> Floats:
+        """Return points on the curve, evenly spaced in its parameter (Wang's bound)."""
+        bend = np.diff(self.controls, n=2, axis=0)
+        worst = float(np.hypot(*bend.T).max())
+        count = _steps(math.sqrt(0.75 * worst / tolerance))
+        share = np.linspace(0.0, 1.0, count + 1)[:, None]
+        rest = 1.0 - share
+        weights = (rest**3, 3 * rest**2 * share, 3 * rest * share**2, share**3)
+        points = sum(w * c for w, c in zip(weights, self.controls, strict=True))
+        return np.asarray(points, dtype=np.float64)
+
+
+def _chord_rad(radius: float, tolerance: float) -> float:
+    """Return the angle of a chord whose middle is a tolerance off the arc."""
+    if radius <= tolerance:
+        return math.tau
+    return 2.0 * math.acos(1.0 - tolerance / radius)
+
+
+def _steps(wanted: float) -> int:
+    return max(1, min(math.ceil(wanted - 1e-9), _MOST_CURVE_POINTS)) if math.isfinite(wanted) else 1
+
+
+def bulge_arc(start: Floats, end: Floats, bulge: float) -> CurvePiece:
+    """Return the arc between two points of a DXF polyline."""
+    chord = end - start
+    if bulge == 0.0 or not chord.any():
+        return Straight(np.array([start, end]))
+    # The arc's middle lies beside the chord's, to the left for a short counter-clockwise arc.
+    aside = 0.25 * (1.0 / bulge - bulge)
+    middle = 0.5 * (start + end) + aside * np.array([-chord[1], chord[0]])
+    first = start - middle
+    return Arc(
+        middle=middle,
+        first=first,
+        second=np.array([-first[1], first[0]]),
+        turn_rad=4.0 * math.atan(bulge),
+    )
+
+
+def run_flat(pieces: tuple[CurvePiece, ...], tolerance: float) -> Floats:
+    """Return the points of consecutive pieces, each reversed where it fits better so."""
+    parts = [piece.flat(tolerance) for piece in pieces]
+    for index in range(1, len(parts)):
+        if index == 1 and _nearer_at_start(parts[0], parts[1]):
+            parts[0] = parts[0][::-1]
+        here = parts[index - 1][-1]
+        if math.dist(parts[index][-1], here) < math.dist(parts[index][0], here):
+            parts[index] = parts[index][::-1]
+        if len(parts[index]) > 1 and (parts[index][0] == here).all():
+            parts[index] = parts[index][1:]
+    return np.concatenate(parts)
+
+
+def _nearer_at_start(first: Floats, second: Floats) -> bool:
+    ends = (second[0], second[-1])
+    return min(math.dist(first[0], end) for end in ends) < min(
+        math.dist(first[-1], end) for end in ends
+    )
+
+
+_SIMPLIFY_SHARE = 1e-4
+"""Default tolerance of curves, by the drawing's larger side: 0.05 mm in 500 mm."""
+_JOIN_SHARE = 2e-4
+"""Default width of gaps that are closed, by the drawing's larger side: 0.1 mm in 500 mm."""
+_MARGIN_SHARE = 0.05
+"""Default margin of a rectangle around everything, by the drawing's larger side."""
+_FINEST_SHARE = 1e-7
+_MOST_POINTS = 5_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportOptions:
+    """Options of an import; None leaves the choice to the importer.
+
+    Parameters
+    ----------
+    scale_mm_per_unit
+        Millimetres of the map per unit of the source (per metre for ROS maps), instead of the
+        unit that the source names.
+    simplify_mm
+        Largest distance between imported walls and those of the source.
+    unknown
+        Meaning of cells of a ROS map that were never seen: ``obstacle`` or ``free``.
+    start
+        Where robots start, in the map's millimetres.
+    join_mm
+        Widest gap in an outline that is closed.
+    layers
+        Names of the layers (DXF) or groups (SVG) to read; empty for all.
+    bounds
+        ``outline``, ``largest``, ``wall`` or ``box``, see `AssembleOptions`.
+    margin_mm
+        Around the drawing when the bounds are a box.
+    wall_mm
+        Thickness of walls that are drawn as lines.
+    open_lines
+        ``refuse`` or ``drop``.
+    """
+
+    scale_mm_per_unit: float | None = None
+    simplify_mm: float | None = None
+    unknown: str | None = None
+    start: Pose | None = None
+    join_mm: float | None = None
+    layers: tuple[str, ...] = ()
+    bounds: Literal["outline", "largest", "wall", "box"] | None = None
+    margin_mm: float | None = None
+    wall_mm: float | None = None
+    open_lines: Literal["refuse", "drop"] | None = None
+
+    def refuse(self, names: tuple[str, ...], kind: str, source: Path) -> None:
+        """Raise BadInputError if an option was given that means nothing for a kind of file."""
+        for name in names:
+            value = getattr(self, name)
+            if value is not None and value != ():
+                option = {"open_lines": "open", "layers": "layer"}.get(name, name)
+                raise BadInputError(option, value, f"nothing for {kind}", source)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ring:
+    """Consecutive pieces."""
+
+    pieces: tuple[CurvePiece, ...]  # at least one
+
+    def hull(self) -> Floats:
+        """Return points whose bounding box contains all pieces."""
+        return np.concatenate([piece.hull() for piece in self.pieces])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawingItem:
+    """A `Shape` whose curves are still curves."""
+
+    # the fields of `Shape`
+    rings: tuple[Ring, ...]
+    where: str
+    closed: bool = True
+    filled: bool = False
+    holes: tuple[Ring, ...] = ()
+    role: Role | None = None
+
+    def flat(self, tolerance: float) -> Shape:
+        """Return it with chords for curves, within a tolerance in units of the source."""
+        rings, holes = (
+            tuple(run_flat(ring.pieces, tolerance) for ring in group)
+            for group in (self.rings, self.holes)
+        )
+        if not all(np.isfinite(ring).all() for ring in (*rings, *holes)):
+            raise BadInputError(self.where, "a curve that is not finite", "finite numbers")
+        return Shape(
+            rings=rings,
+            where=self.where,
+            closed=self.closed,
+            filled=self.filled,
+            holes=holes,
+            role=self.role,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceDrawing:
+    """The content of a drawing file."""
+
+    items: tuple[DrawingItem, ...]  # what can be walls
+    mm_per_unit: float = 1.0  # as the file says, or assumed
+    down: bool = False  # whether y points down
+    origin: tuple[float, float] = (0.0, 0.0)  # position in the file that becomes the map's origin
+    facts: Mapping[str, object] = field(default_factory=dict)  # what was read and left out
+    curved: bool = True  # whether such files hold curves
+
+
+def drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> Map:
+    """Return the map that a drawing shows, see `assemble`."""
+    with located(path):
+        return _drawing_map(path, drawing, options)
+
+
+def _drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> Map:
+    options.refuse(("unknown",), "a drawing", path)
+    if not drawing.items:
+        held = drawing.facts.get("ignored") or "nothing"
+        raise BadInputError("drawing", f"without outlines: {held}", "lines, outlines or areas")
+    given = options.scale_mm_per_unit
+    scale = drawing.mm_per_unit if given is None else given
+    frame, size_mm = framed(
+        _hull(drawing.items),
+        SourceFrame(
+            scale_mm_per_unit=scale, x=drawing.origin[0], y=drawing.origin[1], down=drawing.down
+        ),
+    )
+    chosen, tolerance_mm = _assembling(options, size_mm, curved=drawing.curved)
+    shapes = tuple(item.flat(tolerance_mm / scale) for item in drawing.items)
+    points = sum(len(ring) for shape in shapes for ring in (*shape.rings, *shape.holes))
+    if points > _MOST_POINTS:
+        raise BadInputError("drawing", f"{points} points", f"at most {_MOST_POINTS}")
+    facts = {
+        "source": path.name,
+        **drawing.facts,
+        "scale_mm_per_unit": scale,
+        "shapes_read": len(shapes),
+        "curves_within_mm": tolerance_mm,
+        "simplify_mm": chosen.simplify_mm,
+    }
+    return assemble(path.stem, shapes, frame, chosen, facts)
+
+
+def _hull(items: tuple[DrawingItem, ...]) -> Floats:
+    """Return the corners of every item's bounding box; refuse items that are not finite."""
+    corners = []
+    for item in items:
+        points = np.concatenate([ring.hull() for ring in (*item.rings, *item.holes)])
+        if not np.isfinite(points).all():
+            raise BadInputError(item.where, "a coordinate that is not finite", "finite numbers")
+        corners += [points.min(axis=0), points.max(axis=0)]
+    return np.array(corners)
+
+
+def _assembling(
+    options: ImportOptions, size_mm: float, *, curved: bool
+) -> tuple[AssembleOptions, float]:
+    """Return the options with defaults for a drawing's size, and the tolerance of curves, mm.
+
+    ``simplify_mm`` is split between the chords of curves and corners that are left out.
+    """
+    join_mm = _four_digits(_JOIN_SHARE * size_mm) if options.join_mm is None else options.join_mm
+    number("join_mm", join_mm, 0.0, 0.1 * size_mm, "mm, a tenth of the drawing")
+    simplify_mm = options.simplify_mm
+    tolerance_mm = _four_digits(_SIMPLIFY_SHARE * size_mm)
+    if simplify_mm is not None:
+        number("simplify_mm", simplify_mm, _FINEST_SHARE * size_mm, size_mm, "mm")
+        tolerance_mm = 0.5 * simplify_mm if curved else 0.0
+        simplify_mm -= tolerance_mm
+    if options.wall_mm is not None:
+        positive("wall_mm", options.wall_mm, size_mm)
+    margin_mm = (
+        _four_digits(_MARGIN_SHARE * size_mm) if options.margin_mm is None else options.margin_mm
+    )
+    return AssembleOptions(
+        join_mm=join_mm,
+        simplify_mm=simplify_mm or 0.0,
+        sliver_mm2=_four_digits(max(join_mm, 1e-4) ** 2),
+        bounds=options.bounds or "outline",
+        margin_mm=margin_mm,
+        wall_mm=options.wall_mm,
+        open_lines=options.open_lines or "refuse",
+        start=options.start,
+    ), tolerance_mm
+
+
+def _four_digits(value: float) -> float:
+    """Return a default rounded to four digits: it is printed, and may be typed again."""
+    return float(f"{value:.4g}")

@@ -1,6 +1,7 @@
 import csv
 import json
 import math
+import os
 import re
 import subprocess
 from dataclasses import replace
@@ -14,9 +15,8 @@ from shapely import Polygon, box
 from vinefab.core.hashing import sha256_of
 from vinefab.model.map import Map, Pose, Start
 from vinefab.rig.make import RigRequest, make_rig
-from vinefab.rig.options import RigOptions
-from vinefab.rig.part_files import solid_files, solid_problems, stl_name
-from vinefab.rig.printer import Printer
+from vinefab.rig.options import Printer, RigOptions
+from vinefab.rig.part_files import part_files, part_problems, stl_name
 from vinefab.rig.printing import printing_of
 
 
@@ -106,7 +106,7 @@ def test_a_rig_that_is_not_closed_is_not_handed_out(made):
     broken = replace(rig.parts[1], faces=rig.parts[1].faces[:-1])
     bad = replace(rig, parts=(rig.parts[0], broken))
     printing = printing_of(bad)
-    problems = solid_problems(solid_files(bad, printing), bad, printing)
+    problems = part_problems(part_files(bad, printing), bad, printing)
     assert problems[rig.parts[0].name] == ()
     assert len(problems[broken.name]) > 2  # from the STL and from the 3MF
     assert all("closed" in one or "open" in one or "volume" in one for one in problems[broken.name])
@@ -131,10 +131,16 @@ def admesh(program):
 
 def _admesh(admesh, path):
     """Return what admesh prints, by name; its exit code says nothing about the mesh."""
+    # It prints bytes of the file's header, which are text in no encoding; numbers with a point.
     done = subprocess.run(
-        [admesh, path], capture_output=True, text=True, errors="replace", timeout=30, check=True
+        [admesh, path],
+        env=os.environ | {"LC_ALL": "C"},
+        capture_output=True,
+        timeout=30,
+        check=True,
     )
-    numbers = re.findall(r"([A-Z][A-Za-z ]+?)\s*:\s+(-?[\d.]+)", done.stdout)
+    printed = done.stdout.decode("ascii", "replace")
+    numbers = re.findall(r"([A-Z][A-Za-z ]+?)\s*:\s+(-?[\d.]+)", printed)
     return {name: float(number) for name, number in numbers}
 
 

@@ -9,22 +9,21 @@ from shapely import Point, Polygon, box
 
 from vinefab.core.errors import BadInputError
 from vinefab.rig.comparison_with_map import compare_with_map
-from vinefab.rig.engraving import marks_for
 from vinefab.rig.options import RigOptions
+from vinefab.rig.part import PartItem
+from vinefab.rig.part_files import read_back_problems
 from vinefab.rig.plate import build_rig
-from vinefab.rig.solid import manifold_of
-from vinefab.rig.stl_format import check_stl, stl_bytes
+from vinefab.rig.solid import manifold_of, marks_for
+from vinefab.rig.stl_format import STL
 
 PLAIN = RigOptions(mark_depth_mm=0.0)
 """Without numbers on the underside: areas and volumes are those of plate and walls alone."""
 
 
 def _problems(rig):
-    return [
-        (part.name, problem)
-        for part in rig.parts
-        for problem in check_stl(stl_bytes(part.vertices_mm, part.faces, part.name), part)
-    ]
+    items = [PartItem(part=part) for part in rig.parts]
+    found = [read_back_problems(STL, STL.write([one], one.part.name), [one]) for one in items]
+    return [problem for one in found for problems in one.values() for problem in problems]
 
 
 def _hanging_mm2(part):

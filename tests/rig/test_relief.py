@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 from shapely import Polygon, box
 
-from vinefab.rig.clean import pieces_of
+from vinefab.rig.plan import pieces_of
 from vinefab.rig.relief import Label, Prism, relief_png
 from vinefab.rig.solid import stacked
 

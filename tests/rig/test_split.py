@@ -5,8 +5,8 @@ import pytest
 import shapely
 from shapely import LineString, Polygon, box
 
-from vinefab.rig.clean import pieces_of
 from vinefab.rig.options import RigOptions
+from vinefab.rig.plan import pieces_of
 from vinefab.rig.split import Edges, Seam, cuts_of, tabs_of
 
 

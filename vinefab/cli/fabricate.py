@@ -9,8 +9,7 @@ from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, DesignIn, Force, Q
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, new_folder, write_bytes
 from vinefab.fabrication.checking import check_lines
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.fabrication.package.package_files import zip_bytes
-from vinefab.fabrication.package.prepare import package, prepare
+from vinefab.fabrication.package.prepare import package, prepare, zip_bytes
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE

@@ -12,8 +12,7 @@ from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.shipped import DEFAULT_PRINTER
 from vinefab.rig.make import RigRequest, make_rig
-from vinefab.rig.options import RigOptions
-from vinefab.rig.printer import read_printer
+from vinefab.rig.options import RigOptions, read_printer
 
 MARK = "rig.json"
 """The file by which a folder of this command is known again."""

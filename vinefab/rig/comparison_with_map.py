@@ -10,8 +10,8 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map
-from vinefab.rig.clean import pieces_of
 from vinefab.rig.part import Rig, RigPart
+from vinefab.rig.plan import pieces_of
 from vinefab.rig.solid import manifold_of, outlines_at
 
 _HEIGHTS = (0.02, 0.98)

@@ -2,21 +2,27 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.fabrication.formats.dxf_format import DXF, read_dxf
+from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
+from vinefab.fabrication.formats.laser_formats import ensure_read_back
+from vinefab.fabrication.formats.readback import file_problems
 from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.map import Map
 from vinefab.model.outline import Contour, Part
-from vinefab.rig.clean import Pieces, pieces_of
-from vinefab.rig.engraving import arrow, centred, strokes
-from vinefab.rig.loose import Loose, Peg
-from vinefab.rig.options import RigOptions
-from vinefab.rig.printer import Printer
+from vinefab.rig.board import Loose, Peg
+from vinefab.rig.comparison_with_map import RigComparison, compare_walls, footprints
+from vinefab.rig.options import Printer, RigOptions
+from vinefab.rig.part import Rig
+from vinefab.rig.plan import Pieces, pieces_of
 from vinefab.rig.printing import packed_on_beds
+from vinefab.rig.solid import arrow, centred, strokes
 from vinefab.rig.split import cuts_of
 
 SHEET_MARGIN_MM = 5.0
@@ -29,7 +35,7 @@ _SMALLEST_DIGIT_MM = 2.0
 class Copy:
     """One layer of a piece on a sheet."""
 
-    piece: Loose  # the piece
+    piece: Loose
     layer: int  # from 1, the lowest
     sheet: int  # index of its sheet, from 0
     shift_mm: tuple[float, float]  # from the plan to the sheet
@@ -220,3 +226,118 @@ def _compass(tile: Polygon, number: int, taken: list[Polygon]) -> list[LineStrin
     x_mm, y_mm = shapely.get_coordinates(circle)[0].tolist()
     pointer = centred(arrow(size_mm), x_mm + 0.35 * size_mm, y_mm)
     return [*pointer, *centred(strokes(str(number), 0.6 * size_mm), x_mm - 0.35 * size_mm, y_mm)]
+
+
+def sheet_file(name: str, job: Job) -> bytes:
+    """Return a sheet as a DXF file, read back.
+
+    Raises
+    ------
+    ReadBackError
+        If the file, read back, differs from the job.
+    """
+    spec = LaserFileSpec(job=job)
+    data = DXF.write(spec).encode()
+    ensure_read_back({name: file_problems(DXF, data, spec)})
+    return data
+
+
+def material_left(data: bytes, kerf_mm: float) -> BaseGeometry:
+    """Return what a sheet's closed straight cuts leave as pieces, the kerf taken off.
+
+    Round holes are left out; they do not reach through to a piece's outline.
+    """
+    layer = Operation.CUT.layer
+    rings = [
+        shapely.LinearRing(path.contour.points_mm)
+        for path in read_dxf(data.decode()).paths
+        if path.layer == layer and path.contour.closed and not path.contour.arc_count
+    ]
+    pieces = shapely.build_area(shapely.GeometryCollection(rings))
+    return shapely.union_all(
+        pieces_of(shapely.buffer(pieces, -0.5 * kerf_mm, join_style="mitre", mitre_limit=5.0))
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LaserCutFiles:
+    """Everything that a laser cuts for a rig."""
+
+    jobs: dict[str, Job] = field(default_factory=dict)  # by file name
+    files: dict[str, bytes] = field(default_factory=dict)  # DXF, read back without a difference
+    copies: tuple[Copy, ...] = ()  # where each layer of each piece lies, for style ``sheet``
+
+
+def layers_of(rig: Rig) -> int:
+    """Return how many layers of sheet make the obstacles' height, rounded up."""
+    return math.ceil(rig.options.height_mm / rig.options.plate_mm - 1e-9)
+
+
+def standing_mm(rig: Rig) -> float:
+    """Return the height of the obstacles as they are made: of whole layers when cut in layers."""
+    layered = rig.style == "sheet"
+    return layers_of(rig) * rig.options.plate_mm if layered else rig.options.height_mm
+
+
+def laser_cut_files(rig: Rig, world: Map, pieces: tuple[Loose, ...], *, lid: bool) -> LaserCutFiles:
+    """Return what is cut for a rig."""
+    options, named = rig.options, list[tuple[str, list[Job]]]()
+    plate, copies = _on_plan(rig.plate, rig, world), list[Copy]()
+    if rig.style != "plate":
+        named.append(("board", board_jobs(rig.name, plate, pieces, options)))
+    if rig.style == "sheet":
+        jobs, copies = layer_jobs(rig.name, pieces, layers_of(rig), options)
+        named.append(("layers", jobs))
+    if lid:
+        named.append(("lid", lid_jobs(rig.name, plate, options)))
+    jobs_by_name = {
+        f"{kind}_{number:02d}.dxf": job
+        for kind, jobs in named
+        for number, job in enumerate(jobs, 1)
+    }
+    files = {name: sheet_file(name, job) for name, job in jobs_by_name.items()}
+    return LaserCutFiles(jobs=jobs_by_name, files=files, copies=tuple(copies))
+
+
+def compare_layers(rig: Rig, world: Map, cut: LaserCutFiles) -> RigComparison:
+    """Put every layer of every piece back where it belongs and compare each layer with the map.
+
+    Works on the DXF files as read back; the worst layer counts.
+    """
+    sheets = [
+        list(shapely.get_parts(material_left(cut.files[name], rig.options.kerf_mm)))
+        for name in cut.jobs
+        if name.startswith("layers")
+    ]
+    trees = [shapely.STRtree(pieces) for pieces in sheets]
+    layers: dict[int, list[BaseGeometry]] = {}
+    for copy in cut.copies:
+        inside = copy.piece.outline.representative_point()
+        at = shapely.affinity.translate(inside, *copy.shift_mm)
+        for found in trees[copy.sheet].query(at, predicate="intersects"):
+            x_mm, y_mm = copy.shift_mm
+            back = shapely.affinity.translate(sheets[copy.sheet][int(found)], -x_mm, -y_mm)
+            layers.setdefault(copy.layer, []).append(_on_map(back, rig, world))
+    compared = [
+        compare_walls(rig, world, shapely.union_all(layers.get(layer, [])))
+        for layer in range(1, layers_of(rig) + 1)
+    ]
+    return max(compared, key=lambda comparison: comparison.share)
+
+
+def outlines_of(rig: Rig, world: Map, pieces: tuple[Loose, ...]) -> dict[int, BaseGeometry]:
+    """Return what the assembly drawing numbers: outlines by number, in map coordinates."""
+    if pieces:
+        return {piece.number: _on_map(piece.outline, rig, world) for piece in pieces}
+    standing = footprints(rig)
+    return {part.number: standing[part.name] for part in rig.parts}
+
+
+def _on_plan(shape: BaseGeometry, rig: Rig, world: Map) -> BaseGeometry:
+    low_mm = world.bounds.bounds[:2]
+    return shapely.transform(shape, lambda points: (points - low_mm) * rig.options.scale)
+
+
+def _on_map(shape: BaseGeometry, rig: Rig, world: Map) -> BaseGeometry:
+    low_mm = world.bounds.bounds[:2]
+    return shapely.transform(shape, lambda points: points / rig.options.scale + low_mm)

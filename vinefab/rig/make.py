@@ -14,16 +14,14 @@ from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport
 from vinefab.model.map import Map
 from vinefab.pages.html import Section
-from vinefab.rig.board import build_board
+from vinefab.rig.board import Loose, build_board
 from vinefab.rig.comparison_with_map import RigComparison, compare_with_map
-from vinefab.rig.laser_cut_files import compare_layers, laser_cut_files, outlines_of, standing_mm
-from vinefab.rig.loose import Loose
-from vinefab.rig.options import RigOptions
+from vinefab.rig.laser_cut import compare_layers, laser_cut_files, outlines_of, standing_mm
+from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.page import Tell, rig_page, rig_pictures, rig_section, sheet_pictures
 from vinefab.rig.part import Rig
-from vinefab.rig.part_files import solid_files, solid_problems
+from vinefab.rig.part_files import part_files, part_problems
 from vinefab.rig.plate import build_rig
-from vinefab.rig.printer import Printer
 from vinefab.rig.printing import PrintEstimate, printing_of
 from vinefab.rig.rig_json import RigRecord, parts_text, rig_text
 from vinefab.rig.split import usable_mm
@@ -103,8 +101,8 @@ def make_rig(
         raise ReadBackError(f"rig of {world.name}", problem)
     printing = printing_of(rig)
     told(0.35, "writing and reading back")
-    files = solid_files(rig, printing)
-    facts = _facts(rig, solid_problems(files, rig, printing))
+    files = part_files(rig, printing)
+    facts = _facts(rig, part_problems(files, rig, printing))
     files |= cut.files
     courses = (_course(rig, world),) if wishes.design else ()
     report = run_rig_checks(RigSubject(design=wishes.design, rig=facts, courses=courses))

@@ -9,15 +9,11 @@ from shapely import Polygon
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map
-from vinefab.rig.clean import pieces_of
-from vinefab.rig.engraving import extras_of, marks_for
-from vinefab.rig.options import RigOptions
+from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.plan import RigPlan, plan_of
-from vinefab.rig.printer import Printer
-from vinefab.rig.solid import Hollow, stacked
-from vinefab.rig.split import Cuts, cuts_of, grid_of
-from vinefab.rig.tiles import Dovetails, RigTile, dovetails_of, rig_tiles
+from vinefab.rig.plan import RigPlan, pieces_of, plan_of
+from vinefab.rig.solid import Hollow, extras_of, marks_for, stacked
+from vinefab.rig.split import Cuts, Dovetails, RigTile, cuts_of, dovetails_of, grid_of, rig_tiles
 
 _QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 

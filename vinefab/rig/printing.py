@@ -4,9 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vinefab.rig.options import RigOptions
+from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.printer import Printer
 from vinefab.rig.split import usable_mm
 
 BASIS = (

@@ -23,12 +23,11 @@ from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.laser_cut import Copy
-from vinefab.rig.options import RigOptions
+from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.part import Rig, RigPart, ThinPlace
 from vinefab.rig.part_files import bed_name, stl_name
-from vinefab.rig.printer import Printer
 from vinefab.rig.printing import BASIS, PrintEstimate, Printing
-from vinefab.rig.stl_format import read_stl, stl_problem
+from vinefab.rig.stl_format import read_stl
 
 SCHEMA = "vinefab/rig-1"
 
@@ -291,13 +290,9 @@ def _facts(folder: Path, part: RigPartForm) -> RigPartFacts:
     wide_mm, deep_mm, high_mm = part.size_mm
     size_mm = wide_mm, deep_mm, high_mm
     try:
-        data = read_bytes(folder / part.file)
+        mesh = read_stl(read_bytes(folder / part.file))
     except UnreadableFileError as error:
         return RigPartFacts(name=part.name, size_mm=size_mm, problems=(error.problem,))
-    problem = stl_problem(data)
-    if problem:
-        return RigPartFacts(name=part.name, size_mm=size_mm, problems=(problem,))
-    mesh = read_stl(data)
     problems = mesh.form_problems()
     if abs(mesh.volume_mm3 - part.volume_mm3) > _VOLUME_SHARE * part.volume_mm3:
         problems.append(f"has a volume of {mesh.volume_mm3:.6g} mm3, not {part.volume_mm3:.6g}")

@@ -11,7 +11,7 @@ from statistics import fmean, stdev
 
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.calibration.coupon_results import Reading, Results
-from vinefab.fabrication.calibration.coupon_shapes import SQUARE_MM
+from vinefab.fabrication.calibration.coupons import SQUARE_MM
 from vinefab.fabrication.calibration.estimate import (
     Equation,
     Estimate,
@@ -117,7 +117,7 @@ def energy_windows(results: Results, profile: LaserProfile) -> tuple[EnergyWindo
     lines: dict[float, list[tuple[float, str]]] = {}
     for reading in results.of("matrix"):
         energy, focus = _cell(reading)
-        lines.setdefault(focus, []).append((energy, reading.word))
+        lines.setdefault(focus, []).append((energy, reading.outcome))
     return tuple(
         _window(operation, focus, sorted(found), profile)
         for operation, _ in _MAKES.items()

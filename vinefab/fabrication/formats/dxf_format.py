@@ -1,4 +1,4 @@
-"""Reading a DXF file of ours again."""
+"""DXF: true arcs, chords for programs without arcs, and release 12 for old ones."""
 
 import io
 import logging
@@ -21,14 +21,19 @@ from vinefab.fabrication.formats.laser_drawing import (
     DEFAULT,
     Colours,
     DrawnPath,
-    Format,
+    LaserFileSpec,
+    LaserFormat,
     ReadDrawing,
+    Style,
     StyledPath,
+    flattened_contour,
     metadata,
     styled_paths,
 )
 from vinefab.model.job import Job
 from vinefab.model.outline import FLATTEN_MM, Contour, Part
+
+TOLERANCE_MM = 1e-6
 
 VERSION = "R2010"
 RELEASE_12 = "R12"
@@ -62,13 +67,6 @@ def dxf_text(
     return f"999\n{GENERATOR}\n{stream.getvalue()}"
 
 
-def dxf_contour(contour: Contour, *, polyline: bool) -> Contour:
-    """Return a contour as it is written: itself, or its chords."""
-    if not polyline:
-        return contour
-    return Contour.polyline(contour.flattened_mm(FLATTEN_MM), closed=contour.closed)
-
-
 def _describe(document: DxfDocument, job: Job, colours: Colours) -> None:
     document.header["$MEASUREMENT"] = METRIC
     for key, value in metadata(job, colours).items():
@@ -85,7 +83,9 @@ def _add(document: DxfDocument, styled: StyledPath, *, polyline: bool) -> None:
     style = styled.style
     if style.layer not in document.layers:
         document.layers.add(style.layer, color=style.aci)
-    contour = dxf_contour(styled.path.contour, polyline=polyline)
+    contour = styled.path.contour
+    if polyline:
+        contour = flattened_contour(contour)
     bulges = contour.bulges.tolist()
     if not contour.closed:
         bulges.append(0.0)
@@ -143,7 +143,6 @@ def _drawing(document: DxfDocument) -> ReadDrawing:
     polylines = [entity for entity in entities if isinstance(entity, own)]
     limit = document.header.get("$LIMMAX", (0.0, 0.0))
     return ReadDrawing(
-        format=Format.DXF,
         unit=_unit(document),
         sheet=(float(limit[0]), float(limit[1])),
         paths=tuple(_path(polyline) for polyline in polylines),
@@ -184,3 +183,48 @@ def _path(polyline: LWPolyline | Polyline) -> DrawnPath:
             closed=closed,
         ),
     )
+
+
+def _colour_index(style: Style) -> str:
+    return str(style.aci)
+
+
+def _exact(spec: LaserFileSpec) -> str:
+    return dxf_text(spec.job, spec.colours)
+
+
+def _flattened(spec: LaserFileSpec) -> str:
+    return dxf_text(spec.job, spec.colours, polyline=True)
+
+
+def _release_12(spec: LaserFileSpec) -> str:
+    return dxf_text(spec.job, spec.colours, r12=True)
+
+
+DXF = LaserFormat(
+    title="DXF with true arcs",
+    suffix=".dxf",
+    write=_exact,
+    read=read_dxf,
+    tolerance_mm=TOLERANCE_MM,
+    colour=_colour_index,
+)
+DXF_POLYLINE = LaserFormat(
+    title="DXF with chords for arcs",
+    suffix="_polyline.dxf",
+    write=_flattened,
+    read=read_dxf,
+    tolerance_mm=TOLERANCE_MM,
+    contour=flattened_contour,
+    sagitta_mm=FLATTEN_MM,
+    colour=_colour_index,
+)
+DXF_R12 = LaserFormat(
+    title="DXF of release 12, which has no unit",
+    suffix="_r12.dxf",
+    write=_release_12,
+    read=read_dxf,
+    tolerance_mm=TOLERANCE_MM,
+    colour=_colour_index,
+    on_request=True,
+)

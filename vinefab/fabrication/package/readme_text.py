@@ -4,26 +4,25 @@ import math
 from textwrap import fill
 
 from vinefab.core.jsontext import GENERATOR
+from vinefab.fabrication.formats.dxf_format import DXF, DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import (
     Colours,
     left_out,
     metadata,
+    separable_operations,
     styled_paths,
-    told_apart,
 )
-from vinefab.fabrication.formats.laser_files import (
-    DXF_NAME,
-    LIBRARY_NAME,
-    POLYLINE_NAME,
-    PROJECT_NAME,
-    SVG_NAME,
-)
+from vinefab.fabrication.formats.laser_formats import LASER_FORMATS
+from vinefab.fabrication.formats.lightburn_format import LIGHTBURN, LIGHTBURN_LIBRARY
+from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.job.tile_jobs import TARGET
 from vinefab.fabrication.package.bom import film_piece_mm
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile, OperationSettings, Quantity, RecipeStatus
 
+_DXF, _POLYLINE, _SVG = (one.file_name() for one in (DXF, DXF_POLYLINE, SVG))
+_PROJECT, _LIBRARY = LIGHTBURN.file_name(), LIGHTBURN_LIBRARY.file_name()
 _WIDTH = 96
 
 _MEANING = {
@@ -106,11 +105,11 @@ def _file(job: Job, colours: Colours) -> list[str]:
     size = f"{job.sheet_width_mm:g} x {job.sheet_height_mm:g} mm"
     x0, y0, x1, y1 = _box(job, colours)
     steps = [
-        f"Open {DXF_NAME} (true arcs) or {SVG_NAME}. Use {POLYLINE_NAME} only where arcs are"
+        f"Open {_DXF} (true arcs) or {_SVG}. Use {_POLYLINE} only where arcs are"
         " missing after import: some programs ignore them without a word.",
-        f"LightBurn: {PROJECT_NAME} has the layers of section 4 with their settings, {LIBRARY_NAME}"
+        f"LightBurn: {_PROJECT} has the layers of section 4 with their settings, {_LIBRARY}"
         " the settings alone. LightBurn's formats are not published: compare power, speed and size"
-        f" with section 4 before you run it, and use {SVG_NAME} if anything differs.",
+        f" with section 4 before you run it, and use {_SVG} if anything differs.",
         "If the program asks for a unit, it is millimetres; scale 100 %.",
         f"Check after import: the {'film' if job.tiles else 'bed'} is {size}; all paths together"
         f" measure {x1 - x0:.2f} x {y1 - y0:.2f} mm and begin {x0:.2f} mm from its left and"
@@ -121,6 +120,11 @@ def _file(job: Job, colours: Colours) -> list[str]:
         " were run and what they found; bom.csv counts film and time; job.json holds every"
         " setting. sha256sum -c MANIFEST.sha256 tells whether a file was changed.",
     ]
+    steps.extend(
+        f"{LASER_FORMATS[name].file_name()}: {LASER_FORMATS[name].title}, from {package}."
+        for name, package in LASER_FORMATS.packages.items()
+        if not LASER_FORMATS[name].on_request
+    )
     if min(x0, y0) < 0.0 or x1 > job.sheet_width_mm or y1 > job.sheet_height_mm:
         steps.append("WARNING: the paths reach beyond the bed. Do not scale them to make them fit.")
     return steps
@@ -136,7 +140,7 @@ def _tiles(job: Job) -> list[str]:
         )
     steps = [
         f"The robot is larger than the bed: run the files tile_1_... to tile_{len(job.tiles)}_..."
-        f" in this order, not {DXF_NAME}, which shows the whole.",
+        f" in this order, not {_DXF}, which shows the whole.",
         f"For tile 1 the film's lower left corner lies {_corner(job.tiles[0])}.",
         f"{makes} Move the film on without letting the plies slide, then align: the two crosses"
         " drawn on the REG layer of a tile (never cut) must lie on the two marked on the film"
@@ -212,7 +216,7 @@ def _machine(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
     steps.extend(
         f"WARNING: {' and '.join(group)} have the same layer and colour here and run with one"
         " setting. The mouth may be welded shut: trim it open by hand."
-        for group in told_apart(job, colours)
+        for group in separable_operations(job, colours)
         if len(group) > 1
     )
     missing = left_out(job, colours)
@@ -237,7 +241,7 @@ def _repeats(job: Job, profile: LaserProfile) -> list[str]:
         return []
     return [
         "Every path is in the DXF and SVG files once; let the program run"
-        f" {' and '.join(several)} ({PROJECT_NAME} says so already)."
+        f" {' and '.join(several)} ({_PROJECT} says so already)."
     ]
 
 

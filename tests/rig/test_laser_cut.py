@@ -1,7 +1,6 @@
 """What a laser cuts for a rig: the drilled board, a lid, obstacles in layers; and the kerf."""
 
 import io
-from itertools import pairwise
 
 import ezdxf
 import numpy as np
@@ -168,23 +167,22 @@ def test_a_lid_is_as_large_as_the_plate_after_the_kerf(kerf_mm):
 
 @pytest.mark.parametrize("kerf_mm", KERFS_MM)
 def test_layers_keep_their_size_their_holes_and_their_distance_after_the_kerf(kerf_mm):
-    options = RigOptions(style="sheet", kerf_mm=kerf_mm)
-    (job,), copies = layer_jobs("s", (PIECE,), 3, options)
+    # Three pieces to a row: six layers make two rows.
+    options = RigOptions(style="sheet", kerf_mm=kerf_mm, sheet_width_mm=145.0)
+    (job,), copies = layer_jobs("s", (PIECE,), 6, options)
     outlines, holes = _beam(job)
-    assert len(outlines) == 3
+    assert len(outlines) == 6
     for outline in outlines:
         assert _size(outline) == pytest.approx((WIDE_MM + kerf_mm, DEEP_MM + kerf_mm))
     # Pins fit tightly: their holes have no gap.
-    assert [2 * radius_mm + kerf_mm for *_, radius_mm in holes] == pytest.approx([PEG_MM] * 6)
-    row = sorted(outlines, key=lambda one: one.bounds[0])
-    assert row[0].bounds[:2] == pytest.approx((SHEET_MARGIN_MM, SHEET_MARGIN_MM))
-    for left, right in pairwise(row):
-        assert right.distance(left) == pytest.approx(PIECE_GAP_MM)
+    assert [2 * radius_mm + kerf_mm for *_, radius_mm in holes] == pytest.approx([PEG_MM] * 12)
+    pitch_mm = PIECE_GAP_MM + kerf_mm + np.array([WIDE_MM, DEEP_MM])
+    lows = np.array(sorted(outline.bounds[1::-1] for outline in outlines))[:, ::-1]
+    places = np.array([(column, row) for row in range(2) for column in range(3)])
+    assert lows == pytest.approx(SHEET_MARGIN_MM + places * pitch_mm)
     for copy in copies:
         place = translate(PIECE.outline, *copy.shift_mm).buffer(0.5 * kerf_mm, join_style="mitre")
-        assert min(
-            shapely.symmetric_difference(place, outlines).tolist(), key=shapely.area
-        ).area < (1e-6)
+        assert min(shapely.symmetric_difference(place, one).area for one in outlines) < 1e-6
 
 
 @pytest.mark.parametrize("kerf_mm", KERFS_MM)

@@ -1,5 +1,6 @@
 """``vinefab fabricate``: the fabrication package."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -8,8 +9,9 @@ import typer
 from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, DesignIn, Force, Quiet, RecipeIn
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, new_folder, write_bytes
 from vinefab.fabrication.checking import check_lines
+from vinefab.fabrication.formats.laser_formats import LASER_FORMATS
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.fabrication.package.prepare import package, prepare, zip_bytes
+from vinefab.fabrication.package.prepare import Prepared, package, prepare, zip_bytes
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
@@ -66,9 +68,8 @@ def fabricate_command(
     others = tuple(read_design(name) for name in beside or ())
     sheet = SheetOptions(copies=copies, beside=others, process=process, pass_through=pass_through)
     prepared = prepare(read_design(design), read_profile(recipe), sheet=sheet, r12=r12)
-    for report in (prepared.report, *prepared.beside):
-        for line in check_lines(report):
-            voice.say(line)
+    for line in _report_lines(prepared):
+        voice.say(line)
     if why := prepared.refusal(allow_uncalibrated=allow_uncalibrated):
         older = f"; {out} still holds an earlier package, not this design" if out.exists() else ""
         typer.echo(f"nothing written: {why}{older}", err=True)
@@ -84,3 +85,11 @@ def fabricate_command(
         voice.say(f"note: {archive} is of an earlier run; --zip writes it anew")
     voice.say(f"wrote {out}/ ({len(files)} files; begin with README.txt)")
     return 0
+
+
+def _report_lines(prepared: Prepared) -> Iterator[str]:
+    """Yield what the rules say of every design, and which plug-ins were left out."""
+    for report in (prepared.report, *prepared.beside):
+        yield from check_lines(report)
+    for name, reason in LASER_FORMATS.broken.items():
+        yield f"note    laser format {name} not loaded: {reason}"

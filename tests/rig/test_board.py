@@ -8,7 +8,7 @@ import shapely
 from shapely import Point, box
 
 from vinefab.core.errors import BadInputError
-from vinefab.rig.board import PEG_SHORTER_MM, RIM_MM, build_board, pegs_in
+from vinefab.rig.board import PEG_RECESS_MM, RIM_MM, build_board, pegs_in
 from vinefab.rig.comparison_with_map import compare_with_map
 from vinefab.rig.options import RigOptions
 
@@ -36,7 +36,7 @@ def test_loose_parts_are_solids_and_together_the_map(made, faces_at, stl_problem
 def test_parts_lie_top_down_with_pegs_upwards(made):
     _, rig, pieces = made
     for part, piece in zip(rig.parts, pieces, strict=True):
-        peg_mm = BOARD.plate_mm - PEG_SHORTER_MM if piece.pegs else 0.0
+        peg_mm = BOARD.plate_mm - PEG_RECESS_MM if piece.pegs else 0.0
         assert part.size_mm[2] == pytest.approx(30.0 + peg_mm)
         assert np.linalg.det(part.to_map[:3, :3]) == pytest.approx(1.0)
         standing = part.vertices_mm @ part.to_map[:3, :3].T + part.to_map[:3, 3]

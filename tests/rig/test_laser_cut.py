@@ -10,7 +10,7 @@ from shapely import Point, Polygon, box
 from shapely.affinity import translate
 
 from vinefab.model.job import Operation
-from vinefab.rig.board import Loose, Peg, build_board
+from vinefab.rig.board import LoosePiece, Peg, build_board
 from vinefab.rig.laser_cut import (
     PIECE_GAP_MM,
     SHEET_MARGIN_MM,
@@ -108,7 +108,7 @@ def test_layers_are_the_pieces_as_often_as_needed(crooked_map, make_printer):
 
 KERFS_MM = [0.0, 0.2, 0.5]
 WIDE_MM, DEEP_MM, PEG_MM, FIT_MM = 40.0, 30.0, 5.0, 0.1
-PIECE = Loose(
+PIECE = LoosePiece(
     number=1,
     outline=box(10, 10, 10 + WIDE_MM, 10 + DEEP_MM),
     pegs=(Peg(x_mm=20.0, y_mm=25.0, diameter_mm=PEG_MM), Peg(x_mm=40, y_mm=25, diameter_mm=PEG_MM)),
@@ -187,7 +187,7 @@ def test_layers_keep_their_size_their_holes_and_their_distance_after_the_kerf(ke
 
 @pytest.mark.parametrize("kerf_mm", KERFS_MM)
 def test_openings_are_a_kerf_smaller_than_the_beam_cuts(kerf_mm):
-    piece = Loose(number=1, outline=FRAME, pegs=())
+    piece = LoosePiece(number=1, outline=FRAME, pegs=())
     (job,), _ = layer_jobs("s", (piece,), 1, RigOptions(style="sheet", kerf_mm=kerf_mm))
     (opening, outline), _ = _beam(job)
     assert _size(opening) == pytest.approx((40 - kerf_mm, 40 - kerf_mm))
@@ -196,7 +196,7 @@ def test_openings_are_a_kerf_smaller_than_the_beam_cuts(kerf_mm):
 
 @pytest.mark.parametrize("kerf_mm", KERFS_MM)
 def test_the_material_that_a_cut_leaves_is_the_piece(kerf_mm):
-    piece = Loose(number=1, outline=FRAME, pegs=())
+    piece = LoosePiece(number=1, outline=FRAME, pegs=())
     (job,), (copy,) = layer_jobs("s", (piece,), 1, RigOptions(style="sheet", kerf_mm=kerf_mm))
     left = material_left(sheet_file("s.dxf", job), kerf_mm)
     expected = translate(FRAME, *copy.shift_mm)

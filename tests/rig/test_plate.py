@@ -13,7 +13,7 @@ from vinefab.rig.options import RigOptions
 from vinefab.rig.part import PartItem
 from vinefab.rig.part_files import read_back_problems
 from vinefab.rig.plate import build_rig
-from vinefab.rig.solid import manifold_of, marks_for
+from vinefab.rig.solid import engraved_marks, manifold_of
 from vinefab.rig.stl_format import STL
 
 PLAIN = RigOptions(mark_depth_mm=0.0)
@@ -208,7 +208,7 @@ def test_numbers_are_grooves_that_a_printer_bridges(crooked_map, make_printer):
 
 
 def test_the_arrow_points_to_north_and_the_number_reads_from_below():
-    marks = shapely.union_all(marks_for(1, box(0, 0, 60, 60)))
+    marks = shapely.union_all(engraved_marks(1, box(0, 0, 60, 60)))
     arrow, digit = sorted(shapely.get_parts(marks), key=lambda piece: -piece.bounds[3])
     assert arrow.centroid.x > 30 > digit.centroid.x
     widest = [arrow.intersection(box(0, y, 60, y + 0.5)).area for y in np.arange(24, 37, 1.0)]
@@ -219,7 +219,7 @@ def test_the_arrow_points_to_north_and_the_number_reads_from_below():
 
 
 def test_dust_has_no_room_for_a_number():
-    assert len(marks_for(7, box(0, 0, 8, 8))) == 0
+    assert len(engraved_marks(7, box(0, 0, 8, 8))) == 0
 
 
 def test_cube_and_arrow_stand_beside_the_rig(make_map, make_printer):

@@ -32,12 +32,12 @@ def coupon_command(
 
     Example: vinefab coupon --recipe co2_60w__stretchlon_200 --out coupons
     """
-    voice = CommandOutput(quiet=quiet, force=force)
+    output = CommandOutput(quiet=quiet, force=force)
     ensure_own_folder(out, MARK, force=force)
     ensure_unchanged(out / RESULTS_NAME, force=force)
     coupons = make_coupons(read_profile(recipe))
     for line in check_lines(coupons.report):
-        voice.say(line)
+        output.say(line)
     if coupons.report.blocking:
         typer.echo("nothing written: a rule forbids these coupons", err=True)
         return EXIT_FINDINGS
@@ -45,5 +45,5 @@ def coupon_command(
     with new_folder(out, MARK, force=force) as folder:
         for name, data in files.items():
             write_bytes(folder / name, data)
-    voice.say(f"wrote {out}/ ({len(files)} files; begin with README.txt)")
+    output.say(f"wrote {out}/ ({len(files)} files; begin with README.txt)")
     return 0

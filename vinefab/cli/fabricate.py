@@ -60,7 +60,7 @@ def fabricate_command(
 
     Example: vinefab fabricate three_level_tree --out package --allow-uncalibrated
     """
-    voice = CommandOutput(quiet=quiet, force=force)
+    output = CommandOutput(quiet=quiet, force=force)
     ensure_own_folder(out, MARK, force=force)
     archive = out.with_name(f"{out.name}.zip")
     if make_zip:
@@ -69,7 +69,7 @@ def fabricate_command(
     sheet = SheetOptions(copies=copies, beside=others, process=process, pass_through=pass_through)
     prepared = prepare(read_design(design), read_profile(recipe), sheet=sheet, r12=r12)
     for line in _report_lines(prepared):
-        voice.say(line)
+        output.say(line)
     if why := prepared.refusal(allow_uncalibrated=allow_uncalibrated):
         older = f"; {out} still holds an earlier package, not this design" if out.exists() else ""
         typer.echo(f"nothing written: {why}{older}", err=True)
@@ -80,10 +80,10 @@ def fabricate_command(
             write_bytes(folder / name, data)
     if make_zip:
         write_bytes(archive, zip_bytes(files, prepared.design.name), force=force)
-        voice.say(f"wrote {archive}")
+        output.say(f"wrote {archive}")
     elif archive.exists():
-        voice.say(f"note: {archive} is of an earlier run; --zip writes it anew")
-    voice.say(f"wrote {out}/ ({len(files)} files; begin with README.txt)")
+        output.say(f"note: {archive} is of an earlier run; --zip writes it anew")
+    output.say(f"wrote {out}/ ({len(files)} files; begin with README.txt)")
     return 0
 
 

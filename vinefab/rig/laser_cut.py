@@ -16,11 +16,11 @@ from vinefab.fabrication.formats.readback import file_problems
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.map import Map
 from vinefab.model.outline import Contour, Part
-from vinefab.rig.board import Loose, Peg
+from vinefab.rig.board import LoosePiece, Peg
 from vinefab.rig.comparison_with_map import RigComparison, compare_walls, footprints
 from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.part import Rig
-from vinefab.rig.plan import Pieces, pieces_of
+from vinefab.rig.plan import Polygons, polygons_of
 from vinefab.rig.printing import packed_on_beds
 from vinefab.rig.solid import arrow, centred, strokes
 from vinefab.rig.split import cuts_of
@@ -32,21 +32,21 @@ _SMALLEST_DIGIT_MM = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Copy:
+class LayerCopy:
     """One layer of a piece on a sheet."""
 
-    piece: Loose
+    piece: LoosePiece
     layer: int  # from 1, the lowest
     sheet: int  # index of its sheet, from 0
     shift_mm: tuple[float, float]  # from the plan to the sheet
 
 
 def board_jobs(
-    name: str, plate: BaseGeometry, pieces: tuple[Loose, ...], options: RigOptions
+    name: str, plate: BaseGeometry, pieces: tuple[LoosePiece, ...], options: RigOptions
 ) -> list[Job]:
     """Return the jobs of the drilled board, one per sheet: outlines as marks, holes, outline."""
     pegs = [peg for piece in pieces for peg in piece.pegs]
-    outlines = pieces_of(*(peg.outline for peg in pegs), Polygon())
+    outlines = polygons_of(*(peg.outline for peg in pegs), Polygon())
     gap_mm = 0.1 if options.clearance_mm is None else options.clearance_mm
     jobs = []
     for number, tile in enumerate(_sheets(plate, outlines, options), 1):
@@ -61,16 +61,16 @@ def board_jobs(
 
 def lid_jobs(name: str, plate: BaseGeometry, options: RigOptions) -> list[Job]:
     """Return the jobs of a lid: the plate's outline without its holes, and a compass."""
-    whole = shapely.union_all([Polygon(piece.exterior) for piece in pieces_of(plate)])
+    whole = shapely.union_all([Polygon(piece.exterior) for piece in polygons_of(plate)])
     return [
         _job(f"{name} lid {number}", tile, (_compass(tile, number, []), [], 0.0), options)
-        for number, tile in enumerate(_sheets(whole, pieces_of(Polygon()), options), 1)
+        for number, tile in enumerate(_sheets(whole, polygons_of(Polygon()), options), 1)
     ]
 
 
 def layer_jobs(
-    name: str, pieces: tuple[Loose, ...], layers: int, options: RigOptions
-) -> tuple[list[Job], list[Copy]]:
+    name: str, pieces: tuple[LoosePiece, ...], layers: int, options: RigOptions
+) -> tuple[list[Job], list[LayerCopy]]:
     """Return the jobs of obstacles cut in layers, and where each layer of each piece lies."""
     kerf_mm = options.kerf_mm
     boxes = [piece.outline.bounds for piece in pieces for _ in range(layers)]
@@ -86,7 +86,7 @@ def layer_jobs(
                 at.x_mm + SHEET_MARGIN_MM + 0.5 * kerf_mm - low[0],
                 at.y_mm + SHEET_MARGIN_MM + 0.5 * kerf_mm - low[1],
             )
-            copies.append(Copy(piece=piece, layer=layer, sheet=sheet, shift_mm=shift))
+            copies.append(LayerCopy(piece=piece, layer=layer, sheet=sheet, shift_mm=shift))
             marks = _number_marks(piece)
             for operation, path in _paths(piece.outline, (marks, list(piece.pegs), 0.0), kerf_mm):
                 moved = path.contour.moved(0.0, *shift)
@@ -102,7 +102,7 @@ def sheet_mm(options: RigOptions) -> tuple[float, float]:
     return options.sheet_width_mm, options.sheet_depth_mm
 
 
-def _sheets(plate: BaseGeometry, holes: Pieces, options: RigOptions) -> Iterator[Polygon]:
+def _sheets(plate: BaseGeometry, holes: Polygons, options: RigOptions) -> Iterator[Polygon]:
     """Yield a board divided by straight cuts into what fits a sheet, away from its holes."""
     width_mm, depth_mm = (side - 2.0 * SHEET_MARGIN_MM for side in sheet_mm(options))
     laser = Printer(name="the laser", bed_width_mm=width_mm, bed_depth_mm=depth_mm, height_mm=1.0)
@@ -111,7 +111,7 @@ def _sheets(plate: BaseGeometry, holes: Pieces, options: RigOptions) -> Iterator
     for y_low, y_high in zip(cuts.y_mm, cuts.y_mm[1:], strict=False):
         for x_low, x_high in zip(cuts.x_mm, cuts.x_mm[1:], strict=False):
             cell = shapely.intersection(plate, shapely.box(x_low, y_low, x_high, y_high))
-            yield from pieces_of(cell)
+            yield from polygons_of(cell)
 
 
 def _job(
@@ -163,7 +163,7 @@ def _paths(
         contour = _circle(peg.x_mm, peg.y_mm, radius_mm)
         yield Operation.CUT, LaserPath(operation=Operation.CUT, contour=contour, label="hole")
     grown = shapely.buffer(outline, 0.5 * kerf_mm, join_style="mitre", mitre_limit=2.0)
-    for piece in pieces_of(grown):
+    for piece in polygons_of(grown):
         for ring in (*piece.interiors, piece.exterior):
             points = shapely.get_coordinates(ring)[:-1]
             contour = Contour.polyline(points, closed=True)
@@ -185,7 +185,7 @@ def _circle(x_mm: float, y_mm: float, radius_mm: float) -> Contour:
     )
 
 
-def _piece_marks(piece: Loose, tile: Polygon) -> Iterator[LineString]:
+def _piece_marks(piece: LoosePiece, tile: Polygon) -> Iterator[LineString]:
     """Yield a piece's outline and number, as far as they lie on a tile of the board."""
     rings = shapely.get_rings(piece.outline)
     shapes = [LineString(shapely.get_coordinates(ring)) for ring in rings]
@@ -196,10 +196,10 @@ def _piece_marks(piece: Loose, tile: Polygon) -> Iterator[LineString]:
                 yield line
 
 
-def _number_marks(piece: Loose) -> list[LineString]:
+def _number_marks(piece: LoosePiece) -> list[LineString]:
     """Return a piece's number in the largest circle within it that no peg takes, if it fits."""
     pegs = shapely.union_all([peg.outline.buffer(0.5) for peg in piece.pegs])
-    rooms: Iterable[Polygon] = pieces_of(shapely.difference(piece.outline, pegs))
+    rooms: Iterable[Polygon] = polygons_of(shapely.difference(piece.outline, pegs))
     room = max(rooms, key=shapely.area, default=None)
     if room is None:
         return []
@@ -214,7 +214,7 @@ def _number_marks(piece: Loose) -> list[LineString]:
 
 def _compass(tile: Polygon, number: int, taken: list[Polygon]) -> list[LineString]:
     """Return an arrow to north and the sheet's number, where nothing stands."""
-    free = pieces_of(shapely.difference(tile, shapely.union_all(taken)))
+    free = polygons_of(shapely.difference(tile, shapely.union_all(taken)))
     circle = max(
         (shapely.maximum_inscribed_circle(piece, 0.5) for piece in free),
         key=shapely.length,
@@ -255,7 +255,7 @@ def material_left(data: bytes, kerf_mm: float) -> BaseGeometry:
     ]
     pieces = shapely.build_area(shapely.GeometryCollection(rings))
     return shapely.union_all(
-        pieces_of(shapely.buffer(pieces, -0.5 * kerf_mm, join_style="mitre", mitre_limit=5.0))
+        polygons_of(shapely.buffer(pieces, -0.5 * kerf_mm, join_style="mitre", mitre_limit=5.0))
     )
 
 
@@ -265,7 +265,7 @@ class LaserCutFiles:
 
     jobs: dict[str, Job] = field(default_factory=dict)  # by file name
     files: dict[str, bytes] = field(default_factory=dict)  # DXF, read back without a difference
-    copies: tuple[Copy, ...] = ()  # where each layer of each piece lies, for style ``sheet``
+    copies: tuple[LayerCopy, ...] = ()  # where each layer of each piece lies, for style ``sheet``
 
 
 def layers_of(rig: Rig) -> int:
@@ -279,10 +279,12 @@ def standing_mm(rig: Rig) -> float:
     return layers_of(rig) * rig.options.plate_mm if layered else rig.options.height_mm
 
 
-def laser_cut_files(rig: Rig, world: Map, pieces: tuple[Loose, ...], *, lid: bool) -> LaserCutFiles:
+def laser_cut_files(
+    rig: Rig, world: Map, pieces: tuple[LoosePiece, ...], *, lid: bool
+) -> LaserCutFiles:
     """Return what is cut for a rig."""
     options, named = rig.options, list[tuple[str, list[Job]]]()
-    plate, copies = _on_plan(rig.plate, rig, world), list[Copy]()
+    plate, copies = _on_plan(rig.plate, rig, world), list[LayerCopy]()
     if rig.style != "plate":
         named.append(("board", board_jobs(rig.name, plate, pieces, options)))
     if rig.style == "sheet":
@@ -325,7 +327,7 @@ def compare_layers(rig: Rig, world: Map, cut: LaserCutFiles) -> RigComparison:
     return max(compared, key=lambda comparison: comparison.share)
 
 
-def outlines_of(rig: Rig, world: Map, pieces: tuple[Loose, ...]) -> dict[int, BaseGeometry]:
+def outlines_of(rig: Rig, world: Map, pieces: tuple[LoosePiece, ...]) -> dict[int, BaseGeometry]:
     """Return what the assembly drawing numbers: outlines by number, in map coordinates."""
     if pieces:
         return {piece.number: _on_map(piece.outline, rig, world) for piece in pieces}

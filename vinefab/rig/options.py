@@ -76,7 +76,7 @@ def read_printer(name_or_path: str | Path) -> Printer:
     """Read a printer's profile.
 
     Every number in the file is a table of ``value``, ``standing`` (measured, paper, published,
-    computed or assumed) and ``source``, so that nobody mistakes a guess for a measurement.
+    computed or assumed) and ``source``, so that a guess is never taken for a measurement.
     """
     path = locate("printer", name_or_path)
     form = validated(PrinterForm, read_toml(path), path)

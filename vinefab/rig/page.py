@@ -33,7 +33,7 @@ from vinefab.pages.figure import (
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.plan import pieces_of
+from vinefab.rig.plan import polygons_of
 from vinefab.rig.printing import BASIS, Bed, Printing
 from vinefab.rig.relief import Colour, Label, Prism, relief_png
 from vinefab.rig.solid import stacked
@@ -86,8 +86,8 @@ def bed_png(rig: Rig, bed: Bed, *, width_px: int = 700) -> bytes:
 def layered_png(rig: Rig, *, width_px: int = 1400) -> bytes:
     """Return a picture of a rig whose obstacles are cut in layers: walls on their board."""
     scale, height_mm = rig.options.scale, rig.options.height_mm
-    pieces = pieces_of(shapely.transform(rig.walls, lambda points: scale * points), Polygon())
-    vertices, faces = stacked(pieces, pieces_of(Polygon()), height_mm, 0.0)
+    pieces = polygons_of(shapely.transform(rig.walls, lambda points: scale * points), Polygon())
+    vertices, faces = stacked(pieces, polygons_of(Polygon()), height_mm, 0.0)
     walls = Prism(vertices_mm=vertices, faces=faces, colour=_TINTS[1])
     return relief_png([*_board(rig), walls], width_px=width_px)
 
@@ -97,8 +97,8 @@ def _board(rig: Rig) -> list[Prism]:
     if rig.style == "plate":
         return []
     scale, plate_mm = rig.options.scale, rig.options.plate_mm
-    pieces = pieces_of(shapely.transform(rig.plate, lambda points: scale * points), Polygon())
-    vertices, faces = stacked(pieces, pieces_of(Polygon()), plate_mm, 0.0)
+    pieces = polygons_of(shapely.transform(rig.plate, lambda points: scale * points), Polygon())
+    vertices, faces = stacked(pieces, polygons_of(Polygon()), plate_mm, 0.0)
     return [Prism(vertices_mm=vertices - (0.0, 0.0, plate_mm), faces=faces, colour=_BOARD)]
 
 
@@ -183,10 +183,10 @@ def _draw_part(axes: Axes, number: int, outline: BaseGeometry, size: float) -> N
     biggest = max(shapely.get_parts(outline), key=shapely.area, default=Polygon())
     if biggest.is_empty:
         return
-    spot = biggest.centroid if biggest.covers(biggest.centroid) else biggest.representative_point()
+    place = biggest.centroid if biggest.covers(biggest.centroid) else biggest.representative_point()
     axes.annotate(
         str(number),
-        (spot.x, spot.y),
+        (place.x, place.y),
         fontsize=size,
         weight="bold",
         color=INK,
@@ -288,20 +288,24 @@ def _parts(rig: Rig, printing: Printing) -> Table:
     )
 
 
-Tell = Callable[[float, str], None]
-"""Called with the share of the work that is done, 0 to 1, and a few words."""
+ProgressCallback = Callable[[float, str], None]
+"""Called with the share of the work that is done, 0 to 1, and the next step."""
 
 
 def rig_pictures(
-    rig: Rig, world: Map, outlines: dict[int, BaseGeometry], printing: Printing, tell: Tell
+    rig: Rig,
+    world: Map,
+    outlines: dict[int, BaseGeometry],
+    printing: Printing,
+    progress: ProgressCallback,
 ) -> dict[str, bytes]:
     """Return every picture of a rig by file name."""
-    tell(0.5, "drawing the plan")
+    progress(0.5, "drawing the plan")
     plan = assembly_plan(rig, world, outlines)
     files = {"assembly.svg": svg_bytes(plan), "assembly.pdf": pdf_bytes(plan)}
     files["assembled.png"] = layered_png(rig) if rig.style == "sheet" else assembled_png(rig)
     for done, bed in enumerate(printing.beds, 1):
-        tell(0.5 + 0.5 * done / (len(printing.beds) + 1), f"drawing {bed.name}")
+        progress(0.5 + 0.5 * done / (len(printing.beds) + 1), f"drawing {bed.name}")
         files[f"{bed.name}.png"] = bed_png(rig, bed)
     return files
 

@@ -55,12 +55,12 @@ def read_back_problems(
     if len(read) != len(items) or any(
         one.name not in (None, name) for one, name in zip(read, names, strict=True)
     ):
-        return {names[0]: ("lies among other parts than it should",)}
+        return {names[0]: ("is in a file with other parts than planned",)}
     found = {}
-    for item, got in zip(items, read, strict=True):
-        away_mm = np.abs(np.subtract((*item.at_mm, 0.0), got.shift_mm)).max()
-        astray = ("does not lie where it should",) if away_mm > _PLACE_MM else ()
-        found[item.part.name] = (*mesh_problems(got.mesh, item.part), *astray)
+    for item, one in zip(items, read, strict=True):
+        away_mm = float(np.abs(np.subtract((*item.at_mm, 0.0), one.shift_mm)).max())
+        place = (f"lies {away_mm:.4g} mm off its place",) if away_mm > _PLACE_MM else ()
+        found[item.part.name] = (*mesh_problems(one.mesh, item.part), *place)
     return found
 
 

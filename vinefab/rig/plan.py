@@ -20,26 +20,26 @@ from vinefab.model.map import Map, Pose, Start
 from vinefab.rig.options import GRID_MM, Printer, RigOptions
 from vinefab.rig.part import ThinPlace
 
-Pieces = NDArray[np.object_]
+Polygons = NDArray[np.object_]
 """Polygons that do not overlap, shape (n,)."""
 
 _ROUNDS = 5
 _MITRE_LIMIT = 5.0
 
 
-def pieces_of(*shapes: BaseGeometry | Pieces) -> Pieces:
+def polygons_of(*shapes: BaseGeometry | Polygons) -> Polygons:
     """Return all polygons of geometries; points and lines left over by an overlay are dropped."""
     parts = np.concatenate([shapely.get_parts(shape) for shape in shapes])
     parts = shapely.get_parts(parts[shapely.get_dimensions(parts) == 2])
     return np.asarray(parts[~shapely.is_empty(parts)], dtype=object)
 
 
-def snapped_union(*shapes: BaseGeometry | Pieces) -> Pieces:
+def snapped_union(*shapes: BaseGeometry | Polygons) -> Polygons:
     """Return the union's polygons on the grid `GRID_MM`; where two edges meet is a corner."""
-    return pieces_of(shapely.union_all(pieces_of(*shapes), grid_size=GRID_MM))
+    return polygons_of(shapely.union_all(polygons_of(*shapes), grid_size=GRID_MM))
 
 
-def vanishes(pieces: Pieces, width_mm: float) -> NDArray[np.bool_]:
+def vanishes(pieces: Polygons, width_mm: float) -> NDArray[np.bool_]:
     """Tell which polygons are nowhere thicker than a width."""
     if width_mm <= 0.0:
         return np.zeros(len(pieces), dtype=bool)
@@ -47,13 +47,13 @@ def vanishes(pieces: Pieces, width_mm: float) -> NDArray[np.bool_]:
     return np.asarray(shapely.is_empty(eroded), dtype=bool)
 
 
-def without_slivers(pieces: Pieces, width_mm: float) -> tuple[Pieces, int]:
+def without_slivers(pieces: Polygons, width_mm: float) -> tuple[Polygons, int]:
     """Drop the polygons that are nowhere thicker than a width; also return how many."""
     gone = vanishes(pieces, width_mm)
     return pieces[~gone], int(gone.sum())
 
 
-def without_slits(pieces: Pieces, width_mm: float) -> tuple[Pieces, int]:
+def without_slits(pieces: Polygons, width_mm: float) -> tuple[Polygons, int]:
     """Fill the holes that are nowhere wider than a width; also return how many."""
     filled = 0
     result = pieces.copy()
@@ -66,7 +66,7 @@ def without_slits(pieces: Pieces, width_mm: float) -> tuple[Pieces, int]:
     return result, filled
 
 
-def touching_points(pieces: Pieces) -> NDArray[np.float64]:
+def touching_points(pieces: Polygons) -> NDArray[np.float64]:
     """Return the corners, shape (n, 2), at which rings meet themselves or each other."""
     rings = shapely.get_rings(pieces)
     coordinates, ring = shapely.get_coordinates(rings, return_index=True)
@@ -76,24 +76,24 @@ def touching_points(pieces: Pieces) -> NDArray[np.float64]:
     return np.asarray(unique[count > 1], dtype=np.float64)
 
 
-def bridged(pieces: Pieces, within: BaseGeometry, radius_mm: float) -> tuple[Pieces, int]:
+def bridged(pieces: Polygons, within: BaseGeometry, radius_mm: float) -> tuple[Polygons, int]:
     """Join what touches in a single point by a small octagon there.
 
     Two solids that share only an upright edge are no printable body, and a file of triangles
     cannot say on which side each belongs: four triangles meet at one edge.
     """
-    mended = 0
+    bridges = 0
     for _ in range(_ROUNDS):
         points = touching_points(pieces)
         if not len(points):
             break
         patches = shapely.MultiPoint(points).buffer(radius_mm, quad_segs=2).intersection(within)
         pieces = snapped_union(pieces, patches)
-        mended += len(points)
-    return pieces, mended
+        bridges += len(points)
+    return pieces, bridges
 
 
-def thin_parts(pieces: Pieces, width_mm: float) -> Pieces:
+def thin_parts(pieces: Polygons, width_mm: float) -> Polygons:
     """Return the parts of polygons that are thinner than a width.
 
     They are what an opening (shrink, then grow back) loses. Sharp corners lose their tips too:
@@ -108,7 +108,7 @@ def thin_parts(pieces: Pieces, width_mm: float) -> Pieces:
         join_style="mitre",
         mitre_limit=_MITRE_LIMIT,
     )
-    lost = pieces_of(shapely.difference(pieces, opened))
+    lost = polygons_of(shapely.difference(pieces, opened))
     return lost[shapely.area(lost) > 2.0 * width_mm**2]
 
 
@@ -116,7 +116,7 @@ _STEPS = 4
 _CRUMB_SHARE = 0.02
 
 
-def patches_for(pieces: Pieces, width_mm: float) -> tuple[Pieces, BaseGeometry]:
+def patches_for(pieces: Polygons, width_mm: float) -> tuple[Polygons, BaseGeometry]:
     """Return where polygons are thinner than a width, and what to add to make them that wide.
 
     The thin parts are shrunk in small steps; what vanishes in a step is their middle line, to
@@ -131,15 +131,15 @@ def patches_for(pieces: Pieces, width_mm: float) -> tuple[Pieces, BaseGeometry]:
     for _ in range(_STEPS + 1):
         # A hair more and back again: what is left with hardly any width counts as vanished.
         shrunk = shapely.buffer(left, -(step_mm + hair_mm), join_style="mitre")
-        inner = pieces_of(shapely.buffer(shrunk, hair_mm, join_style="mitre"))
+        inner = polygons_of(shapely.buffer(shrunk, hair_mm, join_style="mitre"))
         regrown = shapely.buffer(shapely.union_all(inner), 1.02 * step_mm, join_style="mitre")
-        middle = pieces_of(shapely.difference(left, regrown))
+        middle = polygons_of(shapely.difference(left, regrown))
         # The first steps leave crumbs in the corners: a disc around each would bulge out.
         middle = middle[shapely.area(middle) > _CRUMB_SHARE * width_mm**2]
         patches += list(shapely.buffer(middle, 0.5 * width_mm, join_style="mitre", mitre_limit=1.5))
         left = inner
     grown = shapely.union_all(patches) if patches else Polygon()
-    return thin, shapely.union_all(pieces_of(grown))
+    return thin, shapely.union_all(polygons_of(grown))
 
 
 _HOLE_SEGMENTS = 12
@@ -149,11 +149,11 @@ _NEAR_MM = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """What one start asks to be taken away."""
+    """The opening for one start."""
 
     from_border: BaseGeometry  # area of the border wall to leave open, or empty
     from_plate: BaseGeometry  # area of the plate to leave open, or empty
-    note: str = ""  # what a person should know, or an empty string
+    note: str = ""  # for the person who builds the rig
 
 
 def entry_of(
@@ -179,7 +179,9 @@ def entry_of(
     line = _backwards(start, base.distance(met) + _depth_mm(options))
     strip = line.buffer(_half_width_mm(start, options), cap_style="flat")
     # Not what the strip meets further on: the wall of another room of a winding hall.
-    cut = [piece for piece in pieces_of(border.intersection(strip)) if piece.dwithin(met, _NEAR_MM)]
+    cut = [
+        piece for piece in polygons_of(border.intersection(strip)) if piece.dwithin(met, _NEAR_MM)
+    ]
     blocked = strip.intersection(bounds).intersection(solids).area > 0.0
     note = "obstacles narrow the way between the entry and its start" if blocked else ""
     return Entry(from_border=shapely.union_all(cut), from_plate=nothing, note=note)
@@ -222,7 +224,9 @@ class RigPlan:
     """What stands where, before it is split into parts."""
 
     plate: BaseGeometry  # outline of the base plate; polygons without holes but those of entries
-    solids: Pieces  # obstacles and border, polygons shape (n,) that meet nowhere, within the plate
+    solids: (
+        Polygons  # obstacles and border, polygons shape (n,) that meet nowhere, within the plate
+    )
     # the map's point at the plan's (0, 0), the lower left corner of the bounds' box
     origin_mm: tuple[float, float]
     scale: float  # plan millimetres per map millimetre
@@ -276,7 +280,7 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
         origin_mm=origin_mm,
         scale=options.scale,
         thin_places=_thin_places(thin, origin_mm, options.scale),
-        thickened=shapely.union_all(pieces_of(thickened)),
+        thickened=shapely.union_all(polygons_of(thickened)),
         slivers=slivers + more_slivers,
         slits=slits,
         bridges=bridges,
@@ -284,14 +288,14 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
     )
 
 
-def _obstacles(world: Map, bounds: Polygon, options: RigOptions) -> Pieces:
+def _obstacles(world: Map, bounds: Polygon, options: RigOptions) -> Polygons:
     """Return the obstacles within the bounds, and the holes of the bounds, joined."""
     scaled = _scaled_polygons(world.obstacles, world, options.scale)
-    holes = pieces_of(*(Polygon(ring) for ring in bounds.interiors), Polygon())
-    return pieces_of(shapely.intersection(snapped_union(scaled, holes), Polygon(bounds.exterior)))
+    holes = polygons_of(*(Polygon(ring) for ring in bounds.interiors), Polygon())
+    return polygons_of(shapely.intersection(snapped_union(scaled, holes), Polygon(bounds.exterior)))
 
 
-def _scaled_polygons(polygons: Sequence[Polygon], world: Map, scale: float) -> Pieces:
+def _scaled_polygons(polygons: Sequence[Polygon], world: Map, scale: float) -> Polygons:
     low_mm = np.array(world.bounds.bounds[:2])
     array = np.empty(len(polygons), dtype=object)
     array[:] = polygons
@@ -299,12 +303,12 @@ def _scaled_polygons(polygons: Sequence[Polygon], world: Map, scale: float) -> P
 
 
 def _opened(
-    world: Map, bounds: Polygon, obstacles: Pieces, options: RigOptions
+    world: Map, bounds: Polygon, obstacles: Polygons, options: RigOptions
 ) -> tuple[BaseGeometry, BaseGeometry, tuple[str, ...]]:
     """Return border and plate with the entries of all starts taken out, and notes."""
     inside = Polygon(bounds.exterior)
     grown = inside.buffer(options.border_mm, join_style="mitre", mitre_limit=_BORDER_MITRE_LIMIT)
-    plate = shapely.union_all([Polygon(piece.exterior) for piece in pieces_of(grown)])
+    plate = shapely.union_all([Polygon(piece.exterior) for piece in polygons_of(grown)])
     border = plate.difference(inside)
     solids = shapely.union_all(obstacles)
     entries = [
@@ -336,7 +340,7 @@ def _scaled(start: Start, world: Map, scale: float) -> Start:
 
 
 def _thin_places(
-    thin: Pieces, origin_mm: tuple[float, float], scale: float
+    thin: Polygons, origin_mm: tuple[float, float], scale: float
 ) -> tuple[ThinPlace, ...]:
     return tuple(
         ThinPlace(

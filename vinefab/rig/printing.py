@@ -12,7 +12,7 @@ BASIS = (
     "computed from assumed settings: plastic = min(V, A s + f (V - A s)) with volume V, surface A, "
     "shell s and infill f; time = plastic / flow + layers x the time per layer change"
 )
-"""The formulas, for whoever reads the numbers."""
+"""The formulas, for reports."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

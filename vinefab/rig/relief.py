@@ -29,7 +29,7 @@ _LEVEL_MM = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prism:
-    """Something to draw."""
+    """A solid to draw."""
 
     vertices_mm: Floats  # corners where they stand, shape (n, 3), z upwards
     faces: Ints  # triangles, shape (m, 3), counter-clockwise seen from outside
@@ -39,20 +39,20 @@ class Prism:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Label:
-    """A word at a point of the scene."""
+    """A text at a point of the scene."""
 
-    text: str  # what to write
-    at_mm: tuple[float, float, float]  # where: x, y, z
+    text: str
+    at_mm: tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Camera:
-    """From where a scene is seen, and how large."""
+    """Direction and scale of the view."""
 
     turn_rad: float  # how far the scene is turned counter-clockwise
     rise_rad: float  # angle of sight above the plane
     px_per_mm: float  # scale
-    # left_mm, top_mm: what is at the picture's upper left corner, turned and slanted
+    # point at the picture's upper left corner, in the turned and slanted plane
     left_mm: float
     top_mm: float
     size_px: tuple[int, int]  # width and height
@@ -204,9 +204,9 @@ def _write(picture: Image.Image, camera: Camera, labels: Sequence[Label]) -> Non
 
 
 def _png(picture: Image.Image) -> bytes:
-    stream, said = io.BytesIO(), PngInfo()
-    said.add_text("Software", GENERATOR)
-    picture.save(stream, format="PNG", pnginfo=said, optimize=True)
+    stream, facts = io.BytesIO(), PngInfo()
+    facts.add_text("Software", GENERATOR)
+    picture.save(stream, format="PNG", pnginfo=facts, optimize=True)
     return stream.getvalue()
 
 

@@ -1,4 +1,4 @@
-"""A folder that ``vinefab rig`` wrote, read again: what its files hold, part by part."""
+"""rig.json and parts.csv: written, and a rig's folder read back for the rules."""
 
 import csv
 import io
@@ -22,7 +22,7 @@ from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.rig.comparison_with_map import RigComparison
-from vinefab.rig.laser_cut import Copy
+from vinefab.rig.laser_cut import LayerCopy
 from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.part import Rig, RigPart, ThinPlace
 from vinefab.rig.part_files import bed_name, stl_name
@@ -34,17 +34,15 @@ SCHEMA = "vinefab/rig-1"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RigRecord:
-    """Everything that the texts about a rig draw on."""
+    """Content of rig.json and parts.csv."""
 
-    # rig, world: the rig and its map
     rig: Rig
     world: Map
-    printing: Printing  # its beds
-    comparison: RigComparison  # how the assembled rig compares with the map (`compare_with_map`)
-    report: CheckReport  # what the rules say
-    # jobs, copies: what a laser cuts, by file name, and where layers of pieces lie
-    jobs: Mapping[str, Job] = field(default_factory=dict)
-    copies: tuple[Copy, ...] = ()
+    printing: Printing
+    comparison: RigComparison
+    report: CheckReport
+    jobs: Mapping[str, Job] = field(default_factory=dict)  # sheets for the laser, by file name
+    copies: tuple[LayerCopy, ...] = ()
 
 
 def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
@@ -209,7 +207,7 @@ Size = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
 class _Known(BaseModel):
-    """Base of forms that take what they need and leave the rest."""
+    """Base of forms that ignore fields they do not need."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
@@ -258,7 +256,7 @@ class RigForm(_Known):
 
 
 def read_rig(folder: Path) -> RigFacts:
-    """Return what is to be known of a rig from its folder, every STL file read."""
+    """Return what the rules need of a rig from its folder, every STL file read."""
     path = folder if folder.name == RIG_NAME else folder / RIG_NAME
     try:
         data = json.loads(read_text(path))

@@ -13,25 +13,25 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.validation import Floats, Ints
 from vinefab.rig.options import GRID_MM
 from vinefab.rig.part import RigPart
-from vinefab.rig.plan import Pieces, pieces_of
+from vinefab.rig.plan import Polygons, polygons_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Hollow:
+class Pocket:
     """A prism to be taken out of a solid."""
 
-    pieces: Pieces  # its outline, in plan
-    # low_mm, high_mm: from where to where it reaches up; below 0 to open it downwards
+    pieces: Polygons  # its outline, in plan
+    # lower and upper end; below 0 to open it downwards
     low_mm: float
     high_mm: float
 
 
 def stacked(
-    plate: Pieces,
-    solids: Pieces,
+    plate: Polygons,
+    solids: Polygons,
     plate_mm: float,
     height_mm: float,
-    hollows: Sequence[Hollow | Manifold] = (),
+    pockets: Sequence[Pocket | Manifold] = (),
 ) -> tuple[Floats, Ints]:
     """Return corners and triangles of solids standing on a plate.
 
@@ -42,8 +42,8 @@ def stacked(
     if len(solids):
         # From the middle of the plate: bodies that overlap join more surely than ones that touch.
         body += _extruded(solids, 0.5 * plate_mm + height_mm).translate((0, 0, 0.5 * plate_mm))
-    for hollow in hollows:
-        body -= hollow if isinstance(hollow, Manifold) else _prism(hollow)
+    for pocket in pockets:
+        body -= pocket if isinstance(pocket, Manifold) else _prism(pocket)
     mesh = body.to_mesh64()
     vertices = np.asarray(mesh.vert_properties[:, :3], dtype=np.float32).astype(np.float64)
     return _sorted(vertices, np.asarray(mesh.tri_verts, dtype=np.int64))
@@ -63,12 +63,12 @@ def outlines_at(body: Manifold, z_mm: float) -> shapely.geometry.base.BaseGeomet
     return shapely.build_area(shapely.union_all(rings)) if rings else shapely.Polygon()
 
 
-def _prism(hollow: Hollow) -> Manifold:
-    body = _extruded(hollow.pieces, hollow.high_mm - hollow.low_mm)
-    return body.translate((0.0, 0.0, hollow.low_mm))
+def _prism(pocket: Pocket) -> Manifold:
+    body = _extruded(pocket.pieces, pocket.high_mm - pocket.low_mm)
+    return body.translate((0.0, 0.0, pocket.low_mm))
 
 
-def _extruded(pieces: Pieces, height_mm: float) -> Manifold:
+def _extruded(pieces: Polygons, height_mm: float) -> Manifold:
     rings = shapely.get_rings(shapely.orient_polygons(pieces))
     contours = [shapely.get_coordinates(ring)[:-1] for ring in rings]
     return Manifold.extrude(CrossSection(contours, FillRule.Positive), height_mm)
@@ -148,7 +148,7 @@ _SMALLEST = 0.4
 _ROOM_MM = 1.5
 
 
-def marks_for(number: int, plate: Polygon, *, from_below: bool = True) -> Pieces:
+def engraved_marks(number: int, plate: Polygon, *, from_below: bool = True) -> Polygons:
     """Return the grooves of a tile's number and north arrow, in the coordinates of the plan.
 
     They lie around the middle of the largest circle in the plate and shrink to fit it; below two
@@ -162,9 +162,9 @@ def marks_for(number: int, plate: Polygon, *, from_below: bool = True) -> Pieces
     diagonal_mm = ((x_max - x_min) ** 2 + (y_max - y_min) ** 2) ** 0.5
     size = min(1.0, 2.0 * (circle.length - _ROOM_MM) / diagonal_mm)
     if size < _SMALLEST:
-        return pieces_of(Polygon())
+        return polygons_of(Polygon())
     moved = translate(_block(number, size, from_below=from_below), x_mm, y_mm)
-    return pieces_of(shapely.set_precision(moved, GRID_MM))
+    return polygons_of(shapely.set_precision(moved, GRID_MM))
 
 
 def _block(number: int, size: float, *, from_below: bool) -> BaseGeometry:
@@ -185,7 +185,7 @@ _ARROW_SIZE_MM = (24.0, 44.0, 4.0)
 _DEPTH_MM, _STROKE_MM, _CUBE_APART_MM = 0.6, 1.0, 12.0
 
 
-def extras_of(
+def extra_parts(
     plate_box_mm: tuple[float, float, float, float], to_map: Floats
 ) -> tuple[RigPart, ...]:
     """Return the scale cube and the north arrow."""
@@ -221,11 +221,11 @@ def _part(
     to_map: Floats,
 ) -> RigPart:
     """Return a flat part with a text engraved into its top."""
-    x_mm, y_mm, words, height_mm = text
-    marks = grooves(centred(strokes(words, height_mm), x_mm, y_mm), _STROKE_MM)
+    x_mm, y_mm, content, height_mm = text
+    marks = grooves(centred(strokes(content, height_mm), x_mm, y_mm), _STROKE_MM)
     marks = shapely.set_precision(marks, GRID_MM)
-    hollow = Hollow(pieces=pieces_of(marks), low_mm=thick_mm - _DEPTH_MM, high_mm=thick_mm + 1.0)
-    vertices, faces = stacked(pieces_of(outline), pieces_of(Polygon()), thick_mm, 0.0, [hollow])
+    pocket = Pocket(pieces=polygons_of(marks), low_mm=thick_mm - _DEPTH_MM, high_mm=thick_mm + 1.0)
+    vertices, faces = stacked(polygons_of(outline), polygons_of(Polygon()), thick_mm, 0.0, [pocket])
     volume_mm3 = outline.area * thick_mm - marks.area * _DEPTH_MM
     return RigPart(
         name=name, vertices_mm=vertices, faces=faces, to_map=to_map, volume_mm3=volume_mm3

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.rig.options import GRID_MM, Printer, RigOptions
-from vinefab.rig.plan import Pieces, RigPlan, bridged, pieces_of, snapped_union, without_slivers
+from vinefab.rig.plan import Polygons, RigPlan, bridged, polygons_of, snapped_union, without_slivers
 
 TAB_DEPTH_MM = 8.0
 _NECK_HALF_MM = 4.0
@@ -101,7 +101,7 @@ class Edges:
     end_mm: Floats
 
     @classmethod
-    def of(cls, solids: Pieces) -> "Edges":
+    def of(cls, solids: Polygons) -> "Edges":
         """Return the edges of all rings of polygons that do not overlap."""
         rings = shapely.get_rings(shapely.orient_polygons(solids))
         points, ring = shapely.get_coordinates(rings, return_index=True)
@@ -164,7 +164,7 @@ class Cuts:
 
 def cuts_of(
     box_mm: tuple[float, float, float, float],
-    solids: Pieces,
+    solids: Polygons,
     printer: Printer,
     options: RigOptions,
 ) -> Cuts:
@@ -250,7 +250,7 @@ class RigTile:
     # plate, solids: one outline, and what stands on it; both snapped, each corner of one on the
     # other's edge being a corner there too
     plate: Polygon
-    solids: Pieces
+    solids: Polygons
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -312,7 +312,7 @@ def rig_tiles(
 def _tile(
     cell: Cell,
     plate: Polygon,
-    near: Pieces,
+    near: Polygons,
     least_mm: tuple[float, float],
 ) -> RigTile:
     sliver_mm, bridge_mm = least_mm
@@ -325,12 +325,12 @@ def _tile(
     return RigTile(cell=cell, plate=plate, solids=solids)
 
 
-def _plates(plate: BaseGeometry, rectangle: Polygon, cell: Cell, joints: Dovetails) -> Pieces:
+def _plates(plate: BaseGeometry, rectangle: Polygon, cell: Cell, joints: Dovetails) -> Polygons:
     tabs = [joint.tab for joint in joints.joints if joint.giver == cell]
     sockets = [joint.socket for joint in joints.joints if joint.taker == cell]
     own = shapely.intersection(plate, rectangle, grid_size=GRID_MM)
     own = shapely.union_all([own, *tabs], grid_size=GRID_MM)
-    return pieces_of(shapely.difference(own, shapely.union_all(sockets), grid_size=GRID_MM))
+    return polygons_of(shapely.difference(own, shapely.union_all(sockets), grid_size=GRID_MM))
 
 
 def _seams(cuts: Cuts) -> Iterator[tuple[Seam, Cell, Cell]]:

@@ -113,7 +113,7 @@ def _matrix_rows(matrix: Matrix | None) -> list[Row]:
     if matrix is None:
         return []
     return [
-        ("matrix", f"{energy:.1f} {focus:g}", "", "nothing / weld / weldcut / cut / burnt")
+        ("matrix", f"{energy:.1f} {focus:g}", "", " / ".join(OUTCOMES))
         for focus in FOCUS_MM
         for energy in matrix.energies_mj_mm
     ]
@@ -176,8 +176,8 @@ def _readings(lines: list[str], path: Path) -> Iterator[Reading]:
             header = _header(cells, place)
             continue
         if len(cells) > len(header):
-            words = f"{len(header)} ({', '.join(header)}); put commas of a note into quotes"
-            raise BadInputError("cells", len(cells), words, place)
+            allowed = f"{len(header)} ({', '.join(header)}); put commas of a note into quotes"
+            raise BadInputError("cells", len(cells), allowed, place)
         row = dict(zip(header, cells, strict=False))
         if row.get("value"):
             yield _reading(row, place)

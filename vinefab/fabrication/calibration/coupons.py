@@ -107,9 +107,9 @@ def crotch_designs() -> tuple[Design, ...]:
 
 def robot_piece(design: Design, profile: LaserProfile) -> Coupon:
     """Return a design as a coupon: what the laser does for a robot, and its name below it."""
-    kept = (Operation.WELD, Operation.WELDCUT, Operation.CUT)
+    operations = (Operation.WELD, Operation.WELDCUT, Operation.CUT)
     job = laser_job(design, profile)
-    paths = tuple(path for path in job.paths if path.operation in kept)
+    paths = tuple(path for path in job.paths if path.operation in operations)
     return _labelled(Coupon(name=design.name, paths=paths, design=design), profile)
 
 
@@ -193,8 +193,8 @@ def coupon_sheets(pieces: Sequence[Coupon], profile: LaserProfile) -> tuple[Job,
     for piece in sorted(pieces, key=lambda piece: -_size(piece)[1]):
         width, height = _size(piece)
         if width > room[0] or height > room[1]:
-            words = f"a bed of at least {width:.0f} x {height:.0f} mm for coupon {piece.name}"
-            raise BadInputError("machine bed", f"{bed_x:g} x {bed_y:g} mm usable", words)
+            allowed = f"a bed of at least {width:.0f} x {height:.0f} mm for coupon {piece.name}"
+            raise BadInputError("machine bed", f"{bed_x:g} x {bed_y:g} mm usable", allowed)
         if x > 0.0 and x + width > room[0]:
             x, y, row = 0.0, y + row + COUPON_GAP_MM, 0.0
         if y > 0.0 and y + height > room[1]:
@@ -225,7 +225,7 @@ def sheet_job(
 
 
 def recipe_facts(profile: LaserProfile) -> dict[str, object]:
-    """Return what every coupon file says about how it was made."""
+    """Return the facts that every coupon file states."""
     facts: dict[str, object] = {
         "machine": profile.machine.name,
         "material": profile.material.name,
@@ -261,7 +261,7 @@ class Matrix:
 
 
 def energies_mj_mm() -> tuple[float, ...]:
-    """Return the line energies that are asked for, in even steps of their logarithm.
+    """Return the line energies of the matrix, in even steps of their logarithm.
 
     >>> [round(energy, 1) for energy in energies_mj_mm()]
     [5.0, 8.7, 15.3, 26.7, 46.8, 81.8, 143.0, 250.0]
@@ -298,7 +298,7 @@ def sealing_operation(profile: LaserProfile) -> Operation:
     )
 
 
-def trial_settings(
+def line_settings(
     energy_mj_mm: float, focus_mm: float, settings: OperationSettings, profile: LaserProfile
 ) -> OperationSettings:
     """Return the settings of one line of the matrix: one pass, constant power."""
@@ -310,20 +310,20 @@ def trial_settings(
         settings,
         power_percent=power,
         min_power_percent=power,
-        speed_mm_s=_trial(1000.0 * power_w / energy_mj_mm, f"{energy_mj_mm:.1f} mJ/mm"),
+        speed_mm_s=_computed(1000.0 * power_w / energy_mj_mm, f"{energy_mj_mm:.1f} mJ/mm"),
         passes=1,
-        focus_offset_mm=_trial(focus_mm, "energy matrix"),
-        spot_mm=_trial(spot, "spot at this focus offset"),
+        focus_offset_mm=_computed(focus_mm, "energy matrix"),
+        spot_mm=_computed(spot, "spot at this focus offset"),
     )
 
 
-def _trial(value: float, source: str) -> Quantity:
+def _computed(value: float, source: str) -> Quantity:
     return Quantity(value=value, standing=Standing.COMPUTED, source=source)
 
 
 def _in_reach(energy_mj_mm: float, settings: OperationSettings, profile: LaserProfile) -> bool:
     machine = profile.machine
-    speed = trial_settings(energy_mj_mm, 0.0, settings, profile).speed_mm_s.value
+    speed = line_settings(energy_mj_mm, 0.0, settings, profile).speed_mm_s.value
     ramp_mm = (LINE_MM - ZONE_MM) / 2
     comes_up_to = math.sqrt(2.0 * machine.acceleration_mm_s2.value * ramp_mm)
     return speed <= min(comes_up_to, machine.speed_max_mm_s.value)
@@ -347,7 +347,7 @@ def _job(
                 contour=Contour.polyline(line, closed=False),
                 label=f"{energy:.1f} mJ/mm at focus {focus_mm:g} mm",
                 variant=f"E{energy:.1f}",
-                settings=trial_settings(energy, focus_mm, settings, profile),
+                settings=line_settings(energy, focus_mm, settings, profile),
             )
         )
     paths += _zone(start + (LINE_MM - ZONE_MM) / 2, (low - _TICK_MM, top), profile)

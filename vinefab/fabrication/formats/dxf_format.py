@@ -112,7 +112,7 @@ def _register_classes(document: DxfDocument) -> None:
 def _fixed_metadata() -> Iterator[None]:
     """Keep the clock and random identifiers out of the file; ezdxf has only a global switch.
 
-    It also warns of every file of release 12 that it has no unit, which nobody can change.
+    It also warns that every file of release 12 has no unit, which the format cannot have.
     """
     before, level = options.write_fixed_meta_data_for_testing, _EZDXF_LOG.level
     options.write_fixed_meta_data_for_testing = True
@@ -125,7 +125,7 @@ def _fixed_metadata() -> Iterator[None]:
 
 
 def read_dxf(source: Path | str) -> ReadDrawing:
-    """Return what a DXF file says."""
+    """Read a DXF file of ours."""
     name = str(source) if isinstance(source, Path) else "DXF text"
     try:
         text = source.read_text("utf-8") if isinstance(source, Path) else source
@@ -157,11 +157,11 @@ def _drawing(document: DxfDocument) -> ReadDrawing:
 
 def _unit(document: DxfDocument) -> str:
     if document.dxfversion == AC1009:
-        return "mm"  # the only one that we write; the format has no place to say so
-    said = document.header.get("$INSUNITS", 0), document.header.get("$MEASUREMENT", 0)
-    if said == (MILLIMETRES, METRIC):
+        return "mm"  # the only unit that is written; the format cannot state it
+    found = document.header.get("$INSUNITS", 0), document.header.get("$MEASUREMENT", 0)
+    if found == (MILLIMETRES, METRIC):
         return "mm"
-    return f"$INSUNITS {said[0]} with $MEASUREMENT {said[1]}"
+    return f"$INSUNITS {found[0]} with $MEASUREMENT {found[1]}"
 
 
 def _path(polyline: LWPolyline | Polyline) -> DrawnPath:

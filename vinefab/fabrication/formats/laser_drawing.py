@@ -167,7 +167,7 @@ def separable_operations(job: Job, colours: Colours) -> tuple[tuple[Operation, .
 
 
 def metadata(job: Job, colours: Colours) -> dict[str, str]:
-    """Return what a file says about itself: one line of text per key.
+    """Return the metadata of a file: one line of text per key.
 
     The facts of the job (offsets applied, recipe, rotation) are among it, so that a file that was
     parted from its folder still tells how it was made.
@@ -181,14 +181,14 @@ def metadata(job: Job, colours: Colours) -> dict[str, str]:
         "kerf": "seam and kerf offsets are in these paths: leave the machine's kerf at 0",
     }
     facts = {one_line(key): _as_line(value) for key, value in job.facts.items()}
-    # What vinefab says of the file comes first and is not overridden: it is known by it.
+    # vinefab's own entries come first and are not overridden: the file is recognized by them.
     return {**own, **{key: value for key, value in facts.items() if key not in own}}
 
 
 def one_line(text: str) -> str:
     """Return a text without line breaks and control characters, which end a DXF or XML string."""
-    kept = (char if char.isprintable() else " " for char in text)
-    return " ".join("".join(kept).split())
+    printable = (char if char.isprintable() else " " for char in text)
+    return " ".join("".join(printable).split())
 
 
 def _as_line(value: object) -> str:
@@ -225,7 +225,7 @@ class DrawnPath:
 class ReadDrawing:
     """A laser file as read back."""
 
-    unit: str = "mm"  # ``mm``, or what the file says instead
+    unit: str = "mm"  # ``mm``, or the file's other unit
     sheet: tuple[float, float] | None = None  # width and height; None: the format has no sheet
     paths: tuple[DrawnPath, ...] = ()  # in the order of the file
     # colour by layer, in the form of `DrawnPath.colour`; None: layers have no colour of their own
@@ -237,7 +237,7 @@ class ReadDrawing:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LaserFileSpec:
-    """What a laser file has to say."""
+    """The content of a laser file."""
 
     job: Job
     colours: Colours = DEFAULT

@@ -63,8 +63,8 @@ def lightburn_text(job: Job, profile: LaserProfile) -> str:
         root.append(_layer(styled, profile, priority))
     for number, styled in enumerate(paths):
         root.append(_shape(number, styled, profile))
-    words = [*(f"{key}: {value}" for key, value in metadata(job, DEFAULT).items()), _NOTES]
-    ET.SubElement(root, "Notes", ShowOnLoad="1", Notes=" | ".join(words))
+    notes = [*(f"{key}: {value}" for key, value in metadata(job, DEFAULT).items()), _NOTES]
+    ET.SubElement(root, "Notes", ShowOnLoad="1", Notes=" | ".join(notes))
     return _document(root)
 
 
@@ -182,7 +182,7 @@ _COLOURS = {
 
 
 def read_lightburn(text: str) -> ReadDrawing:
-    """Return what a project says; it has no sheet."""
+    """Read a project of ours; it has no sheet."""
     try:
         return _project(xml_root(text))
     except (ET.ParseError, BadInputError, KeyError, ValueError) as error:

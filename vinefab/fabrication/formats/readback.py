@@ -1,8 +1,7 @@
-"""Is a written file what was meant? Compare what it says, read back, with the job.
+"""Compare a written laser file, read back, with its job: the same way for every format.
 
-The same comparison holds for every format; nothing here knows one. What it promises: a point that
-is off by more than the format's tolerance, a missing or an added path, a wrong layer, order,
-colour, unit, sheet or machine setting is a problem.
+A point that is off by more than the format's tolerance, a missing or added path, a wrong layer,
+order, colour, unit, sheet or machine setting is a problem.
 """
 
 import math
@@ -39,7 +38,7 @@ def file_problems(
 def drawing_differences(
     laser_format: LaserFormat, drawing: ReadDrawing, spec: LaserFileSpec
 ) -> tuple[str, ...]:
-    """Return every difference between a file as read and what it has to say.
+    """Return every difference between a file as read and its spec.
 
     Compared are the unit, the sheet, the layers and their order, colours, machine settings, and
     path by path: closed or open, number of vertices and arcs, every vertex and the middle of every

@@ -150,7 +150,7 @@ _ARGUMENTS = {"M": 2, "L": 2, "A": 7, "Z": 0}
 
 
 def read_svg(source: Path | str) -> ReadDrawing:
-    """Return what an SVG file says, y up again."""
+    """Read an SVG file of ours; y is up again."""
     name = str(source) if isinstance(source, Path) else "SVG text"
     try:
         text = source.read_text("utf-8") if isinstance(source, Path) else source

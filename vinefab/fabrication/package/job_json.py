@@ -20,8 +20,7 @@ SCHEMA = "vinefab/job-1"
 def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) -> str:
     """Return what is to be made, with which settings, in which order.
 
-    Every number of the profile keeps its standing and source; line energy and fluence are worked
-    out here and say so.
+    Every number of the profile keeps its standing and source; line energy and fluence are computed.
     """
     recipe = profile.recipe
     return json_text(

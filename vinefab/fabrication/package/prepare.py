@@ -73,8 +73,8 @@ class Prepared:
         recipe = self.profile.recipe
         if recipe.status is RecipeStatus.UNVERIFIED and not allow_uncalibrated:
             return (
-                f"no coupon has confirmed recipe {recipe.name}; --allow-uncalibrated writes "
-                "files all the same, for coupons and first trials"
+                f"recipe {recipe.name} is not confirmed by coupons; --allow-uncalibrated writes "
+                "the files anyway, for coupons and first trials"
             )
         return ""
 
@@ -87,10 +87,10 @@ def prepare(
     sheet: SheetOptions = ONE,
     r12: bool = False,
 ) -> Prepared:
-    """Return a design's job and what every rule says.
+    """Return a design's job and the report of every rule.
 
     When no rule forbids the design, the laser files are written in memory and read back, and the
-    rule about that is applied too.
+    rule about the read-back is applied too.
     """
     job = laser_job(design, profile, sheet)
     subject = replace(Subject.on_sheet(design, profile, job), deployments=tuple(deployments))
@@ -128,7 +128,7 @@ def _others(design: Design, sheet: SheetOptions) -> tuple[Design, ...]:
 
 
 def _beside(design: Design, profile: LaserProfile, job: Job) -> CheckReport:
-    """Return what the rules say of another robot of a sheet, measured in the sheet's own paths.
+    """Return the report on another robot of a sheet, measured in the sheet's own paths.
 
     Rules about the sheet as a whole are applied with the first robot only.
     """
@@ -140,7 +140,7 @@ def _beside(design: Design, profile: LaserProfile, job: Job) -> CheckReport:
 
 
 def package_spec(job: Job, profile: LaserProfile) -> LaserFileSpec:
-    """Return what the laser files of a sheet have to say, in the machine's colours."""
+    """Return the content of a sheet's laser files, in the machine's colours."""
     return LaserFileSpec(
         job=job,
         colours=PRESETS[profile.machine.colours],
@@ -224,7 +224,7 @@ def zip_bytes(files: Mapping[str, bytes], folder: str) -> bytes:
 
 
 def page_content(prepared: Prepared) -> Report:
-    """Return the report of a design that nothing is predicted of."""
+    """Return the report of a design without predictions."""
     design, profile = prepared.design, prepared.profile
     return Report(
         title=f"{design.name}: fabrication",
@@ -241,7 +241,7 @@ def page_content(prepared: Prepared) -> Report:
 
 
 def making_sections(prepared: Prepared) -> tuple[Section, ...]:
-    """Return what a report says of making: rules, sheet, materials."""
+    """Return the sections on manufacturing: rules, sheet, materials."""
     job = prepared.job
     designs = (prepared.design, *prepared.others)
     reports = (prepared.report, *prepared.beside)
@@ -260,15 +260,15 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
 
 
 def _no_predictions() -> Section:
-    words = (
-        "No maps were given, so this page says nothing about where the robot will go: "
-        "vinefab report predicts that."
+    note = (
+        "No maps were given, so this page does not predict where the robot will grow: "
+        "vinefab report does."
     )
-    return Section(title="Predictions", paragraphs=(words,))
+    return Section(title="Predictions", paragraphs=(note,))
 
 
 def design_facts(prepared: Prepared) -> tuple[tuple[str, str], ...]:
-    """Return name and value of what a reader wants to know of a design first."""
+    """Return name and value of a design's key facts."""
     design, profile = prepared.design, prepared.profile
     tree = branch_tree(design)
     return (

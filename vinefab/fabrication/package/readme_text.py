@@ -71,7 +71,7 @@ def _film(job: Job, profile: LaserProfile) -> list[str]:
     film = profile.material
     width, height = film_piece_mm(job, profile)
     return [
-        f"Use {film.title}: {film.plies} plies of {_said(film.ply_mm, 'mm')}, each at least"
+        f"Use {film.title}: {film.plies} plies of {_value(film.ply_mm, 'mm')}, each at least"
         f" {math.ceil(width - 1e-6)} x {math.ceil(height - 1e-6)} mm.",
         "Clean the plies and lay them on each other without folds.",
         "Heat-press them flat before welding, to drive out bubbles and wrinkles. The plies must"
@@ -94,8 +94,8 @@ def _coupon(profile: LaserProfile) -> list[str]:
     for name in (op for op in named if op in profile.recipe.operations):
         settings = profile.settings(name)
         steps.append(
-            f"The {name} paths are offset for a kerf of {_said(settings.kerf_mm, 'mm')} and a seam"
-            f" of {_said(settings.seam_width_mm, 'mm')}. If yours differ by more than 0.1 mm, put"
+            f"The {name} paths are offset for a kerf of {_value(settings.kerf_mm, 'mm')} and a seam"
+            f" of {_value(settings.seam_width_mm, 'mm')}. If yours differ by more than 0.1 mm, put"
             " them in the recipe and export again; do not correct it at the machine."
         )
     return steps
@@ -157,7 +157,7 @@ def _tiles(job: Job) -> list[str]:
 
 
 def _corner(tile: Job) -> str:
-    """Return where the film's lower left corner lies while a tile is cut, in words."""
+    """Return the place of the film's lower left corner while a tile is cut."""
     x, y = (-float(str(tile.facts[f"window_{axis}_mm"])) for axis in "xy")
     return (
         f"{abs(x):.0f} mm {'left' if x < 0 else 'right'} of the bed's lower left corner and"
@@ -185,18 +185,21 @@ def _settings(profile: LaserProfile, operation: Operation) -> str:
     if not settings.by_laser:
         return _sealer(settings)
     return (
-        f"Power {_said(settings.power_percent, '%')}, in corners"
-        f" {_said(settings.min_power_percent, '%')}, speed {_said(settings.speed_mm_s, 'mm/s')},"
+        f"Power {_value(settings.power_percent, '%')}, in corners"
+        f" {_value(settings.min_power_percent, '%')}, speed {_value(settings.speed_mm_s, 'mm/s')},"
         f" {settings.passes} pass{'es' if settings.passes > 1 else ''}, focus offset"
-        f" {_said(settings.focus_offset_mm, 'mm')}, {_said(settings.frequency_hz, 'Hz')},"
+        f" {_value(settings.focus_offset_mm, 'mm')}, {_value(settings.frequency_hz, 'Hz')},"
         f" air assist {'on' if settings.air_assist else 'off'}."
     )
 
 
 def _sealer(settings: OperationSettings) -> str:
-    numbers = [f"seam {_said(settings.seam_width_mm, 'mm')} wide"]
+    numbers = [f"seam {_value(settings.seam_width_mm, 'mm')} wide"]
     if settings.temperature_c is not None and settings.dwell_s is not None:
-        numbers += [_said(settings.temperature_c, "degrees C"), _said(settings.dwell_s, "s")]
+        numbers += [
+            _value(settings.temperature_c, "degrees C"),
+            _value(settings.dwell_s, "s"),
+        ]
     return (
         f"NOT FOR THE LASER: switch this layer off and seal along these lines with an impulse"
         f" sealer: {', '.join(numbers)}."
@@ -206,7 +209,7 @@ def _sealer(settings: OperationSettings) -> str:
 def _machine(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
     machine = profile.machine
     steps = [
-        f"The settings are for: {machine.title}, {_said(machine.power_w, 'W')}. Another machine"
+        f"The settings are for: {machine.title}, {_value(machine.power_w, 'W')}. Another machine"
         " needs its own recipe.",
         "Leave kerf, offset and beam compensation at 0: seam and kerf are in the paths already.",
         "Keep the order of section 4 and switch off any sorting of paths: once the sheet is cut"
@@ -230,7 +233,7 @@ def _machine(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
 
 
 def _repeats(job: Job, profile: LaserProfile) -> list[str]:
-    """Return how often operations are run that take several passes."""
+    """Return the operations that take several passes."""
     several = [
         f"{operation} {settings.passes} times"
         for operation in Operation
@@ -252,8 +255,9 @@ def _measure(design: Design, job: Job, profile: LaserProfile) -> list[str]:
         "Open the mouth with a blunt tool; if it is fused, trim it back by a few millimetres.",
         "Look along the seam at crotches and tips first: that is where it fails.",
         f"Inflate slowly behind a shield, first to a quarter of {design.build.pressure_kpa:g} kPa"
-        f" (working pressure of the design). Rated seam: {_said(profile.material.burst_kpa, 'kPa')}"
-        f" at {_said(profile.material.burst_width_mm, 'mm')} lay-flat width; a wider tube holds"
+        " (working pressure of the design). Rated seam:"
+        f" {_value(profile.material.burst_kpa, 'kPa')}"
+        f" at {_value(profile.material.burst_width_mm, 'mm')} lay-flat width; a wider tube holds"
         " less.",
         f"Write down: kerf, seam width, widths, burst pressure; recipe {profile.recipe.name}, job"
         f" {job.name}.",
@@ -269,8 +273,8 @@ def _mounting(design: Design) -> list[str]:
 
 
 def _facts(job: Job, colours: Colours) -> list[str]:
-    told = ("generator", "name", "units", "sheet_mm", "kerf")
-    return [f"{key}: {value}" for key, value in metadata(job, colours).items() if key not in told]
+    shown = ("generator", "name", "units", "sheet_mm", "kerf")
+    return [f"{key}: {value}" for key, value in metadata(job, colours).items() if key not in shown]
 
 
 def _box(job: Job, colours: Colours) -> tuple[float, float, float, float]:
@@ -294,5 +298,5 @@ def _paragraph(lead: str, text: str) -> str:
     )
 
 
-def _said(quantity: Quantity, unit: str) -> str:
+def _value(quantity: Quantity, unit: str) -> str:
     return f"{quantity.words()} {unit} ({quantity.standing})"

@@ -29,7 +29,7 @@ OPERATION_COLOURS = {
 }
 
 MOST_NUMBERS = 60
-"""Where more paths than this would be numbered, none is."""
+"""With more paths than this, no path is numbered."""
 
 _CROPPED = 0.6
 _RIM_MM = 15.0
@@ -39,7 +39,7 @@ def job_plan(job: Job, findings: tuple[Finding, ...] = ()) -> Figure:
     """Return a plan of the sheet: every path in its operation's colour, with arrows and order.
 
     Where the paths take a small part of the bed, that part is shown and the title says so. Marks
-    have neither arrows nor numbers: they come first, and how they are drawn matters to nobody.
+    come first and have neither arrows nor numbers: their order does not matter.
     """
     with house_style():
         box, cropped = _view(job)
@@ -237,7 +237,7 @@ def job_animation(job: Job, profile: LaserProfile) -> bytes:
     scale = (1.0 - _PAUSE) / total_s
     width, height = job.sheet_width_mm, job.sheet_height_mm
     size = max(width, height)
-    words = (
+    title = (
         f"{job.name}: {total_s:.0f} s on the machine, shown {total_s / film_s:.1f} times as fast"
         f"{', as if all tiles lay on one bed' if job.tiles else ''}; {GENERATOR}"
     )
@@ -245,7 +245,7 @@ def job_animation(job: Job, profile: LaserProfile) -> bytes:
         '<?xml version="1.0" encoding="UTF-8"?>',
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}"'
         f' width="{1000 * width / size:.0f}" height="{1000 * height / size:.0f}">',
-        f"<title>{escape(words)}</title>",
+        f"<title>{escape(title)}</title>",
         f'<rect width="{width:g}" height="{height:g}" fill="#fbfcfd" stroke="#5c6b73"'
         f' stroke-width="{size / 800:.3g}"/>',
         *(_path(run, height, film_s, scale) for run in runs),

@@ -1,4 +1,4 @@
-"""The rig as a job: what it refuses, and what the rules say of it."""
+"""The rig as a job: what it refuses, and what the rules report of it."""
 
 import dataclasses
 import json

@@ -7,7 +7,7 @@ from shapely import LineString, Polygon, box
 
 from vinefab.rig.options import RigOptions
 from vinefab.rig.plan import polygons_of
-from vinefab.rig.split import Edges, Seam, cuts_of, tabs_of
+from vinefab.rig.split import Edges, TileSeam, cuts_of, tabs_of
 
 
 def test_length_of_a_line_in_solids_is_what_shapely_says():
@@ -58,7 +58,7 @@ def test_tiles_never_exceed_the_bed(make_printer):
 def test_tabs_stand_free_and_apart():
     plate = box(0, 0, 400, 300)
     solids = polygons_of(box(195, 60, 230, 110), box(150, 160, 215, 200))
-    seam = Seam(upright=True, at_mm=200.0, low_mm=0.0, high_mm=300.0)
+    seam = TileSeam(upright=True, at_mm=200.0, low_mm=0.0, high_mm=300.0)
     tabs = tabs_of(seam, plate, shapely.STRtree(solids))
     assert len(tabs) == 3
     for tab in tabs:
@@ -71,10 +71,10 @@ def test_tabs_stand_free_and_apart():
 
 
 def test_no_tab_where_there_is_no_room():
-    seam = Seam(upright=False, at_mm=50.0, low_mm=0.0, high_mm=200.0)
+    seam = TileSeam(upright=False, at_mm=50.0, low_mm=0.0, high_mm=200.0)
     full = shapely.STRtree(polygons_of(box(0, 40, 200, 60)))
     assert tabs_of(seam, box(0, 0, 200, 100), full) == []
     empty = shapely.STRtree([])
     assert tabs_of(seam, box(0, 0, 200, 52), empty) == []  # the plate ends just behind the seam
-    short = Seam(upright=False, at_mm=50.0, low_mm=0.0, high_mm=30.0)
+    short = TileSeam(upright=False, at_mm=50.0, low_mm=0.0, high_mm=30.0)
     assert tabs_of(short, box(0, 0, 200, 100), empty) == []

@@ -24,8 +24,7 @@ class RigComparison:
     """How far the walls of an assembled rig differ from the map's obstacles."""
 
     wall_mm2: float  # area of the map's obstacles within the bounds, in map units
-    # excess_mm2, missing_mm2: area of rig where the map is free, and of map where the rig is,
-    # within the bounds
+    # area of rig where the map is free, and of map where the rig is, within the bounds
     excess_mm2: float
     missing_mm2: float
     # area that was added on purpose where walls were too thin to print; it is not part of the

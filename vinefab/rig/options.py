@@ -19,27 +19,21 @@ class Printer:
     """A printer's limits."""
 
     name: str  # file name of its profile
-    # bed_width_mm, bed_depth_mm, height_mm: build volume
+    # build volume
     bed_width_mm: float
     bed_depth_mm: float
     height_mm: float
-    # nozzle_mm, least_wall_mm, clearance_mm: nozzle diameter, thinnest wall that prints, gap
-    # between parts that fit together
-    nozzle_mm: float = 0.4
-    least_wall_mm: float = 0.8
-    clearance_mm: float = 0.2
-    # layer_mm, shell_mm, infill: how solids are sliced: height of a layer, thickness of the skin,
-    # share of the inside that is filled; for estimates only
-    layer_mm: float = 0.2
-    shell_mm: float = 0.8
-    infill: float = 0.15
-    # flow_mm3_s, layer_change_s: how fast plastic is laid down on average, and what each layer
-    # takes besides
-    flow_mm3_s: float = 6.0
-    layer_change_s: float = 4.0
-    # filament_mm, density_g_cm3: diameter and density of the filament
-    filament_mm: float = 1.75
-    density_g_cm3: float = 1.24
+    nozzle_mm: float = 0.4  # diameter
+    least_wall_mm: float = 0.8  # thinnest wall that prints
+    clearance_mm: float = 0.2  # gap between parts that fit together
+    # the rest is for estimates only
+    layer_mm: float = 0.2  # height of a layer
+    shell_mm: float = 0.8  # thickness of the skin
+    infill: float = 0.15  # share of the inside that is filled
+    flow_mm3_s: float = 6.0  # average extrusion rate
+    layer_change_s: float = 4.0  # extra time per layer
+    filament_mm: float = 1.75  # diameter
+    density_g_cm3: float = 1.24  # of the filament
 
     def __post_init__(self) -> None:
         for name in ("bed_width_mm", "bed_depth_mm", "height_mm", "nozzle_mm"):

@@ -14,8 +14,9 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats
 from vinefab.fabrication.package.package_page import check_section
+from vinefab.fabrication.package.sheet_pictures import path_points_mm
 from vinefab.model.finding import CheckReport
-from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.pages.drawing import UNSEEN, fill_geometry
 from vinefab.pages.figure import (
@@ -228,15 +229,10 @@ def sheet_plan(job: Job) -> Figure:
             edge=SOFT,
         )
         for operation, colour in ((Operation.MARK, INK), (Operation.CUT, _CUT)):
-            lines = [_drawn(path) for path in job.along(operation)]
+            lines = [path_points_mm(path) for path in job.along(operation)]
             axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.7, zorder=3))
         axes.set_title(f"{job.name}: red is cut, black is marked", fontsize=9, loc="left")
     return figure
-
-
-def _drawn(path: LaserPath) -> Floats:
-    points = path.contour.flattened_mm(0.05)
-    return np.vstack([points, points[:1]]) if path.contour.closed else points
 
 
 MOST_BEDS = 24

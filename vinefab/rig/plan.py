@@ -233,10 +233,9 @@ class RigPlan:
     # where solids were thinner than the printer's least wall
     thin_places: tuple[ThinPlace, ...] = ()
     thickened: BaseGeometry = field(default_factory=Polygon)  # what was added there
-    # slivers, slits, bridges: pieces dropped, holes filled, touching corners joined
-    slivers: int = 0
-    slits: int = 0
-    bridges: int = 0
+    slivers: int = 0  # pieces dropped
+    slits: int = 0  # holes filled
+    bridges: int = 0  # touching corners joined
     notes: tuple[str, ...] = ()  # for the person who prints it
 
     def to_map(self, z_mm: float = 0.0) -> Floats:

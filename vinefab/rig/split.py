@@ -24,18 +24,18 @@ _STEP_MM = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seam:
+class TileSeam:
     """The straight cut between two neighbouring tiles."""
 
     # whether it runs along y; the tile that gets the tabs is then the left one, else the lower
     upright: bool
     at_mm: float  # its x when upright, else its y
-    # low_mm, high_mm: where it begins and ends along its direction
+    # ends along its direction
     low_mm: float
     high_mm: float
 
 
-def tabs_of(seam: Seam, plate: BaseGeometry, solids: shapely.STRtree) -> list[Polygon]:
+def tabs_of(seam: TileSeam, plate: BaseGeometry, solids: shapely.STRtree) -> list[Polygon]:
     """Return the tabs of a seam: dovetails that reach over it to the right or upwards.
 
     A tab stands only where the plate is whole around it and nothing stands on it: a socket under
@@ -64,7 +64,7 @@ def socket_of(tab: Polygon, clearance_mm: float) -> Polygon:
 
 
 def _is_free(
-    seam: Seam, places: Floats, plate: BaseGeometry, solids: shapely.STRtree
+    seam: TileSeam, places: Floats, plate: BaseGeometry, solids: shapely.STRtree
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     half = _END_HALF_MM + _FREE_MM
     low, high = places - half, places + half
@@ -77,7 +77,7 @@ def _is_free(
     return free
 
 
-def _tab(seam: Seam, along_mm: float) -> Polygon:
+def _tab(seam: TileSeam, along_mm: float) -> Polygon:
     at, end = seam.at_mm, seam.at_mm + TAB_DEPTH_MM
     corners = [
         (at, along_mm - _NECK_HALF_MM),
@@ -96,7 +96,7 @@ _CORNER_COST_MM = 20.0
 class Edges:
     """Edges of polygons, solid on their left."""
 
-    # start_mm, end_mm: their ends, shape (n, 2)
+    # end points, one edge per row
     start_mm: Floats
     end_mm: Floats
 
@@ -151,7 +151,7 @@ _LEAST_TILE_MM = 5.0 * TAB_DEPTH_MM
 class Cuts:
     """The lines of a grid of tiles, the plate's box included."""
 
-    # x_mm, y_mm: ascending; tile (row, column) lies between neighbouring values
+    # ascending; tile (row, column) lies between neighbouring values
     x_mm: tuple[float, ...]
     y_mm: tuple[float, ...]
     turned: bool  # whether the tiles are turned by a quarter on the bed
@@ -247,8 +247,8 @@ class RigTile:
     """The plan of one connected part."""
 
     cell: Cell  # where in the grid it lies
-    # plate, solids: one outline, and what stands on it; both snapped, each corner of one on the
-    # other's edge being a corner there too
+    # outline and what stands on it; both snapped, each corner of one on the other's edge being a
+    # corner there too
     plate: Polygon
     solids: Polygons
 
@@ -257,10 +257,9 @@ class RigTile:
 class Dovetail:
     """A dovetail between two tiles."""
 
-    # giver, taker: the tiles with the tab and with the socket
-    giver: Cell
-    taker: Cell
-    # tab, socket: their outlines
+    giver: Cell  # the tile with the tab
+    taker: Cell  # the tile with the socket
+    # outlines
     tab: Polygon
     socket: BaseGeometry
 
@@ -333,26 +332,26 @@ def _plates(plate: BaseGeometry, rectangle: Polygon, cell: Cell, joints: Dovetai
     return polygons_of(shapely.difference(own, shapely.union_all(sockets), grid_size=GRID_MM))
 
 
-def _seams(cuts: Cuts) -> Iterator[tuple[Seam, Cell, Cell]]:
+def _seams(cuts: Cuts) -> Iterator[tuple[TileSeam, Cell, Cell]]:
     """Yield each seam with the tile that gives tabs and the one that takes them."""
     x, y = cuts.x_mm, cuts.y_mm
     rows, columns = len(y) - 1, len(x) - 1
     for row in range(rows):
         for column in range(1, columns):
-            seam = Seam(upright=True, at_mm=x[column], low_mm=y[row], high_mm=y[row + 1])
+            seam = TileSeam(upright=True, at_mm=x[column], low_mm=y[row], high_mm=y[row + 1])
             yield seam, (row, column - 1), (row, column)
     for row in range(1, rows):
         for column in range(columns):
-            seam = Seam(upright=False, at_mm=y[row], low_mm=x[column], high_mm=x[column + 1])
+            seam = TileSeam(upright=False, at_mm=y[row], low_mm=x[column], high_mm=x[column + 1])
             yield seam, (row - 1, column), (row, column)
 
 
-def _line(seam: Seam) -> shapely.LineString:
+def _line(seam: TileSeam) -> shapely.LineString:
     ends = [(seam.at_mm, seam.low_mm), (seam.at_mm, seam.high_mm)]
     return shapely.LineString(ends if seam.upright else [(y, x) for x, y in ends])
 
 
-def _socket(tab: Polygon, seam: Seam, clearance_mm: float) -> BaseGeometry:
+def _socket(tab: Polygon, seam: TileSeam, clearance_mm: float) -> BaseGeometry:
     """Return the socket's share beyond the seam; what lies before it belongs to the giver."""
     socket = socket_of(tab, clearance_mm)
     x_min, y_min, x_max, y_max = socket.bounds

@@ -10,7 +10,7 @@ from vinefab.rig.options import RigOptions
 from vinefab.rig.plan import (
     bridged,
     patches_for,
-    polygons_of,
+    polygon_parts,
     snapped_union,
     thin_parts,
     touching_points,
@@ -122,12 +122,12 @@ EVERYWHERE = box(-1000, -1000, 1000, 1000)
 
 def test_touching_points_of_corners_edges_and_holes():
     corner_on_edge = [box(0, 0, 10, 10), Polygon([(10, 5), (20, 0), (20, 10)])]
-    assert touching_points(snapped_union(polygons_of(*corner_on_edge))).tolist() == [[10, 5]]
+    assert touching_points(snapped_union(polygon_parts(*corner_on_edge))).tolist() == [[10, 5]]
     hole_on_shell = box(0, 0, 10, 10).difference(Polygon([(0, 5), (5, 3), (5, 7)]))
     assert touching_points(snapped_union(hole_on_shell)).tolist() == [[0, 5]]
-    apart = polygons_of(box(0, 0, 1, 1), box(2, 2, 3, 3))
+    apart = polygon_parts(box(0, 0, 1, 1), box(2, 2, 3, 3))
     assert touching_points(apart).shape == (0, 2)
-    assert touching_points(polygons_of(Polygon())).shape == (0, 2)
+    assert touching_points(polygon_parts(Polygon())).shape == (0, 2)
 
 
 def test_bridges_join_what_touches():
@@ -147,17 +147,17 @@ def test_bridges_stay_within():
 
 
 def test_thin_parts_are_found_and_corners_are_not():
-    solid = polygons_of(
+    solid = polygon_parts(
         box(0, 0, 10, 10), box(20, 0, 20.5, 10), Polygon([(40, 0), (60, 0), (40, 9)])
     )
     thin = thin_parts(solid, 0.8)
     assert len(thin) == 1
     assert thin[0].equals(solid[1])
     needle = Polygon([(0, 0), (100, -2), (100, 2)])
-    (tip,) = thin_parts(polygons_of(needle), 0.8)
+    (tip,) = thin_parts(polygon_parts(needle), 0.8)
     # It is 0.8 mm wide at 20 mm; growing back with mitred corners wins 2 mm.
     assert tip.bounds[2] == pytest.approx(18.0, abs=0.1)
-    assert len(thin_parts(polygons_of(Polygon()), 0.8)) == 0
+    assert len(thin_parts(polygon_parts(Polygon()), 0.8)) == 0
 
 
 WALLS = {
@@ -174,7 +174,7 @@ WALLS = {
 
 @pytest.mark.parametrize("wall", WALLS.values(), ids=WALLS)
 def test_thin_walls_become_thick_enough_and_not_much_more(wall):
-    pieces = polygons_of(wall)
+    pieces = polygon_parts(wall)
     thin, patches = patches_for(pieces, 0.8)
     assert len(thin) > 0
     thick = snapped_union(pieces, patches)
@@ -191,18 +191,18 @@ def test_thin_walls_become_thick_enough_and_not_much_more(wall):
 def test_a_straight_wall_gets_the_width_to_within_a_quarter():
     for thin_mm in np.arange(0.1, 0.8, 0.1):
         wall = box(0, 0, 50, thin_mm)
-        thick = shapely.union_all([wall, patches_for(polygons_of(wall), 0.8)[1]])
+        thick = shapely.union_all([wall, patches_for(polygon_parts(wall), 0.8)[1]])
         middle_mm = thick.intersection(box(20, -5, 30, 5)).area / 10.0
         assert 0.8 <= middle_mm <= 1.0 + 1e-6
 
 
 def test_what_is_thick_enough_stays():
-    thin, patches = patches_for(polygons_of(box(0, 0, 10, 0.8), box(0, 5, 10, 15)), 0.8)
+    thin, patches = patches_for(polygon_parts(box(0, 0, 10, 0.8), box(0, 5, 10, 15)), 0.8)
     assert len(thin) == 0
     assert patches.is_empty
 
 
 def test_tips_of_corners_stay_as_they_are():
     tip = Polygon([(0, 0), (40, 0), (40, 12)])
-    assert len(thin_parts(polygons_of(tip), 0.8)) == 0
-    assert patches_for(polygons_of(tip), 0.8)[1].is_empty
+    assert len(thin_parts(polygon_parts(tip), 0.8)) == 0
+    assert patches_for(polygon_parts(tip), 0.8)[1].is_empty

@@ -9,7 +9,7 @@ from shapely import Polygon, box
 
 from vinefab.core.errors import UnreadableFileError
 from vinefab.rig.part import PartItem, RigPart
-from vinefab.rig.plan import polygons_of
+from vinefab.rig.plan import polygon_parts
 from vinefab.rig.solid import stacked
 from vinefab.rig.threemf_format import read_threemf, threemf_bytes
 
@@ -17,8 +17,8 @@ from vinefab.rig.threemf_format import read_threemf, threemf_bytes
 @pytest.fixture(scope="module")
 def items():
     """Two blocks of 613.32 and 400 mm3 on one bed; a name that XML must escape."""
-    high = stacked(polygons_of(box(0, 0, 20, 10)), polygons_of(box(3, 3, 8, 8.333)), 2.0, 8.0)
-    flat = stacked(polygons_of(box(0, 0, 20, 10)), polygons_of(Polygon()), 2.0, 0.0)
+    high = stacked(polygon_parts(box(0, 0, 20, 10)), polygon_parts(box(3, 3, 8, 8.333)), 2.0, 8.0)
+    flat = stacked(polygon_parts(box(0, 0, 20, 10)), polygon_parts(Polygon()), 2.0, 0.0)
     return [
         PartItem(part=_part('a "b" & <c>', high, 613.32), at_mm=(5.0, 5.0)),
         PartItem(part=_part("flat", flat, 400.0), at_mm=(30.25, 5.5)),

@@ -13,7 +13,14 @@ from vinefab.core.validation import Floats
 from vinefab.model.map import Map
 from vinefab.rig.options import GRID_MM, Printer, RigOptions
 from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.plan import Polygons, RigPlan, plan_of, polygons_of, snapped_union, without_slivers
+from vinefab.rig.plan import (
+    Polygons,
+    RigPlan,
+    plan_of,
+    polygon_parts,
+    snapped_union,
+    without_slivers,
+)
 from vinefab.rig.solid import Pocket, engraved_marks, extra_parts, stacked
 from vinefab.rig.split import Cuts, cuts_of, grid_of
 
@@ -62,7 +69,7 @@ def loose_pieces(
         x_min, y_min, x_max, y_max = piece.bounds
         fits = x_max - x_min <= room_mm[0] and y_max - y_min <= room_mm[1]
         (whole if fits else large).append(piece)
-    pieces = polygons_of(*whole, *_divided(large, cuts), Polygon())
+    pieces = polygon_parts(*whole, *_divided(large, cuts), Polygon())
     pieces, _ = without_slivers(pieces, options.sliver_mm)
     if len(pieces) > most:
         allowed = f"at most {most} loose pieces: --most-parts allows more, --style plate needs none"
@@ -110,7 +117,9 @@ def _divided(large: list[Polygon], cuts: Cuts) -> Iterator[Polygons]:
     for y_low, y_high in zip(cuts.y_mm, cuts.y_mm[1:], strict=False):
         for x_low, x_high in zip(cuts.x_mm, cuts.x_mm[1:], strict=False):
             cell = shapely.box(x_low, y_low, x_high, y_high)
-            yield snapped_union(polygons_of(*shapely.intersection(large, cell, grid_size=GRID_MM)))
+            yield snapped_union(
+                polygon_parts(*shapely.intersection(large, cell, grid_size=GRID_MM))
+            )
 
 
 PEG_RECESS_MM = 0.2
@@ -183,7 +192,7 @@ def _part(piece: LoosePiece, count: int, plan: RigPlan, options: RigOptions) -> 
     outline, depth_mm = piece.outline, options.mark_depth_mm
     x_min, _, _, y_max = outline.bounds
     marks = engraved_marks(piece.number, outline, from_below=False)
-    pegs = polygons_of(*(peg.outline for peg in piece.pegs), shapely.Polygon())
+    pegs = polygon_parts(*(peg.outline for peg in piece.pegs), shapely.Polygon())
     peg_mm = options.plate_mm - PEG_RECESS_MM
 
     def top_down(pieces: Polygons) -> Polygons:
@@ -196,7 +205,7 @@ def _part(piece: LoosePiece, count: int, plan: RigPlan, options: RigOptions) -> 
     if depth_mm and len(marks):
         pockets = [Pocket(pieces=top_down(marks), low_mm=-1.0, high_mm=depth_mm)]
     vertices, faces = stacked(
-        top_down(polygons_of(outline)), top_down(pegs), options.height_mm, peg_mm, pockets
+        top_down(polygon_parts(outline)), top_down(pegs), options.height_mm, peg_mm, pockets
     )
     standing = np.diag([1.0, -1.0, -1.0, 1.0])
     standing[:3, 3] = x_min, y_max, options.height_mm

@@ -11,7 +11,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map
 from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.plan import polygons_of
+from vinefab.rig.plan import polygon_parts
 from vinefab.rig.solid import manifold_of, outlines_at
 
 _HEIGHTS = (0.02, 0.98)
@@ -100,7 +100,7 @@ def _widened(geometry: BaseGeometry, rim: float) -> BaseGeometry:
 def _areas(geometry: BaseGeometry) -> BaseGeometry:
     """Drop the lines and points of an overlay; further overlays cannot take the mixture."""
     # What an overlay returns does not overlap: no need to join it once more.
-    return shapely.MultiPolygon(list(polygons_of(geometry)))
+    return shapely.MultiPolygon(list(polygon_parts(geometry)))
 
 
 def _leaning_mm2(rig: Rig, bodies: list[Manifold]) -> float:

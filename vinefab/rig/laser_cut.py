@@ -20,7 +20,7 @@ from vinefab.rig.board import LoosePiece, Peg
 from vinefab.rig.comparison_with_map import RigComparison, compare_walls, footprints
 from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.part import Rig
-from vinefab.rig.plan import Polygons, polygons_of
+from vinefab.rig.plan import Polygons, polygon_parts
 from vinefab.rig.printing import packed_on_beds
 from vinefab.rig.solid import arrow, centred, strokes
 from vinefab.rig.split import cuts_of
@@ -46,7 +46,7 @@ def board_jobs(
 ) -> list[Job]:
     """Return the jobs of the drilled board, one per sheet: outlines as marks, holes, outline."""
     pegs = [peg for piece in pieces for peg in piece.pegs]
-    outlines = polygons_of(*(peg.outline for peg in pegs), Polygon())
+    outlines = polygon_parts(*(peg.outline for peg in pegs), Polygon())
     gap_mm = 0.1 if options.clearance_mm is None else options.clearance_mm
     jobs = []
     for number, tile in enumerate(_sheets(plate, outlines, options), 1):
@@ -61,10 +61,10 @@ def board_jobs(
 
 def lid_jobs(name: str, plate: BaseGeometry, options: RigOptions) -> list[Job]:
     """Return the jobs of a lid: the plate's outline without its holes, and a compass."""
-    whole = shapely.union_all([Polygon(piece.exterior) for piece in polygons_of(plate)])
+    whole = shapely.union_all([Polygon(piece.exterior) for piece in polygon_parts(plate)])
     return [
         _job(f"{name} lid {number}", tile, (_compass(tile, number, []), [], 0.0), options)
-        for number, tile in enumerate(_sheets(whole, polygons_of(Polygon()), options), 1)
+        for number, tile in enumerate(_sheets(whole, polygon_parts(Polygon()), options), 1)
     ]
 
 
@@ -111,7 +111,7 @@ def _sheets(plate: BaseGeometry, holes: Polygons, options: RigOptions) -> Iterat
     for y_low, y_high in zip(cuts.y_mm, cuts.y_mm[1:], strict=False):
         for x_low, x_high in zip(cuts.x_mm, cuts.x_mm[1:], strict=False):
             cell = shapely.intersection(plate, shapely.box(x_low, y_low, x_high, y_high))
-            yield from polygons_of(cell)
+            yield from polygon_parts(cell)
 
 
 def _job(
@@ -163,7 +163,7 @@ def _paths(
         contour = _circle(peg.x_mm, peg.y_mm, radius_mm)
         yield Operation.CUT, LaserPath(operation=Operation.CUT, contour=contour, label="hole")
     grown = shapely.buffer(outline, 0.5 * kerf_mm, join_style="mitre", mitre_limit=2.0)
-    for piece in polygons_of(grown):
+    for piece in polygon_parts(grown):
         for ring in (*piece.interiors, piece.exterior):
             points = shapely.get_coordinates(ring)[:-1]
             contour = Contour.polyline(points, closed=True)
@@ -199,7 +199,7 @@ def _piece_marks(piece: LoosePiece, tile: Polygon) -> Iterator[LineString]:
 def _number_marks(piece: LoosePiece) -> list[LineString]:
     """Return a piece's number in the largest circle within it that no peg takes, if it fits."""
     pegs = shapely.union_all([peg.outline.buffer(0.5) for peg in piece.pegs])
-    rooms: Iterable[Polygon] = polygons_of(shapely.difference(piece.outline, pegs))
+    rooms: Iterable[Polygon] = polygon_parts(shapely.difference(piece.outline, pegs))
     room = max(rooms, key=shapely.area, default=None)
     if room is None:
         return []
@@ -214,7 +214,7 @@ def _number_marks(piece: LoosePiece) -> list[LineString]:
 
 def _compass(tile: Polygon, number: int, taken: list[Polygon]) -> list[LineString]:
     """Return an arrow to north and the sheet's number, where nothing stands."""
-    free = polygons_of(shapely.difference(tile, shapely.union_all(taken)))
+    free = polygon_parts(shapely.difference(tile, shapely.union_all(taken)))
     circle = max(
         (shapely.maximum_inscribed_circle(piece, 0.5) for piece in free),
         key=shapely.length,
@@ -255,7 +255,7 @@ def material_left(data: bytes, kerf_mm: float) -> BaseGeometry:
     ]
     pieces = shapely.build_area(shapely.GeometryCollection(rings))
     return shapely.union_all(
-        polygons_of(shapely.buffer(pieces, -0.5 * kerf_mm, join_style="mitre", mitre_limit=5.0))
+        polygon_parts(shapely.buffer(pieces, -0.5 * kerf_mm, join_style="mitre", mitre_limit=5.0))
     )
 
 

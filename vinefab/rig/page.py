@@ -34,7 +34,7 @@ from vinefab.pages.figure import (
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.plan import polygons_of
+from vinefab.rig.plan import polygon_parts
 from vinefab.rig.printing import BASIS, Bed, Printing
 from vinefab.rig.relief import Colour, Label, Prism, relief_png
 from vinefab.rig.solid import stacked
@@ -87,8 +87,8 @@ def bed_png(rig: Rig, bed: Bed, *, width_px: int = 700) -> bytes:
 def layered_png(rig: Rig, *, width_px: int = 1400) -> bytes:
     """Return a picture of a rig whose obstacles are cut in layers: walls on their board."""
     scale, height_mm = rig.options.scale, rig.options.height_mm
-    pieces = polygons_of(shapely.transform(rig.walls, lambda points: scale * points), Polygon())
-    vertices, faces = stacked(pieces, polygons_of(Polygon()), height_mm, 0.0)
+    pieces = polygon_parts(shapely.transform(rig.walls, lambda points: scale * points), Polygon())
+    vertices, faces = stacked(pieces, polygon_parts(Polygon()), height_mm, 0.0)
     walls = Prism(vertices_mm=vertices, faces=faces, colour=_TINTS[1])
     return relief_png([*_board(rig), walls], width_px=width_px)
 
@@ -98,8 +98,8 @@ def _board(rig: Rig) -> list[Prism]:
     if rig.style == "plate":
         return []
     scale, plate_mm = rig.options.scale, rig.options.plate_mm
-    pieces = polygons_of(shapely.transform(rig.plate, lambda points: scale * points), Polygon())
-    vertices, faces = stacked(pieces, polygons_of(Polygon()), plate_mm, 0.0)
+    pieces = polygon_parts(shapely.transform(rig.plate, lambda points: scale * points), Polygon())
+    vertices, faces = stacked(pieces, polygon_parts(Polygon()), plate_mm, 0.0)
     return [Prism(vertices_mm=vertices - (0.0, 0.0, plate_mm), faces=faces, colour=_BOARD)]
 
 

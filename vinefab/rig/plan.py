@@ -27,7 +27,7 @@ _ROUNDS = 5
 _MITRE_LIMIT = 5.0
 
 
-def polygons_of(*shapes: BaseGeometry | Polygons) -> Polygons:
+def polygon_parts(*shapes: BaseGeometry | Polygons) -> Polygons:
     """Return all polygons of geometries; points and lines left over by an overlay are dropped."""
     parts = np.concatenate([shapely.get_parts(shape) for shape in shapes])
     parts = shapely.get_parts(parts[shapely.get_dimensions(parts) == 2])
@@ -36,7 +36,7 @@ def polygons_of(*shapes: BaseGeometry | Polygons) -> Polygons:
 
 def snapped_union(*shapes: BaseGeometry | Polygons) -> Polygons:
     """Return the union's polygons on the grid `GRID_MM`; where two edges meet is a corner."""
-    return polygons_of(shapely.union_all(polygons_of(*shapes), grid_size=GRID_MM))
+    return polygon_parts(shapely.union_all(polygon_parts(*shapes), grid_size=GRID_MM))
 
 
 def vanishes(pieces: Polygons, width_mm: float) -> NDArray[np.bool_]:
@@ -108,7 +108,7 @@ def thin_parts(pieces: Polygons, width_mm: float) -> Polygons:
         join_style="mitre",
         mitre_limit=_MITRE_LIMIT,
     )
-    lost = polygons_of(shapely.difference(pieces, opened))
+    lost = polygon_parts(shapely.difference(pieces, opened))
     return lost[shapely.area(lost) > 2.0 * width_mm**2]
 
 
@@ -131,15 +131,15 @@ def patches_for(pieces: Polygons, width_mm: float) -> tuple[Polygons, BaseGeomet
     for _ in range(_STEPS + 1):
         # A hair more and back again: what is left with hardly any width counts as vanished.
         shrunk = shapely.buffer(left, -(step_mm + hair_mm), join_style="mitre")
-        inner = polygons_of(shapely.buffer(shrunk, hair_mm, join_style="mitre"))
+        inner = polygon_parts(shapely.buffer(shrunk, hair_mm, join_style="mitre"))
         regrown = shapely.buffer(shapely.union_all(inner), 1.02 * step_mm, join_style="mitre")
-        middle = polygons_of(shapely.difference(left, regrown))
+        middle = polygon_parts(shapely.difference(left, regrown))
         # The first steps leave crumbs in the corners: a disc around each would bulge out.
         middle = middle[shapely.area(middle) > _CRUMB_SHARE * width_mm**2]
         patches += list(shapely.buffer(middle, 0.5 * width_mm, join_style="mitre", mitre_limit=1.5))
         left = inner
     grown = shapely.union_all(patches) if patches else Polygon()
-    return thin, shapely.union_all(polygons_of(grown))
+    return thin, shapely.union_all(polygon_parts(grown))
 
 
 _HOLE_SEGMENTS = 12
@@ -180,7 +180,7 @@ def entry_of(
     strip = line.buffer(_half_width_mm(start, options), cap_style="flat")
     # Not what the strip meets further on: the wall of another room of a winding hall.
     cut = [
-        piece for piece in polygons_of(border.intersection(strip)) if piece.dwithin(met, _NEAR_MM)
+        piece for piece in polygon_parts(border.intersection(strip)) if piece.dwithin(met, _NEAR_MM)
     ]
     blocked = strip.intersection(bounds).intersection(solids).area > 0.0
     note = "obstacles narrow the way between the entry and its start" if blocked else ""
@@ -279,7 +279,7 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
         origin_mm=origin_mm,
         scale=options.scale,
         thin_places=_thin_places(thin, origin_mm, options.scale),
-        thickened=shapely.union_all(polygons_of(thickened)),
+        thickened=shapely.union_all(polygon_parts(thickened)),
         slivers=slivers + more_slivers,
         slits=slits,
         bridges=bridges,
@@ -290,8 +290,10 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
 def _obstacles(world: Map, bounds: Polygon, options: RigOptions) -> Polygons:
     """Return the obstacles within the bounds, and the holes of the bounds, joined."""
     scaled = _scaled_polygons(world.obstacles, world, options.scale)
-    holes = polygons_of(*(Polygon(ring) for ring in bounds.interiors), Polygon())
-    return polygons_of(shapely.intersection(snapped_union(scaled, holes), Polygon(bounds.exterior)))
+    holes = polygon_parts(*(Polygon(ring) for ring in bounds.interiors), Polygon())
+    return polygon_parts(
+        shapely.intersection(snapped_union(scaled, holes), Polygon(bounds.exterior))
+    )
 
 
 def _scaled_polygons(polygons: Sequence[Polygon], world: Map, scale: float) -> Polygons:
@@ -307,7 +309,7 @@ def _opened(
     """Return border and plate with the entries of all starts taken out, and notes."""
     inside = Polygon(bounds.exterior)
     grown = inside.buffer(options.border_mm, join_style="mitre", mitre_limit=_BORDER_MITRE_LIMIT)
-    plate = shapely.union_all([Polygon(piece.exterior) for piece in polygons_of(grown)])
+    plate = shapely.union_all([Polygon(piece.exterior) for piece in polygon_parts(grown)])
     border = plate.difference(inside)
     solids = shapely.union_all(obstacles)
     entries = [

@@ -11,7 +11,7 @@ from vinefab.core.validation import Floats
 from vinefab.model.map import Map
 from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.plan import RigPlan, plan_of, polygons_of
+from vinefab.rig.plan import RigPlan, plan_of, polygon_parts
 from vinefab.rig.solid import Pocket, engraved_marks, extra_parts, stacked
 from vinefab.rig.split import Cuts, Dovetails, RigTile, cuts_of, dovetails_of, grid_of, rig_tiles
 
@@ -82,11 +82,11 @@ def _part(
     """Return a tile as a solid, and whether its number found room."""
     plan, cuts, options = job
     depth_mm = options.mark_depth_mm
-    marks = engraved_marks(number, tile.plate) if depth_mm else polygons_of(Polygon())
+    marks = engraved_marks(number, tile.plate) if depth_mm else polygon_parts(Polygon())
     low = np.array([*tile.plate.bounds[:2], 0.0])
     plate, solids, grooves = (
         shapely.transform(pieces, lambda points: points - low[:2])
-        for pieces in (polygons_of(tile.plate), tile.solids, marks)
+        for pieces in (polygon_parts(tile.plate), tile.solids, marks)
     )
     pockets = [Pocket(pieces=grooves, low_mm=-1.0, high_mm=depth_mm)] if len(marks) else []
     vertices, faces = stacked(plate, solids, options.plate_mm, options.height_mm, pockets)

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.validation import Floats, Ints
 from vinefab.rig.options import GRID_MM
 from vinefab.rig.part import RigPart
-from vinefab.rig.plan import Polygons, polygons_of
+from vinefab.rig.plan import Polygons, polygon_parts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -162,9 +162,9 @@ def engraved_marks(number: int, plate: Polygon, *, from_below: bool = True) -> P
     diagonal_mm = ((x_max - x_min) ** 2 + (y_max - y_min) ** 2) ** 0.5
     size = min(1.0, 2.0 * (circle.length - _ROOM_MM) / diagonal_mm)
     if size < _SMALLEST:
-        return polygons_of(Polygon())
+        return polygon_parts(Polygon())
     moved = translate(_block(number, size, from_below=from_below), x_mm, y_mm)
-    return polygons_of(shapely.set_precision(moved, GRID_MM))
+    return polygon_parts(shapely.set_precision(moved, GRID_MM))
 
 
 def _block(number: int, size: float, *, from_below: bool) -> BaseGeometry:
@@ -224,8 +224,12 @@ def _part(
     x_mm, y_mm, content, height_mm = text
     marks = grooves(centred(strokes(content, height_mm), x_mm, y_mm), _STROKE_MM)
     marks = shapely.set_precision(marks, GRID_MM)
-    pocket = Pocket(pieces=polygons_of(marks), low_mm=thick_mm - _DEPTH_MM, high_mm=thick_mm + 1.0)
-    vertices, faces = stacked(polygons_of(outline), polygons_of(Polygon()), thick_mm, 0.0, [pocket])
+    pocket = Pocket(
+        pieces=polygon_parts(marks), low_mm=thick_mm - _DEPTH_MM, high_mm=thick_mm + 1.0
+    )
+    vertices, faces = stacked(
+        polygon_parts(outline), polygon_parts(Polygon()), thick_mm, 0.0, [pocket]
+    )
     volume_mm3 = outline.area * thick_mm - marks.area * _DEPTH_MM
     return RigPart(
         name=name, vertices_mm=vertices, faces=faces, to_map=to_map, volume_mm3=volume_mm3

@@ -13,7 +13,14 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.rig.options import GRID_MM, Printer, RigOptions
-from vinefab.rig.plan import Polygons, RigPlan, bridged, polygons_of, snapped_union, without_slivers
+from vinefab.rig.plan import (
+    Polygons,
+    RigPlan,
+    bridged,
+    polygon_parts,
+    snapped_union,
+    without_slivers,
+)
 
 TAB_DEPTH_MM = 8.0
 _NECK_HALF_MM = 4.0
@@ -329,7 +336,7 @@ def _plates(plate: BaseGeometry, rectangle: Polygon, cell: Cell, joints: Dovetai
     sockets = [joint.socket for joint in joints.joints if joint.taker == cell]
     own = shapely.intersection(plate, rectangle, grid_size=GRID_MM)
     own = shapely.union_all([own, *tabs], grid_size=GRID_MM)
-    return polygons_of(shapely.difference(own, shapely.union_all(sockets), grid_size=GRID_MM))
+    return polygon_parts(shapely.difference(own, shapely.union_all(sockets), grid_size=GRID_MM))
 
 
 def _seams(cuts: Cuts) -> Iterator[tuple[TileSeam, Cell, Cell]]:

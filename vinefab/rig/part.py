@@ -14,8 +14,11 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints, positive
 from vinefab.rig.options import Printer, RigOptions
 
-_VOLUME_SHARE = 1e-4
-_BOX_MM = 1e-3
+VOLUME_SHARE = 1e-4
+"""Largest relative error of a volume that is read from a file."""
+
+BOX_MM = 1e-3
+"""Largest error of a box that is read from a file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -182,10 +185,10 @@ def mesh_problems(mesh: Mesh, part: RigPart) -> tuple[str, ...]:
 def _size_problems(mesh: Mesh, part: RigPart) -> list[str]:
     problems = []
     volume_mm3 = mesh.volume_mm3
-    if abs(volume_mm3 - part.volume_mm3) > _VOLUME_SHARE * part.volume_mm3:
+    if abs(volume_mm3 - part.volume_mm3) > VOLUME_SHARE * part.volume_mm3:
         problems.append(f"has a volume of {volume_mm3:.6g} mm3, not {part.volume_mm3:.6g}")
     box = np.array([part.vertices_mm.min(axis=0), part.vertices_mm.max(axis=0)])
-    if np.abs(mesh.box_mm - box).max() > _BOX_MM:
+    if np.abs(mesh.box_mm - box).max() > BOX_MM:
         problems.append(f"fills the box {mesh.box_mm.tolist()}, not {box.tolist()}")
     return problems
 

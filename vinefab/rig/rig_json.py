@@ -24,7 +24,7 @@ from vinefab.model.map import Map
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.laser_cut import LayerCopy
 from vinefab.rig.options import Printer, RigOptions
-from vinefab.rig.part import Rig, RigPart, ThinPlace
+from vinefab.rig.part import BOX_MM, VOLUME_SHARE, Rig, RigPart, ThinPlace
 from vinefab.rig.part_files import bed_name, stl_name
 from vinefab.rig.printing import BASIS, PrintEstimate, Printing
 from vinefab.rig.stl_format import read_stl
@@ -200,9 +200,6 @@ def _round(value: object) -> object:
 
 RIG_NAME = "rig.json"
 
-_VOLUME_SHARE = 1e-4
-_BOX_MM = 1e-3
-
 Size = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
@@ -292,10 +289,10 @@ def _facts(folder: Path, part: RigPartForm) -> RigPartFacts:
     except UnreadableFileError as error:
         return RigPartFacts(name=part.name, size_mm=size_mm, problems=(error.problem,))
     problems = mesh.form_problems()
-    if abs(mesh.volume_mm3 - part.volume_mm3) > _VOLUME_SHARE * part.volume_mm3:
+    if abs(mesh.volume_mm3 - part.volume_mm3) > VOLUME_SHARE * part.volume_mm3:
         problems.append(f"has a volume of {mesh.volume_mm3:.6g} mm3, not {part.volume_mm3:.6g}")
     span_mm = np.ptp(mesh.box_mm, axis=0)
-    if np.abs(span_mm - size_mm).max() > _BOX_MM:
+    if np.abs(span_mm - size_mm).max() > BOX_MM:
         problems.append(f"measures {span_mm.tolist()} mm, not {list(size_mm)}")
     wide_mm, deep_mm, high_mm = span_mm.tolist()
     return RigPartFacts(

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from textwrap import fill
 
 from vinefab.core.jsontext import GENERATOR, json_text
 from vinefab.fabrication.calibration.coupon_results import results_text
@@ -18,6 +17,7 @@ from vinefab.fabrication.formats.dxf_format import DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import LaserFiles, ensure_read_back, laser_files
 from vinefab.fabrication.package.prepare import package_spec
+from vinefab.fabrication.package.readme_text import readme_section
 from vinefab.fabrication.package.sheet_pictures import job_plan
 from vinefab.fabrication.rules.run_rules import checks_text, run_checks
 from vinefab.fabrication.rules.subject import Subject
@@ -30,9 +30,9 @@ from vinefab.pages.figure import png_bytes
 def coupon_readme(profile: LaserProfile, jobs: Sequence[Job], matrix: Matrix | None) -> str:
     """Return what to cut, in which order, and what to measure on each piece."""
     title = f"Coupons for recipe {profile.recipe.name}"
-    parts = [f"{title}\n{'=' * len(title)}", _section("1. Cut", _cutting(jobs, matrix))]
-    parts.append(_section("2. Measure", _measuring(profile)))
-    parts.append(_section("3. Give the results back", _giving_back(profile)))
+    parts = [f"{title}\n{'=' * len(title)}", readme_section("1. Cut", _cutting(jobs, matrix))]
+    parts.append(readme_section("2. Measure", _measuring(profile)))
+    parts.append(readme_section("3. Give the results back", _giving_back(profile)))
     parts.append(GENERATOR)
     return "\n\n".join(parts) + "\n"
 
@@ -96,21 +96,6 @@ def _giving_back(profile: LaserProfile) -> list[str]:
     ]
 
 
-def _section(title: str, items: Sequence[str]) -> str:
-    return "\n".join([title, "-" * len(title), *(_item(item) for item in items)])
-
-
-def _item(text: str) -> str:
-    return fill(
-        text,
-        width=96,
-        initial_indent="- ",
-        subsequent_indent="  ",
-        break_on_hyphens=False,
-        break_long_words=False,
-    )
-
-
 SCHEMA = "vinefab/coupon-1"
 RESULTS_NAME = "results.csv"
 
@@ -138,7 +123,15 @@ class Coupons:
 
 
 def make_coupons(profile: LaserProfile) -> Coupons:
-    """Return the coupons for a recipe, laser files written in memory and read back."""
+    """Make the coupons for a recipe, laser files written in memory and read back.
+
+    Raises
+    ------
+    BadInputError
+        If a coupon is larger than the machine's bed.
+    ReadBackError
+        If a laser file, read back, differs from its job.
+    """
     pieces = coupon_pieces(profile)
     sheets = coupon_sheets(pieces, profile)
     matrix = _matrix(profile)

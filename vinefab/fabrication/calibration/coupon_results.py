@@ -149,7 +149,15 @@ class Results:
 
 
 def read_results(path: Path) -> Results:
-    """Return the readings of a table; rows without a value are left out."""
+    """Read a table of results; rows without a value are left out.
+
+    Raises
+    ------
+    UnreadableFileError
+        If the file is missing or no text.
+    BadInputError, UnknownNameError
+        If a header, measure, unit or number is not known; the error names file and line.
+    """
     lines = read_text(path, 16 << 20).splitlines()
     notes = dict(_note(line) for line in lines if line.startswith("#"))
     offset = notes.get("weldcut_offset_mm")

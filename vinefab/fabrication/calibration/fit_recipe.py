@@ -189,7 +189,21 @@ class Calibration:
 
 
 def calibrate(results: Results, profile: LaserProfile) -> Calibration:
-    """Fit the numbers of the recipe that the coupons were cut with."""
+    """Fit the numbers of the recipe that the coupons were cut with.
+
+    Parameters
+    ----------
+    results
+        The table of results.
+    profile
+        Machine, material and the recipe of the coupons.
+
+    Raises
+    ------
+    BadInputError
+        If the table is for another recipe, holds no value, or readings contradict each other or
+        are too few; the error names the row.
+    """
     name = profile.recipe.name
     if results.recipe and results.recipe != name:
         allowed = f"{name}, or --recipe {results.recipe}"

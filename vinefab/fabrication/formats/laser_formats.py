@@ -73,7 +73,26 @@ def formats_for(spec: LaserFileSpec, requested: Collection[str] = ()) -> dict[st
 def laser_files(
     spec: LaserFileSpec, *, stem: str = "outline", requested: Collection[str] = ()
 ) -> LaserFiles:
-    """Write a job in every format and read every file back."""
+    """Write a job in every format and read every file back.
+
+    Parameters
+    ----------
+    spec
+        Job, colour preset and, for formats with machine settings, the profile.
+    stem
+        How the names of the files begin; the material library's name is fixed.
+    requested
+        Names of formats that are written on request only, such as `R12_FORMAT`.
+
+    Raises
+    ------
+    BadInputError
+        If the recipe lacks an operation of the job, or the job has too many variants.
+
+    See Also
+    --------
+    ensure_read_back : Raises for a file that differs from its job.
+    """
     formats = {one.file_name(stem): one for one in formats_for(spec, requested).values()}
     files = {name: one.write(spec).encode() for name, one in formats.items()}
     return LaserFiles(

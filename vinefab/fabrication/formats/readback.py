@@ -25,7 +25,18 @@ from vinefab.model.outline import Contour
 def file_problems(
     laser_format: LaserFormat, data: bytes | None, spec: LaserFileSpec
 ) -> tuple[str, ...]:
-    """Read a file back and return what is wrong with it; None stands for a missing file."""
+    """Read a file back and return what is wrong with it.
+
+    Parameters
+    ----------
+    data
+        Content of the file; None for a file that is missing.
+
+    Returns
+    -------
+    tuple of str
+        One sentence per difference; empty for a file that agrees with its spec.
+    """
     if data is None:
         return ("the file is missing",)
     try:

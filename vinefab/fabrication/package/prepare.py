@@ -91,6 +91,20 @@ def prepare(
 
     When no rule forbids the design, the laser files are written in memory and read back, and the
     rule about the read-back is applied too.
+
+    Parameters
+    ----------
+    deployments
+        Simulated deployments, for rules that need them.
+    sheet
+        Number of copies, other designs on the sheet, process.
+    r12
+        Whether to write a DXF of release 12 as well.
+
+    Raises
+    ------
+    BadInputError
+        If the sheet cannot hold the designs, or the recipe lacks an operation.
     """
     job = laser_job(design, profile, sheet)
     subject = replace(Subject.on_sheet(design, profile, job), deployments=tuple(deployments))
@@ -166,7 +180,13 @@ class PackageContent:
 
 
 def package(prepared: Prepared) -> dict[str, bytes]:
-    """Return every file of the fabrication package, by name."""
+    """Return every file of the fabrication package, by name.
+
+    Raises
+    ------
+    ReadBackError
+        If a laser file, read back, differs from the job.
+    """
     ensure_read_back(prepared.readback)
     content = PackageContent(
         design=prepared.design,

@@ -1,6 +1,7 @@
 """README.txt of a fabrication package: the steps of the person at the laser."""
 
 import math
+from collections.abc import Sequence
 from textwrap import fill
 
 from vinefab.core.jsontext import GENERATOR
@@ -52,15 +53,17 @@ def readme_text(design: Design, job: Job, profile: LaserProfile, colours: Colour
     parts = [
         f"{title}\n{'=' * len(title)}",
         _paragraph("!! ", _STATUS[profile.recipe.status]),
-        _section("1. Film", _film(job, profile)),
-        _section("2. Coupon first", _coupon(profile)),
-        _section("3. The file", _file(job, colours)),
-        *([_section("3a. In tiles", _tiles(job))] if job.tiles else []),
-        _section("4. Layers, in the order in which they must run", _layers(job, profile, colours)),
-        _section("5. At the machine", _machine(job, profile, colours)),
-        _section("6. After cutting: measure", _measure(design, job, profile)),
-        _section("7. Mounting", _mounting(design)),
-        _section("8. What the files say about themselves", _facts(job, colours)),
+        readme_section("1. Film", _film(job, profile)),
+        readme_section("2. Coupon first", _coupon(profile)),
+        readme_section("3. The file", _file(job, colours)),
+        *([readme_section("3a. In tiles", _tiles(job))] if job.tiles else []),
+        readme_section(
+            "4. Layers, in the order in which they must run", _layers(job, profile, colours)
+        ),
+        readme_section("5. At the machine", _machine(job, profile, colours)),
+        readme_section("6. After cutting: measure", _measure(design, job, profile)),
+        readme_section("7. Mounting", _mounting(design)),
+        readme_section("8. What the files say about themselves", _facts(job, colours)),
         f"Numbers marked (assumed) were not measured by anyone; see job.json for sources.\n"
         f"{GENERATOR}",
     ]
@@ -283,7 +286,8 @@ def _box(job: Job, colours: Colours) -> tuple[float, float, float, float]:
     return min(low_x), min(low_y), max(high_x), max(high_y)
 
 
-def _section(title: str, items: list[str]) -> str:
+def readme_section(title: str, items: Sequence[str]) -> str:
+    """Return a section of a README: underlined title and wrapped items."""
     return "\n".join([title, "-" * len(title), *(_paragraph("- ", item) for item in items)])
 
 

@@ -33,7 +33,7 @@ def test_cuts_go_between_obstacles_where_they_can(make_printer):
     # An alley at x = 170..178; the even cut at x = 150 would divide an obstacle.
     solids = polygon_parts(box(100, 10, 170, 90), box(178, 10, 260, 90))
     cuts = cuts_of((0, 0, 300, 100), solids, make_printer(), RigOptions())
-    assert cuts.tiles == 2
+    assert len(list(cuts.cells())) == 2
     assert 172 <= cuts.x_mm[1] <= 176
     assert cuts.y_mm == (0, 100)
 
@@ -52,7 +52,7 @@ def test_tiles_never_exceed_the_bed(make_printer):
         cuts = cuts_of((0, 0, width, 60), solids, make_printer(), RigOptions(bed_margin_mm=5.0))
         sizes = np.diff(cuts.x_mm)
         assert sizes.max() <= 202.0 + 1e-3
-        assert cuts.tiles == np.ceil(width / 202.0)
+        assert len(list(cuts.cells())) == np.ceil(width / 202.0)
 
 
 def test_tabs_stand_free_and_apart():

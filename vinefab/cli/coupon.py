@@ -9,11 +9,12 @@ from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, Quiet, Reci
 from vinefab.core.atomic import ensure_own_folder, ensure_unchanged, new_folder, write_bytes
 from vinefab.fabrication.calibration.coupon_package import RESULTS_NAME, coupon_files, make_coupons
 from vinefab.fabrication.checking import check_lines
+from vinefab.fabrication.formats.laser_formats import broken_formats
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 
 MARK = "coupon.json"
-"""The file by which a folder of this command is known again."""
+"""The file by which a folder of this command is recognized."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -36,7 +37,7 @@ def coupon_command(
     ensure_own_folder(out, MARK, force=force)
     ensure_unchanged(out / RESULTS_NAME, force=force)
     coupons = make_coupons(read_profile(recipe))
-    for line in check_lines(coupons.report):
+    for line in (*check_lines(coupons.report), *broken_formats()):
         output.say(line)
     if coupons.report.blocking:
         typer.echo("nothing written: a rule forbids these coupons", err=True)

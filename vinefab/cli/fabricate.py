@@ -9,7 +9,7 @@ import typer
 from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, DesignIn, Force, Quiet, RecipeIn
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, new_folder, write_bytes
 from vinefab.fabrication.checking import check_lines
-from vinefab.fabrication.formats.laser_formats import LASER_FORMATS
+from vinefab.fabrication.formats.laser_formats import broken_formats
 from vinefab.fabrication.job.placement import SheetOptions
 from vinefab.fabrication.package.prepare import Prepared, package, prepare, zip_bytes
 from vinefab.model.files.design_toml import read_design
@@ -17,7 +17,7 @@ from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 
 MARK = "job.json"
-"""The file by which a folder of this command is known again."""
+"""The file by which a folder of this command is recognized."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -82,14 +82,13 @@ def fabricate_command(
         write_bytes(archive, zip_bytes(files, prepared.design.name), force=force)
         output.say(f"wrote {archive}")
     elif archive.exists():
-        output.say(f"note: {archive} is of an earlier run; --zip writes it anew")
+        output.say(f"note: {archive} is from an earlier run; --zip replaces it")
     output.say(f"wrote {out}/ ({len(files)} files; begin with README.txt)")
     return 0
 
 
 def _report_lines(prepared: Prepared) -> Iterator[str]:
-    """Yield what the rules say of every design, and which plug-ins were left out."""
+    """Yield the report on every design, and the laser formats that could not be loaded."""
     for report in (prepared.report, *prepared.beside):
         yield from check_lines(report)
-    for name, reason in LASER_FORMATS.broken.items():
-        yield f"note    laser format {name} not loaded: {reason}"
+    yield from broken_formats()

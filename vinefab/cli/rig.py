@@ -15,7 +15,7 @@ from vinefab.rig.make import RigRequest, make_rig
 from vinefab.rig.options import RigOptions, read_printer
 
 MARK = "rig.json"
-"""The file by which a folder of this command is known again."""
+"""The file by which a folder of this command is recognized."""
 
 
 def add_to(app: typer.Typer) -> None:

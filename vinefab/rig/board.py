@@ -114,12 +114,8 @@ def _divided(large: list[Polygon], cuts: Cuts) -> Iterator[Polygons]:
     """Yield what pieces too large for the bed leave in each cell of the cuts."""
     if not large:
         return
-    for y_low, y_high in zip(cuts.y_mm, cuts.y_mm[1:], strict=False):
-        for x_low, x_high in zip(cuts.x_mm, cuts.x_mm[1:], strict=False):
-            cell = shapely.box(x_low, y_low, x_high, y_high)
-            yield snapped_union(
-                polygon_parts(*shapely.intersection(large, cell, grid_size=GRID_MM))
-            )
+    for _, cell in cuts.cells():
+        yield snapped_union(polygon_parts(*shapely.intersection(large, cell, grid_size=GRID_MM)))
 
 
 PEG_RECESS_MM = 0.2

@@ -108,10 +108,8 @@ def _sheets(plate: BaseGeometry, holes: Polygons, options: RigOptions) -> Iterat
     laser = Printer(name="the laser", bed_width_mm=width_mm, bed_depth_mm=depth_mm, height_mm=1.0)
     free = RigOptions(bed_margin_mm=0.0, most_parts=options.most_parts)
     cuts = cuts_of(plate.bounds, holes, laser, free)
-    for y_low, y_high in zip(cuts.y_mm, cuts.y_mm[1:], strict=False):
-        for x_low, x_high in zip(cuts.x_mm, cuts.x_mm[1:], strict=False):
-            cell = shapely.intersection(plate, shapely.box(x_low, y_low, x_high, y_high))
-            yield from polygon_parts(cell)
+    for _, cell in cuts.cells():
+        yield from polygon_parts(shapely.intersection(plate, cell))
 
 
 def _job(

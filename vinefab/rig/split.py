@@ -29,6 +29,9 @@ _FREE_MM = 2.0
 _SPAN_PER_TAB_MM = 90.0
 _STEP_MM = 1.0
 
+Cell = tuple[int, int]
+"""Row and column of a tile, from 0."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TileSeam:
@@ -163,10 +166,11 @@ class Cuts:
     y_mm: tuple[float, ...]
     turned: bool  # whether the tiles are turned by a quarter on the bed
 
-    @property
-    def tiles(self) -> int:
-        """Number of rectangles in the grid."""
-        return (len(self.x_mm) - 1) * (len(self.y_mm) - 1)
+    def cells(self) -> Iterator[tuple[Cell, Polygon]]:
+        """Yield row and column of each tile with its rectangle, row by row."""
+        for row, (y_low, y_high) in enumerate(pairwise(self.y_mm)):
+            for column, (x_low, x_high) in enumerate(pairwise(self.x_mm)):
+                yield (row, column), shapely.box(x_low, y_low, x_high, y_high)
 
 
 def cuts_of(
@@ -245,10 +249,6 @@ def _lines(
     return (*lines, span_mm[1])
 
 
-Cell = tuple[int, int]
-"""Row and column of a tile, from 0."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RigTile:
     """The plan of one connected part."""
@@ -306,13 +306,11 @@ def rig_tiles(
 ) -> Iterator[RigTile]:
     """Yield the plans of all parts, row by row."""
     tree = shapely.STRtree(plan.solids)
-    for row in range(len(cuts.y_mm) - 1):
-        for column in range(len(cuts.x_mm) - 1):
-            cell = row, column
-            plates = _plates(plan.plate, _rectangle(cuts, cell), cell, joints)
-            for plate in without_slivers(plates, max(least_mm))[0]:
-                near = plan.solids[np.sort(tree.query(plate))]
-                yield _tile(cell, plate, near, least_mm)
+    for cell, rectangle in cuts.cells():
+        plates = _plates(plan.plate, rectangle, cell, joints)
+        for plate in without_slivers(plates, max(least_mm))[0]:
+            near = plan.solids[np.sort(tree.query(plate))]
+            yield _tile(cell, plate, near, least_mm)
 
 
 def _tile(
@@ -367,8 +365,3 @@ def _socket(tab: Polygon, seam: TileSeam, clearance_mm: float) -> BaseGeometry:
     else:
         y_min = seam.at_mm
     return shapely.intersection(socket, shapely.box(x_min, y_min, x_max, y_max))
-
-
-def _rectangle(cuts: Cuts, cell: Cell) -> Polygon:
-    row, column = cell
-    return shapely.box(cuts.x_mm[column], cuts.y_mm[row], cuts.x_mm[column + 1], cuts.y_mm[row + 1])

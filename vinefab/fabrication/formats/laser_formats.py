@@ -101,6 +101,12 @@ def laser_files(
     )
 
 
+def broken_formats() -> tuple[str, ...]:
+    """Return a line for every plug-in format that could not be loaded."""
+    broken = LASER_FORMATS.broken.items()
+    return tuple(f"note    laser format {name} not loaded: {reason}" for name, reason in broken)
+
+
 def tile_stem(number: int) -> str:
     """Return how the names of a tile's files begin.
 

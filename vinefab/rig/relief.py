@@ -23,7 +23,7 @@ PAPER: Colour = (255, 255, 255)
 RELIEF_INK: Colour = (29, 42, 48)
 _EDGE = 0.55
 _LIGHT = np.array([-0.45, -0.75])
-_FINE = 2  # drawn so many times larger, then made smaller: smooth edges
+_SUPERSAMPLING = 2
 _LEVEL_MM = 1e-3
 
 
@@ -79,7 +79,9 @@ def relief_png(
     rise_deg: float = 52.0,
 ) -> bytes:
     """Return a shaded picture of solids as PNG."""
-    camera = _camera(solids, width_px * _FINE, math.radians(turn_deg), math.radians(rise_deg))
+    camera = _camera(
+        solids, width_px * _SUPERSAMPLING, math.radians(turn_deg), math.radians(rise_deg)
+    )
     picture = Image.new("RGB", camera.size_px, PAPER)
     tops = [_tops(solid) for solid in solids]
     levels = sorted({level for found in tops for level in found})
@@ -87,12 +89,12 @@ def relief_png(
     low_px = camera.lift_px(base_mm)
     for index, level in enumerate(levels):
         mask, side = _standing(camera, solids, tops, levels[index:])
-        for lift_px in range(low_px, camera.lift_px(level), _FINE):
+        for lift_px in range(low_px, camera.lift_px(level), _SUPERSAMPLING):
             picture.paste(side, (0, -lift_px), mask)
         low_px = camera.lift_px(level)
         mask, top = _roof(camera, solids, tops, level)
         picture.paste(top, (0, -low_px), mask)
-    size = camera.size_px[0] // _FINE, camera.size_px[1] // _FINE
+    size = camera.size_px[0] // _SUPERSAMPLING, camera.size_px[1] // _SUPERSAMPLING
     picture = picture.resize(size, Image.Resampling.BOX)
     _write(picture, camera, labels)
     return _png(picture)
@@ -190,8 +192,8 @@ def _write(picture: Image.Image, camera: Camera, labels: Sequence[Label]) -> Non
     font = ImageFont.load_default(size=max(11, picture.width // 55))
     draw = ImageDraw.Draw(picture)
     for label in labels:
-        x, y = camera.flat(np.array(label.at_mm)) / _FINE
-        place = float(x), float(y) - camera.lift_px(label.at_mm[2]) / _FINE
+        x, y = camera.flat(np.array(label.at_mm)) / _SUPERSAMPLING
+        place = float(x), float(y) - camera.lift_px(label.at_mm[2]) / _SUPERSAMPLING
         draw.text(
             place,
             label.text,

@@ -7,8 +7,8 @@ from vinefab.fabrication.formats.laser_drawing import (
     PRESETS,
     LaserFileSpec,
     Style,
-    left_out,
-    separable_operations,
+    operations_by_style,
+    operations_left_out,
     styled_paths,
 )
 from vinefab.fabrication.formats.readback import file_problems
@@ -54,15 +54,13 @@ def test_the_mouth_is_not_cut_with_the_colour_that_seals(job: Job) -> None:
     for name in ("default", "red_cut"):
         styles = PRESETS[name].styles
         assert styles[Operation.CUT].rgb != styles[Operation.WELDCUT].rgb
-    assert separable_operations(job, PRESETS["shop_single"]) == (
-        (Operation.WELDCUT, Operation.CUT),
-    )
+    assert operations_by_style(job, PRESETS["shop_single"]) == ((Operation.WELDCUT, Operation.CUT),)
 
 
 def test_presets_for_simple_programs_write_nothing_that_must_not_be_cut(job: Job) -> None:
-    assert left_out(job, DEFAULT) == ()
-    assert left_out(job, PRESETS["red_cut"]) == (Operation.REG, Operation.DOC)
-    assert Operation.MARK in left_out(job, PRESETS["shop_single"])
+    assert operations_left_out(job, DEFAULT) == ()
+    assert operations_left_out(job, PRESETS["red_cut"]) == (Operation.REG, Operation.DOC)
+    assert Operation.MARK in operations_left_out(job, PRESETS["shop_single"])
 
 
 def test_an_unknown_preset_offers_the_nearest() -> None:

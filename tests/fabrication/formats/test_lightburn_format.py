@@ -1,4 +1,4 @@
-"""LightBurn's files, read by code of the tests' own that follows what others found out of them."""
+"""LightBurn's files, read by independent code that follows public findings about the format."""
 
 import re
 import xml.etree.ElementTree as ET

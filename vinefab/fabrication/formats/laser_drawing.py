@@ -148,15 +148,15 @@ def _style(path: LaserPath, colours: Colours, variants: Mapping[str, tuple[str, 
     return Style(layer=f"{path.operation.layer}_{path.variant}", rgb=rgb, aci=aci)
 
 
-def left_out(job: Job, colours: Colours) -> tuple[Operation, ...]:
+def operations_left_out(job: Job, colours: Colours) -> tuple[Operation, ...]:
     """Return the operations of a job that a preset does not write."""
     return tuple(op for op in Operation if job.along(op) and op not in colours.styles)
 
 
-def separable_operations(job: Job, colours: Colours) -> tuple[tuple[Operation, ...], ...]:
+def operations_by_style(job: Job, colours: Colours) -> tuple[tuple[Operation, ...], ...]:
     """Return a job's operations in groups that share a layer and a colour, in process order.
 
-    A group with more than one operation cannot be given different settings by the operator.
+    The operator cannot give different settings to the operations of one group.
     """
     groups: dict[tuple[str, str], list[Operation]] = {}
     for operation in Operation:

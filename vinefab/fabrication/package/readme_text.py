@@ -8,9 +8,9 @@ from vinefab.core.jsontext import GENERATOR
 from vinefab.fabrication.formats.dxf_format import DXF, DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import (
     Colours,
-    left_out,
     metadata,
-    separable_operations,
+    operations_by_style,
+    operations_left_out,
     styled_paths,
 )
 from vinefab.fabrication.formats.laser_formats import LASER_FORMATS
@@ -222,10 +222,10 @@ def _machine(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
     steps.extend(
         f"WARNING: {' and '.join(group)} have the same layer and colour here and run with one"
         " setting. The mouth may be welded shut: trim it open by hand."
-        for group in separable_operations(job, colours)
+        for group in operations_by_style(job, colours)
         if len(group) > 1
     )
-    missing = left_out(job, colours)
+    missing = operations_left_out(job, colours)
     if missing:
         steps.append(
             f"The colour preset {colours.name} does not write: {', '.join(missing)}. The lengths"

@@ -9,8 +9,7 @@ from pathlib import Path
 from vinefab.maps.generators.pegs import PegsOptions, pegs_map
 from vinefab.model.files.shipped import DEFAULT_PRINTER
 from vinefab.rig.make import make_rig
-from vinefab.rig.options import RigOptions
-from vinefab.rig.printer import read_printer
+from vinefab.rig.options import RigOptions, read_printer
 
 
 def main(folder: Path) -> None:

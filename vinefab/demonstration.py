@@ -10,8 +10,7 @@ from scipy.stats import bootstrap
 from vinefab.core.atomic import write_bytes
 from vinefab.core.jsontext import json_text
 from vinefab.core.rng import child
-from vinefab.fabrication.package.package_files import zip_bytes
-from vinefab.fabrication.package.prepare import package
+from vinefab.fabrication.package.prepare import package, zip_bytes
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Design
@@ -29,8 +28,7 @@ from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.scoring import ScorePlan as ScoreTrials
 from vinefab.prediction.scoring import score_design_on_task
 from vinefab.rig.make import RigFiles, make_rig
-from vinefab.rig.options import RigOptions
-from vinefab.rig.printer import read_printer
+from vinefab.rig.options import RigOptions, read_printer
 from vinefab.search.record.result import Progress, RunResult
 from vinefab.search.run import progress_line, run_search, training_maps
 from vinefab.search.run_pages import search_section, unseen_section

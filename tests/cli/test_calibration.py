@@ -7,7 +7,7 @@ import pytest
 from vinefab.core.atomic import ensure_unchanged
 from vinefab.core.hashing import manifest_text, sha256_of
 from vinefab.core.jsontext import GENERATOR
-from vinefab.fabrication.calibration.coupon_package import results_text
+from vinefab.fabrication.calibration.coupon_results import results_text
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import shipped_root
 from vinefab.model.laser import RecipeStatus, Standing

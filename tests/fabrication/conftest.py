@@ -14,7 +14,7 @@ from shapely.geometry import box
 from vinefab.fabrication.outline.ends import Leaf, corner_radii_mm
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
-from vinefab.fabrication.package.package_files import PackageContent
+from vinefab.fabrication.package.prepare import PackageContent
 from vinefab.model.design import Build, Collar, Design, Level, Pouch
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import (

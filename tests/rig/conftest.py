@@ -6,7 +6,10 @@ import shapely
 from shapely import Polygon, box
 
 from vinefab.model.map import Map, Pose, Start
-from vinefab.rig.printer import Printer
+from vinefab.rig.options import Printer
+from vinefab.rig.part import PartItem
+from vinefab.rig.part_files import read_back_problems
+from vinefab.rig.stl_format import STL
 
 
 def _up(x_mm, y_mm, spread_x_mm=0.0):
@@ -69,7 +72,7 @@ def crooked_map(make_map):
 def faces_at():
     """Returns the plan, in map coordinates, of a rig's upward faces at a height of the map.
 
-    It looks at nothing but triangles and transforms: an independent way to see what was built.
+    It uses nothing but triangles and transforms: an independent way to see what was built.
     """
 
     def plan(rig, z_mm):
@@ -83,3 +86,15 @@ def faces_at():
         return shapely.union_all(found)
 
     return plan
+
+
+@pytest.fixture
+def stl_problems():
+    """Returns what is wrong with an STL file of a part, the part's own file unless given."""
+
+    def problems(part, data=None):
+        item = PartItem(part=part)
+        data = STL.write([item], part.name) if data is None else data
+        return read_back_problems(STL, data, [item])[part.name]
+
+    return problems

@@ -1,4 +1,4 @@
-"""The rig as a job: what it refuses, and what the rules say of it."""
+"""The rig as a job: what it refuses, and what the rules report of it."""
 
 import dataclasses
 import json
@@ -14,10 +14,9 @@ from vinefab.model.map import Map, Pose, Start
 from vinefab.rig import make as module
 from vinefab.rig import plate as build
 from vinefab.rig.board import build_board
-from vinefab.rig.laser_cut_files import compare_layers, laser_cut_files
+from vinefab.rig.laser_cut import compare_layers, laser_cut_files
 from vinefab.rig.make import RigRequest, make_rig
-from vinefab.rig.options import RigOptions
-from vinefab.rig.printer import Printer
+from vinefab.rig.options import Printer, RigOptions
 
 PRINTER = Printer(name="bench", bed_width_mm=220, bed_depth_mm=220, height_mm=100)
 START = Start(pose=Pose(x_mm=90.0, y_mm=10.0, heading_rad=math.pi / 2))
@@ -54,7 +53,7 @@ def test_bounds_with_a_corner_to_go_around_are_enough():
 )
 def test_what_cannot_be_printed_is_refused_before_anything_is_built(monkeypatch, options, words):
     monkeypatch.setattr(build, "plan_of", lambda *_: pytest.fail("a plan was made"))
-    monkeypatch.setattr(module, "solid_files", lambda *_: pytest.fail("files were made"))
+    monkeypatch.setattr(module, "part_files", lambda *_: pytest.fail("files were made"))
     with pytest.raises(BadInputError, match=words):
         make_rig(_map(box(30, 60, 60, 90)), PRINTER, options, BARE)
 

@@ -1,6 +1,7 @@
 import csv
 import json
 import math
+import os
 import re
 import subprocess
 from dataclasses import replace
@@ -11,12 +12,19 @@ import shapely
 import trimesh
 from shapely import Polygon, box
 
+from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import sha256_of
 from vinefab.model.map import Map, Pose, Start
 from vinefab.rig.make import RigRequest, make_rig
-from vinefab.rig.options import RigOptions
-from vinefab.rig.part_files import solid_files, solid_problems, stl_name
-from vinefab.rig.printer import Printer
+from vinefab.rig.options import Printer, RigOptions
+from vinefab.rig.part import PartItem
+from vinefab.rig.part_files import (
+    PART_FORMATS,
+    part_files,
+    part_problems,
+    read_back_problems,
+    stl_name,
+)
 from vinefab.rig.printing import printing_of
 
 
@@ -106,10 +114,66 @@ def test_a_rig_that_is_not_closed_is_not_handed_out(made):
     broken = replace(rig.parts[1], faces=rig.parts[1].faces[:-1])
     bad = replace(rig, parts=(rig.parts[0], broken))
     printing = printing_of(bad)
-    problems = solid_problems(solid_files(bad, printing), bad, printing)
+    problems = part_problems(part_files(bad, printing), bad, printing)
     assert problems[rig.parts[0].name] == ()
     assert len(problems[broken.name]) > 2  # from the STL and from the 3MF
     assert all("closed" in one or "open" in one or "volume" in one for one in problems[broken.name])
+
+
+FORMATS = sorted(PART_FORMATS)
+
+
+def _items(rig):
+    return [
+        PartItem(part=part, at_mm=(60.0 * index, 0.0)) for index, part in enumerate(rig.parts[:2])
+    ]
+
+
+def _problems(name, written, meant):
+    """Return what comparing a file with other parts than it was written from finds."""
+    one = PART_FORMATS[name]
+    written, meant = (items if one.per_bed else items[:1] for items in (written, meant))
+    found = read_back_problems(one, one.write(written, "rig"), meant)
+    return "; ".join(problem for problems in found.values() for problem in problems)
+
+
+def _with(items, **changes):
+    return [replace(items[0], part=replace(items[0].part, **changes)), *items[1:]]
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_registered_format_is_read_back(made, name):
+    items = _items(made[1])
+    assert _problems(name, items, items) == ""
+    assert PART_FORMATS[name].write(items[:1], "a") == PART_FORMATS[name].write(items[:1], "a")
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_registered_format_shows_a_part_that_differs(made, name):
+    items = _items(made[1])
+    part = items[0].part
+    vertices = part.vertices_mm.copy()
+    vertices[vertices[:, 2].argmax()] += (0.0, 0.0, 0.01)
+    assert "box" in _problems(name, _with(items, vertices_mm=vertices), items)
+    assert "inside out" in _problems(name, _with(items, faces=part.faces[:, ::-1]), items)
+    assert "triangles" in _problems(name, _with(items, faces=part.faces[:-1]), items)
+    assert _problems(name, items[1:], items)
+    for data in (b"", b"solid", PART_FORMATS[name].write(items[:1], "rig")[:-60]):
+        assert any(read_back_problems(PART_FORMATS[name], data, items[:1]).values())
+
+
+def test_a_part_elsewhere_on_its_bed_is_seen(made):
+    items = _items(made[1])
+    for name in (name for name in FORMATS if PART_FORMATS[name].per_bed):
+        moved = [replace(items[0], at_mm=(0.01, 0.0)), *items[1:]]
+        assert "0.01 mm off its place" in _problems(name, moved, items)
+        assert "other parts than planned" in _problems(name, items[::-1], items)
+
+
+@pytest.mark.parametrize("missing", ["read", "write"])
+def test_a_format_without_reader_or_writer_is_refused(missing):
+    with pytest.raises(BadInputError, match=f"part format .stl: {missing}"):
+        replace(PART_FORMATS["stl"], **{missing: None})
 
 
 ADMESH_ZEROS = (
@@ -131,10 +195,16 @@ def admesh(program):
 
 def _admesh(admesh, path):
     """Return what admesh prints, by name; its exit code says nothing about the mesh."""
+    # It prints bytes of the file's header, which are text in no encoding; numbers with a point.
     done = subprocess.run(
-        [admesh, path], capture_output=True, text=True, errors="replace", timeout=30, check=True
+        [admesh, path],
+        env=os.environ | {"LC_ALL": "C"},
+        capture_output=True,
+        timeout=30,
+        check=True,
     )
-    numbers = re.findall(r"([A-Z][A-Za-z ]+?)\s*:\s+(-?[\d.]+)", done.stdout)
+    printed = done.stdout.decode("ascii", "replace")
+    numbers = re.findall(r"([A-Z][A-Za-z ]+?)\s*:\s+(-?[\d.]+)", printed)
     return {name: float(number) for name, number in numbers}
 
 

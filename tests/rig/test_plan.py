@@ -1,10 +1,20 @@
 import math
 
+import numpy as np
 import pytest
-from shapely import LineString, Point, box
+import shapely
+from shapely import LineString, MultiPolygon, Point, Polygon, box
 
 from vinefab.model.map import Pose, Start
 from vinefab.rig.options import RigOptions
+from vinefab.rig.plan import (
+    bridged,
+    patches_for,
+    polygon_parts,
+    snapped_union,
+    thin_parts,
+    touching_points,
+)
 from vinefab.rig.plate import build_rig
 
 
@@ -105,3 +115,94 @@ def test_two_starts_two_openings(rig_of, up_start, faces_at):
     below = faces_at(rig, 30.0).intersection(LineString([(5, 17.5), (195, 17.5)]))
     assert 190.0 - below.length == pytest.approx(60.0)
     assert len(below.geoms) == 3
+
+
+EVERYWHERE = box(-1000, -1000, 1000, 1000)
+
+
+def test_touching_points_of_corners_edges_and_holes():
+    corner_on_edge = [box(0, 0, 10, 10), Polygon([(10, 5), (20, 0), (20, 10)])]
+    assert touching_points(snapped_union(polygon_parts(*corner_on_edge))).tolist() == [[10, 5]]
+    hole_on_shell = box(0, 0, 10, 10).difference(Polygon([(0, 5), (5, 3), (5, 7)]))
+    assert touching_points(snapped_union(hole_on_shell)).tolist() == [[0, 5]]
+    apart = polygon_parts(box(0, 0, 1, 1), box(2, 2, 3, 3))
+    assert touching_points(apart).shape == (0, 2)
+    assert touching_points(polygon_parts(Polygon())).shape == (0, 2)
+
+
+def test_bridges_join_what_touches():
+    touching = snapped_union(MultiPolygon([box(0, 0, 10, 10), box(10, 10, 20, 20)]))
+    joined, count = bridged(touching, EVERYWHERE, 0.4)
+    assert count == 1
+    assert len(joined) == 1
+    # Half of an octagon (2 sqrt 2 r^2) is new, the other half lies in the two squares.
+    new_mm2 = joined[0].area - 200.0
+    assert new_mm2 == pytest.approx(2.0 * np.sqrt(2.0) * 0.16 / 2.0, rel=0.01)
+
+
+def test_bridges_stay_within():
+    touching = snapped_union(MultiPolygon([box(0, 0, 10, 10), box(10, 10, 20, 20)]))
+    joined, _ = bridged(touching, box(0, 0, 10, 20), 0.4)
+    assert shapely.union_all(joined).difference(shapely.union_all(touching)).bounds[2] <= 10.0
+
+
+def test_thin_parts_are_found_and_corners_are_not():
+    solid = polygon_parts(
+        box(0, 0, 10, 10), box(20, 0, 20.5, 10), Polygon([(40, 0), (60, 0), (40, 9)])
+    )
+    thin = thin_parts(solid, 0.8)
+    assert len(thin) == 1
+    assert thin[0].equals(solid[1])
+    needle = Polygon([(0, 0), (100, -2), (100, 2)])
+    (tip,) = thin_parts(polygon_parts(needle), 0.8)
+    # It is 0.8 mm wide at 20 mm; growing back with mitred corners wins 2 mm.
+    assert tip.bounds[2] == pytest.approx(18.0, abs=0.1)
+    assert len(thin_parts(polygon_parts(Polygon()), 0.8)) == 0
+
+
+WALLS = {
+    "between blocks": shapely.union_all(
+        [box(30, 60, 50, 80), box(50, 70, 90, 70.5), box(90, 60, 110, 80)]
+    ),
+    "alone": box(0, 0, 40, 0.3),
+    "bent": LineString([(0, 0), (30, 10), (35, 40)]).buffer(0.2, cap_style="flat"),
+    "ring": Point(0, 0).buffer(20.0) - Point(0, 0).buffer(19.6),
+    "hair": box(0, 0, 40, 0.06),
+    "tapered": Polygon([(0, 0), (40, 0.2), (40, 2), (0, 0.4)]),
+}
+
+
+@pytest.mark.parametrize("wall", WALLS.values(), ids=WALLS)
+def test_thin_walls_become_thick_enough_and_not_much_more(wall):
+    pieces = polygon_parts(wall)
+    thin, patches = patches_for(pieces, 0.8)
+    assert len(thin) > 0
+    thick = snapped_union(pieces, patches)
+    # Wherever a point of the wall was too thin, a disc of nearly the wanted size now fits around
+    # it; at its ends corners may be cut.
+    opened = shapely.union_all(thick).buffer(-0.395).buffer(0.45)
+    assert shapely.difference(shapely.union_all(thin), opened).area < 0.02 * wall.area
+    # And nothing is thicker than needed: what was added lies within reach of the thin parts.
+    reach = shapely.union_all(thin).buffer(0.62)
+    assert reach.buffer(1e-3).covers(patches)
+    assert shapely.union_all(thick).buffer(2e-3).covers(wall)
+
+
+def test_a_straight_wall_gets_the_width_to_within_a_quarter():
+    for thin_mm in np.arange(0.1, 0.8, 0.1):
+        wall = box(0, 0, 50, thin_mm)
+        thick = shapely.union_all([wall, patches_for(polygon_parts(wall), 0.8)[1]])
+        middle_mm = thick.intersection(box(20, -5, 30, 5)).area / 10.0
+        assert 0.8 <= middle_mm <= 1.0 + 1e-6
+
+
+def test_what_is_thick_enough_stays():
+    thin, patches = patches_for(polygon_parts(box(0, 0, 10, 0.8), box(0, 5, 10, 15)), 0.8)
+    assert len(thin) == 0
+    assert patches.is_empty
+
+
+def test_tips_of_corners_stay_as_they_are():
+    tip = Polygon([(0, 0), (40, 0), (40, 12)])
+    assert len(thin_parts(polygon_parts(tip), 0.8)) == 0
+    assert patches_for(polygon_parts(tip), 0.8)[1].is_empty

@@ -9,22 +9,21 @@ from shapely import Point, Polygon, box
 
 from vinefab.core.errors import BadInputError
 from vinefab.rig.comparison_with_map import compare_with_map
-from vinefab.rig.engraving import marks_for
 from vinefab.rig.options import RigOptions
+from vinefab.rig.part import PartItem
+from vinefab.rig.part_files import read_back_problems
 from vinefab.rig.plate import build_rig
-from vinefab.rig.solid import manifold_of
-from vinefab.rig.stl_format import check_stl, stl_bytes
+from vinefab.rig.solid import engraved_marks, manifold_of
+from vinefab.rig.stl_format import STL
 
 PLAIN = RigOptions(mark_depth_mm=0.0)
 """Without numbers on the underside: areas and volumes are those of plate and walls alone."""
 
 
 def _problems(rig):
-    return [
-        (part.name, problem)
-        for part in rig.parts
-        for problem in check_stl(stl_bytes(part.vertices_mm, part.faces, part.name), part)
-    ]
+    items = [PartItem(part=part) for part in rig.parts]
+    found = [read_back_problems(STL, STL.write([one], one.part.name), [one]) for one in items]
+    return [problem for one in found for problems in one.values() for problem in problems]
 
 
 def _hanging_mm2(part):
@@ -209,7 +208,7 @@ def test_numbers_are_grooves_that_a_printer_bridges(crooked_map, make_printer):
 
 
 def test_the_arrow_points_to_north_and_the_number_reads_from_below():
-    marks = shapely.union_all(marks_for(1, box(0, 0, 60, 60)))
+    marks = shapely.union_all(engraved_marks(1, box(0, 0, 60, 60)))
     arrow, digit = sorted(shapely.get_parts(marks), key=lambda piece: -piece.bounds[3])
     assert arrow.centroid.x > 30 > digit.centroid.x
     widest = [arrow.intersection(box(0, y, 60, y + 0.5)).area for y in np.arange(24, 37, 1.0)]
@@ -220,7 +219,7 @@ def test_the_arrow_points_to_north_and_the_number_reads_from_below():
 
 
 def test_dust_has_no_room_for_a_number():
-    assert len(marks_for(7, box(0, 0, 8, 8))) == 0
+    assert len(engraved_marks(7, box(0, 0, 8, 8))) == 0
 
 
 def test_cube_and_arrow_stand_beside_the_rig(make_map, make_printer):

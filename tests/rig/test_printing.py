@@ -5,7 +5,7 @@ from shapely import box
 
 from vinefab.rig.options import RigOptions
 from vinefab.rig.plate import build_rig
-from vinefab.rig.printing import estimate, packed_on_beds, printing_of
+from vinefab.rig.printing import packed_on_beds, print_estimate, printing_of
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -44,7 +44,7 @@ def test_the_estimate_is_the_formula(make_map, make_printer):
     cube = build_rig(make_map(), printer).extras[0]
     volume_mm3, skin_mm3 = cube.volume_mm3, cube.area_mm2 * 1.0
     plastic_mm3 = skin_mm3 + 0.2 * (volume_mm3 - skin_mm3)
-    found = estimate([cube], printer)
+    found = print_estimate([cube], printer)
     assert cube.area_mm2 == pytest.approx(2400.0, rel=0.05)
     assert found.plastic_mm3 == pytest.approx(plastic_mm3)
     assert found.time_s == pytest.approx(plastic_mm3 / 5.0 + 100 * 2.0)
@@ -55,4 +55,4 @@ def test_the_estimate_is_the_formula(make_map, make_printer):
 def test_thin_parts_are_all_skin(make_map, make_printer):
     printer = make_printer(shell_mm=3.0)
     rig = build_rig(make_map(), printer, RigOptions(mark_depth_mm=0.0))
-    assert estimate(rig.parts, printer).plastic_mm3 == pytest.approx(rig.volume_mm3)
+    assert print_estimate(rig.parts, printer).plastic_mm3 == pytest.approx(rig.volume_mm3)

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 from shapely import Polygon, box
 
-from vinefab.rig.clean import pieces_of
+from vinefab.rig.plan import polygon_parts
 from vinefab.rig.relief import Label, Prism, relief_png
 from vinefab.rig.solid import stacked
 
@@ -15,7 +15,9 @@ RED, BLUE, GREEN = (200, 0, 0), (0, 0, 200), (0, 160, 0)
 
 
 def _block(low, high, height_mm, colour):
-    vertices, faces = stacked(pieces_of(box(*low, *high)), pieces_of(Polygon()), height_mm, 0.0)
+    vertices, faces = stacked(
+        polygon_parts(box(*low, *high)), polygon_parts(Polygon()), height_mm, 0.0
+    )
     return Prism(vertices_mm=vertices, faces=faces, colour=colour)
 
 

@@ -36,13 +36,13 @@ def calibrate_command(
 
     Example: vinefab calibrate coupons/results.csv --recipe co2_60w__stretchlon_200 --out mine.toml
     """
-    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_writable(out, force=force)
     calibration = calibrate(read_results(results), read_profile(recipe))
     text = calibrated_recipe(calibration, recipe, out, results)
     write_text(out, text, force=force)
-    voice.give_json(calibration_json(calibration))
+    output.give_json(calibration_json(calibration))
     for line in calibration_lines(calibration):
-        voice.say(line)
-    voice.say(f"wrote {out}; use it with --recipe {out}")
+        output.say(line)
+    output.say(f"wrote {out}; use it with --recipe {out}")
     return 0

@@ -9,11 +9,12 @@ from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, Quiet, Reci
 from vinefab.core.atomic import ensure_own_folder, ensure_unchanged, new_folder, write_bytes
 from vinefab.fabrication.calibration.coupon_package import RESULTS_NAME, coupon_files, make_coupons
 from vinefab.fabrication.checking import check_lines
+from vinefab.fabrication.formats.laser_formats import broken_formats
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 
 MARK = "coupon.json"
-"""The file by which a folder of this command is known again."""
+"""The file by which a folder of this command is recognized."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -32,12 +33,12 @@ def coupon_command(
 
     Example: vinefab coupon --recipe co2_60w__stretchlon_200 --out coupons
     """
-    voice = CommandOutput(quiet=quiet, force=force)
+    output = CommandOutput(quiet=quiet, force=force)
     ensure_own_folder(out, MARK, force=force)
     ensure_unchanged(out / RESULTS_NAME, force=force)
     coupons = make_coupons(read_profile(recipe))
-    for line in check_lines(coupons.report):
-        voice.say(line)
+    for line in (*check_lines(coupons.report), *broken_formats()):
+        output.say(line)
     if coupons.report.blocking:
         typer.echo("nothing written: a rule forbids these coupons", err=True)
         return EXIT_FINDINGS
@@ -45,5 +46,5 @@ def coupon_command(
     with new_folder(out, MARK, force=force) as folder:
         for name, data in files.items():
             write_bytes(folder / name, data)
-    voice.say(f"wrote {out}/ ({len(files)} files; begin with README.txt)")
+    output.say(f"wrote {out}/ ({len(files)} files; begin with README.txt)")
     return 0

@@ -1,5 +1,6 @@
 """``vinefab fabricate``: the fabrication package."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -8,15 +9,15 @@ import typer
 from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, DesignIn, Force, Quiet, RecipeIn
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, new_folder, write_bytes
 from vinefab.fabrication.checking import check_lines
+from vinefab.fabrication.formats.laser_formats import broken_formats
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.fabrication.package.package_files import zip_bytes
-from vinefab.fabrication.package.prepare import package, prepare
+from vinefab.fabrication.package.prepare import Prepared, package, prepare, zip_bytes
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 
 MARK = "job.json"
-"""The file by which a folder of this command is known again."""
+"""The file by which a folder of this command is recognized."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -59,7 +60,7 @@ def fabricate_command(
 
     Example: vinefab fabricate three_level_tree --out package --allow-uncalibrated
     """
-    voice = CommandOutput(quiet=quiet, force=force)
+    output = CommandOutput(quiet=quiet, force=force)
     ensure_own_folder(out, MARK, force=force)
     archive = out.with_name(f"{out.name}.zip")
     if make_zip:
@@ -67,9 +68,8 @@ def fabricate_command(
     others = tuple(read_design(name) for name in beside or ())
     sheet = SheetOptions(copies=copies, beside=others, process=process, pass_through=pass_through)
     prepared = prepare(read_design(design), read_profile(recipe), sheet=sheet, r12=r12)
-    for report in (prepared.report, *prepared.beside):
-        for line in check_lines(report):
-            voice.say(line)
+    for line in _report_lines(prepared):
+        output.say(line)
     if why := prepared.refusal(allow_uncalibrated=allow_uncalibrated):
         older = f"; {out} still holds an earlier package, not this design" if out.exists() else ""
         typer.echo(f"nothing written: {why}{older}", err=True)
@@ -80,8 +80,15 @@ def fabricate_command(
             write_bytes(folder / name, data)
     if make_zip:
         write_bytes(archive, zip_bytes(files, prepared.design.name), force=force)
-        voice.say(f"wrote {archive}")
+        output.say(f"wrote {archive}")
     elif archive.exists():
-        voice.say(f"note: {archive} is of an earlier run; --zip writes it anew")
-    voice.say(f"wrote {out}/ ({len(files)} files; begin with README.txt)")
+        output.say(f"note: {archive} is from an earlier run; --zip replaces it")
+    output.say(f"wrote {out}/ ({len(files)} files; begin with README.txt)")
     return 0
+
+
+def _report_lines(prepared: Prepared) -> Iterator[str]:
+    """Yield the report on every design, and the laser formats that could not be loaded."""
+    for report in (prepared.report, *prepared.beside):
+        yield from check_lines(report)
+    yield from broken_formats()

@@ -26,9 +26,9 @@ def profiles_command(
 
     Example: vinefab profiles co2_60w__stretchlon_200
     """
-    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     lines = profile_list() if name is None else explain(name)
-    voice.give_json(profile_json(name))
+    output.give_json(profile_json(name))
     for line in lines:
-        voice.say(line)
+        output.say(line)
     return 0

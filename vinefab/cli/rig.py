@@ -12,11 +12,10 @@ from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.shipped import DEFAULT_PRINTER
 from vinefab.rig.make import RigRequest, make_rig
-from vinefab.rig.options import RigOptions
-from vinefab.rig.printer import read_printer
+from vinefab.rig.options import RigOptions, read_printer
 
 MARK = "rig.json"
-"""The file by which a folder of this command is known again."""
+"""The file by which a folder of this command is recognized."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -32,7 +31,7 @@ def rig_command(
         DEFAULT_PRINTER
     ),
     design: Annotated[
-        str | None, typer.Option(help="The robot, to see whether corridors and heights suit it.")
+        str | None, typer.Option(help="The robot, to check corridors and heights for it.")
     ] = None,
     style: Annotated[
         str,
@@ -71,7 +70,7 @@ def rig_command(
 
     Example: vinefab rig grid.geojson --printer generic_220 --fit-mm 400 --out rig
     """
-    voice = CommandOutput(quiet=quiet, force=force)
+    output = CommandOutput(quiet=quiet, force=force)
     ensure_own_folder(out, MARK, force=force)
     world = read_map(map_file)
     sheet_width_mm, sheet_depth_mm = numbers_from("--sheet-mm", sheet_mm, 2)
@@ -94,17 +93,17 @@ def rig_command(
         options = options.fitted(world, fit_mm)
     robot = read_design(design) if design else None
     machine = read_printer(printer)
-    wishes = RigRequest(design=robot, allow_empty=allow_empty, pictures=pictures, lid=lid)
-    with voice.progress("rig") as show:
-        made = make_rig(world, machine, options, wishes, tell=show)
+    request = RigRequest(design=robot, allow_empty=allow_empty, pictures=pictures, lid=lid)
+    with output.progress("rig") as show:
+        made = make_rig(world, machine, options, request, progress=show)
     if made.report.blocking:
         for line in check_lines(made.report):
-            voice.say(line)
+            output.say(line)
         return EXIT_FINDINGS
     with new_folder(out, MARK, force=force) as folder:
         for name, data in made.files.items():
             write_bytes(folder / name, data)
     for line in made.summary():
-        voice.say(line)
-    voice.say(f"wrote {out}/ ({len(made.files)} files)")
+        output.say(line)
+    output.say(f"wrote {out}/ ({len(made.files)} files)")
     return 0

@@ -91,15 +91,17 @@ def findings_drawing(design: Design, profile: LaserProfile, report: CheckReport)
 
 
 def drawing_text(drawing: Job, path: Path) -> str:
-    """Return a drawing as SVG or DXF text, by a path's suffix, after reading it back."""
-    # The readers load ezdxf, which a check without a drawing does not need.
-    from vinefab.fabrication.formats.dxf_format import dxf_text, read_dxf  # noqa: PLC0415
-    from vinefab.fabrication.formats.readback import drawing_differences  # noqa: PLC0415
-    from vinefab.fabrication.formats.svg_format import read_svg, svg_text  # noqa: PLC0415
+    """Return a drawing as the text of an SVG or a DXF, by the end of a path's name."""
+    # ezdxf takes long to load, which a check without a picture has no use for.
+    from vinefab.fabrication.formats.dxf_format import DXF  # noqa: PLC0415
+    from vinefab.fabrication.formats.laser_drawing import LaserFileSpec  # noqa: PLC0415
+    from vinefab.fabrication.formats.readback import file_problems  # noqa: PLC0415
+    from vinefab.fabrication.formats.svg_format import SVG  # noqa: PLC0415
 
-    is_svg = path.suffix.lower() == ".svg"
-    text = svg_text(drawing, hairline_mm=_PEN_MM) if is_svg else dxf_text(drawing)
-    problems = drawing_differences(drawing, read_svg(text) if is_svg else read_dxf(text))
+    laser_format = SVG if path.suffix.lower() == ".svg" else DXF
+    spec = LaserFileSpec(job=drawing, hairline_mm=_PEN_MM)
+    text = laser_format.write(spec)
+    problems = file_problems(laser_format, text.encode(), spec)
     if problems:
         raise ReadBackError(path, problems[0])
     return text

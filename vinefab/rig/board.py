@@ -1,25 +1,130 @@
-"""A rig of loose obstacles on a board that a laser drills: printed with pegs, or cut in layers."""
+"""A rig of loose obstacles on a drilled board: printed with pegs, or cut in layers."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from shapely import Point, Polygon
+from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map
-from vinefab.rig.clean import Pieces, pieces_of
-from vinefab.rig.engraving import extras_of, marks_for
-from vinefab.rig.loose import Loose, loose_of
-from vinefab.rig.options import RigOptions
+from vinefab.rig.options import GRID_MM, Printer, RigOptions
 from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.plan import RigPlan, plan_of
-from vinefab.rig.printer import Printer
-from vinefab.rig.solid import Hollow, stacked
-from vinefab.rig.split import cuts_of, grid_of
+from vinefab.rig.plan import (
+    Polygons,
+    RigPlan,
+    plan_of,
+    polygon_parts,
+    snapped_union,
+    without_slivers,
+)
+from vinefab.rig.solid import Pocket, engraved_marks, extra_parts, stacked
+from vinefab.rig.split import Cuts, cuts_of, grid_of
 
-PEG_SHORTER_MM = 0.2
-"""Pegs end this far above the board's underside, so that it lies flat."""
+RIM_MM = 0.6
+"""Least material around a peg or a pin's hole."""
+
+_SMALLER = 0.6
+_CIRCLE_SEGMENTS = 6
 
 
-def build_board(world: Map, printer: Printer, options: RigOptions) -> tuple[Rig, tuple[Loose, ...]]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Peg:
+    """A round peg, or the hole for a pin."""
+
+    # centre, in the coordinates of the plan
+    x_mm: float
+    y_mm: float
+    diameter_mm: float
+
+    @property
+    def outline(self) -> Polygon:
+        """The peg as a polygon of 24 corners."""
+        circle = Point(self.x_mm, self.y_mm).buffer(
+            0.5 * self.diameter_mm, quad_segs=_CIRCLE_SEGMENTS
+        )
+        return shapely.set_precision(circle, GRID_MM)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LoosePiece:
+    """A loose piece of obstacle or border."""
+
+    number: int  # from 1
+    outline: Polygon  # where it stands, in the coordinates of the plan
+    pegs: tuple[Peg, ...]  # two against turning; fewer where there is no room
+
+
+def loose_pieces(
+    plan: RigPlan, cuts: Cuts, options: RigOptions, peg_mm: float, most: int
+) -> tuple[LoosePiece, ...]:
+    """Return all pieces of a plan, numbered from the lower left, row by row."""
+    room_mm = max(np.diff(cuts.x_mm)), max(np.diff(cuts.y_mm))
+    whole: list[Polygon] = []
+    large: list[Polygon] = []
+    for piece in plan.solids:
+        x_min, y_min, x_max, y_max = piece.bounds
+        fits = x_max - x_min <= room_mm[0] and y_max - y_min <= room_mm[1]
+        (whole if fits else large).append(piece)
+    pieces = polygon_parts(*whole, *_divided(large, cuts), Polygon())
+    pieces, _ = without_slivers(pieces, options.sliver_mm)
+    if len(pieces) > most:
+        allowed = f"at most {most} loose pieces: --most-parts allows more, --style plate needs none"
+        raise BadInputError("rig.parts", len(pieces), allowed)
+    middles = shapely.get_coordinates(shapely.centroid(pieces))
+    order = np.lexsort((middles[:, 0], np.round(middles[:, 1] / 20.0)))
+    return tuple(
+        LoosePiece(number=number, outline=pieces[index], pegs=pegs_in(pieces[index], peg_mm))
+        for number, index in enumerate(order.tolist(), 1)
+    )
+
+
+def pegs_in(outline: Polygon, peg_mm: float) -> tuple[Peg, ...]:
+    """Return pegs that fit into an outline: the two places farthest apart, or the one with room."""
+    for diameter_mm in (peg_mm, _SMALLER * peg_mm):
+        reach_mm = 0.5 * diameter_mm + RIM_MM
+        room = shapely.buffer(outline, -reach_mm, quad_segs=2)
+        if room.is_empty:
+            continue
+        one, other, apart_mm = _farthest(room)
+        if apart_mm >= 1.5 * diameter_mm:
+            return _peg(one, diameter_mm), _peg(other, diameter_mm)
+        middle = shapely.get_coordinates(shapely.maximum_inscribed_circle(outline, 0.05))[0]
+        return (_peg(middle, diameter_mm),)
+    return ()
+
+
+def _peg(point: Floats, diameter_mm: float) -> Peg:
+    x_mm, y_mm = np.round(point, 3).tolist()
+    return Peg(x_mm=x_mm, y_mm=y_mm, diameter_mm=diameter_mm)
+
+
+def _farthest(room: BaseGeometry) -> tuple[Floats, Floats, float]:
+    """Return the two corners of a region that are farthest apart, and their distance."""
+    corners = shapely.get_coordinates(shapely.convex_hull(room))
+    away = np.hypot(*(corners[:, None] - corners[None]).transpose(2, 0, 1))
+    one, other = np.unravel_index(int(away.argmax()), away.shape)
+    return corners[one], corners[other], float(away[one, other])
+
+
+def _divided(large: list[Polygon], cuts: Cuts) -> Iterator[Polygons]:
+    """Yield what pieces too large for the bed leave in each cell of the cuts."""
+    if not large:
+        return
+    for _, cell in cuts.cells():
+        yield snapped_union(polygon_parts(*shapely.intersection(large, cell, grid_size=GRID_MM)))
+
+
+PEG_RECESS_MM = 0.2
+"""Pegs end this far above the board's underside, so that the board lies flat."""
+
+
+def build_board(
+    world: Map, printer: Printer, options: RigOptions
+) -> tuple[Rig, tuple[LoosePiece, ...]]:
     """Return a rig of loose obstacles, and the pieces that it is made of.
 
     With style ``board`` the parts are printed top down, pegs upwards, so that nothing needs
@@ -32,7 +137,7 @@ def build_board(world: Map, printer: Printer, options: RigOptions) -> tuple[Rig,
     grid_of((width_mm, depth_mm), machine, options)
     plan = plan_of(world, machine, options)
     cuts = cuts_of(plan.plate.bounds, plan.solids, machine, options)
-    pieces = loose_of(plan, cuts, options, options.peg_mm, options.most_parts)
+    pieces = loose_pieces(plan, cuts, options, options.peg_mm, options.most_parts)
     parts = tuple(_part(piece, len(pieces), plan, options) for piece in pieces) if printed else ()
     counts = {f"{count} pegs": sum(len(one.pegs) == count for one in pieces) for count in (0, 1, 2)}
     rig = Rig(
@@ -41,7 +146,7 @@ def build_board(world: Map, printer: Printer, options: RigOptions) -> tuple[Rig,
         printer=printer,
         options=options,
         style=options.style,
-        extras=extras_of(plan.plate.bounds, plan.to_map(-options.plate_mm)),
+        extras=extra_parts(plan.plate.bounds, plan.to_map(-options.plate_mm)),
         plate=plan.on_map(plan.plate),
         walls=plan.on_map(shapely.MultiPolygon(list(plan.solids))),
         thickened=plan.on_map(plan.thickened),
@@ -68,7 +173,7 @@ def _notes(
 ) -> tuple[str, ...]:
     thin, least = len(plan.thin_places), machine.least_wall_mm
     bare, single = counts["0 pegs"], counts["1 pegs"]
-    said = {
+    conditions = {
         f"{bare} pieces have no room for a peg: glue them onto their mark": bare,
         f"{single} pieces have room for one peg only: turn them to their mark": single,
         f"{thin} places were thinner than the {least:g} mm that {machine.name} makes and were "
@@ -76,27 +181,27 @@ def _notes(
         f"{plan.slivers} pieces thinner than {options.sliver_mm:g} mm were left out": plan.slivers,
         f"{plan.slits} gaps narrower than {options.sliver_mm:g} mm were filled": plan.slits,
     }
-    return plan.notes + tuple(text for text, holds in said.items() if holds)
+    return plan.notes + tuple(text for text, holds in conditions.items() if holds)
 
 
-def _part(piece: Loose, count: int, plan: RigPlan, options: RigOptions) -> RigPart:
+def _part(piece: LoosePiece, count: int, plan: RigPlan, options: RigOptions) -> RigPart:
     outline, depth_mm = piece.outline, options.mark_depth_mm
     x_min, _, _, y_max = outline.bounds
-    marks = marks_for(piece.number, outline, from_below=False)
-    pegs = pieces_of(*(peg.outline for peg in piece.pegs), shapely.Polygon())
-    peg_mm = options.plate_mm - PEG_SHORTER_MM
+    marks = engraved_marks(piece.number, outline, from_below=False)
+    pegs = polygon_parts(*(peg.outline for peg in piece.pegs), shapely.Polygon())
+    peg_mm = options.plate_mm - PEG_RECESS_MM
 
-    def top_down(pieces: Pieces) -> Pieces:
+    def top_down(pieces: Polygons) -> Polygons:
         def flipped(points: Floats) -> Floats:
             return np.column_stack([points[:, 0] - x_min, y_max - points[:, 1]])
 
         return np.asarray(shapely.transform(pieces, flipped), dtype=object)
 
-    hollows = []
+    pockets = []
     if depth_mm and len(marks):
-        hollows = [Hollow(pieces=top_down(marks), low_mm=-1.0, high_mm=depth_mm)]
+        pockets = [Pocket(pieces=top_down(marks), low_mm=-1.0, high_mm=depth_mm)]
     vertices, faces = stacked(
-        top_down(pieces_of(outline)), top_down(pegs), options.height_mm, peg_mm, hollows
+        top_down(polygon_parts(outline)), top_down(pegs), options.height_mm, peg_mm, pockets
     )
     standing = np.diag([1.0, -1.0, -1.0, 1.0])
     standing[:3, 3] = x_min, y_max, options.height_mm

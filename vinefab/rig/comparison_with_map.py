@@ -10,8 +10,8 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map
-from vinefab.rig.clean import pieces_of
 from vinefab.rig.part import Rig, RigPart
+from vinefab.rig.plan import polygon_parts
 from vinefab.rig.solid import manifold_of, outlines_at
 
 _HEIGHTS = (0.02, 0.98)
@@ -24,8 +24,7 @@ class RigComparison:
     """How far the walls of an assembled rig differ from the map's obstacles."""
 
     wall_mm2: float  # area of the map's obstacles within the bounds, in map units
-    # excess_mm2, missing_mm2: area of rig where the map is free, and of map where the rig is,
-    # within the bounds
+    # area of rig where the map is free, and of map where the rig is, within the bounds
     excess_mm2: float
     missing_mm2: float
     # area that was added on purpose where walls were too thin to print; it is not part of the
@@ -101,7 +100,7 @@ def _widened(geometry: BaseGeometry, rim: float) -> BaseGeometry:
 def _areas(geometry: BaseGeometry) -> BaseGeometry:
     """Drop the lines and points of an overlay; further overlays cannot take the mixture."""
     # What an overlay returns does not overlap: no need to join it once more.
-    return shapely.MultiPolygon(list(pieces_of(geometry)))
+    return shapely.MultiPolygon(list(polygon_parts(geometry)))
 
 
 def _leaning_mm2(rig: Rig, bodies: list[Manifold]) -> float:

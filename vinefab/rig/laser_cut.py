@@ -2,21 +2,27 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.fabrication.formats.dxf_format import DXF, read_dxf
+from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
+from vinefab.fabrication.formats.laser_formats import ensure_read_back
+from vinefab.fabrication.formats.readback import file_problems
 from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.map import Map
 from vinefab.model.outline import Contour, Part
-from vinefab.rig.clean import Pieces, pieces_of
-from vinefab.rig.engraving import arrow, centred, strokes
-from vinefab.rig.loose import Loose, Peg
-from vinefab.rig.options import RigOptions
-from vinefab.rig.printer import Printer
+from vinefab.rig.board import LoosePiece, Peg
+from vinefab.rig.comparison_with_map import RigComparison, compare_walls, footprints
+from vinefab.rig.options import Printer, RigOptions
+from vinefab.rig.part import Rig
+from vinefab.rig.plan import Polygons, polygon_parts
 from vinefab.rig.printing import packed_on_beds
+from vinefab.rig.solid import arrow, centred, strokes
 from vinefab.rig.split import cuts_of
 
 SHEET_MARGIN_MM = 5.0
@@ -26,21 +32,21 @@ _SMALLEST_DIGIT_MM = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Copy:
+class LayerCopy:
     """One layer of a piece on a sheet."""
 
-    piece: Loose  # the piece
+    piece: LoosePiece
     layer: int  # from 1, the lowest
     sheet: int  # index of its sheet, from 0
     shift_mm: tuple[float, float]  # from the plan to the sheet
 
 
 def board_jobs(
-    name: str, plate: BaseGeometry, pieces: tuple[Loose, ...], options: RigOptions
+    name: str, plate: BaseGeometry, pieces: tuple[LoosePiece, ...], options: RigOptions
 ) -> list[Job]:
     """Return the jobs of the drilled board, one per sheet: outlines as marks, holes, outline."""
     pegs = [peg for piece in pieces for peg in piece.pegs]
-    outlines = pieces_of(*(peg.outline for peg in pegs), Polygon())
+    outlines = polygon_parts(*(peg.outline for peg in pegs), Polygon())
     gap_mm = 0.1 if options.clearance_mm is None else options.clearance_mm
     jobs = []
     for number, tile in enumerate(_sheets(plate, outlines, options), 1):
@@ -55,16 +61,16 @@ def board_jobs(
 
 def lid_jobs(name: str, plate: BaseGeometry, options: RigOptions) -> list[Job]:
     """Return the jobs of a lid: the plate's outline without its holes, and a compass."""
-    whole = shapely.union_all([Polygon(piece.exterior) for piece in pieces_of(plate)])
+    whole = shapely.union_all([Polygon(piece.exterior) for piece in polygon_parts(plate)])
     return [
         _job(f"{name} lid {number}", tile, (_compass(tile, number, []), [], 0.0), options)
-        for number, tile in enumerate(_sheets(whole, pieces_of(Polygon()), options), 1)
+        for number, tile in enumerate(_sheets(whole, polygon_parts(Polygon()), options), 1)
     ]
 
 
 def layer_jobs(
-    name: str, pieces: tuple[Loose, ...], layers: int, options: RigOptions
-) -> tuple[list[Job], list[Copy]]:
+    name: str, pieces: tuple[LoosePiece, ...], layers: int, options: RigOptions
+) -> tuple[list[Job], list[LayerCopy]]:
     """Return the jobs of obstacles cut in layers, and where each layer of each piece lies."""
     kerf_mm = options.kerf_mm
     boxes = [piece.outline.bounds for piece in pieces for _ in range(layers)]
@@ -80,7 +86,7 @@ def layer_jobs(
                 at.x_mm + SHEET_MARGIN_MM + 0.5 * kerf_mm - low[0],
                 at.y_mm + SHEET_MARGIN_MM + 0.5 * kerf_mm - low[1],
             )
-            copies.append(Copy(piece=piece, layer=layer, sheet=sheet, shift_mm=shift))
+            copies.append(LayerCopy(piece=piece, layer=layer, sheet=sheet, shift_mm=shift))
             marks = _number_marks(piece)
             for operation, path in _paths(piece.outline, (marks, list(piece.pegs), 0.0), kerf_mm):
                 moved = path.contour.moved(0.0, *shift)
@@ -96,16 +102,14 @@ def sheet_mm(options: RigOptions) -> tuple[float, float]:
     return options.sheet_width_mm, options.sheet_depth_mm
 
 
-def _sheets(plate: BaseGeometry, holes: Pieces, options: RigOptions) -> Iterator[Polygon]:
+def _sheets(plate: BaseGeometry, holes: Polygons, options: RigOptions) -> Iterator[Polygon]:
     """Yield a board divided by straight cuts into what fits a sheet, away from its holes."""
     width_mm, depth_mm = (side - 2.0 * SHEET_MARGIN_MM for side in sheet_mm(options))
     laser = Printer(name="the laser", bed_width_mm=width_mm, bed_depth_mm=depth_mm, height_mm=1.0)
     free = RigOptions(bed_margin_mm=0.0, most_parts=options.most_parts)
     cuts = cuts_of(plate.bounds, holes, laser, free)
-    for y_low, y_high in zip(cuts.y_mm, cuts.y_mm[1:], strict=False):
-        for x_low, x_high in zip(cuts.x_mm, cuts.x_mm[1:], strict=False):
-            cell = shapely.intersection(plate, shapely.box(x_low, y_low, x_high, y_high))
-            yield from pieces_of(cell)
+    for _, cell in cuts.cells():
+        yield from polygon_parts(shapely.intersection(plate, cell))
 
 
 def _job(
@@ -157,7 +161,7 @@ def _paths(
         contour = _circle(peg.x_mm, peg.y_mm, radius_mm)
         yield Operation.CUT, LaserPath(operation=Operation.CUT, contour=contour, label="hole")
     grown = shapely.buffer(outline, 0.5 * kerf_mm, join_style="mitre", mitre_limit=2.0)
-    for piece in pieces_of(grown):
+    for piece in polygon_parts(grown):
         for ring in (*piece.interiors, piece.exterior):
             points = shapely.get_coordinates(ring)[:-1]
             contour = Contour.polyline(points, closed=True)
@@ -179,7 +183,7 @@ def _circle(x_mm: float, y_mm: float, radius_mm: float) -> Contour:
     )
 
 
-def _piece_marks(piece: Loose, tile: Polygon) -> Iterator[LineString]:
+def _piece_marks(piece: LoosePiece, tile: Polygon) -> Iterator[LineString]:
     """Yield a piece's outline and number, as far as they lie on a tile of the board."""
     rings = shapely.get_rings(piece.outline)
     shapes = [LineString(shapely.get_coordinates(ring)) for ring in rings]
@@ -190,10 +194,10 @@ def _piece_marks(piece: Loose, tile: Polygon) -> Iterator[LineString]:
                 yield line
 
 
-def _number_marks(piece: Loose) -> list[LineString]:
+def _number_marks(piece: LoosePiece) -> list[LineString]:
     """Return a piece's number in the largest circle within it that no peg takes, if it fits."""
     pegs = shapely.union_all([peg.outline.buffer(0.5) for peg in piece.pegs])
-    rooms: Iterable[Polygon] = pieces_of(shapely.difference(piece.outline, pegs))
+    rooms: Iterable[Polygon] = polygon_parts(shapely.difference(piece.outline, pegs))
     room = max(rooms, key=shapely.area, default=None)
     if room is None:
         return []
@@ -208,7 +212,7 @@ def _number_marks(piece: Loose) -> list[LineString]:
 
 def _compass(tile: Polygon, number: int, taken: list[Polygon]) -> list[LineString]:
     """Return an arrow to north and the sheet's number, where nothing stands."""
-    free = pieces_of(shapely.difference(tile, shapely.union_all(taken)))
+    free = polygon_parts(shapely.difference(tile, shapely.union_all(taken)))
     circle = max(
         (shapely.maximum_inscribed_circle(piece, 0.5) for piece in free),
         key=shapely.length,
@@ -220,3 +224,120 @@ def _compass(tile: Polygon, number: int, taken: list[Polygon]) -> list[LineStrin
     x_mm, y_mm = shapely.get_coordinates(circle)[0].tolist()
     pointer = centred(arrow(size_mm), x_mm + 0.35 * size_mm, y_mm)
     return [*pointer, *centred(strokes(str(number), 0.6 * size_mm), x_mm - 0.35 * size_mm, y_mm)]
+
+
+def sheet_file(name: str, job: Job) -> bytes:
+    """Return a sheet as a DXF file, read back.
+
+    Raises
+    ------
+    ReadBackError
+        If the file, read back, differs from the job.
+    """
+    spec = LaserFileSpec(job=job)
+    data = DXF.write(spec).encode()
+    ensure_read_back({name: file_problems(DXF, data, spec)})
+    return data
+
+
+def material_left(data: bytes, kerf_mm: float) -> BaseGeometry:
+    """Return what a sheet's closed straight cuts leave as pieces, the kerf taken off.
+
+    Round holes are left out; they do not reach through to a piece's outline.
+    """
+    layer = Operation.CUT.layer
+    rings = [
+        shapely.LinearRing(path.contour.points_mm)
+        for path in read_dxf(data.decode()).paths
+        if path.layer == layer and path.contour.closed and not path.contour.arc_count
+    ]
+    pieces = shapely.build_area(shapely.GeometryCollection(rings))
+    return shapely.union_all(
+        polygon_parts(shapely.buffer(pieces, -0.5 * kerf_mm, join_style="mitre", mitre_limit=5.0))
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LaserCutFiles:
+    """Everything that a laser cuts for a rig."""
+
+    jobs: dict[str, Job] = field(default_factory=dict)  # by file name
+    files: dict[str, bytes] = field(default_factory=dict)  # DXF, read back without a difference
+    copies: tuple[LayerCopy, ...] = ()  # where each layer of each piece lies, for style ``sheet``
+
+
+def layers_of(rig: Rig) -> int:
+    """Return how many layers of sheet make the obstacles' height, rounded up."""
+    return math.ceil(rig.options.height_mm / rig.options.plate_mm - 1e-9)
+
+
+def standing_mm(rig: Rig) -> float:
+    """Return the height of the obstacles as they are made: of whole layers when cut in layers."""
+    layered = rig.style == "sheet"
+    return layers_of(rig) * rig.options.plate_mm if layered else rig.options.height_mm
+
+
+def laser_cut_files(
+    rig: Rig, world: Map, pieces: tuple[LoosePiece, ...], *, lid: bool
+) -> LaserCutFiles:
+    """Return what is cut for a rig."""
+    options, named = rig.options, list[tuple[str, list[Job]]]()
+    plate, copies = _on_plan(rig.plate, rig, world), list[LayerCopy]()
+    if rig.style != "plate":
+        named.append(("board", board_jobs(rig.name, plate, pieces, options)))
+    if rig.style == "sheet":
+        jobs, copies = layer_jobs(rig.name, pieces, layers_of(rig), options)
+        named.append(("layers", jobs))
+    if lid:
+        named.append(("lid", lid_jobs(rig.name, plate, options)))
+    jobs_by_name = {
+        f"{kind}_{number:02d}.dxf": job
+        for kind, jobs in named
+        for number, job in enumerate(jobs, 1)
+    }
+    files = {name: sheet_file(name, job) for name, job in jobs_by_name.items()}
+    return LaserCutFiles(jobs=jobs_by_name, files=files, copies=tuple(copies))
+
+
+def compare_layers(rig: Rig, world: Map, cut: LaserCutFiles) -> RigComparison:
+    """Put every layer of every piece back where it belongs and compare each layer with the map.
+
+    Works on the DXF files as read back; the worst layer counts.
+    """
+    sheets = [
+        list(shapely.get_parts(material_left(cut.files[name], rig.options.kerf_mm)))
+        for name in cut.jobs
+        if name.startswith("layers")
+    ]
+    trees = [shapely.STRtree(pieces) for pieces in sheets]
+    layers: dict[int, list[BaseGeometry]] = {}
+    for copy in cut.copies:
+        inside = copy.piece.outline.representative_point()
+        at = shapely.affinity.translate(inside, *copy.shift_mm)
+        for found in trees[copy.sheet].query(at, predicate="intersects"):
+            x_mm, y_mm = copy.shift_mm
+            back = shapely.affinity.translate(sheets[copy.sheet][int(found)], -x_mm, -y_mm)
+            layers.setdefault(copy.layer, []).append(_on_map(back, rig, world))
+    compared = [
+        compare_walls(rig, world, shapely.union_all(layers.get(layer, [])))
+        for layer in range(1, layers_of(rig) + 1)
+    ]
+    return max(compared, key=lambda comparison: comparison.share)
+
+
+def outlines_of(rig: Rig, world: Map, pieces: tuple[LoosePiece, ...]) -> dict[int, BaseGeometry]:
+    """Return what the assembly drawing numbers: outlines by number, in map coordinates."""
+    if pieces:
+        return {piece.number: _on_map(piece.outline, rig, world) for piece in pieces}
+    standing = footprints(rig)
+    return {part.number: standing[part.name] for part in rig.parts}
+
+
+def _on_plan(shape: BaseGeometry, rig: Rig, world: Map) -> BaseGeometry:
+    low_mm = world.bounds.bounds[:2]
+    return shapely.transform(shape, lambda points: (points - low_mm) * rig.options.scale)
+
+
+def _on_map(shape: BaseGeometry, rig: Rig, world: Map) -> BaseGeometry:
+    low_mm = world.bounds.bounds[:2]
+    return shapely.transform(shape, lambda points: points / rig.options.scale + low_mm)

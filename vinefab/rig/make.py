@@ -1,4 +1,4 @@
-"""The printable rig of a map."""
+"""From a map to the files of its rig: built, compared with the map, checked, written, read back."""
 
 from dataclasses import dataclass
 
@@ -14,16 +14,14 @@ from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport
 from vinefab.model.map import Map
 from vinefab.pages.html import Section
-from vinefab.rig.board import build_board
+from vinefab.rig.board import LoosePiece, build_board
 from vinefab.rig.comparison_with_map import RigComparison, compare_with_map
-from vinefab.rig.laser_cut_files import compare_layers, laser_cut_files, outlines_of, standing_mm
-from vinefab.rig.loose import Loose
-from vinefab.rig.options import RigOptions
-from vinefab.rig.page import Tell, rig_page, rig_pictures, rig_section, sheet_pictures
+from vinefab.rig.laser_cut import compare_layers, laser_cut_files, outlines_of, standing_mm
+from vinefab.rig.options import Printer, RigOptions
+from vinefab.rig.page import ProgressCallback, rig_page, rig_pictures, rig_section, sheet_pictures
 from vinefab.rig.part import Rig
-from vinefab.rig.part_files import solid_files, solid_problems
+from vinefab.rig.part_files import part_files, part_problems
 from vinefab.rig.plate import build_rig
-from vinefab.rig.printer import Printer
 from vinefab.rig.printing import PrintEstimate, printing_of
 from vinefab.rig.rig_json import RigRecord, parts_text, rig_text
 from vinefab.rig.split import usable_mm
@@ -38,12 +36,11 @@ _CONVEX = 1e-9
 class RigFiles:
     """A rig as files."""
 
-    rig: Rig  # the rig
-    # content by file name, every solid read again; empty when a rule forbids the rig
-    files: dict[str, bytes]
-    comparison: RigComparison  # how the assembled rig differs from the map
-    report: CheckReport  # what the rules about rigs say
-    estimate: PrintEstimate  # what printing takes
+    rig: Rig
+    files: dict[str, bytes]  # by name, every solid read back; empty when a rule forbids the rig
+    comparison: RigComparison  # of the assembled rig with the map
+    report: CheckReport  # of the rules about rigs
+    estimate: PrintEstimate
     section: Section | None = None  # the rig's part of a report, if pictures were drawn
 
     def summary(self) -> list[str]:
@@ -70,12 +67,11 @@ class RigFiles:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigRequest:
-    """What is wanted of a rig besides its sizes."""
+    """Choices about a rig's files, apart from its sizes."""
 
-    # the robot that is to be tried on it, for the rules about corridors and heights
-    design: Design | None = None
-    allow_empty: bool = False  # make a bare tray of a map without anything to steer around
-    pictures: bool = True  # draw the rig and its beds, and write a page about them
+    design: Design | None = None  # robot for the rules about corridors and heights
+    allow_empty: bool = False  # accept a map without obstacles: a bare tray
+    pictures: bool = True  # draw rig and beds, and write report.html
     lid: bool = False  # add a lid, to be cut from a transparent sheet
 
 
@@ -83,31 +79,40 @@ def make_rig(
     world: Map,
     printer: Printer,
     options: RigOptions,
-    wishes: RigRequest | None = None,
+    request: RigRequest | None = None,
     *,
-    tell: Tell | None = None,
+    progress: ProgressCallback | None = None,
 ) -> RigFiles:
-    """Return the files of a map's rig."""
-    wishes = wishes or RigRequest()
-    if not wishes.allow_empty:
+    """Make a map's rig and all its files.
+
+    Raises
+    ------
+    BadInputError
+        If the map has no obstacles (unless the request allows it), or the rig does not fit the
+        printer, its options or the number of parts.
+    ReadBackError
+        If a file, read back, or the assembled rig differs from what it has to be.
+    """
+    request = request or RigRequest()
+    if not request.allow_empty:
         _refuse_empty(world)
-    told = tell or _silent
-    told(0.0, "building solids")
+    report_progress = progress or _no_progress
+    report_progress(0.0, "building solids")
     rig, pieces = _built(world, printer, options)
-    cut = laser_cut_files(rig, world, pieces, lid=wishes.lid)
-    told(0.25, "comparing with the map")
+    cut = laser_cut_files(rig, world, pieces, lid=request.lid)
+    report_progress(0.25, "comparing with the map")
     layered = rig.style == "sheet"
     comparison = compare_layers(rig, world, cut) if layered else compare_with_map(rig, world)
     if comparison.share > MOST_DIFFERENCE:
         problem = f"assembled, its walls differ from the map by {100 * comparison.share:.3f} %"
         raise ReadBackError(f"rig of {world.name}", problem)
     printing = printing_of(rig)
-    told(0.35, "writing and reading back")
-    files = solid_files(rig, printing)
-    facts = _facts(rig, solid_problems(files, rig, printing))
+    report_progress(0.35, "writing and reading back")
+    files = part_files(rig, printing)
+    facts = _facts(rig, part_problems(files, rig, printing))
     files |= cut.files
-    courses = (_course(rig, world),) if wishes.design else ()
-    report = run_rig_checks(RigSubject(design=wishes.design, rig=facts, corridors=courses))
+    courses = (_course(rig, world),) if request.design else ()
+    report = run_rig_checks(RigSubject(design=request.design, rig=facts, corridors=courses))
     record = RigRecord(
         rig=rig,
         world=world,
@@ -121,9 +126,11 @@ def make_rig(
     if report.blocking:
         files = {}
     else:
-        if wishes.pictures:
+        if request.pictures:
             outlines = outlines_of(rig, world, pieces)
-            drawn = rig_pictures(rig, world, outlines, printing, told) | sheet_pictures(cut.jobs)
+            drawn = rig_pictures(rig, world, outlines, printing, report_progress) | sheet_pictures(
+                cut.jobs
+            )
             section = rig_section(rig, printing, drawn)
             page = rig_page(rig, section, report, comparison)
             files |= {**drawn, "report.html": page.encode()}
@@ -140,15 +147,15 @@ def make_rig(
     )
 
 
-def _built(world: Map, printer: Printer, options: RigOptions) -> tuple[Rig, tuple[Loose, ...]]:
-    """Return a rig of the style asked for, and its loose pieces if it has any."""
+def _built(world: Map, printer: Printer, options: RigOptions) -> tuple[Rig, tuple[LoosePiece, ...]]:
+    """Return a rig in the style of its options, and its loose pieces if it has any."""
     if options.style == "plate":
         return build_rig(world, printer, options), ()
     return build_board(world, printer, options)
 
 
-def _silent(_: float, __: str) -> None:
-    """Tell nobody."""
+def _no_progress(_: float, __: str) -> None:
+    """Report no progress."""
 
 
 def _refuse_empty(world: Map) -> None:

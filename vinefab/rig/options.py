@@ -1,11 +1,84 @@
-"""What a user may choose about a rig."""
+"""What a user chooses about a rig: its sizes and style, and the printer."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
 
-from vinefab.core.errors import BadInputError
+from pydantic import Field
+
+from vinefab.core.errors import BadInputError, located
 from vinefab.core.validation import number, positive, whole
+from vinefab.model.files.profile_toml import QuantityForm
+from vinefab.model.files.shipped import locate
+from vinefab.model.files.toml import Form, read_toml, validated
 from vinefab.model.map import Map
-from vinefab.rig.printer import Printer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Printer:
+    """A printer's limits."""
+
+    name: str  # file name of its profile
+    # build volume
+    bed_width_mm: float
+    bed_depth_mm: float
+    height_mm: float
+    nozzle_mm: float = 0.4  # diameter
+    least_wall_mm: float = 0.8  # thinnest wall that prints
+    clearance_mm: float = 0.2  # gap between parts that fit together
+    # the rest is for estimates only
+    layer_mm: float = 0.2  # height of a layer
+    shell_mm: float = 0.8  # thickness of the skin
+    infill: float = 0.15  # share of the inside that is filled
+    flow_mm3_s: float = 6.0  # average extrusion rate
+    layer_change_s: float = 4.0  # extra time per layer
+    filament_mm: float = 1.75  # diameter
+    density_g_cm3: float = 1.24  # of the filament
+
+    def __post_init__(self) -> None:
+        for name in ("bed_width_mm", "bed_depth_mm", "height_mm", "nozzle_mm"):
+            positive(f"printer.{name}", getattr(self, name), 10_000.0)
+        for name in ("least_wall_mm", "clearance_mm", "layer_mm", "shell_mm", "filament_mm"):
+            positive(f"printer.{name}", getattr(self, name), 100.0)
+        number("printer.infill", self.infill, 0.0, 1.0)
+        positive("printer.flow_mm3_s", self.flow_mm3_s, 1000.0, "mm3/s")
+        number("printer.layer_change_s", self.layer_change_s, 0.0, 3600.0, "s")
+        positive("printer.density_g_cm3", self.density_g_cm3, 30.0, "g/cm3")
+
+
+class PrinterForm(Form):
+    """A file in ``laser_profiles/printers``; what is for estimates only may be left out."""
+
+    schema_: Literal["vinefab/printer-1"] = Field(alias="schema")
+    title: str
+    bed_width_mm: QuantityForm
+    bed_depth_mm: QuantityForm
+    height_mm: QuantityForm
+    nozzle_mm: QuantityForm
+    least_wall_mm: QuantityForm
+    clearance_mm: QuantityForm
+    layer_mm: QuantityForm | None = None
+    shell_mm: QuantityForm | None = None
+    infill: QuantityForm | None = None
+    flow_mm3_s: QuantityForm | None = None
+    layer_change_s: QuantityForm | None = None
+    filament_mm: QuantityForm | None = None
+    density_g_cm3: QuantityForm | None = None
+
+
+def read_printer(name_or_path: str | Path) -> Printer:
+    """Read a printer's profile.
+
+    Every number in the file is a table of ``value``, ``standing`` (measured, paper, published,
+    computed or assumed) and ``source``, so that a guess is never taken for a measurement.
+    """
+    path = locate("printer", name_or_path)
+    form = validated(PrinterForm, read_toml(path), path)
+    with located(path):
+        values = ((name, getattr(form, name)) for name in PrinterForm.model_fields)
+        given = {name: held.value for name, held in values if isinstance(held, QuantityForm)}
+        return Printer(name=path.stem, **given)
+
 
 STYLES = ("plate", "board", "sheet")
 

@@ -1,17 +1,24 @@
-"""The nouns of a rig: a part as it is printed, and all parts together."""
+"""The nouns of a rig: a part as it is printed, all parts together, and a part read from a file."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints, positive
-from vinefab.rig.options import RigOptions
-from vinefab.rig.printer import Printer
+from vinefab.rig.options import Printer, RigOptions
+
+VOLUME_SHARE = 1e-4
+"""Largest relative error of a volume that is read from a file."""
+
+BOX_MM = 1e-3
+"""Largest error of a box that is read from a file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,8 +36,8 @@ class RigPart:
     volume_mm3: float  # designed volume, from the plan's areas and not from the triangles
     # what is engraved into it and written on the assembly drawing; 0 for what has no number
     number: int = 0
-    # row, column: place in the grid of tiles, from 1, row 1 lowest and column 1 leftmost on the
-    # map; 0 for parts that are no tiles
+    # place in the grid of tiles, from 1, row 1 lowest and column 1 leftmost on the map; 0 for parts
+    # that are no tiles
     row: int = 0
     column: int = 0
 
@@ -67,23 +74,21 @@ class RigPart:
 class ThinPlace:
     """A place where a wall is thinner than the printer can print it."""
 
-    # x_mm, y_mm: A point in it, in map coordinates
+    # a point in it, in map coordinates
     x_mm: float
     y_mm: float
-    area_mm2: float  # area of the thin part, as printed
+    area_mm2: float  # of the thin part, as printed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rig:
     """All parts of a map's rig."""
 
-    name: str  # name of the map
+    name: str  # of the map
     parts: tuple[RigPart, ...]  # row by row from the map's lower left
-    # printer, options: what they were made for
     printer: Printer
     options: RigOptions
-    # ``plate`` (obstacles printed on their plate) or ``board`` (loose, with pegs)
-    style: str = "plate"
+    style: str = "plate"  # one of `vinefab.rig.options.STYLES`
     # what is printed and stands beside the rig: scale cube, north arrow
     extras: tuple[RigPart, ...] = ()
     # outline of the base plate, in map coordinates
@@ -94,7 +99,7 @@ class Rig:
     thickened: BaseGeometry = field(default_factory=Polygon)
     # where walls were thinner than the printer's least wall
     thin_places: tuple[ThinPlace, ...] = ()
-    # what was left out, mended or joined, by name; see `vinefab.rig.plate`
+    # what was left out, filled or joined, by name; see `vinefab.rig.plate`
     counts: Mapping[str, int] = field(default_factory=dict)
     joint_gap_mm3: float = 0.0  # volume of the plate that is missing in the gaps around the joints
     notes: tuple[str, ...] = ()  # sentences that the person who prints the rig should read
@@ -111,3 +116,115 @@ class Rig:
     def volume_mm3(self) -> float:
         """Designed volume of the parts, without what stands beside the rig."""
         return sum(part.volume_mm3 for part in self.parts)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mesh:
+    """Triangles as a file gives them.
+
+    Corners are the same when their coordinates are, to the last digit. No general mesh library is
+    loaded: it would take a second, and swallow an interrupt meanwhile.
+    """
+
+    vertices_mm: Floats  # corners, shape (n, 3), all different
+    faces: Ints  # corner indices, shape (m, 3)
+
+    @classmethod
+    def of_corners(cls, corners_mm: Floats) -> "Mesh":
+        """Return the mesh of triangles that are given by their corners, shape (m, 3, 3)."""
+        points = np.ascontiguousarray(corners_mm, dtype=np.float64).reshape(-1, 3) + 0.0
+        vertices, index = np.unique(points, axis=0, return_inverse=True)
+        return cls(vertices_mm=vertices, faces=np.asarray(index, dtype=np.int64).reshape(-1, 3))
+
+    @property
+    def volume_mm3(self) -> float:
+        """Volume enclosed; negative when the triangles face inward."""
+        middle = self.vertices_mm.mean(axis=0)
+        a, b, c = np.moveaxis((self.vertices_mm - middle)[self.faces], 1, 0)
+        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+    @property
+    def box_mm(self) -> Floats:
+        """Lowest and highest corner, shape (2, 3)."""
+        return np.array([self.vertices_mm.min(axis=0), self.vertices_mm.max(axis=0)])
+
+    def form_problems(self) -> list[str]:
+        """Return why the triangles do not bound one solid; empty when they do."""
+        edges = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+        if (edges[:, 0] == edges[:, 1]).any():
+            return ["has triangles without an area"]
+        owner = np.repeat(np.arange(len(self.faces)), 3)
+        low, high = edges.min(axis=1), edges.max(axis=1)
+        key = low * len(self.vertices_mm) + high
+        order = np.argsort(key, kind="stable")
+        _, first, count = np.unique(key[order], return_index=True, return_counts=True)
+        closed = bool((count == 2).all())
+        pairs = order[first[count == 2]], order[first[count == 2] + 1]
+        one, other = (edges[pair, 0] < edges[pair, 1] for pair in pairs)
+        adjacent = coo_array(
+            (np.ones(len(pairs[0]), dtype=np.int8), (owner[pairs[0]], owner[pairs[1]])),
+            shape=(len(self.faces), len(self.faces)),
+        )
+        oriented = bool((one != other).all())
+        conditions = {
+            "is not closed: an edge has not exactly two triangles": closed,
+            "has triangles that face different ways": oriented,
+            "is no solid: open, or inside out": closed and oriented and self.volume_mm3 > 0.0,
+            "is more than one piece": connected_components(adjacent, directed=False)[0] == 1,
+        }
+        return [text for text, holds in conditions.items() if not holds]
+
+
+def mesh_problems(mesh: Mesh, part: RigPart) -> tuple[str, ...]:
+    """Return every difference between triangles read from a file and the part they stand for."""
+    if len(mesh.faces) != len(part.faces):
+        return (f"holds {len(mesh.faces)} triangles, not {len(part.faces)}",)
+    return (*mesh.form_problems(), *_size_problems(mesh, part))
+
+
+def _size_problems(mesh: Mesh, part: RigPart) -> list[str]:
+    problems = []
+    volume_mm3 = mesh.volume_mm3
+    if abs(volume_mm3 - part.volume_mm3) > VOLUME_SHARE * part.volume_mm3:
+        problems.append(f"has a volume of {volume_mm3:.6g} mm3, not {part.volume_mm3:.6g}")
+    box = np.array([part.vertices_mm.min(axis=0), part.vertices_mm.max(axis=0)])
+    if np.abs(mesh.box_mm - box).max() > BOX_MM:
+        problems.append(f"fills the box {mesh.box_mm.tolist()}, not {box.tolist()}")
+    return problems
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PartItem:
+    """A part as a file places it."""
+
+    part: RigPart
+    at_mm: tuple[float, float] = (0.0, 0.0)  # where its lower corner lies on the bed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReadPart:
+    """A part as a file gives it."""
+
+    mesh: Mesh  # in its own coordinates
+    name: str | None = None  # None: the format has no names
+    shift_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)  # where the file puts it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PartFormat:
+    """A kind of file for printed parts: written, read back and compared with the parts.
+
+    `vinefab.rig.part_files` compares what `read` returns with the parts, the same way for every
+    format.
+    """
+
+    suffix: str
+    write: Callable[[Sequence[PartItem], str], bytes]  # items and title; the same bytes each time
+    read: Callable[[bytes], tuple[ReadPart, ...]]  # raises `UnreadableFileError`
+    per_bed: bool = False  # one file per print bed instead of one per part
+
+    def __post_init__(self) -> None:
+        for name in ("write", "read"):
+            if not callable(getattr(self, name)):
+                key = f"part format {self.suffix}: {name}"
+                raise BadInputError(key, getattr(self, name), "a function")

@@ -1,65 +1,91 @@
-"""The files of a rig's printed parts: one STL per part, one 3MF per bed; and both read again."""
+"""The files of a rig's printed parts; every file is read back and compared with its parts.
 
-import zipfile
-from collections.abc import Mapping
+A new format is one module with a `PartFormat` and one line in `PART_FORMATS`; the comparison here
+is the same for all.
+"""
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vinefab.rig.part import Rig, RigPart
+from vinefab.core.errors import UnreadableFileError
+from vinefab.core.registry import Registry
+from vinefab.rig.part import PartFormat, PartItem, Rig, RigPart, mesh_problems
 from vinefab.rig.printing import Bed, Printing
-from vinefab.rig.stl_format import check_stl, mesh_problems, stl_bytes
-from vinefab.rig.threemf_format import ThreeMfItem, read_threemf, threemf_bytes
+from vinefab.rig.stl_format import STL
+from vinefab.rig.threemf_format import THREEMF
+
+PART_FORMATS: Registry[PartFormat] = Registry("part format", {"stl": STL, "3mf": THREEMF})
+"""All formats by name."""
 
 _PLACE_MM = 1e-3
 
 
-def solid_files(rig: Rig, printing: Printing) -> dict[str, bytes]:
-    """Return the STL and 3MF files of a rig by name."""
-    files = {
-        stl_name(part): stl_bytes(part.vertices_mm, part.faces, part.name) for part in rig.printed
+def part_files(rig: Rig, printing: Printing) -> dict[str, bytes]:
+    """Return the files of a rig's printed parts by name, in every format."""
+    return {
+        name: one.write(items, f"{rig.name}, {bed.name}" if bed else items[0].part.name)
+        for one in PART_FORMATS.values()
+        for name, bed, items in _contents(one, rig, printing)
     }
-    for bed in printing.beds:
-        files[bed_name(bed)] = threemf_bytes(_items(bed, rig), f"{rig.name}, {bed.name}")
-    return files
 
 
-def solid_problems(
+def part_problems(
     files: Mapping[str, bytes], rig: Rig, printing: Printing
 ) -> dict[str, tuple[str, ...]]:
-    """Read STL and 3MF files again and return, by part, what is wrong with them."""
-    problems = {part.name: list(check_stl(files[stl_name(part)], part)) for part in rig.printed}
-    for bed in printing.beds:
-        for name, found in _bed_problems(files[bed_name(bed)], bed, rig).items():
-            problems[name] += [f"({bed_name(bed)}) {problem}" for problem in found]
+    """Read every file back and return, by part, what is wrong with it."""
+    problems: dict[str, list[str]] = {part.name: [] for part in rig.printed}
+    for one in PART_FORMATS.values():
+        for name, bed, items in _contents(one, rig, printing):
+            prefix = f"({name}) " if bed else ""
+            for part, found in read_back_problems(one, files[name], items).items():
+                problems[part] += [f"{prefix}{problem}" for problem in found]
     return {name: tuple(found) for name, found in problems.items()}
 
 
+def read_back_problems(
+    part_format: PartFormat, data: bytes, items: Sequence[PartItem]
+) -> dict[str, tuple[str, ...]]:
+    """Read one file back and return, by part, what is wrong with it."""
+    try:
+        read = part_format.read(data)
+    except UnreadableFileError as error:
+        return {item.part.name: (error.problem,) for item in items}
+    names = [item.part.name for item in items]
+    if len(read) != len(items) or any(
+        one.name not in (None, name) for one, name in zip(read, names, strict=True)
+    ):
+        return {names[0]: ("is in a file with other parts than planned",)}
+    found = {}
+    for item, one in zip(items, read, strict=True):
+        away_mm = float(np.abs(np.subtract((*item.at_mm, 0.0), one.shift_mm)).max())
+        place = (f"lies {away_mm:.4g} mm off its place",) if away_mm > _PLACE_MM else ()
+        found[item.part.name] = (*mesh_problems(one.mesh, item.part), *place)
+    return found
+
+
 def stl_name(part: RigPart) -> str:
-    """Return the name of a part's file."""
-    return f"{part.name}.stl"
+    """Return the name of a part's STL file."""
+    return f"{part.name}{STL.suffix}"
 
 
 def bed_name(bed: Bed) -> str:
-    """Return the name of a bed's file."""
-    return f"{bed.name}.3mf"
+    """Return the name of a bed's 3MF file."""
+    return f"{bed.name}{THREEMF.suffix}"
 
 
-def _items(bed: Bed, rig: Rig) -> list[ThreeMfItem]:
-    parts = rig.printed
-    return [ThreeMfItem(part=parts[at.index], at_mm=(at.x_mm, at.y_mm)) for at in bed.places]
-
-
-def _bed_problems(data: bytes, bed: Bed, rig: Rig) -> dict[str, tuple[str, ...]]:
-    items = _items(bed, rig)
-    try:
-        read = read_threemf(data)
-    except (ValueError, KeyError, SyntaxError, zipfile.BadZipFile) as error:
-        return {item.part.name: (f"cannot be read: {error}",) for item in items}
-    if [item.part.name for item in items] != [item.name for item in read]:
-        return {items[0].part.name: ("lies among other parts than it should",)}
-    found = {}
-    for item, got in zip(items, read, strict=True):
-        away_mm = np.abs(np.subtract((*item.at_mm, 0.0), got.shift_mm)).max()
-        astray = ("does not lie where it should",) if away_mm > _PLACE_MM else ()
-        found[item.part.name] = (*mesh_problems(got.mesh, item.part), *astray)
-    return found
+def _contents(
+    part_format: PartFormat, rig: Rig, printing: Printing
+) -> list[tuple[str, Bed | None, list[PartItem]]]:
+    """Return the files of a format: name, bed if it is the file of one, and parts."""
+    suffix, parts = part_format.suffix, rig.printed
+    if not part_format.per_bed:
+        return [(f"{part.name}{suffix}", None, [PartItem(part=part)]) for part in parts]
+    return [
+        (
+            f"{bed.name}{suffix}",
+            bed,
+            [PartItem(part=parts[at.index], at_mm=(at.x_mm, at.y_mm)) for at in bed.places],
+        )
+        for bed in printing.beds
+    ]

@@ -1,4 +1,8 @@
-"""A map as the plan of its rig: plate, obstacles and border in millimetres of the rig."""
+"""A map as the plan of its rig: plate, obstacles and border in millimetres of the rig.
+
+Polygons are snapped to a grid, cleaned of slivers and slits, joined where they touch in a point,
+and thickened where the printer could not print them.
+"""
 
 import math
 from collections.abc import Sequence
@@ -6,24 +10,137 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map, Pose, Start
-from vinefab.rig.clean import (
-    Pieces,
-    bridged,
-    patches_for,
-    pieces_of,
-    snapped_union,
-    without_slits,
-    without_slivers,
-)
-from vinefab.rig.options import GRID_MM, RigOptions
+from vinefab.rig.options import GRID_MM, Printer, RigOptions
 from vinefab.rig.part import ThinPlace
-from vinefab.rig.printer import Printer
+
+Polygons = NDArray[np.object_]
+"""Polygons that do not overlap, shape (n,)."""
+
+_ROUNDS = 5
+_MITRE_LIMIT = 5.0
+
+
+def polygon_parts(*shapes: BaseGeometry | Polygons) -> Polygons:
+    """Return all polygons of geometries; points and lines left over by an overlay are dropped."""
+    parts = np.concatenate([shapely.get_parts(shape) for shape in shapes])
+    parts = shapely.get_parts(parts[shapely.get_dimensions(parts) == 2])
+    return np.asarray(parts[~shapely.is_empty(parts)], dtype=object)
+
+
+def snapped_union(*shapes: BaseGeometry | Polygons) -> Polygons:
+    """Return the union's polygons on the grid `GRID_MM`; where two edges meet is a corner."""
+    return polygon_parts(shapely.union_all(polygon_parts(*shapes), grid_size=GRID_MM))
+
+
+def vanishes(pieces: Polygons, width_mm: float) -> NDArray[np.bool_]:
+    """Tell which polygons are nowhere thicker than a width."""
+    if width_mm <= 0.0:
+        return np.zeros(len(pieces), dtype=bool)
+    eroded = shapely.buffer(pieces, -0.5 * width_mm, join_style="mitre", quad_segs=1)
+    return np.asarray(shapely.is_empty(eroded), dtype=bool)
+
+
+def without_slivers(pieces: Polygons, width_mm: float) -> tuple[Polygons, int]:
+    """Drop the polygons that are nowhere thicker than a width; also return how many."""
+    gone = vanishes(pieces, width_mm)
+    return pieces[~gone], int(gone.sum())
+
+
+def without_slits(pieces: Polygons, width_mm: float) -> tuple[Polygons, int]:
+    """Fill the holes that are nowhere wider than a width; also return how many."""
+    filled = 0
+    result = pieces.copy()
+    for index in np.flatnonzero(shapely.get_num_interior_rings(pieces) > 0):
+        rings = np.asarray(pieces[index].interiors, dtype=object)
+        narrow = vanishes(np.asarray(shapely.polygons(rings), dtype=object), width_mm)
+        if narrow.any():
+            result[index] = Polygon(pieces[index].exterior, list(rings[~narrow]))
+            filled += int(narrow.sum())
+    return result, filled
+
+
+def touching_points(pieces: Polygons) -> NDArray[np.float64]:
+    """Return the corners, shape (n, 2), at which rings meet themselves or each other."""
+    rings = shapely.get_rings(pieces)
+    coordinates, ring = shapely.get_coordinates(rings, return_index=True)
+    first = np.ones(len(ring), dtype=bool)  # a ring's last corner repeats its first: leave it out
+    first[1:] = ring[1:] != ring[:-1]
+    unique, count = np.unique(coordinates[~first], axis=0, return_counts=True)
+    return np.asarray(unique[count > 1], dtype=np.float64)
+
+
+def bridged(pieces: Polygons, within: BaseGeometry, radius_mm: float) -> tuple[Polygons, int]:
+    """Join what touches in a single point by a small octagon there.
+
+    Two solids that share only an upright edge are no printable body, and a file of triangles
+    cannot say on which side each belongs: four triangles meet at one edge.
+    """
+    bridges = 0
+    for _ in range(_ROUNDS):
+        points = touching_points(pieces)
+        if not len(points):
+            break
+        patches = shapely.MultiPoint(points).buffer(radius_mm, quad_segs=2).intersection(within)
+        pieces = snapped_union(pieces, patches)
+        bridges += len(points)
+    return pieces, bridges
+
+
+def thin_parts(pieces: Polygons, width_mm: float) -> Polygons:
+    """Return the parts of polygons that are thinner than a width.
+
+    They are what an opening (shrink, then grow back) loses. Sharp corners lose their tips too:
+    what is smaller than twice the width squared is not counted, which is a tip below 12 degrees.
+    """
+    # Less a step of the grid: a wall of just the width is thick enough, however it was snapped.
+    half_mm = max(0.5 * width_mm - GRID_MM, 0.25 * width_mm)
+    # Growing back a hair more keeps rounding errors along the edges out of the difference.
+    opened = shapely.buffer(
+        shapely.buffer(pieces, -half_mm, join_style="mitre", mitre_limit=_MITRE_LIMIT),
+        1.001 * half_mm,
+        join_style="mitre",
+        mitre_limit=_MITRE_LIMIT,
+    )
+    lost = polygon_parts(shapely.difference(pieces, opened))
+    return lost[shapely.area(lost) > 2.0 * width_mm**2]
+
+
+_STEPS = 4
+_CRUMB_SHARE = 0.02
+
+
+def patches_for(pieces: Polygons, width_mm: float) -> tuple[Polygons, BaseGeometry]:
+    """Return where polygons are thinner than a width, and what to add to make them that wide.
+
+    The thin parts are shrunk in small steps; what vanishes in a step is their middle line, to
+    within that step, and is grown to the full width. A thin wall so becomes at least as thick as
+    the width, and at most a quarter thicker. Tips of sharp corners are left as they are, see
+    `thin_parts`.
+    """
+    thin = thin_parts(pieces, width_mm)
+    step_mm = 0.5 * width_mm / _STEPS
+    hair_mm = 0.01 * width_mm
+    left, patches = thin, []
+    for _ in range(_STEPS + 1):
+        # A hair more and back again: what is left with hardly any width counts as vanished.
+        shrunk = shapely.buffer(left, -(step_mm + hair_mm), join_style="mitre")
+        inner = polygon_parts(shapely.buffer(shrunk, hair_mm, join_style="mitre"))
+        regrown = shapely.buffer(shapely.union_all(inner), 1.02 * step_mm, join_style="mitre")
+        middle = polygon_parts(shapely.difference(left, regrown))
+        # The first steps leave crumbs in the corners: a disc around each would bulge out.
+        middle = middle[shapely.area(middle) > _CRUMB_SHARE * width_mm**2]
+        patches += list(shapely.buffer(middle, 0.5 * width_mm, join_style="mitre", mitre_limit=1.5))
+        left = inner
+    grown = shapely.union_all(patches) if patches else Polygon()
+    return thin, shapely.union_all(polygon_parts(grown))
+
 
 _HOLE_SEGMENTS = 12
 _WALL_TO_HOLE_MM = 1.0
@@ -32,11 +149,11 @@ _NEAR_MM = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """What one start asks to be taken away."""
+    """The opening for one start."""
 
     from_border: BaseGeometry  # area of the border wall to leave open, or empty
     from_plate: BaseGeometry  # area of the plate to leave open, or empty
-    note: str = ""  # what a person should know, or an empty string
+    note: str = ""  # for the person who builds the rig
 
 
 def entry_of(
@@ -62,7 +179,9 @@ def entry_of(
     line = _backwards(start, base.distance(met) + _depth_mm(options))
     strip = line.buffer(_half_width_mm(start, options), cap_style="flat")
     # Not what the strip meets further on: the wall of another room of a winding hall.
-    cut = [piece for piece in pieces_of(border.intersection(strip)) if piece.dwithin(met, _NEAR_MM)]
+    cut = [
+        piece for piece in polygon_parts(border.intersection(strip)) if piece.dwithin(met, _NEAR_MM)
+    ]
     blocked = strip.intersection(bounds).intersection(solids).area > 0.0
     note = "obstacles narrow the way between the entry and its start" if blocked else ""
     return Entry(from_border=shapely.union_all(cut), from_plate=nothing, note=note)
@@ -105,17 +224,18 @@ class RigPlan:
     """What stands where, before it is split into parts."""
 
     plate: BaseGeometry  # outline of the base plate; polygons without holes but those of entries
-    solids: Pieces  # obstacles and border, polygons shape (n,) that meet nowhere, within the plate
+    solids: (
+        Polygons  # obstacles and border, polygons shape (n,) that meet nowhere, within the plate
+    )
     # the map's point at the plan's (0, 0), the lower left corner of the bounds' box
     origin_mm: tuple[float, float]
     scale: float  # plan millimetres per map millimetre
     # where solids were thinner than the printer's least wall
     thin_places: tuple[ThinPlace, ...] = ()
     thickened: BaseGeometry = field(default_factory=Polygon)  # what was added there
-    # slivers, slits, bridges: pieces dropped, holes filled, touching corners joined
-    slivers: int = 0
-    slits: int = 0
-    bridges: int = 0
+    slivers: int = 0  # pieces dropped
+    slits: int = 0  # holes filled
+    bridges: int = 0  # touching corners joined
     notes: tuple[str, ...] = ()  # for the person who prints it
 
     def to_map(self, z_mm: float = 0.0) -> Floats:
@@ -159,7 +279,7 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
         origin_mm=origin_mm,
         scale=options.scale,
         thin_places=_thin_places(thin, origin_mm, options.scale),
-        thickened=shapely.union_all(pieces_of(thickened)),
+        thickened=shapely.union_all(polygon_parts(thickened)),
         slivers=slivers + more_slivers,
         slits=slits,
         bridges=bridges,
@@ -167,14 +287,16 @@ def plan_of(world: Map, printer: Printer, options: RigOptions) -> RigPlan:
     )
 
 
-def _obstacles(world: Map, bounds: Polygon, options: RigOptions) -> Pieces:
+def _obstacles(world: Map, bounds: Polygon, options: RigOptions) -> Polygons:
     """Return the obstacles within the bounds, and the holes of the bounds, joined."""
     scaled = _scaled_polygons(world.obstacles, world, options.scale)
-    holes = pieces_of(*(Polygon(ring) for ring in bounds.interiors), Polygon())
-    return pieces_of(shapely.intersection(snapped_union(scaled, holes), Polygon(bounds.exterior)))
+    holes = polygon_parts(*(Polygon(ring) for ring in bounds.interiors), Polygon())
+    return polygon_parts(
+        shapely.intersection(snapped_union(scaled, holes), Polygon(bounds.exterior))
+    )
 
 
-def _scaled_polygons(polygons: Sequence[Polygon], world: Map, scale: float) -> Pieces:
+def _scaled_polygons(polygons: Sequence[Polygon], world: Map, scale: float) -> Polygons:
     low_mm = np.array(world.bounds.bounds[:2])
     array = np.empty(len(polygons), dtype=object)
     array[:] = polygons
@@ -182,12 +304,12 @@ def _scaled_polygons(polygons: Sequence[Polygon], world: Map, scale: float) -> P
 
 
 def _opened(
-    world: Map, bounds: Polygon, obstacles: Pieces, options: RigOptions
+    world: Map, bounds: Polygon, obstacles: Polygons, options: RigOptions
 ) -> tuple[BaseGeometry, BaseGeometry, tuple[str, ...]]:
     """Return border and plate with the entries of all starts taken out, and notes."""
     inside = Polygon(bounds.exterior)
     grown = inside.buffer(options.border_mm, join_style="mitre", mitre_limit=_BORDER_MITRE_LIMIT)
-    plate = shapely.union_all([Polygon(piece.exterior) for piece in pieces_of(grown)])
+    plate = shapely.union_all([Polygon(piece.exterior) for piece in polygon_parts(grown)])
     border = plate.difference(inside)
     solids = shapely.union_all(obstacles)
     entries = [
@@ -219,7 +341,7 @@ def _scaled(start: Start, world: Map, scale: float) -> Start:
 
 
 def _thin_places(
-    thin: Pieces, origin_mm: tuple[float, float], scale: float
+    thin: Polygons, origin_mm: tuple[float, float], scale: float
 ) -> tuple[ThinPlace, ...]:
     return tuple(
         ThinPlace(

@@ -9,15 +9,11 @@ from shapely import Polygon
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map
-from vinefab.rig.clean import pieces_of
-from vinefab.rig.engraving import extras_of, marks_for
-from vinefab.rig.options import RigOptions
+from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.plan import RigPlan, plan_of
-from vinefab.rig.printer import Printer
-from vinefab.rig.solid import Hollow, stacked
-from vinefab.rig.split import Cuts, cuts_of, grid_of
-from vinefab.rig.tiles import Dovetails, RigTile, dovetails_of, rig_tiles
+from vinefab.rig.plan import RigPlan, plan_of, polygon_parts
+from vinefab.rig.solid import Pocket, engraved_marks, extra_parts, stacked
+from vinefab.rig.split import Cuts, Dovetails, RigTile, cuts_of, dovetails_of, grid_of, rig_tiles
 
 _QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
@@ -54,7 +50,7 @@ def build_rig(world: Map, printer: Printer, options: RigOptions | None = None) -
         parts=tuple(part for part, _ in parts),
         printer=printer,
         options=options,
-        extras=extras_of(plan.plate.bounds, plan.to_map(-options.plate_mm)),
+        extras=extra_parts(plan.plate.bounds, plan.to_map(-options.plate_mm)),
         plate=plan.on_map(plan.plate),
         walls=plan.on_map(shapely.MultiPolygon(list(plan.solids))),
         thickened=plan.on_map(plan.thickened),
@@ -86,14 +82,14 @@ def _part(
     """Return a tile as a solid, and whether its number found room."""
     plan, cuts, options = job
     depth_mm = options.mark_depth_mm
-    marks = marks_for(number, tile.plate) if depth_mm else pieces_of(Polygon())
+    marks = engraved_marks(number, tile.plate) if depth_mm else polygon_parts(Polygon())
     low = np.array([*tile.plate.bounds[:2], 0.0])
     plate, solids, grooves = (
         shapely.transform(pieces, lambda points: points - low[:2])
-        for pieces in (pieces_of(tile.plate), tile.solids, marks)
+        for pieces in (polygon_parts(tile.plate), tile.solids, marks)
     )
-    hollows = [Hollow(pieces=grooves, low_mm=-1.0, high_mm=depth_mm)] if len(marks) else []
-    vertices, faces = stacked(plate, solids, options.plate_mm, options.height_mm, hollows)
+    pockets = [Pocket(pieces=grooves, low_mm=-1.0, high_mm=depth_mm)] if len(marks) else []
+    vertices, faces = stacked(plate, solids, options.plate_mm, options.height_mm, pockets)
     turn, shift = np.eye(3), np.zeros(3)
     if cuts.turned:
         turn, shift[0] = _QUARTER_TURN, tile.plate.bounds[3] - tile.plate.bounds[1]
@@ -137,7 +133,7 @@ def _notes(
     plan: RigPlan, joints: Dovetails, printer: Printer, options: RigOptions
 ) -> tuple[str, ...]:
     count, least = len(plan.thin_places), printer.least_wall_mm
-    said = {
+    conditions = {
         f"{count} places were thinner than the {least:g} mm that {printer.name} prints and were "
         f"thickened to it: {plan.thickened.area:.0f} mm2 of wall added": count,
         f"the border is thinner than the {least:g} mm that {printer.name} prints": (
@@ -148,4 +144,4 @@ def _notes(
         f"{plan.bridges} corners that touched in one point were joined": plan.bridges,
         f"{joints.bare_seams} seams have no room for a joint: glue them": joints.bare_seams,
     }
-    return plan.notes + tuple(text for text, holds in said.items() if holds)
+    return plan.notes + tuple(text for text, holds in conditions.items() if holds)

@@ -4,37 +4,35 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vinefab.rig.options import RigOptions
+from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.printer import Printer
 from vinefab.rig.split import usable_mm
 
 BASIS = (
     "computed from assumed settings: plastic = min(V, A s + f (V - A s)) with volume V, surface A, "
     "shell s and infill f; time = plastic / flow + layers x the time per layer change"
 )
-"""The formulas, for whoever reads the numbers."""
+"""The formulas, for reports."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PrintEstimate:
-    """What printing takes."""
+    """Material and time of a print."""
 
-    plastic_mm3: float  # volume extruded
-    # mass_g, filament_m: the same as mass, and as length of filament
+    plastic_mm3: float  # extruded
     mass_g: float
-    filament_m: float
-    time_s: float  # printing time of all beds, without heating and without clearing the bed
+    filament_m: float  # length of filament
+    time_s: float  # without heating and without clearing the bed
 
     def words(self) -> str:
-        """Return the estimate as a few words."""
+        """Return time, mass and filament as a phrase."""
         minutes = round(self.time_s / 60.0)
         time = f"{minutes // 60} h {minutes % 60:02d} min"
         return f"{time}, {self.mass_g:.0f} g, {self.filament_m:.1f} m of filament"
 
 
-def estimate(parts: Sequence[RigPart], printer: Printer) -> PrintEstimate:
-    """Return what it takes to print parts together on one bed.
+def print_estimate(parts: Sequence[RigPart], printer: Printer) -> PrintEstimate:
+    """Estimate material and time of parts that are printed together on one bed.
 
     A skin of thickness s around a solid of volume V and surface A holds about A s; the rest is
     filled to the share f. Thin parts are all skin, hence the lesser of the two.
@@ -45,7 +43,7 @@ def estimate(parts: Sequence[RigPart], printer: Printer) -> PrintEstimate:
         filled_mm3 = skin_mm3 + printer.infill * (part.volume_mm3 - skin_mm3)
         plastic_mm3 += min(part.volume_mm3, filled_mm3)
     layers = max((math.ceil(part.size_mm[2] / printer.layer_mm) for part in parts), default=0)
-    return _made_of(
+    return _with_time(
         plastic_mm3, plastic_mm3 / printer.flow_mm3_s + layers * printer.layer_change_s, printer
     )
 
@@ -60,7 +58,7 @@ def total_estimate(estimates: Sequence[PrintEstimate]) -> PrintEstimate:
     )
 
 
-def _made_of(plastic_mm3: float, time_s: float, printer: Printer) -> PrintEstimate:
+def _with_time(plastic_mm3: float, time_s: float, printer: Printer) -> PrintEstimate:
     across_mm2 = 0.25 * math.pi * printer.filament_mm**2
     return PrintEstimate(
         plastic_mm3=plastic_mm3,
@@ -70,7 +68,7 @@ def _made_of(plastic_mm3: float, time_s: float, printer: Printer) -> PrintEstima
     )
 
 
-GAP_MM = 5.0
+PART_GAP_MM = 5.0
 """Least distance between two parts on a bed."""
 
 _SLACK_MM = 1e-3
@@ -80,8 +78,8 @@ _SLACK_MM = 1e-3
 class PlacedPart:
     """A part on a bed, or a piece on a sheet."""
 
-    index: int  # which one, counted from 0
-    # x_mm, y_mm: where the lower left corner of its box lies
+    index: int  # from 0
+    # lower left corner of its box
     x_mm: float
     y_mm: float
 
@@ -127,7 +125,7 @@ def beds_of(
     """Return the beds on which parts are printed, each part where it lies on its bed."""
     margin_mm = options.bed_margin_mm
     sizes = [(part.size_mm[0], part.size_mm[1]) for part in parts]
-    beds = packed_on_beds(sizes, usable_mm(printer, options), GAP_MM)
+    beds = packed_on_beds(sizes, usable_mm(printer, options), PART_GAP_MM)
     return tuple(
         tuple(
             PlacedPart(index=at.index, x_mm=at.x_mm + margin_mm, y_mm=at.y_mm + margin_mm)
@@ -143,7 +141,7 @@ class Bed:
 
     number: int  # from 1
     places: tuple[PlacedPart, ...]  # parts, by their index in ``Rig.printed``, and where they lie
-    estimate: PrintEstimate  # what the bed takes
+    estimate: PrintEstimate
 
     @property
     def name(self) -> str:
@@ -176,7 +174,7 @@ def printing_of(rig: Rig) -> Printing:
             Bed(
                 number=number,
                 places=places,
-                estimate=estimate(_on(places, parts), rig.printer),
+                estimate=print_estimate(_on(places, parts), rig.printer),
             )
             for number, places in enumerate(beds, 1)
         )

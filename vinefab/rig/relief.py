@@ -23,13 +23,13 @@ PAPER: Colour = (255, 255, 255)
 RELIEF_INK: Colour = (29, 42, 48)
 _EDGE = 0.55
 _LIGHT = np.array([-0.45, -0.75])
-_FINE = 2  # drawn so many times larger, then made smaller: smooth edges
+_SUPERSAMPLING = 2
 _LEVEL_MM = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prism:
-    """Something to draw."""
+    """A solid to draw."""
 
     vertices_mm: Floats  # corners where they stand, shape (n, 3), z upwards
     faces: Ints  # triangles, shape (m, 3), counter-clockwise seen from outside
@@ -39,20 +39,20 @@ class Prism:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Label:
-    """A word at a point of the scene."""
+    """A text at a point of the scene."""
 
-    text: str  # what to write
-    at_mm: tuple[float, float, float]  # where: x, y, z
+    text: str
+    at_mm: tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Camera:
-    """From where a scene is seen, and how large."""
+    """Direction and scale of the view."""
 
     turn_rad: float  # how far the scene is turned counter-clockwise
     rise_rad: float  # angle of sight above the plane
     px_per_mm: float  # scale
-    # left_mm, top_mm: what is at the picture's upper left corner, turned and slanted
+    # point at the picture's upper left corner, in the turned and slanted plane
     left_mm: float
     top_mm: float
     size_px: tuple[int, int]  # width and height
@@ -79,7 +79,9 @@ def relief_png(
     rise_deg: float = 52.0,
 ) -> bytes:
     """Return a shaded picture of solids as PNG."""
-    camera = _camera(solids, width_px * _FINE, math.radians(turn_deg), math.radians(rise_deg))
+    camera = _camera(
+        solids, width_px * _SUPERSAMPLING, math.radians(turn_deg), math.radians(rise_deg)
+    )
     picture = Image.new("RGB", camera.size_px, PAPER)
     tops = [_tops(solid) for solid in solids]
     levels = sorted({level for found in tops for level in found})
@@ -87,12 +89,12 @@ def relief_png(
     low_px = camera.lift_px(base_mm)
     for index, level in enumerate(levels):
         mask, side = _standing(camera, solids, tops, levels[index:])
-        for lift_px in range(low_px, camera.lift_px(level), _FINE):
+        for lift_px in range(low_px, camera.lift_px(level), _SUPERSAMPLING):
             picture.paste(side, (0, -lift_px), mask)
         low_px = camera.lift_px(level)
         mask, top = _roof(camera, solids, tops, level)
         picture.paste(top, (0, -low_px), mask)
-    size = camera.size_px[0] // _FINE, camera.size_px[1] // _FINE
+    size = camera.size_px[0] // _SUPERSAMPLING, camera.size_px[1] // _SUPERSAMPLING
     picture = picture.resize(size, Image.Resampling.BOX)
     _write(picture, camera, labels)
     return _png(picture)
@@ -190,8 +192,8 @@ def _write(picture: Image.Image, camera: Camera, labels: Sequence[Label]) -> Non
     font = ImageFont.load_default(size=max(11, picture.width // 55))
     draw = ImageDraw.Draw(picture)
     for label in labels:
-        x, y = camera.flat(np.array(label.at_mm)) / _FINE
-        place = float(x), float(y) - camera.lift_px(label.at_mm[2]) / _FINE
+        x, y = camera.flat(np.array(label.at_mm)) / _SUPERSAMPLING
+        place = float(x), float(y) - camera.lift_px(label.at_mm[2]) / _SUPERSAMPLING
         draw.text(
             place,
             label.text,
@@ -204,9 +206,9 @@ def _write(picture: Image.Image, camera: Camera, labels: Sequence[Label]) -> Non
 
 
 def _png(picture: Image.Image) -> bytes:
-    stream, said = io.BytesIO(), PngInfo()
-    said.add_text("Software", GENERATOR)
-    picture.save(stream, format="PNG", pnginfo=said, optimize=True)
+    stream, facts = io.BytesIO(), PngInfo()
+    facts.add_text("Software", GENERATOR)
+    picture.save(stream, format="PNG", pnginfo=facts, optimize=True)
     return stream.getvalue()
 
 

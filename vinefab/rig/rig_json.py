@@ -1,4 +1,4 @@
-"""A folder that ``vinefab rig`` wrote, read again: what its files hold, part by part."""
+"""rig.json and parts.csv: written, and a rig's folder read back for the rules."""
 
 import csv
 import io
@@ -22,30 +22,27 @@ from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.rig.comparison_with_map import RigComparison
-from vinefab.rig.laser_cut import Copy
-from vinefab.rig.options import RigOptions
-from vinefab.rig.part import Rig, RigPart, ThinPlace
+from vinefab.rig.laser_cut import LayerCopy
+from vinefab.rig.options import Printer, RigOptions
+from vinefab.rig.part import BOX_MM, VOLUME_SHARE, Rig, RigPart, ThinPlace
 from vinefab.rig.part_files import bed_name, stl_name
-from vinefab.rig.printer import Printer
 from vinefab.rig.printing import BASIS, PrintEstimate, Printing
-from vinefab.rig.stl_format import read_stl, stl_problem
+from vinefab.rig.stl_format import read_stl
 
 SCHEMA = "vinefab/rig-1"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RigRecord:
-    """Everything that the texts about a rig draw on."""
+    """Content of rig.json and parts.csv."""
 
-    # rig, world: the rig and its map
     rig: Rig
     world: Map
-    printing: Printing  # its beds
-    comparison: RigComparison  # how the assembled rig compares with the map (`compare_with_map`)
-    report: CheckReport  # what the rules say
-    # jobs, copies: what a laser cuts, by file name, and where layers of pieces lie
-    jobs: Mapping[str, Job] = field(default_factory=dict)
-    copies: tuple[Copy, ...] = ()
+    printing: Printing
+    comparison: RigComparison
+    report: CheckReport
+    jobs: Mapping[str, Job] = field(default_factory=dict)  # sheets for the laser, by file name
+    copies: tuple[LayerCopy, ...] = ()
 
 
 def rig_text(record: RigRecord, digests: Mapping[str, str]) -> str:
@@ -203,14 +200,11 @@ def _round(value: object) -> object:
 
 RIG_NAME = "rig.json"
 
-_VOLUME_SHARE = 1e-4
-_BOX_MM = 1e-3
-
 Size = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
 class _Known(BaseModel):
-    """Base of forms that take what they need and leave the rest."""
+    """Base of forms that ignore fields they do not need."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
@@ -259,7 +253,7 @@ class RigForm(_Known):
 
 
 def read_rig(folder: Path) -> RigFacts:
-    """Return what is to be known of a rig from its folder, every STL file read."""
+    """Return what the rules need of a rig from its folder, every STL file read."""
     path = folder if folder.name == RIG_NAME else folder / RIG_NAME
     try:
         data = json.loads(read_text(path))
@@ -291,18 +285,14 @@ def _facts(folder: Path, part: RigPartForm) -> RigPartFacts:
     wide_mm, deep_mm, high_mm = part.size_mm
     size_mm = wide_mm, deep_mm, high_mm
     try:
-        data = read_bytes(folder / part.file)
+        mesh = read_stl(read_bytes(folder / part.file))
     except UnreadableFileError as error:
         return RigPartFacts(name=part.name, size_mm=size_mm, problems=(error.problem,))
-    problem = stl_problem(data)
-    if problem:
-        return RigPartFacts(name=part.name, size_mm=size_mm, problems=(problem,))
-    mesh = read_stl(data)
     problems = mesh.form_problems()
-    if abs(mesh.volume_mm3 - part.volume_mm3) > _VOLUME_SHARE * part.volume_mm3:
+    if abs(mesh.volume_mm3 - part.volume_mm3) > VOLUME_SHARE * part.volume_mm3:
         problems.append(f"has a volume of {mesh.volume_mm3:.6g} mm3, not {part.volume_mm3:.6g}")
     span_mm = np.ptp(mesh.box_mm, axis=0)
-    if np.abs(span_mm - size_mm).max() > _BOX_MM:
+    if np.abs(span_mm - size_mm).max() > BOX_MM:
         problems.append(f"measures {span_mm.tolist()} mm, not {list(size_mm)}")
     wide_mm, deep_mm, high_mm = span_mm.tolist()
     return RigPartFacts(

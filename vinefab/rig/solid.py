@@ -1,4 +1,4 @@
-"""Plans into closed solids, by manifold3d."""
+"""Closed solids from plans, by manifold3d, and what is engraved into them or laid beside them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,27 +6,32 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from manifold3d import CrossSection, FillRule, Manifold, Mesh64
+from shapely import LineString, Polygon
+from shapely.affinity import scale, translate
+from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats, Ints
-from vinefab.rig.clean import Pieces
+from vinefab.rig.options import GRID_MM
+from vinefab.rig.part import RigPart
+from vinefab.rig.plan import Polygons, polygon_parts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Hollow:
+class Pocket:
     """A prism to be taken out of a solid."""
 
-    pieces: Pieces  # its outline, in plan
-    # low_mm, high_mm: from where to where it reaches up; below 0 to open it downwards
+    pieces: Polygons  # its outline, in plan
+    # lower and upper end; below 0 to open it downwards
     low_mm: float
     high_mm: float
 
 
 def stacked(
-    plate: Pieces,
-    solids: Pieces,
+    plate: Polygons,
+    solids: Polygons,
     plate_mm: float,
     height_mm: float,
-    hollows: Sequence[Hollow | Manifold] = (),
+    pockets: Sequence[Pocket | Manifold] = (),
 ) -> tuple[Floats, Ints]:
     """Return corners and triangles of solids standing on a plate.
 
@@ -37,8 +42,8 @@ def stacked(
     if len(solids):
         # From the middle of the plate: bodies that overlap join more surely than ones that touch.
         body += _extruded(solids, 0.5 * plate_mm + height_mm).translate((0, 0, 0.5 * plate_mm))
-    for hollow in hollows:
-        body -= hollow if isinstance(hollow, Manifold) else _prism(hollow)
+    for pocket in pockets:
+        body -= pocket if isinstance(pocket, Manifold) else _prism(pocket)
     mesh = body.to_mesh64()
     vertices = np.asarray(mesh.vert_properties[:, :3], dtype=np.float32).astype(np.float64)
     return _sorted(vertices, np.asarray(mesh.tri_verts, dtype=np.int64))
@@ -58,12 +63,12 @@ def outlines_at(body: Manifold, z_mm: float) -> shapely.geometry.base.BaseGeomet
     return shapely.build_area(shapely.union_all(rings)) if rings else shapely.Polygon()
 
 
-def _prism(hollow: Hollow) -> Manifold:
-    body = _extruded(hollow.pieces, hollow.high_mm - hollow.low_mm)
-    return body.translate((0.0, 0.0, hollow.low_mm))
+def _prism(pocket: Pocket) -> Manifold:
+    body = _extruded(pocket.pieces, pocket.high_mm - pocket.low_mm)
+    return body.translate((0.0, 0.0, pocket.low_mm))
 
 
-def _extruded(pieces: Pieces, height_mm: float) -> Manifold:
+def _extruded(pieces: Polygons, height_mm: float) -> Manifold:
     rings = shapely.get_rings(shapely.orient_polygons(pieces))
     contours = [shapely.get_coordinates(ring)[:-1] for ring in rings]
     return Manifold.extrude(CrossSection(contours, FillRule.Positive), height_mm)
@@ -79,3 +84,159 @@ def _sorted(vertices: Floats, faces: Ints) -> tuple[Floats, Ints]:
     rows = np.arange(len(faces))[:, None]
     faces = faces[rows, (first[:, None] + np.arange(3)) % 3]
     return vertices[order], faces[np.lexsort(faces.T[::-1])]
+
+
+_WIDE, _HIGH, _ADVANCE = 4.0, 7.0, 6.2
+_CORNERS = {
+    "0": ["0,1 0,6 1,7 3,7 4,6 4,1 3,0 1,0 0,1"],
+    "1": ["0.8,5.6 2.4,7 2.4,0", "0.8,0 4,0"],
+    "2": ["0,6 1,7 3,7 4,6 4,4.6 0,0 4,0"],
+    "3": ["0,7 4,7 1.8,4.2 3,4.2 4,3.2 4,1 3,0 1,0 0,1"],
+    "4": ["3,0 3,7 0,2 4,2"],
+    "5": ["4,7 0,7 0,4.2 3,4.2 4,3.2 4,1 3,0 0,0"],
+    "6": ["4,6 3,7 1,7 0,6 0,1 1,0 3,0 4,1 4,3 3,4 0,4"],
+    "7": ["0,7 4,7 1.4,0"],
+    "8": ["1,3.8 0,4.8 0,6 1,7 3,7 4,6 4,4.8 3,3.8 1,3.8 0,2.8 0,1 1,0 3,0 4,1 4,2.8 3,3.8"],
+    "9": ["0,1 1,0 3,0 4,1 4,6 3,7 1,7 0,6 0,4 1,3 4,3"],
+    "N": ["0,0 0,7 4,0 4,7"],
+    "-": ["0.5,3.5 3.5,3.5"],
+}
+
+
+def strokes(text: str, height_mm: float) -> list[LineString]:
+    """Return a text as lines, its lower left corner at the origin."""
+    unit_mm, found = height_mm / _HIGH, []
+    for place, sign in enumerate(text):
+        for run in _CORNERS.get(sign, []):
+            points = np.array([point.split(",") for point in run.split()], dtype=np.float64)
+            found.append(LineString((points + np.array([_ADVANCE * place, 0.0])) * unit_mm))
+    return found
+
+
+def arrow(height_mm: float) -> list[LineString]:
+    """Return an arrow that points to +y, its foot at the origin."""
+    head = 0.35 * height_mm
+    tip = (0.0, height_mm)
+    return [
+        LineString([(0.0, 0.0), tip]),
+        LineString([(-0.6 * head, height_mm - head), tip, (0.6 * head, height_mm - head)]),
+    ]
+
+
+def centred(lines: list[LineString], x_mm: float, y_mm: float) -> list[LineString]:
+    """Move lines so that the middle of their box lies at a point."""
+    x_min, y_min, x_max, y_max = shapely.total_bounds(lines).tolist()
+    shift = x_mm - 0.5 * (x_min + x_max), y_mm - 0.5 * (y_min + y_max)
+    return [translate(line, *shift) for line in lines]
+
+
+def mirrored(lines: list[LineString]) -> list[LineString]:
+    """Mirror lines left to right about x = 0: they read right when seen from below."""
+    return [scale(line, -1.0, 1.0, origin=(0.0, 0.0)) for line in lines]
+
+
+def grooves(lines: list[LineString], width_mm: float) -> BaseGeometry:
+    """Return lines as polygons of some width, with blunt corners so that they stay few."""
+    return shapely.union_all(shapely.buffer(lines, 0.5 * width_mm, quad_segs=1))
+
+
+STROKE_MM = 1.0
+"""Width of the grooves: the printer bridges over them without supports."""
+
+_DIGIT_MM, _ARROW_MM, _APART_MM = 10.0, 14.0, 5.0
+_SMALLEST = 0.4
+_ROOM_MM = 1.5
+
+
+def engraved_marks(number: int, plate: Polygon, *, from_below: bool = True) -> Polygons:
+    """Return the grooves of a tile's number and north arrow, in the coordinates of the plan.
+
+    They lie around the middle of the largest circle in the plate and shrink to fit it; below two
+    fifths of their full size there are none. Seen from above they are mirrored, so that they read
+    right from below; north is +y of the map either way.
+    """
+    circle = shapely.maximum_inscribed_circle(plate, 0.1)
+    (x_mm, y_mm), _ = circle.coords
+    block = _block(number, 1.0, from_below=from_below)
+    x_min, y_min, x_max, y_max = block.bounds
+    diagonal_mm = ((x_max - x_min) ** 2 + (y_max - y_min) ** 2) ** 0.5
+    size = min(1.0, 2.0 * (circle.length - _ROOM_MM) / diagonal_mm)
+    if size < _SMALLEST:
+        return polygon_parts(Polygon())
+    moved = translate(_block(number, size, from_below=from_below), x_mm, y_mm)
+    return polygon_parts(shapely.set_precision(moved, GRID_MM))
+
+
+def _block(number: int, size: float, *, from_below: bool) -> BaseGeometry:
+    """Return arrow and number side by side, the middle of both at the origin."""
+    digits = strokes(str(number), size * _DIGIT_MM)
+    digits = mirrored(digits) if from_below else digits
+    digits_mm = shapely.total_bounds(digits)
+    pointer = arrow(size * _ARROW_MM)
+    pointer_mm = shapely.total_bounds(pointer)
+    wide_mm = digits_mm[2] - digits_mm[0] + pointer_mm[2] - pointer_mm[0] + size * _APART_MM
+    digits = centred(digits, -0.5 * (wide_mm - (digits_mm[2] - digits_mm[0])), 0.0)
+    pointer = centred(pointer, 0.5 * (wide_mm - (pointer_mm[2] - pointer_mm[0])), 0.0)
+    return grooves([*digits, *pointer], STROKE_MM)
+
+
+CUBE_MM = 20.0
+_ARROW_SIZE_MM = (24.0, 44.0, 4.0)
+_DEPTH_MM, _STROKE_MM, _CUBE_APART_MM = 0.6, 1.0, 12.0
+
+
+def extra_parts(
+    plate_box_mm: tuple[float, float, float, float], to_map: Floats
+) -> tuple[RigPart, ...]:
+    """Return the scale cube and the north arrow."""
+    right_mm, top_mm = plate_box_mm[2] + _CUBE_APART_MM, plate_box_mm[3]
+    wide_mm, long_mm, thick_mm = _ARROW_SIZE_MM
+    outline = Polygon(
+        [
+            (0.3 * wide_mm, 0.0),
+            (0.7 * wide_mm, 0.0),
+            (0.7 * wide_mm, 0.5 * long_mm),
+            (wide_mm, 0.5 * long_mm),
+            (0.5 * wide_mm, long_mm),
+            (0.0, 0.5 * long_mm),
+            (0.3 * wide_mm, 0.5 * long_mm),
+        ]
+    )
+    cube = shapely.box(0.0, 0.0, CUBE_MM, CUBE_MM)
+    north_text = (0.5 * wide_mm, 0.42 * long_mm, "N", 8.0)
+    cube_text = (0.5 * CUBE_MM, 0.5 * CUBE_MM, f"{CUBE_MM:.0f}", 10.0)
+    north = _placed(to_map, right_mm, top_mm - long_mm)
+    scale = _placed(to_map, right_mm, top_mm - long_mm - _CUBE_APART_MM - CUBE_MM)
+    return (
+        _part("scale_cube_20mm", cube, CUBE_MM, cube_text, scale),
+        _part("north_arrow", outline, thick_mm, north_text, north),
+    )
+
+
+def _part(
+    name: str,
+    outline: Polygon,
+    thick_mm: float,
+    text: tuple[float, float, str, float],
+    to_map: Floats,
+) -> RigPart:
+    """Return a flat part with a text engraved into its top."""
+    x_mm, y_mm, content, height_mm = text
+    marks = grooves(centred(strokes(content, height_mm), x_mm, y_mm), _STROKE_MM)
+    marks = shapely.set_precision(marks, GRID_MM)
+    pocket = Pocket(
+        pieces=polygon_parts(marks), low_mm=thick_mm - _DEPTH_MM, high_mm=thick_mm + 1.0
+    )
+    vertices, faces = stacked(
+        polygon_parts(outline), polygon_parts(Polygon()), thick_mm, 0.0, [pocket]
+    )
+    volume_mm3 = outline.area * thick_mm - marks.area * _DEPTH_MM
+    return RigPart(
+        name=name, vertices_mm=vertices, faces=faces, to_map=to_map, volume_mm3=volume_mm3
+    )
+
+
+def _placed(to_map: Floats, x_mm: float, y_mm: float) -> Floats:
+    shift = np.eye(4)
+    shift[:2, 3] = x_mm, y_mm
+    return np.asarray(to_map @ shift, dtype=np.float64)

@@ -1,5 +1,6 @@
-"""Where straight cuts divide a plan into tiles that fit the bed, and their dovetails."""
+"""A plate that is larger than the bed: cut lines, dovetails and tiles."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -11,9 +12,15 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
-from vinefab.rig.clean import Pieces
-from vinefab.rig.options import RigOptions
-from vinefab.rig.printer import Printer
+from vinefab.rig.options import GRID_MM, Printer, RigOptions
+from vinefab.rig.plan import (
+    Polygons,
+    RigPlan,
+    bridged,
+    polygon_parts,
+    snapped_union,
+    without_slivers,
+)
 
 TAB_DEPTH_MM = 8.0
 _NECK_HALF_MM = 4.0
@@ -22,20 +29,23 @@ _FREE_MM = 2.0
 _SPAN_PER_TAB_MM = 90.0
 _STEP_MM = 1.0
 
+Cell = tuple[int, int]
+"""Row and column of a tile, from 0."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seam:
+class TileSeam:
     """The straight cut between two neighbouring tiles."""
 
     # whether it runs along y; the tile that gets the tabs is then the left one, else the lower
     upright: bool
     at_mm: float  # its x when upright, else its y
-    # low_mm, high_mm: where it begins and ends along its direction
+    # ends along its direction
     low_mm: float
     high_mm: float
 
 
-def tabs_of(seam: Seam, plate: BaseGeometry, solids: shapely.STRtree) -> list[Polygon]:
+def tabs_of(seam: TileSeam, plate: BaseGeometry, solids: shapely.STRtree) -> list[Polygon]:
     """Return the tabs of a seam: dovetails that reach over it to the right or upwards.
 
     A tab stands only where the plate is whole around it and nothing stands on it: a socket under
@@ -64,7 +74,7 @@ def socket_of(tab: Polygon, clearance_mm: float) -> Polygon:
 
 
 def _is_free(
-    seam: Seam, places: Floats, plate: BaseGeometry, solids: shapely.STRtree
+    seam: TileSeam, places: Floats, plate: BaseGeometry, solids: shapely.STRtree
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     half = _END_HALF_MM + _FREE_MM
     low, high = places - half, places + half
@@ -77,7 +87,7 @@ def _is_free(
     return free
 
 
-def _tab(seam: Seam, along_mm: float) -> Polygon:
+def _tab(seam: TileSeam, along_mm: float) -> Polygon:
     at, end = seam.at_mm, seam.at_mm + TAB_DEPTH_MM
     corners = [
         (at, along_mm - _NECK_HALF_MM),
@@ -96,12 +106,12 @@ _CORNER_COST_MM = 20.0
 class Edges:
     """Edges of polygons, solid on their left."""
 
-    # start_mm, end_mm: their ends, shape (n, 2)
+    # end points, one edge per row
     start_mm: Floats
     end_mm: Floats
 
     @classmethod
-    def of(cls, solids: Pieces) -> "Edges":
+    def of(cls, solids: Polygons) -> "Edges":
         """Return the edges of all rings of polygons that do not overlap."""
         rings = shapely.get_rings(shapely.orient_polygons(solids))
         points, ring = shapely.get_coordinates(rings, return_index=True)
@@ -151,20 +161,21 @@ _LEAST_TILE_MM = 5.0 * TAB_DEPTH_MM
 class Cuts:
     """The lines of a grid of tiles, the plate's box included."""
 
-    # x_mm, y_mm: ascending; tile (row, column) lies between neighbouring values
+    # ascending; tile (row, column) lies between neighbouring values
     x_mm: tuple[float, ...]
     y_mm: tuple[float, ...]
     turned: bool  # whether the tiles are turned by a quarter on the bed
 
-    @property
-    def tiles(self) -> int:
-        """Number of rectangles in the grid."""
-        return (len(self.x_mm) - 1) * (len(self.y_mm) - 1)
+    def cells(self) -> Iterator[tuple[Cell, Polygon]]:
+        """Yield row and column of each tile with its rectangle, row by row."""
+        for row, (y_low, y_high) in enumerate(pairwise(self.y_mm)):
+            for column, (x_low, x_high) in enumerate(pairwise(self.x_mm)):
+                yield (row, column), shapely.box(x_low, y_low, x_high, y_high)
 
 
 def cuts_of(
     box_mm: tuple[float, float, float, float],
-    solids: Pieces,
+    solids: Polygons,
     printer: Printer,
     options: RigOptions,
 ) -> Cuts:
@@ -236,3 +247,121 @@ def _lines(
             choices = np.array([round(even_mm, 3)])
         lines.append(float(choices[np.argmin(edges.costs_mm(choices, even_mm))]))
     return (*lines, span_mm[1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RigTile:
+    """The plan of one connected part."""
+
+    cell: Cell  # where in the grid it lies
+    # outline and what stands on it; both snapped, each corner of one on the other's edge being a
+    # corner there too
+    plate: Polygon
+    solids: Polygons
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dovetail:
+    """A dovetail between two tiles."""
+
+    giver: Cell  # the tile with the tab
+    taker: Cell  # the tile with the socket
+    # outlines
+    tab: Polygon
+    socket: BaseGeometry
+
+    @property
+    def gap_mm2(self) -> float:
+        """Area between tab and socket that stays empty."""
+        return float(self.socket.difference(self.tab).area)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Dovetails:
+    """All joints of a rig."""
+
+    joints: tuple[Dovetail, ...]  # seam by seam
+    bare_seams: int  # number of seams without room for a joint
+
+
+def dovetails_of(plan: RigPlan, cuts: Cuts, clearance_mm: float) -> Dovetails:
+    """Return the dovetails of all seams between neighbouring tiles."""
+    plate = plan.plate
+    shapely.prepare(plate)
+    tree = shapely.STRtree(plan.solids)
+    joints: list[Dovetail] = []
+    bare = 0
+    for seam, giver, taker in _seams(cuts):
+        tabs = tabs_of(seam, plate, tree)
+        bare += not tabs and _line(seam).intersects(plate)
+        joints += [
+            Dovetail(giver=giver, taker=taker, tab=tab, socket=_socket(tab, seam, clearance_mm))
+            for tab in tabs
+        ]
+    return Dovetails(joints=tuple(joints), bare_seams=bare)
+
+
+def rig_tiles(
+    plan: RigPlan, cuts: Cuts, joints: Dovetails, least_mm: tuple[float, float]
+) -> Iterator[RigTile]:
+    """Yield the plans of all parts, row by row."""
+    tree = shapely.STRtree(plan.solids)
+    for cell, rectangle in cuts.cells():
+        plates = _plates(plan.plate, rectangle, cell, joints)
+        for plate in without_slivers(plates, max(least_mm))[0]:
+            near = plan.solids[np.sort(tree.query(plate))]
+            yield _tile(cell, plate, near, least_mm)
+
+
+def _tile(
+    cell: Cell,
+    plate: Polygon,
+    near: Polygons,
+    least_mm: tuple[float, float],
+) -> RigTile:
+    sliver_mm, bridge_mm = least_mm
+    solids = snapped_union(shapely.intersection(near, plate, grid_size=GRID_MM))
+    solids, _ = without_slivers(solids, sliver_mm)
+    solids, _ = bridged(solids, plate, bridge_mm)
+    # Snapping moved corners on slanted edges by up to half a step: let the plate follow, so that
+    # no solid hangs over its edge and no two edges nearly coincide.
+    plate = max(snapped_union(solids, plate), key=shapely.area)
+    return RigTile(cell=cell, plate=plate, solids=solids)
+
+
+def _plates(plate: BaseGeometry, rectangle: Polygon, cell: Cell, joints: Dovetails) -> Polygons:
+    tabs = [joint.tab for joint in joints.joints if joint.giver == cell]
+    sockets = [joint.socket for joint in joints.joints if joint.taker == cell]
+    own = shapely.intersection(plate, rectangle, grid_size=GRID_MM)
+    own = shapely.union_all([own, *tabs], grid_size=GRID_MM)
+    return polygon_parts(shapely.difference(own, shapely.union_all(sockets), grid_size=GRID_MM))
+
+
+def _seams(cuts: Cuts) -> Iterator[tuple[TileSeam, Cell, Cell]]:
+    """Yield each seam with the tile that gives tabs and the one that takes them."""
+    x, y = cuts.x_mm, cuts.y_mm
+    rows, columns = len(y) - 1, len(x) - 1
+    for row in range(rows):
+        for column in range(1, columns):
+            seam = TileSeam(upright=True, at_mm=x[column], low_mm=y[row], high_mm=y[row + 1])
+            yield seam, (row, column - 1), (row, column)
+    for row in range(1, rows):
+        for column in range(columns):
+            seam = TileSeam(upright=False, at_mm=y[row], low_mm=x[column], high_mm=x[column + 1])
+            yield seam, (row - 1, column), (row, column)
+
+
+def _line(seam: TileSeam) -> shapely.LineString:
+    ends = [(seam.at_mm, seam.low_mm), (seam.at_mm, seam.high_mm)]
+    return shapely.LineString(ends if seam.upright else [(y, x) for x, y in ends])
+
+
+def _socket(tab: Polygon, seam: TileSeam, clearance_mm: float) -> BaseGeometry:
+    """Return the socket's share beyond the seam; what lies before it belongs to the giver."""
+    socket = socket_of(tab, clearance_mm)
+    x_min, y_min, x_max, y_max = socket.bounds
+    if seam.upright:
+        x_min = seam.at_mm
+    else:
+        y_min = seam.at_mm
+    return shapely.intersection(socket, shapely.box(x_min, y_min, x_max, y_max))

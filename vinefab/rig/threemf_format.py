@@ -1,22 +1,20 @@
-"""3MF out, the core of the format and no more, and read again.
+"""3MF, the core of the format only: all parts of one print bed in a file.
 
-One file holds all parts of one print bed, each an object at its place. The zip is stored with
-fixed dates, the numbers are the shortest that single precision takes back: the same parts give the
-same bytes.
+Each part is an object at its place. The zip is stored with fixed dates, the numbers are the
+shortest that single precision takes back: the same parts give the same bytes.
 """
 
 import io
 import zipfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from xml.etree import ElementTree as Tree
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from vinefab.core.errors import UnreadableFileError
 from vinefab.core.jsontext import GENERATOR
-from vinefab.rig.part import RigPart
-from vinefab.rig.stl_format import Mesh
+from vinefab.rig.part import Mesh, PartFormat, PartItem, ReadPart, RigPart
 
 MODEL = "3D/3dmodel.model"
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
@@ -37,24 +35,7 @@ _FIRST_DATE = (1980, 1, 1, 0, 0, 0)
 _UNIX, _PLAIN_FILE = 3, 0o100644 << 16
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ThreeMfItem:
-    """A part as a 3MF file places it."""
-
-    part: RigPart  # the solid
-    at_mm: tuple[float, float]  # where its lower corner lies on the bed
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ThreeMfObject:
-    """An object of a 3MF file, read again."""
-
-    name: str  # its name
-    mesh: Mesh  # its triangles, in its own coordinates
-    shift_mm: tuple[float, float, float]  # where the build puts it
-
-
-def threemf_bytes(items: Sequence[ThreeMfItem], title: str) -> bytes:
+def threemf_bytes(items: Sequence[PartItem], title: str) -> bytes:
     """Return parts as one 3MF file, the same bytes each time."""
     stream = io.BytesIO()
     files = {
@@ -71,8 +52,21 @@ def threemf_bytes(items: Sequence[ThreeMfItem], title: str) -> bytes:
     return stream.getvalue()
 
 
-def read_threemf(data: bytes) -> tuple[ThreeMfObject, ...]:
-    """Return the objects that a 3MF file of ours places."""
+def read_threemf(data: bytes) -> tuple[ReadPart, ...]:
+    """Return the parts that a 3MF file of ours places.
+
+    Raises
+    ------
+    UnreadableFileError
+        If the bytes are no zip, are damaged, or are not such a file.
+    """
+    try:
+        return tuple(_placed_parts(data))
+    except (ValueError, KeyError, SyntaxError, zipfile.BadZipFile) as error:
+        raise UnreadableFileError("3MF data", f"cannot be read: {error}") from error
+
+
+def _placed_parts(data: bytes) -> Iterator[ReadPart]:
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         if archive.testzip() is not None:
             raise ValueError("a file in the zip is damaged")
@@ -81,19 +75,15 @@ def read_threemf(data: bytes) -> tuple[ThreeMfObject, ...]:
         raise ValueError(f"the unit is {root.get('unit')}, not millimeter")
     space = {"": CORE}
     objects = {node.get("id"): node for node in root.iterfind("resources/object", space)}
-    found = []
     for item in root.iterfind("build/item", space):
         node = objects[item.get("objectid")]
         numbers = [float(text) for text in item.get("transform", "").split()]
         if numbers[:9] != [1, 0, 0, 0, 1, 0, 0, 0, 1]:
             raise ValueError("an item is turned")
         x_mm, y_mm, z_mm = numbers[9:]
-        found.append(
-            ThreeMfObject(
-                name=node.get("name", ""), mesh=_mesh(node, space), shift_mm=(x_mm, y_mm, z_mm)
-            )
+        yield ReadPart(
+            name=node.get("name", ""), mesh=_mesh(node, space), shift_mm=(x_mm, y_mm, z_mm)
         )
-    return tuple(found)
 
 
 def _mesh(node: Tree.Element, space: dict[str, str]) -> Mesh:
@@ -109,7 +99,7 @@ def _mesh(node: Tree.Element, space: dict[str, str]) -> Mesh:
     return Mesh.of_corners(vertices[np.array(faces, dtype=np.int64)])
 
 
-def _model(items: Sequence[ThreeMfItem], title: str) -> Iterator[str]:
+def _model(items: Sequence[PartItem], title: str) -> Iterator[str]:
     yield '<?xml version="1.0" encoding="UTF-8"?>\n'
     yield f'<model unit="millimeter" xml:lang="en-US" xmlns="{CORE}">\n'
     yield f'<metadata name="Title">{_escaped(title)}</metadata>\n'
@@ -140,3 +130,6 @@ def _short(value: float) -> str:
 
 def _escaped(text: str) -> str:
     return quoteattr(text)[1:-1]
+
+
+THREEMF = PartFormat(suffix=".3mf", write=threemf_bytes, read=read_threemf, per_bed=True)

@@ -10,11 +10,13 @@ import shapely
 
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.calibration.coupon_package import coupon_files, make_coupons
-from vinefab.fabrication.calibration.coupon_shapes import LADDER_MM, coupon_pieces, ladder_designs
-from vinefab.fabrication.calibration.coupon_sheets import (
+from vinefab.fabrication.calibration.coupons import (
+    LADDER_MM,
+    coupon_pieces,
     coupon_sheets,
     energies_mj_mm,
     energy_matrix,
+    ladder_designs,
 )
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.job import Operation

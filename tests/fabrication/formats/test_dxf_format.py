@@ -15,7 +15,8 @@ import shapely
 
 from vinefab.core.atomic import OWN_MARK
 from vinefab.fabrication.formats import dxf_format as dxf
-from vinefab.fabrication.formats.dxf_format import dxf_text, read_dxf
+from vinefab.fabrication.formats.dxf_format import DXF_R12, dxf_text, read_dxf
+from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
 from vinefab.fabrication.formats.readback import drawing_differences
 from vinefab.model.job import Job, Operation
 from vinefab.model.outline import Contour, Segment
@@ -214,4 +215,4 @@ def test_release_12_has_the_same_paths_as_old_polylines(
         assert np.allclose(np.array(rows)[: len(path.contour), 2], path.contour.bulges)
         assert polyline.is_closed is path.contour.closed
         assert polyline.dxf.layer == path.operation.layer
-    assert drawing_differences(job, read_dxf(dxf_text(job, r12=True))) == ()
+    assert drawing_differences(DXF_R12, read_dxf(text), LaserFileSpec(job=job)) == ()

@@ -1,17 +1,18 @@
 import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
-from vinefab.fabrication.formats.dxf_format import dxf_text, read_dxf
+from vinefab.fabrication.formats.dxf_format import DXF
 from vinefab.fabrication.formats.laser_drawing import (
     DEFAULT,
     PRESETS,
+    LaserFileSpec,
     Style,
-    left_out,
+    operations_by_style,
+    operations_left_out,
     styled_paths,
-    told_apart,
 )
-from vinefab.fabrication.formats.readback import drawing_differences
-from vinefab.fabrication.formats.svg_format import read_svg, svg_text
+from vinefab.fabrication.formats.readback import file_problems
+from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.model.job import Job, Operation
 
 AS_SPECIFIED = {
@@ -31,9 +32,9 @@ def test_default_colours_are_the_specified_ones() -> None:
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_preset_survives_being_written_and_read(name: str, job: Job) -> None:
-    colours = PRESETS[name]
-    assert drawing_differences(job, read_dxf(dxf_text(job, colours)), colours) == ()
-    assert drawing_differences(job, read_svg(svg_text(job, colours)), colours) == ()
+    spec = LaserFileSpec(job=job, colours=PRESETS[name])
+    for one in (DXF, SVG):
+        assert file_problems(one, one.write(spec).encode(), spec) == ()
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -53,13 +54,13 @@ def test_the_mouth_is_not_cut_with_the_colour_that_seals(job: Job) -> None:
     for name in ("default", "red_cut"):
         styles = PRESETS[name].styles
         assert styles[Operation.CUT].rgb != styles[Operation.WELDCUT].rgb
-    assert told_apart(job, PRESETS["shop_single"]) == ((Operation.WELDCUT, Operation.CUT),)
+    assert operations_by_style(job, PRESETS["shop_single"]) == ((Operation.WELDCUT, Operation.CUT),)
 
 
 def test_presets_for_simple_programs_write_nothing_that_must_not_be_cut(job: Job) -> None:
-    assert left_out(job, DEFAULT) == ()
-    assert left_out(job, PRESETS["red_cut"]) == (Operation.REG, Operation.DOC)
-    assert Operation.MARK in left_out(job, PRESETS["shop_single"])
+    assert operations_left_out(job, DEFAULT) == ()
+    assert operations_left_out(job, PRESETS["red_cut"]) == (Operation.REG, Operation.DOC)
+    assert Operation.MARK in operations_left_out(job, PRESETS["shop_single"])
 
 
 def test_an_unknown_preset_offers_the_nearest() -> None:

@@ -1,4 +1,4 @@
-"""LightBurn's files, read by code of the tests' own that follows what others found out of them."""
+"""LightBurn's files, read by independent code that follows public findings about the format."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -11,17 +11,27 @@ import shapely
 
 from vinefab.core.atomic import OWN_MARK
 from vinefab.core.errors import BadInputError
+from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
 from vinefab.fabrication.formats.lightburn_format import (
+    LIGHTBURN,
+    LIGHTBURN_LIBRARY,
     PALETTE,
-    library_problems,
     library_text,
-    lightburn_problems,
     lightburn_text,
 )
+from vinefab.fabrication.formats.readback import file_problems
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Tool
 
 MACHINED = (Operation.MARK, Operation.WELD, Operation.WELDCUT, Operation.CUT)
+
+
+def project_problems(text: str, job: Job, profile: LaserProfile) -> tuple[str, ...]:
+    return file_problems(LIGHTBURN, text.encode(), LaserFileSpec(job=job, profile=profile))
+
+
+def library_problems(text: str, job: Job, profile: LaserProfile) -> tuple[str, ...]:
+    return file_problems(LIGHTBURN_LIBRARY, text.encode(), LaserFileSpec(job=job, profile=profile))
 
 
 def tree(text: str) -> ET.Element:
@@ -84,8 +94,8 @@ def test_seams_for_a_sealer_lie_on_a_tool_layer(job: Job, profile: LaserProfile)
     text = lightburn_text(job, sealed)
     tools = [values(c)["name"] for c in tree(text).findall("CutSetting") if c.get("type") == "Tool"]
     assert tools == ["VF_20_WELD", "VF_90_REG"]
-    assert lightburn_problems(text, job, sealed) == ()
-    assert lightburn_problems(text, job, profile) != ()
+    assert project_problems(text, job, sealed) == ()
+    assert project_problems(text, job, profile) != ()
 
 
 def test_no_two_shapes_share_their_vertices(job: Job, profile: LaserProfile) -> None:
@@ -103,7 +113,9 @@ def test_the_same_job_gives_the_same_bytes_and_is_known_as_ours(
     assert lightburn_text(job, profile) == lightburn_text(job, profile)
 
 
-def test_the_library_has_an_entry_per_operation_of_the_laser(profile: LaserProfile) -> None:
+def test_the_library_has_an_entry_per_operation_of_the_laser(
+    job: Job, profile: LaserProfile
+) -> None:
     root = tree(library_text(profile))
     (material,) = root
     assert root.get("DisplayName", "").startswith("tester__film [unverified]")
@@ -113,7 +125,7 @@ def test_the_library_has_an_entry_per_operation_of_the_laser(profile: LaserProfi
         title, name, again = cut["LinkPath"].split("/")
         assert (title, name, again) == ("Test film", entry.get("NoThickTitle"), entry.get("Desc"))
         assert cut["maxPower"] == "50"
-    assert library_problems(library_text(profile), profile) == ()
+    assert library_problems(library_text(profile), job, profile) == ()
 
 
 def test_variants_have_layers_and_settings_of_their_own(job: Job, profile: LaserProfile) -> None:
@@ -129,7 +141,7 @@ def test_variants_have_layers_and_settings_of_their_own(job: Job, profile: Laser
     assert [cut["name"] for cut in cuts] == ["VF_40_CUT_A", "VF_40_CUT_B"]
     assert len({cut["index"] for cut in cuts}) == 2
     assert [cut["numPasses"] for cut in cuts] == ["7", "7"]
-    assert lightburn_problems(text, trial, profile) == ()
+    assert project_problems(text, trial, profile) == ()
     assert all(PALETTE[int(cut["index"])] != "#000000" for cut in cuts)
 
 
@@ -138,12 +150,12 @@ DAMAGE = [
     ('speed Value="100"', 'speed Value="10"', "speed"),
     ('numPasses Value="2"', 'numPasses Value="1"', "numPasses"),
     ('CutIndex="7"', 'CutIndex="2"', "layers"),
-    ('priority Value="2"', 'priority Value="9"', "run as"),
+    ('priority Value="2"', 'priority Value="9"', "settings are for"),
     ("V130 40", "V130.01 40", "point"),
     ("L0 1L1 2", "L0 2L1 2", "joined"),
     ('VertID="1"', 'VertID="0"', "share"),
     ("1 0 0 1 0 0", "2 0 0 2 0 0", "transformed"),
-    ('type="Tool"', 'type="Cut"', "is run"),
+    ('type="Tool"', 'type="Cut"', "VF_90_REG: type is Cut, not Tool"),
     ("<Notes", "<Thumbnail /><Notes", "Thumbnail"),
     ("<LightBurnProject", "<!DOCTYPE x><LightBurnProject", "declarations"),
 ]
@@ -155,14 +167,14 @@ def test_a_damaged_project_is_found_out(
 ) -> None:
     text = lightburn_text(job, profile)
     assert old in text
-    assert word in "; ".join(lightburn_problems(text.replace(old, new), job, profile))
+    assert word in "; ".join(project_problems(text.replace(old, new), job, profile))
 
 
 @pytest.mark.parametrize("change", [lambda t: t.replace('"50"', '"51"'), lambda t: t[:80]])
 def test_a_damaged_library_is_found_out(
-    change: Callable[[str], str], profile: LaserProfile
+    change: Callable[[str], str], job: Job, profile: LaserProfile
 ) -> None:
-    assert library_problems(change(library_text(profile)), profile) != ()
+    assert library_problems(change(library_text(profile)), job, profile) != ()
 
 
 def test_an_operation_that_the_recipe_lacks_is_an_error(job: Job, profile: LaserProfile) -> None:

@@ -12,7 +12,7 @@ import pytest
 import shapely
 from PIL import Image
 
-from vinefab.fabrication.calibration.coupon_shapes import balloon_designs, crotch_designs
+from vinefab.fabrication.calibration.coupons import balloon_designs, crotch_designs
 from vinefab.fabrication.formats.dxf_format import dxf_text
 from vinefab.fabrication.formats.lightburn_format import lightburn_text
 from vinefab.fabrication.formats.svg_format import svg_text
@@ -112,14 +112,15 @@ def test_a_wrong_fillet_would_be_seen(part: Job) -> None:
 
 SCRIPT = """
 import hashlib, sys
-from vinefab.fabrication.package.package_files import zip_bytes
-from vinefab.fabrication.formats.laser_files import laser_files
+from vinefab.fabrication.package.prepare import zip_bytes
+from vinefab.fabrication.formats.laser_drawing import LaserFileSpec
+from vinefab.fabrication.formats.laser_formats import laser_files
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.fabrication.job.laser_job import laser_job
 profile = read_profile("co2_60w__stretchlon_200")
 job = laser_job(read_design("three_level_tree"), profile)
-files = laser_files(job, profile=profile, r12=True)
+files = laser_files(LaserFileSpec(job=job, profile=profile), requested=["dxf_r12"]).files
 for name, data in [*files.items(), ("zip", zip_bytes(files, "a"))]:
     print(name, hashlib.sha256(data).hexdigest())
 """

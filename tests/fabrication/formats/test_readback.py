@@ -1,6 +1,7 @@
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,25 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from vinefab.core.errors import UnreadableFileError
-from vinefab.fabrication.formats.dxf_format import dxf_text, read_dxf
-from vinefab.fabrication.formats.readback import SVG_TOLERANCE_MM, drawing_differences
-from vinefab.fabrication.formats.svg_format import read_commands, read_svg, svg_contour, svg_text
+from vinefab.fabrication.formats.dxf_format import DXF, DXF_POLYLINE, dxf_text, read_dxf
+from vinefab.fabrication.formats.laser_drawing import LaserFileSpec, LaserFormat
+from vinefab.fabrication.formats.readback import drawing_differences, file_problems
+from vinefab.fabrication.formats.svg_format import (
+    SVG,
+    SVG_TOLERANCE_MM,
+    read_commands,
+    read_svg,
+    svg_contour,
+    svg_text,
+)
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.outline import Contour, Part
 
 RIGHT = ()
+
+
+def problems_of(laser_format: LaserFormat, text: str, job: Job) -> tuple[str, ...]:
+    return file_problems(laser_format, text.encode(), LaserFileSpec(job=job))
 
 
 @st.composite
@@ -56,8 +69,9 @@ def test_dxf_holds_any_contour_exactly(contour: Contour) -> None:
     assert np.array_equal(path.contour.points_mm, contour.points_mm)
     assert np.array_equal(path.contour.bulges, contour.bulges)
     assert path.contour.closed is contour.closed
-    assert drawing_differences(job, drawing, tolerance_mm=1e-9) == RIGHT
-    assert drawing_differences(job, read_dxf(dxf_text(job, polyline=True)), polyline=True) == RIGHT
+    exact = replace(DXF, tolerance_mm=1e-9)
+    assert drawing_differences(exact, drawing, LaserFileSpec(job=job)) == RIGHT
+    assert problems_of(DXF_POLYLINE, dxf_text(job, polyline=True), job) == RIGHT
 
 
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -66,7 +80,7 @@ def test_svg_holds_any_contour_to_two_thousandths_of_a_millimetre(contour: Conto
     job = sheet_of(contour)
     drawing = read_svg(svg_text(job))
     (path,) = drawing.paths
-    assert drawing_differences(job, drawing) == RIGHT
+    assert drawing_differences(SVG, drawing, LaserFileSpec(job=job)) == RIGHT
     # Every point of an arc as read, not only its middle, lies on the circle of the model.
     for read, meant in zip(path.contour.segments, svg_contour(contour).segments, strict=True):
         if meant.bulge:
@@ -120,7 +134,7 @@ SVG_DAMAGE = [
 
 @pytest.mark.parametrize(("damage", "word"), SVG_DAMAGE)
 def test_a_damaged_svg_is_found_out(damage: Callable[[str], str], word: str, job: Job) -> None:
-    assert word in "; ".join(drawing_differences(job, read_svg(damage(svg_text(job)))))
+    assert word in "; ".join(problems_of(SVG, damage(svg_text(job)), job))
 
 
 DXF_DAMAGE = [
@@ -140,26 +154,26 @@ DXF_DAMAGE = [
 
 @pytest.mark.parametrize(("damage", "word"), DXF_DAMAGE)
 def test_a_damaged_dxf_is_found_out(damage: Callable[[str], str], word: str, job: Job) -> None:
-    assert word in "; ".join(drawing_differences(job, read_dxf(damage(dxf_text(job)))))
+    assert word in "; ".join(problems_of(DXF, damage(dxf_text(job)), job))
 
 
 def test_another_entity_in_the_dxf_is_found_out(job: Job) -> None:
     text = "  0\nLINE\n  5\nFFFF\n  8\n0\n 10\n0.0\n 20\n0.0\n 11\n1.0\n 21\n1.0\n"
     head, tail = dxf_text(job).split("  2\nENTITIES\n")
     damaged = f"{head}  2\nENTITIES\n{text}{tail}"
-    assert "1 entities of kind LINE" in "; ".join(drawing_differences(job, read_dxf(damaged)))
+    assert "1 entities of kind LINE" in "; ".join(problems_of(DXF, damaged, job))
 
 
 def test_a_flattened_file_is_not_taken_for_the_exact_one(job: Job) -> None:
-    problems = drawing_differences(job, read_dxf(dxf_text(job, polyline=True)))
+    problems = problems_of(DXF, dxf_text(job, polyline=True), job)
     assert any("arcs" in problem for problem in problems)
     assert any("vertices" in problem for problem in problems)
 
 
 def test_a_job_with_nothing_to_draw_is_not_right() -> None:
     empty = Job(name="empty", sheet_width_mm=10, sheet_height_mm=10, paths=())
-    assert "nothing to draw" in "; ".join(drawing_differences(empty, read_svg(svg_text(empty))))
-    assert "nothing to draw" in "; ".join(drawing_differences(empty, read_dxf(dxf_text(empty))))
+    assert "nothing to draw" in "; ".join(problems_of(SVG, svg_text(empty), empty))
+    assert "nothing to draw" in "; ".join(problems_of(DXF, dxf_text(empty), empty))
 
 
 @pytest.mark.parametrize(
@@ -220,8 +234,9 @@ def test_files_are_read_from_their_path_and_missing_ones_are_named(
 ) -> None:
     (tmp_path / "a.svg").write_text(svg_text(job), "utf-8")
     (tmp_path / "a.dxf").write_text(dxf_text(job), "utf-8")
-    assert drawing_differences(job, read_svg(tmp_path / "a.svg")) == RIGHT
-    assert drawing_differences(job, read_dxf(tmp_path / "a.dxf")) == RIGHT
+    spec = LaserFileSpec(job=job)
+    assert drawing_differences(SVG, read_svg(tmp_path / "a.svg"), spec) == RIGHT
+    assert drawing_differences(DXF, read_dxf(tmp_path / "a.dxf"), spec) == RIGHT
     for read in (read_svg, read_dxf):
         with pytest.raises(UnreadableFileError, match=r"missing\.x"):
             read(tmp_path / "missing.x")

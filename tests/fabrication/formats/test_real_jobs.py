@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import svgelements
 
-from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, metadata
-from vinefab.fabrication.formats.laser_files import laser_file_problems, laser_files
+from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, LaserFileSpec, metadata
+from vinefab.fabrication.formats.laser_formats import laser_files
 from vinefab.fabrication.formats.svg_format import svg_text
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.package.package_files import PackageContent, package_files
+from vinefab.fabrication.package.prepare import PackageContent, package_files
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import locate, names
@@ -24,9 +24,8 @@ def shipped(request: pytest.FixtureRequest) -> Job:
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_shipped_designs_are_written_right(shipped: Job, preset: str) -> None:
-    colours = PRESETS[preset]
-    problems = laser_file_problems(laser_files(shipped, colours), shipped, colours)
-    assert set(problems.values()) == {()}
+    written = laser_files(LaserFileSpec(job=shipped, colours=PRESETS[preset]))
+    assert set(written.problems.values()) == {()}
 
 
 def test_svgelements_sees_the_shipped_designs_as_they_are(shipped: Job) -> None:
@@ -42,7 +41,7 @@ def test_svgelements_sees_the_shipped_designs_as_they_are(shipped: Job) -> None:
 
 def test_the_offsets_that_were_applied_stand_in_every_file(shipped: Job) -> None:
     offset = f"{shipped.facts['weldcut_offset_mm']:g}"
-    for data in laser_files(shipped).values():
+    for data in laser_files(LaserFileSpec(job=shipped)).files.values():
         assert "weldcut_offset_mm" in data.decode()
         assert offset in data.decode()
 

@@ -1,10 +1,84 @@
+import subprocess
+import xml.etree.ElementTree as ET
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
+import pytest
+from PIL import Image
 
-from vinefab.fabrication.package.sheet_pictures import job_plan
+from vinefab.core.atomic import OWN_MARK
+from vinefab.fabrication.job.laser_job import laser_job
+from vinefab.fabrication.package.machine_time import machine_time, schedule
+from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.outline import Contour
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture(scope="module")
+def profile():
+    return read_profile("co2_60w__stretchlon_200")
+
+
+@pytest.fixture(scope="module")
+def job(profile):
+    return laser_job(read_design("three_level_tree"), profile)
+
+
+def test_the_schedule_takes_as_long_as_the_bill_says(job, profile):
+    runs = schedule(job, profile)
+    assert runs[-1].ends_s == pytest.approx(machine_time(job, profile).total_s)
+    order = [run.path.operation for run in runs]
+    assert order == sorted(order, key=list(type(order[0])).index)
+    assert all(a.ends_s <= b.begins_s for a, b in pairwise(runs))
+
+
+def test_every_animation_is_one_that_browsers_play(job, profile):
+    root = ET.fromstring(job_animation(job, profile))  # noqa: S314
+    animations = list(root.iter(f"{SVG}animate"))
+    assert len(animations) == len(schedule(job, profile)) + 2
+    for animation in animations:
+        times = [float(word) for word in animation.get("keyTimes").split(";")]
+        # The standard: from 0 to 1, never falling, as many as there are values.
+        assert (times[0], times[-1]) == (0.0, 1.0)
+        assert times == sorted(times)
+        assert len(animation.get("values").split(";")) == len(times)
+    assert len({animation.get("dur") for animation in animations}) == 1
+
+
+def test_a_path_is_hidden_before_its_time_and_drawn_after_it(job, profile):
+    root = ET.fromstring(job_animation(job, profile))  # noqa: S314
+    for line in root.iter(f"{SVG}polyline"):
+        values = [float(word) for word in line[0].get("values").split(";")]
+        assert values[0] == pytest.approx(values[1])
+        assert values[-1] == values[-2] == 0.0
+        assert values == sorted(values, reverse=True)
+        points = np.array([pair.split(",") for pair in line.get("points").split()], dtype=float)
+        assert values[0] == pytest.approx(np.hypot(*np.diff(points, axis=0).T).sum(), abs=0.5)
+
+
+def test_the_same_job_gives_the_same_bytes_and_stands_still_as_the_finished_sheet(
+    job, profile, tmp_path, program
+):
+    data = job_animation(job, profile)
+    assert data == job_animation(job, profile)
+    assert OWN_MARK in data
+    assert len(data) < 200_000
+    (tmp_path / "a.svg").write_bytes(data)
+    picture = tmp_path / "a.png"
+    command = [program("rsvg-convert", "librsvg2-bin"), "-o", picture, tmp_path / "a.svg"]
+    done = subprocess.run(
+        command, capture_output=True, text=True, errors="replace", timeout=60, check=True
+    )
+    assert done.stderr == ""
+    with Image.open(picture) as image:
+        pixels = np.asarray(image.convert("RGB")).reshape(-1, 3).astype(int)
+    magenta = (pixels[:, 0] > 200) & (pixels[:, 1] < 120) & (pixels[:, 2] > 200)
+    assert magenta.sum() > 1000
 
 
 def test_a_robot_in_tiles_lies_on_film_and_not_on_a_bed():

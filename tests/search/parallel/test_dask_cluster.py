@@ -220,7 +220,9 @@ class Deserted:
 
 def test_a_run_gives_up_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_wait", lambda _: None)
-    with pytest.raises(WorkersLostError, match=r"no worker for 0\.01 s; --resume continues the recorded run"):
+    with pytest.raises(
+        WorkersLostError, match=r"no worker for 0\.01 s; --resume continues the recorded run"
+    ):
         DaskEvaluator("local:2", patience_s=0.01)._gathered(Deserted(), [Deserted()])
 
 

@@ -1,4 +1,4 @@
-"""What `vinefab calibrate` writes and says."""
+"""The result of a calibration: recipe file, lines for the user, JSON."""
 
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -86,7 +86,7 @@ SCHEMA = "vinefab/calibration-1"
 def calibrated_recipe(
     calibration: Calibration, recipe: str | Path, out: Path, results: Path
 ) -> str:
-    """Return the recipe file, read again as it will lie and found to be usable."""
+    """Return the recipe file, read back to be sure that it is valid."""
     text = calibrated_text(
         recipe,
         out,
@@ -100,7 +100,7 @@ def calibrated_recipe(
 
 
 def calibration_lines(calibration: Calibration) -> list[str]:
-    """Return what was fitted, as lines for the user."""
+    """Return the fitted numbers as lines for the user."""
     numbers = calibration.numbers
     width = max((len(name) for name in numbers), default=0)
     lines = [
@@ -117,7 +117,7 @@ def _words(number: Estimate) -> str:
 
 
 def calibration_json(calibration: Calibration) -> str:
-    """Return what was fitted as JSON."""
+    """Return the fitted numbers as JSON."""
     return json_text(
         SCHEMA,
         {

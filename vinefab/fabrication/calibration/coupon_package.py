@@ -1,35 +1,23 @@
-"""The coupons of a recipe: laser files, checks, a picture, instructions and a table to fill in."""
+"""The coupon folder of a recipe: laser files, checks, pictures, instructions, table of results."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from textwrap import fill
 
 from vinefab.core.jsontext import GENERATOR, json_text
-from vinefab.fabrication.calibration.coupon_shapes import (
-    BALLOONS,
-    FILLETS_MM,
-    LADDER_MM,
+from vinefab.fabrication.calibration.coupon_results import results_text
+from vinefab.fabrication.calibration.coupons import (
     SQUARE_MM,
-    STRIP_MM,
-    STRIPS,
     Coupon,
-    coupon_pieces,
-)
-from vinefab.fabrication.calibration.coupon_sheets import (
-    FOCUS_MM,
     Matrix,
+    coupon_pieces,
     coupon_sheets,
     energy_matrix,
 )
-from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, Colours
-from vinefab.fabrication.formats.laser_files import (
-    LIBRARY_NAME,
-    POLYLINE_NAME,
-    laser_file_problems,
-    laser_files,
-)
-from vinefab.fabrication.job.passes import weldcut_offset_mm
-from vinefab.fabrication.package.package_files import ensure_right
+from vinefab.fabrication.formats.dxf_format import DXF_POLYLINE
+from vinefab.fabrication.formats.laser_drawing import DEFAULT, LaserFileSpec
+from vinefab.fabrication.formats.laser_formats import LaserFiles, ensure_read_back, laser_files
+from vinefab.fabrication.package.prepare import package_spec
+from vinefab.fabrication.package.readme_text import readme_section
 from vinefab.fabrication.package.sheet_pictures import job_plan
 from vinefab.fabrication.rules.run_rules import checks_text, run_checks
 from vinefab.fabrication.rules.subject import Subject
@@ -38,78 +26,15 @@ from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.pages.figure import png_bytes
 
-COLUMNS = ("measure", "setting", "value", "unit", "uncertainty", "note")
-OFFSET_NOTE = "# weldcut_offset_mm"
-RECIPE_NOTE = "# recipe"
-
-Row = tuple[str, str, str, str]
-
-
-def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
-    """Return the table of results, CSV, with every row that the coupons ask for, unfilled."""
-    lines = [
-        f"# coupon results, {GENERATOR}",
-        f"{RECIPE_NOTE} {profile.recipe.name}",
-    ]
-    if Operation.WELDCUT in profile.recipe.operations:
-        lines.append(f"{OFFSET_NOTE} {weldcut_offset_mm(profile):.6g}")
-    lines += [
-        "# Fill in the column value; rows without a value are ignored; add rows as you like.",
-        "# uncertainty: one standard deviation of the reading in the row's unit, or empty.",
-        ",".join(COLUMNS),
-        *(
-            ",".join((measure, setting, "", unit, "", note))
-            for measure, setting, unit, note in (*_rows(profile), *_matrix_rows(matrix))
-        ),
-    ]
-    return "\n".join(lines) + "\n"
-
 
 def coupon_readme(profile: LaserProfile, jobs: Sequence[Job], matrix: Matrix | None) -> str:
     """Return what to cut, in which order, and what to measure on each piece."""
     title = f"Coupons for recipe {profile.recipe.name}"
-    parts = [f"{title}\n{'=' * len(title)}", _section("1. Cut", _cutting(jobs, matrix))]
-    parts.append(_section("2. Measure", _measuring(profile)))
-    parts.append(_section("3. Give the results back", _giving_back(profile)))
+    parts = [f"{title}\n{'=' * len(title)}", readme_section("1. Cut", _cutting(jobs, matrix))]
+    parts.append(readme_section("2. Measure", _measuring(profile)))
+    parts.append(readme_section("3. Give the results back", _giving_back(profile)))
     parts.append(GENERATOR)
     return "\n\n".join(parts) + "\n"
-
-
-def _rows(profile: LaserProfile) -> list[Row]:
-    names = [op for op in (Operation.WELDCUT, Operation.CUT) if op in profile.recipe.operations]
-    rows: list[Row] = [
-        ("kerf_piece", name, "mm", f"side of the piece that came out of KERF-{name}")
-        for name in names
-    ]
-    seal = Operation.WELDCUT if Operation.WELDCUT in names else Operation.WELD
-    rows += [("seam", seal, "mm", "width of the fused rim inward of any cut") for _ in range(3)]
-    rows += [("width", f"{w:g}", "mm", f"lay-flat lumen of finger W{w:g}") for w in LADDER_MM]
-    rows += [
-        ("burst", "20", "kPa", f"BURST-{k}; setting: lay-flat width")
-        for k in range(1, BALLOONS + 1)
-    ]
-    rows += [
-        ("peel", f"{STRIP_MM[1]:g}", "N", f"PEEL-{k}; setting: strip width")
-        for k in range(1, STRIPS + 1)
-    ]
-    rows += [("crotch_burst", f"{radius:g}", "kPa", f"CROTCH-R{radius:g}") for radius in FILLETS_MM]
-    rows += [("friction_incline", "", "deg", "incline at which film slides on the obstacle")] * 3
-    rows += [("growth_width", "", "mm", "lay-flat width of the tube that was grown")]
-    rows += [
-        ("growth", path, "kPa", "lengths mm and turns deg in turn")
-        for path in ("300", "600", "300 90 300", "300 90 300 90 300", "300 180 300", "900 90 100")
-    ]
-    return rows
-
-
-def _matrix_rows(matrix: Matrix | None) -> list[Row]:
-    if matrix is None:
-        return []
-    return [
-        ("matrix", f"{energy:.1f} {focus:g}", "", "nothing / weld / weldcut / cut / burnt")
-        for focus in FOCUS_MM
-        for energy in matrix.energies_mj_mm
-    ]
 
 
 def _cutting(jobs: Sequence[Job], matrix: Matrix | None) -> list[str]:
@@ -171,40 +96,25 @@ def _giving_back(profile: LaserProfile) -> list[str]:
     ]
 
 
-def _section(title: str, items: Sequence[str]) -> str:
-    return "\n".join([title, "-" * len(title), *(_item(item) for item in items)])
-
-
-def _item(text: str) -> str:
-    return fill(
-        text,
-        width=96,
-        initial_indent="- ",
-        subsequent_indent="  ",
-        break_on_hyphens=False,
-        break_long_words=False,
-    )
-
-
 SCHEMA = "vinefab/coupon-1"
 RESULTS_NAME = "results.csv"
 
 SHAPE_RULES = ("VF-T01", "VF-T02", "VF-T03", "VF-T04", "VF-W04", "VF-C03", "VF-C05")
-"""Rules that each coupon that is a robot must keep."""
+"""Rules for each coupon that is a robot."""
 
 PATH_RULES = ("VF-L01", "VF-L02", "VF-L03", "VF-X01")
-"""Rules that every sheet must keep. Length, tail and bed are not a coupon's business."""
+"""Rules for every sheet; those about length, tail and bed do not apply to coupons."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Coupons:
     """The coupons of a recipe, checked, with their laser files."""
 
-    profile: LaserProfile  # machine, material and recipe
-    sheets: tuple[Job, ...]  # jobs with all pieces but the energy matrix
-    matrix: Matrix | None  # the energy matrix, or None where the laser makes no seam
-    report: CheckReport  # what the rules say of pieces and sheets
-    laser: Mapping[str, bytes]  # laser files by name, read again and found right
+    profile: LaserProfile
+    sheets: tuple[Job, ...]  # all pieces but the energy matrix
+    matrix: Matrix | None  # None where the laser makes no seam
+    report: CheckReport  # of pieces and sheets
+    laser: Mapping[str, bytes]  # laser files by name, read back without a problem
 
     @property
     def jobs(self) -> tuple[Job, ...]:
@@ -213,21 +123,30 @@ class Coupons:
 
 
 def make_coupons(profile: LaserProfile) -> Coupons:
-    """Return the coupons for a recipe, laser files written in memory and read again."""
+    """Make the coupons for a recipe, laser files written in memory and read back.
+
+    Raises
+    ------
+    BadInputError
+        If a coupon is larger than the machine's bed.
+    ReadBackError
+        If a laser file, read back, differs from its job.
+    """
     pieces = coupon_pieces(profile)
     sheets = coupon_sheets(pieces, profile)
     matrix = _matrix(profile)
-    colours = PRESETS[profile.machine.colours]
+    specs = [package_spec(sheet, profile) for sheet in sheets]
+    specs += [
+        replace(package_spec(job, profile), colours=DEFAULT)
+        for job in (matrix.jobs if matrix else ())
+    ]
     laser: dict[str, bytes] = {}
     problems: dict[str, tuple[str, ...]] = {}
-    for job, preset in [
-        *((job, colours) for job in sheets),
-        *((job, DEFAULT) for job in (matrix.jobs if matrix else ())),
-    ]:
-        files, found = _written(job, preset, profile)
-        laser |= files
-        problems |= found
-    ensure_right(problems)
+    for spec in specs:
+        written = _written(spec)
+        laser |= written.files
+        problems |= written.problems
+    ensure_read_back(problems)
     report = _checked(pieces, sheets, profile, problems)
     return Coupons(profile=profile, sheets=sheets, matrix=matrix, report=report, laser=laser)
 
@@ -254,24 +173,16 @@ def _matrix(profile: LaserProfile) -> Matrix | None:
     return energy_matrix(profile)
 
 
-def _written(
-    job: Job, colours: Colours, profile: LaserProfile
-) -> tuple[dict[str, bytes], dict[str, tuple[str, ...]]]:
-    """Return a job's laser files under its own name, and what was wrong with each."""
-    hairline_mm = profile.machine.hairline_mm
-    files = laser_files(job, colours, hairline_mm=hairline_mm, profile=profile)
-    problems = laser_file_problems(files, job, colours, profile)
-    if not any(path.contour.arc_count for path in job.paths):
-        del files[POLYLINE_NAME], problems[POLYLINE_NAME]  # the same drawing once more
-    named = {name: _named(name, job) for name in files}
-    return (
-        {named[name]: data for name, data in files.items()},
-        {named[name]: found for name, found in problems.items()},
+def _written(spec: LaserFileSpec) -> LaserFiles:
+    """Return a job's laser files under its own name, read back."""
+    written = laser_files(spec, stem=spec.job.name)
+    if any(path.contour.arc_count for path in spec.job.paths):
+        return written
+    same = DXF_POLYLINE.file_name(spec.job.name)  # without arcs the same drawing as the DXF
+    return LaserFiles(
+        files={name: data for name, data in written.files.items() if name != same},
+        problems={name: found for name, found in written.problems.items() if name != same},
     )
-
-
-def _named(name: str, job: Job) -> str:
-    return name if name == LIBRARY_NAME else name.replace("outline", job.name, 1)
 
 
 def _checked(

@@ -1,4 +1,4 @@
-"""Coupon results in: a CSV table of readings, in whatever unit they were taken."""
+"""The table of coupon results, CSV: written to be filled in, and read in any known unit."""
 
 import csv
 import math
@@ -7,10 +7,27 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.core.jsontext import GENERATOR
 from vinefab.core.units import STANDARD_GRAVITY_M_S2
+from vinefab.fabrication.calibration.coupons import (
+    BALLOONS,
+    FILLETS_MM,
+    FOCUS_MM,
+    LADDER_MM,
+    STRIP_MM,
+    STRIPS,
+    Matrix,
+)
+from vinefab.fabrication.job.passes import weldcut_offset_mm
 from vinefab.model.files.shipped import read_text
+from vinefab.model.job import Operation
+from vinefab.model.laser import LaserProfile
 
 COLUMNS = ("measure", "setting", "value", "unit", "uncertainty", "note")
+OFFSET_NOTE = "# weldcut_offset_mm"
+RECIPE_NOTE = "# recipe"
+Row = tuple[str, str, str, str]
+"""Measure, setting, unit and note."""
 
 UNITS = {
     "mm": {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "in": 25.4},
@@ -24,7 +41,7 @@ UNITS = {
     },
     "rad": {"rad": 1.0, "deg": math.pi / 180.0},
 }  # fmt: skip
-"""Factor of every known unit, by the unit that is worked in."""
+"""Factor of every known unit, by the unit that the fit works in."""
 
 MEASURES = {
     "kerf_piece": "mm",
@@ -39,35 +56,92 @@ MEASURES = {
     "growth": "kPa",
     "matrix": "",
 }
-"""What may be measured, and the unit that it is worked in; empty for words."""
+"""What may be measured, and the unit that the fit works in; empty for outcomes in words."""
 
 OUTCOMES = ("nothing", "weld", "weldcut", "cut", "burnt")
-"""What a line of the energy matrix may have done."""
+"""Outcomes of a line of the energy matrix."""
+
+
+def results_text(profile: LaserProfile, matrix: Matrix | None) -> str:
+    """Return the table of results, CSV, one row per reading, values to be filled in."""
+    lines = [
+        f"# coupon results, {GENERATOR}",
+        f"{RECIPE_NOTE} {profile.recipe.name}",
+    ]
+    if Operation.WELDCUT in profile.recipe.operations:
+        lines.append(f"{OFFSET_NOTE} {weldcut_offset_mm(profile):.6g}")
+    lines += [
+        "# Fill in the column value; rows without a value are ignored; add rows as you like.",
+        "# uncertainty: one standard deviation of the reading in the row's unit, or empty.",
+        ",".join(COLUMNS),
+        *(
+            ",".join((measure, setting, "", unit, "", note))
+            for measure, setting, unit, note in (*_rows(profile), *_matrix_rows(matrix))
+        ),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _rows(profile: LaserProfile) -> list[Row]:
+    names = [op for op in (Operation.WELDCUT, Operation.CUT) if op in profile.recipe.operations]
+    rows: list[Row] = [
+        ("kerf_piece", name, "mm", f"side of the piece that came out of KERF-{name}")
+        for name in names
+    ]
+    seal = Operation.WELDCUT if Operation.WELDCUT in names else Operation.WELD
+    rows += [("seam", seal, "mm", "width of the fused rim inward of any cut") for _ in range(3)]
+    rows += [("width", f"{w:g}", "mm", f"lay-flat lumen of finger W{w:g}") for w in LADDER_MM]
+    rows += [
+        ("burst", "20", "kPa", f"BURST-{k}; setting: lay-flat width")
+        for k in range(1, BALLOONS + 1)
+    ]
+    rows += [
+        ("peel", f"{STRIP_MM[1]:g}", "N", f"PEEL-{k}; setting: strip width")
+        for k in range(1, STRIPS + 1)
+    ]
+    rows += [("crotch_burst", f"{radius:g}", "kPa", f"CROTCH-R{radius:g}") for radius in FILLETS_MM]
+    rows += [("friction_incline", "", "deg", "incline at which film slides on the obstacle")] * 3
+    rows += [("growth_width", "", "mm", "lay-flat width of the tube that was grown")]
+    rows += [
+        ("growth", path, "kPa", "lengths mm and turns deg in turn")
+        for path in ("300", "600", "300 90 300", "300 90 300 90 300", "300 180 300", "900 90 100")
+    ]
+    return rows
+
+
+def _matrix_rows(matrix: Matrix | None) -> list[Row]:
+    if matrix is None:
+        return []
+    return [
+        ("matrix", f"{energy:.1f} {focus:g}", "", " / ".join(OUTCOMES))
+        for focus in FOCUS_MM
+        for energy in matrix.energies_mj_mm
+    ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
     """One row of the table."""
 
-    measure: str  # A key of `MEASURES`
+    measure: str  # a key of `MEASURES`
     setting: str  # what it was measured on: a width, an operation, a path
-    value: float  # what was read, in the measure's own unit; NaN for words
-    sigma: float | None  # standard uncertainty in the same unit, or None
-    word: str  # what was seen, for a measure in words
+    value: float  # in the measure's own unit; NaN for an outcome
+    sigma: float | None  # standard uncertainty in the same unit
+    outcome: str  # one of `OUTCOMES`; empty for a number
     place: str  # file and line, for errors
 
     def wrong(self, value: object, allowed: str) -> BadInputError:
-        """Return the error that says what is wrong with this row."""
+        """Return an error that names this row."""
         return BadInputError(f"{self.measure} {self.setting}".strip(), value, allowed, self.place)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
-    """A table of readings, and what the coupons said about themselves."""
+    """A table of readings, with the recipe and offset that the coupons were cut with."""
 
     readings: tuple[Reading, ...]  # the rows that have a value, in order
-    recipe: str  # name of the recipe that the coupons were cut with, or an empty string
-    offset_mm: float | None  # offset of the one-pass outline on the coupons, or None
+    recipe: str  # name of the recipe that the coupons were cut with; empty if the table lacks it
+    offset_mm: float | None  # offset of the one-pass outline on the coupons
 
     def of(self, measure: str) -> tuple[Reading, ...]:
         """Return the readings of one kind."""
@@ -75,7 +149,15 @@ class Results:
 
 
 def read_results(path: Path) -> Results:
-    """Return the readings of a table; rows without a value are left out."""
+    """Read a table of results; rows without a value are left out.
+
+    Raises
+    ------
+    UnreadableFileError
+        If the file is missing or no text.
+    BadInputError, UnknownNameError
+        If a header, measure, unit or number is not known; the error names file and line.
+    """
     lines = read_text(path, 16 << 20).splitlines()
     notes = dict(_note(line) for line in lines if line.startswith("#"))
     offset = notes.get("weldcut_offset_mm")
@@ -102,8 +184,8 @@ def _readings(lines: list[str], path: Path) -> Iterator[Reading]:
             header = _header(cells, place)
             continue
         if len(cells) > len(header):
-            words = f"{len(header)} ({', '.join(header)}); put commas of a note into quotes"
-            raise BadInputError("cells", len(cells), words, place)
+            allowed = f"{len(header)} ({', '.join(header)}); put commas of a note into quotes"
+            raise BadInputError("cells", len(cells), allowed, place)
         row = dict(zip(header, cells, strict=False))
         if row.get("value"):
             yield _reading(row, place)
@@ -124,7 +206,7 @@ def _reading(row: dict[str, str], place: str) -> Reading:
         if text not in OUTCOMES:
             raise BadInputError(measure, text, ", ".join(OUTCOMES), place)
         return Reading(
-            measure=measure, setting=row["setting"], value=math.nan, sigma=None, word=text,
+            measure=measure, setting=row["setting"], value=math.nan, sigma=None, outcome=text,
             place=place,
         )  # fmt: skip
     unit = row.get("unit", "")
@@ -136,7 +218,7 @@ def _reading(row: dict[str, str], place: str) -> Reading:
         setting=row.get("setting", ""),
         value=factor * _number(text, measure, place),
         sigma=factor * _number(spread, f"uncertainty of {measure}", place) if spread else None,
-        word="",
+        outcome="",
         place=place,
     )
 

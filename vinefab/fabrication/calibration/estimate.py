@@ -17,9 +17,9 @@ _LEAST_SINGULAR = 1e-9
 class Estimate:
     """A fitted number."""
 
-    value: float  # best value
+    value: float
     uncertainty: float  # one standard deviation, in the same unit
-    readings: int  # how many readings it rests on
+    readings: int  # number of readings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,8 +27,8 @@ class Equation:
     """One reading as an equation: the unknowns, times factors, add up to it."""
 
     factors: dict[str, float]  # factor of each unknown, by name
-    value: float  # what was read
-    sigma: float | None = None  # its standard uncertainty, or None
+    value: float  # the reading
+    sigma: float | None = None  # its standard uncertainty
 
 
 def mean_estimate(values: Sequence[float], sigmas: Sequence[float | None], key: str) -> Estimate:
@@ -50,7 +50,7 @@ def solve_equations(equations: Sequence[Equation], key: str) -> dict[str, Estima
     """Return unknowns by linear least squares.
 
     Readings with stated uncertainties are weighted by them, and the result's uncertainty is never
-    less than the scatter says (Birge's ratio). Readings without take theirs from the scatter.
+    less than that of the scatter (Birge's ratio). Without stated ones it follows from the scatter.
     """
     names = sorted({name for equation in equations for name in equation.factors})
     weights = stated_weights([e.sigma for e in equations], len(names), key)
@@ -60,8 +60,8 @@ def solve_equations(equations: Sequence[Equation], key: str) -> dict[str, Estima
     singular = np.linalg.svd(rows, compute_uv=False)
     if len(equations) < len(names) or singular[-1] < _LEAST_SINGULAR * singular[0]:
         given = f"{len(equations)} reading{'s' if len(equations) > 1 else ''}"
-        words = f"readings that tell {' and '.join(names)} apart"
-        raise BadInputError(key, given, words)
+        allowed = f"readings that tell {' and '.join(names)} apart"
+        raise BadInputError(key, given, allowed)
     found, *_ = np.linalg.lstsq(rows, goal, rcond=None)
     stated = equations[0].sigma is not None
     spread = scatter(rows @ found - goal, len(names), stated=stated)
@@ -77,11 +77,13 @@ def stated_weights(sigmas: Sequence[float | None], unknowns: int, key: str) -> F
     """Return one over each reading's uncertainty, or ones where none is stated."""
     stated = [sigma for sigma in sigmas if sigma is not None]
     if stated and len(stated) < len(sigmas):
-        words = "an uncertainty for every reading of this kind, or for none"
-        raise BadInputError(f"{key} uncertainty", f"{len(stated)} of {len(sigmas)}", words)
+        allowed = "an uncertainty for every reading of this kind, or for none"
+        raise BadInputError(f"{key} uncertainty", f"{len(stated)} of {len(sigmas)}", allowed)
     if not stated and len(sigmas) <= unknowns:
-        words = f"at least {unknowns + 1} for {unknowns} unknown{'s' if unknowns > 1 else ''}"
-        raise BadInputError(key, f"{len(sigmas)} without uncertainty", f"{words}, or uncertainties")
+        allowed = f"at least {unknowns + 1} for {unknowns} unknown{'s' if unknowns > 1 else ''}"
+        raise BadInputError(
+            key, f"{len(sigmas)} without uncertainty", f"{allowed}, or uncertainties"
+        )
     if any(sigma <= 0.0 for sigma in stated):
         raise BadInputError(f"{key} uncertainty", min(stated), "above 0")
     return 1.0 / np.array(stated) if stated else np.ones(len(sigmas))
@@ -119,8 +121,8 @@ def fit_growth(paths: Sequence[GrownPath]) -> dict[str, Estimate]:
     """
     weights = stated_weights([path.sigma_kpa for path in paths], len(NAMES), "growth")
     if len(paths) < len(NAMES):
-        words = "at least 4 paths for 4 unknowns (Y, f, T, mu)"
-        raise BadInputError("growth", f"{len(paths)} paths", words)
+        allowed = "at least 4 paths for 4 unknowns (Y, f, T, mu)"
+        raise BadInputError("growth", f"{len(paths)} paths", allowed)
     measured = np.array([path.pressure_kpa for path in paths])
 
     def residuals(constants: Floats) -> Floats:
@@ -141,8 +143,8 @@ def fit_growth(paths: Sequence[GrownPath]) -> dict[str, Estimate]:
     scaled = jacobian * np.maximum(np.abs(solved.x), 1e-3)
     singular = np.linalg.svd(scaled, compute_uv=False)
     if singular[-1] < _LEAST_SINGULAR_OF_FIT * singular[0]:
-        words = "paths that differ in length and in their turns, some without turns"
-        raise BadInputError("growth", f"{len(paths)} paths of too few kinds", words)
+        allowed = "paths that differ in length and in their turns, some without turns"
+        raise BadInputError("growth", f"{len(paths)} paths of too few kinds", allowed)
     stated = paths[0].sigma_kpa is not None
     spread = scatter(np.asarray(solved.fun), len(NAMES), stated=stated)
     deviations = spread * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))

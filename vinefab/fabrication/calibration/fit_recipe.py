@@ -11,7 +11,7 @@ from statistics import fmean, stdev
 
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.calibration.coupon_results import Reading, Results
-from vinefab.fabrication.calibration.coupon_shapes import SQUARE_MM
+from vinefab.fabrication.calibration.coupons import SQUARE_MM
 from vinefab.fabrication.calibration.estimate import (
     Equation,
     Estimate,
@@ -36,8 +36,8 @@ def fit_kerfs(results: Results, profile: LaserProfile) -> dict[str, Estimate]:
     found = solve_equations(equations, "kerf and seam")
     for name, estimate in found.items():
         if estimate.value < 0.0:
-            words = "0 or more: look for readings of the wrong piece, unit or operation"
-            raise BadInputError(name, f"{estimate.value:.3f} mm", words)
+            allowed = "0 or more: look for readings of the wrong piece, unit or operation"
+            raise BadInputError(name, f"{estimate.value:.3f} mm", allowed)
     return found
 
 
@@ -60,8 +60,8 @@ def _equations(results: Results, profile: LaserProfile) -> Iterator[Equation]:
 
 def _equation(reading: Reading, factors: dict[str, float], value: float) -> Equation:
     if value < 0.0:
-        words = f"a square of {SQUARE_MM:g} mm comes out smaller, its hole larger"
-        raise reading.wrong(f"{reading.value:g} mm, a kerf of {value:.3f} mm", words)
+        allowed = f"a square of {SQUARE_MM:g} mm comes out smaller, its hole larger"
+        raise reading.wrong(f"{reading.value:g} mm, a kerf of {value:.3f} mm", allowed)
     return Equation(factors=factors, value=value, sigma=reading.sigma)
 
 
@@ -87,7 +87,7 @@ def _width_mm(reading: Reading) -> float:
 
 
 def _offset_mm(results: Results, reading: Reading, profile: LaserProfile) -> float:
-    """Return the outline's offset on the coupons: what their table says, else the recipe's."""
+    """Return the outline's offset on the coupons: that in their table, else the recipe's."""
     settings = profile.recipe.operations.get(Operation.WELDCUT)
     if settings is None:
         raise reading.wrong(reading.setting, "a recipe that cuts and seals in one pass")
@@ -105,7 +105,7 @@ def _offset_mm(results: Results, reading: Reading, profile: LaserProfile) -> flo
 
 
 _MAKES = {Operation.WELD: "weld", Operation.WELDCUT: "weldcut"}
-"""What a line of the matrix must have done to be right for an operation."""
+"""Outcome of a line of the matrix that is right for an operation."""
 
 
 def energy_windows(results: Results, profile: LaserProfile) -> tuple[EnergyWindow, ...]:
@@ -117,7 +117,7 @@ def energy_windows(results: Results, profile: LaserProfile) -> tuple[EnergyWindo
     lines: dict[float, list[tuple[float, str]]] = {}
     for reading in results.of("matrix"):
         energy, focus = _cell(reading)
-        lines.setdefault(focus, []).append((energy, reading.word))
+        lines.setdefault(focus, []).append((energy, reading.outcome))
     return tuple(
         _window(operation, focus, sorted(found), profile)
         for operation, _ in _MAKES.items()
@@ -128,13 +128,13 @@ def energy_windows(results: Results, profile: LaserProfile) -> tuple[EnergyWindo
 
 def window_lines(windows: Sequence[EnergyWindow], profile: LaserProfile) -> list[str]:
     """Return windows as lines for the user, and the energies that the recipe runs beside them."""
-    told = [window.words() for window in windows]
+    lines = [window.words() for window in windows]
     for operation in dict.fromkeys(window.operation for window in windows):
         settings = profile.settings(operation)
         energy = settings.line_energy_mj_mm(profile.machine)
         focus = settings.focus_offset_mm.value
-        told.append(f"the recipe runs {operation} at {energy:.1f} mJ/mm, focus {focus:g} mm")
-    return told
+        lines.append(f"the recipe runs {operation} at {energy:.1f} mJ/mm, focus {focus:g} mm")
+    return lines
 
 
 def _by_laser(operation: Operation, profile: LaserProfile) -> bool:
@@ -153,9 +153,9 @@ def _window(
         run = [*run, energy] if good else []
         best = max(best, run, key=len)
     count = sum(word == right for _, word in lines)
-    words = f"energy matrix: {count} of {len(lines)} lines, power of {profile.machine.name}"
+    source = f"energy matrix: {count} of {len(lines)} lines, power of {profile.machine.name}"
     least, most = (
-        Quantity(value=energy, standing=Standing.MEASURED, source=words) if best else None
+        Quantity(value=energy, standing=Standing.MEASURED, source=source) if best else None
         for energy in ((best[0], best[-1]) if best else (0.0, 0.0))
     )
     return EnergyWindow(operation=operation, focus_mm=focus, least_mj_mm=least, most_mj_mm=most)
@@ -165,35 +165,49 @@ def _cell(reading: Reading) -> tuple[float, float]:
     try:
         energy, focus = (float(word) for word in reading.setting.split())
     except ValueError as error:
-        words = "line energy in mJ/mm and focus offset in mm, such as 46.8 6, as setting"
-        raise reading.wrong(reading.setting, words) from error
+        allowed = "line energy in mJ/mm and focus offset in mm, such as 46.8 6, as setting"
+        raise reading.wrong(reading.setting, allowed) from error
     return energy, focus
 
 
 BALLOONS_TESTED = 3
-"""Burst balloons from which on a recipe counts as burst-tested; fewer show no spread (ours)."""
+"""Least number of burst balloons for a burst-tested recipe; fewer show no spread (our choice)."""
 
 _LARGEST_TURN_DEG = 3600.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """What coupons say of a recipe."""
+    """A recipe's numbers as fitted to coupon results."""
 
     # fitted numbers by their place in a recipe file (``weldcut.kerf_mm``, ``measured.burst_kpa``,
     # ``growth.friction``)
     numbers: Mapping[str, Estimate]
     windows: tuple[EnergyWindow, ...]  # line energies at which the matrix came out right
-    status: RecipeStatus  # how far the recipe has been tried now
-    remarks: tuple[str, ...]  # what else was found, for people
+    status: RecipeStatus
+    remarks: tuple[str, ...]  # further results, for people
 
 
 def calibrate(results: Results, profile: LaserProfile) -> Calibration:
-    """Return what readings say of the recipe that the coupons were cut with."""
+    """Fit the numbers of the recipe that the coupons were cut with.
+
+    Parameters
+    ----------
+    results
+        The table of results.
+    profile
+        Machine, material and the recipe of the coupons.
+
+    Raises
+    ------
+    BadInputError
+        If the table is for another recipe, holds no value, or readings contradict each other or
+        are too few; the error names the row.
+    """
     name = profile.recipe.name
     if results.recipe and results.recipe != name:
-        words = f"{name}, or --recipe {results.recipe}"
-        raise BadInputError("recipe of the coupons", results.recipe, words)
+        allowed = f"{name}, or --recipe {results.recipe}"
+        raise BadInputError("recipe of the coupons", results.recipe, allowed)
     if not results.readings:
         raise BadInputError("results", "no row with a value", "at least one reading")
     numbers = {
@@ -268,8 +282,8 @@ def _growth(results: Results) -> dict[str, Estimate]:
     if not readings and not widths:
         return {}
     if len(widths) != 1 or not readings:
-        words = "one growth_width, and the pressures along the paths that this tube was grown"
-        raise BadInputError("growth", f"{len(widths)} widths, {len(readings)} paths", words)
+        allowed = "one growth_width, and the pressures along the paths that this tube was grown"
+        raise BadInputError("growth", f"{len(widths)} widths, {len(readings)} paths", allowed)
     if widths[0].value <= 0.0:
         raise widths[0].wrong(f"{widths[0].value:g} mm", "a width above 0")
     fitted = fit_growth([_path(reading) for reading in readings])
@@ -279,15 +293,15 @@ def _growth(results: Results) -> dict[str, Estimate]:
 
 
 def _path(reading: Reading) -> GrownPath:
-    words = "lengths in mm and turns in deg in turn, such as 300 90 300, as setting"
+    allowed = "lengths in mm and turns in deg in turn, such as 300 90 300, as setting"
     try:
         numbers = [float(word) for word in reading.setting.replace(";", " ").split()]
     except ValueError as error:
-        raise reading.wrong(reading.setting, words) from error
+        raise reading.wrong(reading.setting, allowed) from error
     lengths, turns = numbers[::2], numbers[1::2]
     sound = len(numbers) % 2 == 1 and all(0.0 < length < 1e6 for length in lengths)
     if not sound or not all(abs(turn) <= _LARGEST_TURN_DEG for turn in turns):
-        raise reading.wrong(reading.setting, words)
+        raise reading.wrong(reading.setting, allowed)
     return GrownPath(
         lengths_mm=tuple(lengths),
         turns_rad=tuple(math.radians(turn) for turn in turns),
@@ -296,18 +310,18 @@ def _path(reading: Reading) -> GrownPath:
     )
 
 
-def _positive_setting(reading: Reading, words: str) -> float:
+def _positive_setting(reading: Reading, meaning: str) -> float:
     try:
         value = float(reading.setting)
     except ValueError as error:
-        raise reading.wrong(reading.setting, f"{words}, as setting") from error
+        raise reading.wrong(reading.setting, f"{meaning}, as setting") from error
     if not 0.0 < value < 1e4:
-        raise reading.wrong(reading.setting, f"{words}, above 0")
+        raise reading.wrong(reading.setting, f"{meaning}, above 0")
     return value
 
 
 def _status(numbers: Mapping[str, Estimate], profile: LaserProfile) -> RecipeStatus:
-    """Return how far a recipe has been tried: never less than before.
+    """Return the status of a recipe, never lower than before.
 
     With kerf and seam of what seals, coupons have confirmed it; with enough burst balloons as
     well, it is burst-tested.

@@ -1,4 +1,4 @@
-"""Reading a DXF file of ours again."""
+"""DXF: true arcs, chords for programs without arcs, and release 12 for old ones."""
 
 import io
 import logging
@@ -21,14 +21,19 @@ from vinefab.fabrication.formats.laser_drawing import (
     DEFAULT,
     Colours,
     DrawnPath,
-    Format,
+    LaserFileSpec,
+    LaserFormat,
     ReadDrawing,
+    Style,
     StyledPath,
+    flattened_contour,
     metadata,
     styled_paths,
 )
 from vinefab.model.job import Job
 from vinefab.model.outline import FLATTEN_MM, Contour, Part
+
+TOLERANCE_MM = 1e-6
 
 VERSION = "R2010"
 RELEASE_12 = "R12"
@@ -62,13 +67,6 @@ def dxf_text(
     return f"999\n{GENERATOR}\n{stream.getvalue()}"
 
 
-def dxf_contour(contour: Contour, *, polyline: bool) -> Contour:
-    """Return a contour as it is written: itself, or its chords."""
-    if not polyline:
-        return contour
-    return Contour.polyline(contour.flattened_mm(FLATTEN_MM), closed=contour.closed)
-
-
 def _describe(document: DxfDocument, job: Job, colours: Colours) -> None:
     document.header["$MEASUREMENT"] = METRIC
     for key, value in metadata(job, colours).items():
@@ -85,7 +83,9 @@ def _add(document: DxfDocument, styled: StyledPath, *, polyline: bool) -> None:
     style = styled.style
     if style.layer not in document.layers:
         document.layers.add(style.layer, color=style.aci)
-    contour = dxf_contour(styled.path.contour, polyline=polyline)
+    contour = styled.path.contour
+    if polyline:
+        contour = flattened_contour(contour)
     bulges = contour.bulges.tolist()
     if not contour.closed:
         bulges.append(0.0)
@@ -112,7 +112,7 @@ def _register_classes(document: DxfDocument) -> None:
 def _fixed_metadata() -> Iterator[None]:
     """Keep the clock and random identifiers out of the file; ezdxf has only a global switch.
 
-    It also warns of every file of release 12 that it has no unit, which nobody can change.
+    It also warns that every file of release 12 has no unit, which the format cannot have.
     """
     before, level = options.write_fixed_meta_data_for_testing, _EZDXF_LOG.level
     options.write_fixed_meta_data_for_testing = True
@@ -125,7 +125,7 @@ def _fixed_metadata() -> Iterator[None]:
 
 
 def read_dxf(source: Path | str) -> ReadDrawing:
-    """Return what a DXF file says."""
+    """Read a DXF file of ours."""
     name = str(source) if isinstance(source, Path) else "DXF text"
     try:
         text = source.read_text("utf-8") if isinstance(source, Path) else source
@@ -143,7 +143,6 @@ def _drawing(document: DxfDocument) -> ReadDrawing:
     polylines = [entity for entity in entities if isinstance(entity, own)]
     limit = document.header.get("$LIMMAX", (0.0, 0.0))
     return ReadDrawing(
-        format=Format.DXF,
         unit=_unit(document),
         sheet=(float(limit[0]), float(limit[1])),
         paths=tuple(_path(polyline) for polyline in polylines),
@@ -158,11 +157,11 @@ def _drawing(document: DxfDocument) -> ReadDrawing:
 
 def _unit(document: DxfDocument) -> str:
     if document.dxfversion == AC1009:
-        return "mm"  # the only one that we write; the format has no place to say so
-    said = document.header.get("$INSUNITS", 0), document.header.get("$MEASUREMENT", 0)
-    if said == (MILLIMETRES, METRIC):
+        return "mm"  # the only unit that is written; the format cannot state it
+    found = document.header.get("$INSUNITS", 0), document.header.get("$MEASUREMENT", 0)
+    if found == (MILLIMETRES, METRIC):
         return "mm"
-    return f"$INSUNITS {said[0]} with $MEASUREMENT {said[1]}"
+    return f"$INSUNITS {found[0]} with $MEASUREMENT {found[1]}"
 
 
 def _path(polyline: LWPolyline | Polyline) -> DrawnPath:
@@ -184,3 +183,48 @@ def _path(polyline: LWPolyline | Polyline) -> DrawnPath:
             closed=closed,
         ),
     )
+
+
+def _colour_index(style: Style) -> str:
+    return str(style.aci)
+
+
+def _exact(spec: LaserFileSpec) -> str:
+    return dxf_text(spec.job, spec.colours)
+
+
+def _flattened(spec: LaserFileSpec) -> str:
+    return dxf_text(spec.job, spec.colours, polyline=True)
+
+
+def _release_12(spec: LaserFileSpec) -> str:
+    return dxf_text(spec.job, spec.colours, r12=True)
+
+
+DXF = LaserFormat(
+    title="DXF with true arcs",
+    suffix=".dxf",
+    write=_exact,
+    read=read_dxf,
+    tolerance_mm=TOLERANCE_MM,
+    colour=_colour_index,
+)
+DXF_POLYLINE = LaserFormat(
+    title="DXF with chords for arcs",
+    suffix="_polyline.dxf",
+    write=_flattened,
+    read=read_dxf,
+    tolerance_mm=TOLERANCE_MM,
+    contour=flattened_contour,
+    sagitta_mm=FLATTEN_MM,
+    colour=_colour_index,
+)
+DXF_R12 = LaserFormat(
+    title="DXF of release 12, which has no unit",
+    suffix="_r12.dxf",
+    write=_release_12,
+    read=read_dxf,
+    tolerance_mm=TOLERANCE_MM,
+    colour=_colour_index,
+    on_request=True,
+)

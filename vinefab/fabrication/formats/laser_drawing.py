@@ -1,7 +1,7 @@
-"""What a laser file holds, whatever its format: layers, colours, paths written and read again.
+"""What all laser formats share: layers and colours, paths as drawn and as read, `LaserFormat`.
 
-A preset changes nothing else: the geometry of a path is the same in every one. A preset may leave
-an operation out, where the programs that it is made for would cut whatever they meet.
+A colour preset never changes the geometry of a path. It may leave an operation out, for programs
+that cut whatever a file holds.
 
 The default colours are the only ones that are exact in DXF's primaries, in the six colours of
 Epilog's driver and in LightBurn's palette at once; ``reg`` and ``doc`` have the colours of
@@ -9,16 +9,21 @@ LightBurn's two tool layers, which it never cuts.
 """
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
-from enum import StrEnum
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR, plain
 from vinefab.core.registry import Registry
 from vinefab.model.job import Job, LaserPath, Operation
-from vinefab.model.outline import Contour
+from vinefab.model.laser import LaserProfile
+from vinefab.model.outline import FLATTEN_MM, Contour
+
+HAIRLINE_MM = 0.01
+LARGEST_TOLERANCE_MM = 0.01
+"""No format may hold a path with less accuracy than this."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,10 +45,9 @@ class Style:
 class Colours:
     """A preset: one style per operation."""
 
-    name: str  # what machines and users call it
-    title: str  # whom it is for, in words
-    # style by operation; an operation that is missing is not written
-    styles: Mapping[Operation, Style]
+    name: str
+    title: str  # which programs and shops it is for
+    styles: Mapping[Operation, Style]  # an operation without a style is not written
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "styles", MappingProxyType(dict(self.styles)))
@@ -57,7 +61,7 @@ VARIANT_COLOURS = (
     *(("#0000A0", 172), ("#D0D000", 2), ("#A000A0", 212), ("#00A000", 92)),
     *(("#00A0FF", 150), ("#C08000", 42), ("#A0A000", 52), ("#B4B4B4", 9)),
 )
-"""Colours of LightBurn's palette for settings that differ from the recipe's, with near indices."""
+"""Colours of LightBurn's palette, with the nearest colour indices, for settings of a path's own."""
 
 
 def _styles(colours: Mapping[Operation, tuple[str, int]]) -> dict[Operation, Style]:
@@ -114,8 +118,8 @@ PRESETS: Registry[Colours] = Registry(
 class StyledPath:
     """One path with the layer and colour that it is drawn in."""
 
-    path: LaserPath  # the path
-    style: Style  # its layer and colour
+    path: LaserPath
+    style: Style
 
 
 def styled_paths(job: Job, colours: Colours) -> tuple[StyledPath, ...]:
@@ -144,15 +148,15 @@ def _style(path: LaserPath, colours: Colours, variants: Mapping[str, tuple[str, 
     return Style(layer=f"{path.operation.layer}_{path.variant}", rgb=rgb, aci=aci)
 
 
-def left_out(job: Job, colours: Colours) -> tuple[Operation, ...]:
+def operations_left_out(job: Job, colours: Colours) -> tuple[Operation, ...]:
     """Return the operations of a job that a preset does not write."""
     return tuple(op for op in Operation if job.along(op) and op not in colours.styles)
 
 
-def told_apart(job: Job, colours: Colours) -> tuple[tuple[Operation, ...], ...]:
+def operations_by_style(job: Job, colours: Colours) -> tuple[tuple[Operation, ...], ...]:
     """Return a job's operations in groups that share a layer and a colour, in process order.
 
-    A group with more than one operation cannot be given different settings by the operator.
+    The operator cannot give different settings to the operations of one group.
     """
     groups: dict[tuple[str, str], list[Operation]] = {}
     for operation in Operation:
@@ -163,7 +167,7 @@ def told_apart(job: Job, colours: Colours) -> tuple[tuple[Operation, ...], ...]:
 
 
 def metadata(job: Job, colours: Colours) -> dict[str, str]:
-    """Return what a file says about itself: one line of text per key.
+    """Return the metadata of a file: one line of text per key.
 
     The facts of the job (offsets applied, recipe, rotation) are among it, so that a file that was
     parted from its folder still tells how it was made.
@@ -177,14 +181,14 @@ def metadata(job: Job, colours: Colours) -> dict[str, str]:
         "kerf": "seam and kerf offsets are in these paths: leave the machine's kerf at 0",
     }
     facts = {one_line(key): _as_line(value) for key, value in job.facts.items()}
-    # What vinefab says of the file comes first and is not overridden: it is known by it.
+    # vinefab's own entries come first and are not overridden: the file is recognized by them.
     return {**own, **{key: value for key, value in facts.items() if key not in own}}
 
 
 def one_line(text: str) -> str:
     """Return a text without line breaks and control characters, which end a DXF or XML string."""
-    kept = (char if char.isprintable() else " " for char in text)
-    return " ".join("".join(kept).split())
+    printable = (char if char.isprintable() else " " for char in text)
+    return " ".join("".join(printable).split())
 
 
 def _as_line(value: object) -> str:
@@ -195,33 +199,120 @@ def _as_line(value: object) -> str:
     return one_line(json.dumps(value, default=plain, ensure_ascii=False))
 
 
-class Format(StrEnum):
-    """The formats that are read back."""
+def flattened_contour(contour: Contour) -> Contour:
+    """Return a contour with chords for arcs, within `FLATTEN_MM` of them."""
+    return Contour.polyline(contour.flattened_mm(FLATTEN_MM), closed=contour.closed)
 
-    DXF = "dxf"
-    SVG = "svg"
-    LIGHTBURN = "lightburn"
+
+def xml_root(text: str) -> ET.Element:
+    """Return the root of an XML file that has neither declarations nor comments."""
+    if "<!" in text:
+        raise BadInputError("<!", text[text.index("<!") :][:40], "no declarations, no comments")
+    # Without declarations there are no entities that could expand without end.
+    return ET.fromstring(text.encode())  # noqa: S314
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DrawnPath:
     """One path of a file."""
 
-    layer: str  # the layer it is on
-    # ``#RRGGBB`` from an SVG or a LightBurn project, a colour index in digits from a DXF
-    colour: str
-    contour: Contour  # its lines and arcs, y up, in the file's unit
+    layer: str
+    colour: str  # ``#RRGGBB``, or a colour index in digits (DXF)
+    contour: Contour  # y up, in the file's unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReadDrawing:
-    """A file as read."""
+    """A laser file as read back."""
 
-    format: Format  # which kind of file it was
-    unit: str  # ``mm``, or in words what the file says instead
-    # width and height in the file's unit; None where the format has no sheet
-    sheet: tuple[float, float] | None
-    paths: tuple[DrawnPath, ...]  # in the order of the file
-    # colour of each layer that has one of its own (DXF), in the form of `DrawnPath.colour`
-    layer_colours: dict[str, str]
-    oddities: tuple[str, ...] = ()  # whatever was found that vinefab never writes, in words
+    unit: str = "mm"  # ``mm``, or the file's other unit
+    sheet: tuple[float, float] | None = None  # width and height; None: the format has no sheet
+    paths: tuple[DrawnPath, ...] = ()  # in the order of the file
+    # colour by layer, in the form of `DrawnPath.colour`; None: layers have no colour of their own
+    layer_colours: Mapping[str, str] | None = None
+    # names and values of machine settings by layer, in the order in which the layers run
+    settings: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    oddities: tuple[str, ...] = ()  # content that vinefab never writes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LaserFileSpec:
+    """The content of a laser file."""
+
+    job: Job
+    colours: Colours = DEFAULT
+    profile: LaserProfile | None = None  # None: no file with machine settings is written
+    hairline_mm: float = HAIRLINE_MM  # stroke width where the format has one
+
+    @property
+    def paths(self) -> tuple[StyledPath, ...]:
+        """Every path that the preset writes, in process order."""
+        return styled_paths(self.job, self.colours)
+
+    @property
+    def recipe_profile(self) -> LaserProfile:
+        """The profile, for formats that need one."""
+        if self.profile is None:
+            raise BadInputError("profile", None, "a profile, for a file with machine settings")
+        return self.profile
+
+
+def _spec_paths(spec: LaserFileSpec) -> tuple[StyledPath, ...]:
+    return spec.paths
+
+
+def _rgb(style: Style) -> str:
+    return style.rgb
+
+
+def _unchanged(contour: Contour) -> Contour:
+    return contour
+
+
+def _no_settings(_: LaserFileSpec) -> Mapping[str, Mapping[str, str]]:
+    return {}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LaserFormat:
+    """A kind of laser file: written, read back and compared with its job.
+
+    `vinefab.fabrication.formats.readback` compares what `read` returns with the job, the same way
+    for every format; the other fields say how the format represents a job.
+
+    Raises
+    ------
+    BadInputError
+        If a format has no writer, no reader, no usable suffix or too large a tolerance.
+    """
+
+    title: str
+    suffix: str  # end of its file names, such as ``.dxf`` or ``_r12.dxf``; unique
+    write: Callable[[LaserFileSpec], str]  # returns text, encoded as UTF-8
+    read: Callable[[str], ReadDrawing]  # raises `UnreadableFileError` for any other text
+    tolerance_mm: float  # largest error of a point, by the rounding of numbers
+    # paths that the format holds
+    paths: Callable[[LaserFileSpec], tuple[StyledPath, ...]] = _spec_paths
+    contour: Callable[[Contour], Contour] = _unchanged  # a contour as the format represents it
+    sagitta_mm: float = 0.0  # largest distance of its chords from the job's arcs
+    colour: Callable[[Style], str] = _rgb  # a style's colour as the format gives it
+    # machine settings by layer
+    settings: Callable[[LaserFileSpec], Mapping[str, Mapping[str, str]]] = _no_settings
+    holds_paths: bool = True  # False: holds only the recipe; one file for all sheets
+    needs_profile: bool = False  # written only where the spec has a profile
+    on_request: bool = False  # written only when it is asked for by name
+
+    def __post_init__(self) -> None:
+        for name in ("write", "read"):
+            if not callable(getattr(self, name)):
+                key = f"laser format {self.title}: {name}"
+                raise BadInputError(key, getattr(self, name), "a function")
+        if "." not in self.suffix or not set(self.suffix).isdisjoint("/\\"):
+            raise BadInputError("suffix", self.suffix, "the end of a file name, such as .dxf")
+        if not 0.0 < self.tolerance_mm <= LARGEST_TOLERANCE_MM:
+            allowed = f"above 0, at most {LARGEST_TOLERANCE_MM:g} mm"
+            raise BadInputError("tolerance_mm", self.tolerance_mm, allowed)
+
+    def file_name(self, stem: str = "outline") -> str:
+        """Return the name of a sheet's file, or of the recipe's."""
+        return f"{stem if self.holds_paths else 'recipe'}{self.suffix}"

@@ -1,9 +1,11 @@
-"""Reading a LightBurn project of ours again, and comparing it with the job and the recipe."""
+"""LightBurn: a project with paths and settings, and a material library with the settings alone.
+
+Both have a layer for every operation, whatever the colour preset.
+"""
 
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,19 +15,23 @@ from vinefab.core.validation import Floats
 from vinefab.fabrication.formats.laser_drawing import (
     DEFAULT,
     DrawnPath,
-    Format,
+    LaserFileSpec,
+    LaserFormat,
     ReadDrawing,
     StyledPath,
+    flattened_contour,
     metadata,
     one_line,
     styled_paths,
+    xml_root,
 )
-from vinefab.fabrication.formats.readback import drawing_differences
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile, OperationSettings
 from vinefab.model.outline import FLATTEN_MM, Contour
 
 DECIMALS = 4
+TOLERANCE_MM = 1e-4
+
 TOOL_1, TOOL_2 = 30, 31
 """LightBurn's two tool layers, which it shows and never runs."""
 
@@ -53,13 +59,12 @@ def lightburn_text(job: Job, profile: LaserProfile) -> str:
         MirrorX="False",
         MirrorY="False",
     )
-    layers = {styled.style.layer: styled for styled in reversed(paths)}
-    for priority, styled in enumerate(reversed(layers.values())):
+    for priority, styled in enumerate(_layers(paths).values()):
         root.append(_layer(styled, profile, priority))
     for number, styled in enumerate(paths):
         root.append(_shape(number, styled, profile))
-    words = [*(f"{key}: {value}" for key, value in metadata(job, DEFAULT).items()), _NOTES]
-    ET.SubElement(root, "Notes", ShowOnLoad="1", Notes=" | ".join(words))
+    notes = [*(f"{key}: {value}" for key, value in metadata(job, DEFAULT).items()), _NOTES]
+    ET.SubElement(root, "Notes", ShowOnLoad="1", Notes=" | ".join(notes))
     return _document(root)
 
 
@@ -88,6 +93,12 @@ def project_paths(job: Job) -> tuple[StyledPath, ...]:
     return tuple(styled for styled in paths if styled.path.operation is not Operation.DOC)
 
 
+def _layers(paths: tuple[StyledPath, ...]) -> dict[str, StyledPath]:
+    """Return a path of each layer, in the order in which the layers run."""
+    found = {styled.style.layer: styled for styled in reversed(paths)}
+    return dict(reversed(found.items()))
+
+
 def layer_index(styled: StyledPath, profile: LaserProfile) -> int:
     """Return LightBurn's number of a path's layer; its colour follows from it."""
     if not styled.path.operation.is_machined:
@@ -112,11 +123,6 @@ def cut_values(settings: OperationSettings) -> list[tuple[str, str]]:
     ]
 
 
-def lightburn_contour(contour: Contour) -> Contour:
-    """Return a contour as a project holds it: its chords."""
-    return Contour.polyline(contour.flattened_mm(FLATTEN_MM), closed=contour.closed)
-
-
 def _layer(styled: StyledPath, profile: LaserProfile, priority: int) -> ET.Element:
     index = layer_index(styled, profile)
     tool = index in (TOOL_1, TOOL_2)
@@ -136,7 +142,7 @@ def _shape(number: int, styled: StyledPath, profile: LaserProfile) -> ET.Element
         VertID=str(number),
         PrimID=str(number),
     )
-    contour = lightburn_contour(styled.path.contour)
+    contour = flattened_contour(styled.path.contour)
     points: Floats = contour.points_mm
     ET.SubElement(shape, "XForm").text = "1 0 0 1 0 0"
     vertices = (f"V{_number(x)} {_number(y)}c0x1c1x1" for x, y in points.tolist())
@@ -175,81 +181,25 @@ _COLOURS = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Project:
-    """A LightBurn project as read."""
-
-    drawing: ReadDrawing  # its paths; it has no sheet
-    # names and values of each layer's cut setting, by the layer's name, in order of priority
-    settings: dict[str, dict[str, str]]
-    tools: frozenset[str]  # layers that are never run
-
-
-def read_lightburn(text: str) -> Project:
-    """Return what a project says."""
+def read_lightburn(text: str) -> ReadDrawing:
+    """Read a project of ours; it has no sheet."""
     try:
-        return _project(_root(text))
+        return _project(xml_root(text))
     except (ET.ParseError, BadInputError, KeyError, ValueError) as error:
         raise UnreadableFileError("LightBurn text", f"not a project of ours: {error}") from error
 
 
-def lightburn_problems(text: str, job: Job, profile: LaserProfile) -> tuple[str, ...]:
-    """Return everything in which a project differs from a job and its recipe, in words."""
+def read_library(text: str) -> ReadDrawing:
+    """Return the settings of a material library by operation; it has no paths."""
     try:
-        project = read_lightburn(text)
-    except UnreadableFileError as error:
-        return (str(error),)
-    machined = tuple(path for path in job.paths if path.operation is not Operation.DOC)
-    meant = Job(
-        name=job.name,
-        sheet_width_mm=job.sheet_width_mm,
-        sheet_height_mm=job.sheet_height_mm,
-        paths=machined,
-    )
-    problems = list(drawing_differences(meant, project.drawing, DEFAULT, polyline=True))
-    layers = {styled.style.layer: styled.path for styled in reversed(project_paths(job))}
-    if list(project.settings) != list(reversed(layers)):
-        problems.append(f"the layers run as {', '.join(project.settings)}")
-    for layer, path in layers.items():
-        runs = path.operation.is_machined and path.settings_in(profile).by_laser
-        if runs == (layer in project.tools):
-            problems.append(f"layer {layer} is {'not run' if runs else 'run'}")
-        if runs:
-            found = project.settings.get(layer, {})
-            problems.extend(
-                f"layer {layer}: {name} is {found.get(name)}, not {value}"
-                for name, value in cut_values(path.settings_in(profile))
-                if found.get(name) != value
-            )
-    return tuple(problems)
+        entries = {entry.get("Desc", ""): entry for entry in xml_root(text).iter("Entry")}
+        settings = {name: _settings(entry[0]) for name, entry in entries.items()}
+    except (ET.ParseError, BadInputError, IndexError) as error:
+        raise UnreadableFileError("LightBurn text", f"not a library of ours: {error}") from error
+    return ReadDrawing(settings=settings)
 
 
-def library_problems(text: str, profile: LaserProfile) -> tuple[str, ...]:
-    """Return everything in which a material library differs from a recipe, in words."""
-    try:
-        entries = {entry.get("Desc", ""): entry for entry in _root(text).iter("Entry")}
-    except (ET.ParseError, BadInputError) as error:
-        return (f"not a library of ours: {error}",)
-    meant = {op: s for op, s in profile.recipe.operations.items() if s.by_laser}
-    if list(entries) != list(meant):
-        return (f"the entries are {', '.join(entries)}, not {', '.join(meant)}",)
-    found = {op: {value.tag: value.get("Value") for value in e[0]} for op, e in entries.items()}
-    return tuple(
-        f"entry {operation}: {name} is {found[operation].get(name)}, not {value}"
-        for operation, settings in meant.items()
-        for name, value in cut_values(settings)
-        if found[operation].get(name) != value
-    )
-
-
-def _root(text: str) -> ET.Element:
-    if "<!" in text:
-        raise BadInputError("<!", text[text.index("<!") :][:40], "no declarations, no comments")
-    # Without declarations there are no entities that could expand without end.
-    return ET.fromstring(text.encode())  # noqa: S314
-
-
-def _project(root: ET.Element) -> Project:
+def _project(root: ET.Element) -> ReadDrawing:
     cuts = sorted(root.findall("CutSetting"), key=lambda cut: int(_value(cut, "priority")))
     names = {_value(cut, "index"): _value(cut, "name") for cut in cuts}
     known = {"CutSetting", "Shape", "Notes"}
@@ -259,21 +209,16 @@ def _project(root: ET.Element) -> Project:
     shapes = root.findall("Shape")
     if len({shape.get("VertID") for shape in shapes}) != len(shapes):
         odd.append("shapes that share their vertices")
-    return Project(
-        drawing=ReadDrawing(
-            format=Format.LIGHTBURN,
-            unit="mm",
-            sheet=None,
-            paths=tuple(_path(shape, names) for shape in shapes),
-            layer_colours={},
-            oddities=tuple(odd),
-        ),
-        settings={
-            _value(cut, "name"): {child.tag: child.get("Value", "") for child in cut}
-            for cut in cuts
-        },
-        tools=frozenset(_value(cut, "name") for cut in cuts if cut.get("type") == "Tool"),
+    return ReadDrawing(
+        paths=tuple(_path(shape, names) for shape in shapes),
+        settings={_value(cut, "name"): _settings(cut) for cut in cuts},
+        oddities=tuple(odd),
     )
+
+
+def _settings(cut: ET.Element) -> dict[str, str]:
+    values = {child.tag: child.get("Value", "") for child in cut}
+    return {"type": cut.get("type", ""), **values}
 
 
 def _value(cut: ET.Element, name: str) -> str:
@@ -300,3 +245,58 @@ def _path(shape: ET.Element, names: dict[str, str]) -> DrawnPath:
         colour=_COLOURS[int(index)],
         contour=Contour.polyline(points, closed=closed),
     )
+
+
+def _write_project(spec: LaserFileSpec) -> str:
+    return lightburn_text(spec.job, spec.recipe_profile)
+
+
+def _write_library(spec: LaserFileSpec) -> str:
+    return library_text(spec.recipe_profile)
+
+
+def _held_paths(spec: LaserFileSpec) -> tuple[StyledPath, ...]:
+    return project_paths(spec.job)
+
+
+def _project_settings(spec: LaserFileSpec) -> dict[str, dict[str, str]]:
+    """Return what each layer of a project has to run with; a tool layer is never run."""
+    found = {}
+    for layer, styled in _layers(project_paths(spec.job)).items():
+        runs = layer_index(styled, spec.recipe_profile) not in (TOOL_1, TOOL_2)
+        values = cut_values(styled.path.settings_in(spec.recipe_profile)) if runs else ()
+        found[layer] = {"type": "Cut" if runs else "Tool", **dict(values)}
+    return found
+
+
+def _library_settings(spec: LaserFileSpec) -> dict[str, dict[str, str]]:
+    operations = spec.recipe_profile.recipe.operations
+    return {
+        operation: {"type": "Cut", **dict(cut_values(settings))}
+        for operation, settings in operations.items()
+        if settings.by_laser
+    }
+
+
+LIGHTBURN = LaserFormat(
+    title="LightBurn project, settings included",
+    suffix=".lbrn2",
+    write=_write_project,
+    read=read_lightburn,
+    tolerance_mm=TOLERANCE_MM,
+    paths=_held_paths,
+    contour=flattened_contour,
+    sagitta_mm=FLATTEN_MM,
+    settings=_project_settings,
+    needs_profile=True,
+)
+LIGHTBURN_LIBRARY = LaserFormat(
+    title="LightBurn material library",
+    suffix=".clb",
+    write=_write_library,
+    read=read_library,
+    tolerance_mm=TOLERANCE_MM,
+    settings=_library_settings,
+    holds_paths=False,
+    needs_profile=True,
+)

@@ -1,139 +1,156 @@
-"""Is a written file what was meant? Compare what it says, read again, with the job."""
+"""Compare a written laser file, read back, with its job: the same way for every format.
+
+A point that is off by more than the format's tolerance, a missing or added path, a wrong layer,
+order, colour, unit, sheet or machine setting is a problem.
+"""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 
 import numpy as np
 
+from vinefab.core.errors import VinefabError
 from vinefab.core.validation import Floats
-from vinefab.fabrication.formats import dxf_format as dxf
-from vinefab.fabrication.formats import svg_format as svg
 from vinefab.fabrication.formats.laser_drawing import (
-    DEFAULT,
-    Colours,
     DrawnPath,
-    Format,
+    LaserFileSpec,
+    LaserFormat,
     ReadDrawing,
     StyledPath,
-    styled_paths,
 )
-from vinefab.model.job import Job
-from vinefab.model.outline import FLATTEN_MM, Contour
+from vinefab.model.outline import Contour
 
-DXF_TOLERANCE_MM = 1e-6
-SVG_TOLERANCE_MM = 2e-3
-"""Three decimals: 0.0007 mm at a vertex, twice that in the middle of an arc."""
 
-TOLERANCES_MM = {
-    Format.DXF: DXF_TOLERANCE_MM,
-    Format.SVG: SVG_TOLERANCE_MM,
-    Format.LIGHTBURN: 1e-4,  # four decimals
-}
+def file_problems(
+    laser_format: LaserFormat, data: bytes | None, spec: LaserFileSpec
+) -> tuple[str, ...]:
+    """Read a file back and return what is wrong with it.
+
+    Parameters
+    ----------
+    data
+        Content of the file; None for a file that is missing.
+
+    Returns
+    -------
+    tuple of str
+        One sentence per difference; empty for a file that agrees with its spec.
+    """
+    if data is None:
+        return ("the file is missing",)
+    try:
+        drawing = laser_format.read(data.decode("utf-8"))
+    except (VinefabError, UnicodeDecodeError) as error:
+        return (str(error),)
+    return drawing_differences(laser_format, drawing, spec)
 
 
 def drawing_differences(
-    job: Job,
-    drawing: ReadDrawing,
-    colours: Colours = DEFAULT,
-    *,
-    polyline: bool = False,
-    tolerance_mm: float | None = None,
+    laser_format: LaserFormat, drawing: ReadDrawing, spec: LaserFileSpec
 ) -> tuple[str, ...]:
-    """Return everything in which a file differs from the job, in words.
+    """Return every difference between a file as read and its spec.
 
-    Compared are the unit, the sheet, the layers and their order, colours, and path by path:
-    closed or open, number of vertices and arcs, every vertex and the middle of every segment
-    against the form that the format can hold; box, area and length against the job itself.
+    Compared are the unit, the sheet, the layers and their order, colours, machine settings, and
+    path by path: closed or open, number of vertices and arcs, every vertex and the middle of every
+    segment against the form that the format can hold; box, area and length against the job itself.
     """
-    tolerance = _own_tolerance_mm(drawing) if tolerance_mm is None else tolerance_mm
-    meant = styled_paths(job, colours)
     problems = [f"the file holds {oddity}" for oddity in drawing.oddities]
-    problems.extend(_frame_problems(job, drawing, meant, tolerance))
-    layers = list(dict.fromkeys(styled.style.layer for styled in meant))
-    for layer in layers:
-        mine = [styled for styled in meant if styled.style.layer == layer]
-        theirs = [path for path in drawing.paths if path.layer == layer]
-        if len(mine) != len(theirs):
-            problems.append(f"layer {layer}: {len(theirs)} paths, not {len(mine)}")
+    problems.extend(_setting_problems(drawing.settings, laser_format.settings(spec)))
+    expected = laser_format.paths(spec) if laser_format.holds_paths else ()
+    problems.extend(_frame_problems(laser_format, drawing, spec, expected))
+    for layer in dict.fromkeys(styled.style.layer for styled in expected):
+        in_job = [styled for styled in expected if styled.style.layer == layer]
+        in_file = [path for path in drawing.paths if path.layer == layer]
+        if len(in_job) != len(in_file):
+            problems.append(f"layer {layer}: {len(in_file)} paths, not {len(in_job)}")
             continue
-        for number, (styled, path) in enumerate(zip(mine, theirs, strict=True), start=1):
-            found = _path_problems(styled, path, drawing.format, polyline=polyline, tol=tolerance)
+        for number, (styled, path) in enumerate(zip(in_job, in_file, strict=True), start=1):
+            found = _path_problems(laser_format, styled, path)
             problems.extend(f"layer {layer}, path {number}: {problem}" for problem in found)
     return tuple(problems)
 
 
-def _own_tolerance_mm(drawing: ReadDrawing) -> float:
-    return TOLERANCES_MM[drawing.format]
+def _setting_problems(
+    found: Mapping[str, Mapping[str, str]], expected: Mapping[str, Mapping[str, str]]
+) -> Iterator[str]:
+    if list(found) != list(expected):
+        yield f"the settings are for {', '.join(found)}, not {', '.join(expected)}"
+    for layer, values in expected.items():
+        for name, value in values.items():
+            read = found.get(layer, {}).get(name)
+            if read != value:
+                yield f"layer {layer}: {name} is {read}, not {value}"
 
 
 def _frame_problems(
-    job: Job, drawing: ReadDrawing, meant: tuple[StyledPath, ...], tolerance_mm: float
+    laser_format: LaserFormat,
+    drawing: ReadDrawing,
+    spec: LaserFileSpec,
+    expected: tuple[StyledPath, ...],
 ) -> Iterator[str]:
     if drawing.unit != "mm":
         yield f"the unit is {drawing.unit}, not mm"
-    sheet = job.sheet_width_mm, job.sheet_height_mm
-    if drawing.sheet and not np.allclose(drawing.sheet, sheet, rtol=0.0, atol=tolerance_mm):
+    sheet, near_mm = (spec.job.sheet_width_mm, spec.job.sheet_height_mm), laser_format.tolerance_mm
+    if drawing.sheet and not np.allclose(drawing.sheet, sheet, rtol=0.0, atol=near_mm):
         yield f"the sheet is {_listed(drawing.sheet)}, not {_listed(sheet)}"
-    if not meant:
+    if laser_format.holds_paths and not expected:
         yield "there is nothing to draw: the job has no path that this preset writes"
-    in_job = list(dict.fromkeys(styled.style.layer for styled in meant))
+    in_job = list(dict.fromkeys(styled.style.layer for styled in expected))
     in_file = [path.layer for path in drawing.paths]
     in_file = [layer for layer, after in pairwise([*in_file, None]) if layer and layer != after]
     if in_file != in_job:
         yield f"the layers are {', '.join(in_file)}, not {', '.join(in_job)}"
-    for styled in {styled.style.layer: styled for styled in meant}.values():
-        colour = drawing.layer_colours.get(styled.style.layer)
-        if drawing.format is Format.DXF and colour != str(styled.style.aci):
-            yield f"layer {styled.style.layer} has colour {colour}, not {styled.style.aci}"
+    if drawing.layer_colours is None:
+        return
+    for styled in {styled.style.layer: styled for styled in expected}.values():
+        layer, colour = styled.style.layer, laser_format.colour(styled.style)
+        if drawing.layer_colours.get(layer) != colour:
+            yield f"layer {layer} has colour {drawing.layer_colours.get(layer)}, not {colour}"
 
 
-def _path_problems(
-    styled: StyledPath, path: DrawnPath, form: Format, *, polyline: bool, tol: float
-) -> Iterator[str]:
-    model, read = styled.path.contour, path.contour
-    colour = str(styled.style.aci) if form is Format.DXF else styled.style.rgb
+def _path_problems(laser_format: LaserFormat, styled: StyledPath, path: DrawnPath) -> Iterator[str]:
+    model, read, tolerance_mm = styled.path.contour, path.contour, laser_format.tolerance_mm
+    colour = laser_format.colour(styled.style)
     if path.colour != colour:
         yield f"colour {path.colour}, not {colour}"
     if read.closed != model.closed:
         yield f"{_ends(read)}, not {_ends(model)}"
-    yield from _vertex_problems(read, _written(model, form, polyline=polyline), tol)
-    yield from _size_problems(read, model, tol, FLATTEN_MM if polyline else 0.0)
+    yield from _vertex_problems(read, laser_format.contour(model), tolerance_mm)
+    yield from _size_problems(read, model, tolerance_mm, laser_format.sagitta_mm)
 
 
-def _vertex_problems(read: Contour, written: Contour, tol: float) -> Iterator[str]:
-    if read.arc_count != written.arc_count:
-        yield f"{read.arc_count} arcs, not {written.arc_count}"
-    if len(read.points_mm) != len(written.points_mm):
-        yield f"{len(read.points_mm)} vertices, not {len(written.points_mm)}"
-    elif read.closed == written.closed:
-        away = float(np.abs(_probes_mm(read) - _probes_mm(written)).max())
-        if away > tol:
-            yield f"a point is {away:.4g} mm away from where it should be"
+def _vertex_problems(read: Contour, expected: Contour, tolerance_mm: float) -> Iterator[str]:
+    if read.arc_count != expected.arc_count:
+        yield f"{read.arc_count} arcs, not {expected.arc_count}"
+    if len(read.points_mm) != len(expected.points_mm):
+        yield f"{len(read.points_mm)} vertices, not {len(expected.points_mm)}"
+    elif read.closed == expected.closed:
+        away_mm = float(np.abs(_probes_mm(read) - _probes_mm(expected)).max())
+        if away_mm > tolerance_mm:
+            yield f"a point is {away_mm:.4g} mm away from where it should be"
 
 
-def _size_problems(read: Contour, model: Contour, tol: float, sagitta: float) -> Iterator[str]:
+def _size_problems(
+    read: Contour, model: Contour, tolerance_mm: float, sagitta_mm: float
+) -> Iterator[str]:
     """Compare box, area and length with the job's.
 
     A point that is off by the tolerance moves an area by at most the tolerance along the whole
     path, and a segment's length by at most twice the tolerance (vertices that split a long arc
     count too). Chords are shorter than their arc by a third of the sagitta per radian.
     """
-    if not np.allclose(read.box_mm, model.box_mm, rtol=0.0, atol=tol + sagitta):
+    near_mm = tolerance_mm + sagitta_mm
+    if not np.allclose(read.box_mm, model.box_mm, rtol=0.0, atol=near_mm):
         yield f"the box is {_listed(read.box_mm)}, not {_listed(model.box_mm)}"
     area = read.signed_area_mm2, model.signed_area_mm2
-    if abs(area[0] - area[1]) > (tol + sagitta) * model.length_mm:
+    if abs(area[0] - area[1]) > near_mm * model.length_mm:
         yield f"the area is {area[0]:.3f} mm2, not {area[1]:.3f} mm2"
     length = read.length_mm, model.length_mm
     turn = math.fsum(abs(segment.turn_rad) for segment in model.segments)
-    if abs(length[0] - length[1]) > 2.0 * tol * (len(model) + turn) + 0.5 * sagitta * turn:
+    slack_mm = 2.0 * tolerance_mm * (len(model) + turn) + 0.5 * sagitta_mm * turn
+    if abs(length[0] - length[1]) > slack_mm:
         yield f"the length is {length[0]:.4f} mm, not {length[1]:.4f} mm"
-
-
-def _written(contour: Contour, form: Format, *, polyline: bool) -> Contour:
-    if form is Format.SVG:
-        return svg.svg_contour(contour)
-    return dxf.dxf_contour(contour, polyline=polyline)
 
 
 def _probes_mm(contour: Contour) -> Floats:

@@ -1,1 +1,6 @@
-"""The folder that a technician gets: instructions, bill of materials, pictures, manifest."""
+"""The fabrication package: laser files, instructions, bill of materials, pictures, manifest.
+
+Others use ``prepare`` (`prepare`, `package`, `zip_bytes` and the report sections of a prepared
+design), ``package_page`` (report sections), ``bom``, ``machine_time``, ``job_json`` (numbers with
+their standing) and ``sheet_pictures`` (`job_plan`, `findings_plan`, `job_animation`).
+"""

@@ -1,4 +1,4 @@
-"""What a job takes: film, seam and cut lengths, time on the machine, mass of the robot."""
+"""Bill of materials: film, seam and cut lengths, machine time, mass of the robot."""
 
 import csv
 import io
@@ -20,17 +20,15 @@ _MM3_PER_M3 = 1e9
 class BomLine:
     """One number of the bill of materials."""
 
-    item: str  # what it counts
-    # value, unit: how much
+    item: str
     value: float
     unit: str
-    # how far it may be trusted: assumed as soon as one number that it rests on is
-    standing: Standing
-    basis: str  # how it came about
+    standing: Standing  # assumed as soon as one number that it rests on is
+    basis: str  # how it was calculated
 
 
 def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
-    """Return what a job takes."""
+    """Return every line of a job's bill of materials."""
     return (
         *_film_lines(job, profile),
         *_tile_lines(job),
@@ -40,7 +38,7 @@ def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
 
 
 def bom_text(job: Job, profile: LaserProfile) -> str:
-    """Return the bill of materials as CSV; its last row says who wrote it."""
+    """Return the bill of materials as CSV; its last row names job and program."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -83,7 +81,7 @@ def film_piece_mm(job: Job, profile: LaserProfile) -> tuple[float, float]:
 
 
 def weakest(quantities: Iterable[Quantity]) -> Standing:
-    """Return the standing of a number worked out from others."""
+    """Return the standing of a number calculated from others."""
     assumed = any(quantity.standing is Standing.ASSUMED for quantity in quantities)
     return Standing.ASSUMED if assumed else Standing.COMPUTED
 
@@ -122,7 +120,7 @@ def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
 def _roll_line(film: Material, piece_mm: tuple[float, float], standing: Standing) -> BomLine:
     """Return how much of a roll all plies take, pieces side by side where the roll is wide enough.
 
-    A piece that is wider than the roll both ways takes as much as it measures; rule VF-S02 says so.
+    A piece that is wider than the roll both ways takes its longer side; rule VF-S02 reports it.
     """
     roll = film.roll_width_mm
     lengths = []

@@ -5,8 +5,10 @@ from dataclasses import fields
 
 from vinefab.core.jsontext import json_text
 from vinefab.core.units import deg
+from vinefab.fabrication.formats.dxf_format import DXF
 from vinefab.fabrication.formats.laser_drawing import Colours, styled_paths
-from vinefab.fabrication.formats.laser_files import DXF_NAME, SVG_NAME, tile_name
+from vinefab.fabrication.formats.laser_formats import tile_stem
+from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.package.bom import weakest
 from vinefab.model.design import Build, Design
 from vinefab.model.job import Job, Operation
@@ -18,8 +20,7 @@ SCHEMA = "vinefab/job-1"
 def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) -> str:
     """Return what is to be made, with which settings, in which order.
 
-    Every number of the profile keeps its standing and source; line energy and fluence are worked
-    out here and say so.
+    Every number of the profile keeps its standing and source; line energy and fluence are computed.
     """
     recipe = profile.recipe
     return json_text(
@@ -49,7 +50,7 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
             "paths": _paths(job, colours),
             "tiles": [
                 {
-                    "files": [tile_name(number, name) for name in (DXF_NAME, SVG_NAME)],
+                    "files": [one.file_name(tile_stem(number)) for one in (DXF, SVG)],
                     "facts": dict(tile.facts),
                     "paths": _paths(tile, colours),
                 }

@@ -16,7 +16,7 @@ from vinefab.model.laser import LaserProfile, Quantity
 from vinefab.model.outline import Contour, Segment
 
 CORNER_RAD = math.radians(5.0)
-"""The head is taken to stop where a path turns by more than this at a point."""
+"""The head stops where a path turns by more than this at a point."""
 
 
 def move_time_s(length_mm: float, speed_mm_s: float, acceleration_mm_s2: float) -> float:
@@ -86,7 +86,7 @@ def _time_s(length: float, top: float, ends: tuple[float, float], acceleration: 
 class PathPass:
     """One pass along one path."""
 
-    path: LaserPath  # the path
+    path: LaserPath
     begins_s: float  # when the beam goes on, from the start of the job
     times_s: tuple[float, ...]  # how long each line and arc takes
 
@@ -99,9 +99,8 @@ class PathPass:
 def schedule(job: Job, profile: LaserProfile) -> tuple[PathPass, ...]:
     """Return every pass of a job in the order in which the laser runs it.
 
-    The head is at rest at both ends of a path and at its corners (see `move_time_s`).
-    Travel is straight at the machine's top speed, in process order, from the sheet's lower left.
-    What an impulse sealer does is not in it.
+    The head rests at both ends of a path. Travel is straight at the machine's top speed, in process
+    order, from the sheet's lower left. Seams made by an impulse sealer are not included.
     """
     machine = profile.machine
     acceleration, top = machine.acceleration_mm_s2.value, machine.speed_max_mm_s.value
@@ -147,30 +146,24 @@ class MachineTime:
 
 
 def machine_time(job: Job, profile: LaserProfile) -> MachineTime:
-    """Return how long a job should take, all its tiles if it has any.
+    """Return how long a job should take, the sum of `schedule` over all its tiles if it has any.
 
-    It is the sum of `schedule` over what the machine runs. What people do
-    between tiles is not in it.
+    Moving and aligning the film between tiles is not included.
     """
-    parts = [_sheet_time(run, profile) for run in job.runs]
-    operations = dict.fromkeys(op for op in Operation if any(op in part.work_s for part in parts))
+    machine = profile.machine
+    work_s: dict[Operation, list[float]] = {}
+    travel_s: list[float] = []
+    inputs: list[Quantity] = []
+    for sheet in job.runs:
+        inputs += [machine.acceleration_mm_s2, machine.speed_max_mm_s]
+        rest_s = 0.0
+        for run in schedule(sheet, profile):
+            work_s.setdefault(run.path.operation, []).extend(run.times_s)
+            travel_s.append(run.begins_s - rest_s)
+            inputs.append(run.path.settings_in(profile).speed_mm_s)
+            rest_s = run.ends_s
     return MachineTime(
-        work_s={op: math.fsum(part.work_s.get(op, 0.0) for part in parts) for op in operations},
-        travel_s=math.fsum(part.travel_s for part in parts),
-        inputs=tuple(quantity for part in parts for quantity in part.inputs),
+        work_s={op: math.fsum(work_s[op]) for op in Operation if op in work_s},
+        travel_s=math.fsum(travel_s),
+        inputs=tuple(inputs),
     )
-
-
-def _sheet_time(job: Job, profile: LaserProfile) -> MachineTime:
-    machine, runs = profile.machine, schedule(job, profile)
-    work = {
-        operation: math.fsum(
-            t for run in runs if run.path.operation is operation for t in run.times_s
-        )
-        for operation in laser_on_passes(job, profile)
-    }
-    starts = [0.0, *(run.ends_s for run in runs)]
-    travel = math.fsum(run.begins_s - start for run, start in zip(runs, starts, strict=False))
-    speeds = [run.path.settings_in(profile).speed_mm_s for run in runs]
-    inputs = (machine.acceleration_mm_s2, machine.speed_max_mm_s, *speeds)
-    return MachineTime(work_s=work, travel_s=travel, inputs=inputs)

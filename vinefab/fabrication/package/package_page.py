@@ -48,9 +48,7 @@ def check_section(
     )
     ran = ", ".join(f"{run.rule} ({run.checked})" for run in report.run)
     skipped = tuple((rule.rule, rule.reason) for rule in report.skipped)
-    stale = tuple(
-        f"Stale waiver {name}: nothing was found for it." for name in report.stale_waivers
-    )
+    stale = tuple(f"Stale waiver {name}: it matches no finding." for name in report.stale_waivers)
     findings = Table(
         caption="Findings",
         headings=("no.", "rule", "weight", "branches", "what", "measured", "limit", "for a waiver"),
@@ -64,10 +62,14 @@ def check_section(
             else ()
         ),
     )
-    nothing = () if found else ("No rule found anything.",)
+    nothing = () if found else ("No findings.",)
     return Section(
         title=title,
-        paragraphs=(*nothing, *stale, f"Rules run, with how many things each looked at: {ran}."),
+        paragraphs=(
+            *nothing,
+            *stale,
+            f"Rules run, with the number of items that each checked: {ran}.",
+        ),
         pictures=_marked(report, outline_mm),
         tables=tables,
     )

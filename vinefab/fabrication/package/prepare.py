@@ -1,21 +1,25 @@
-"""The fabrication package of a design; no simulator is loaded for it."""
+"""From a design to its fabrication package: job, checks, laser files read back, folder and zip."""
 
+import io
+import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from vinefab.core.hashing import MANIFEST_NAME, manifest_text, sha256_of
+from vinefab.core.jsontext import GENERATOR
 from vinefab.fabrication.checking import verdict
-from vinefab.fabrication.formats.laser_drawing import PRESETS
-from vinefab.fabrication.formats.laser_files import (
-    LIBRARY_NAME,
-    laser_file_problems,
+from vinefab.fabrication.formats.laser_drawing import DEFAULT, PRESETS, Colours, LaserFileSpec
+from vinefab.fabrication.formats.laser_formats import (
+    R12_FORMAT,
+    ensure_read_back,
     laser_files,
-    tile_name,
+    tile_stem,
 )
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import ONE, SheetOptions
 from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.package.bom import bill_of_materials, robot_count
-from vinefab.fabrication.package.package_files import PackageContent, ensure_right, package_files
+from vinefab.fabrication.package.bom import bill_of_materials, bom_text, robot_count
+from vinefab.fabrication.package.job_json import job_text
 from vinefab.fabrication.package.package_page import (
     assumption_section,
     bom_section,
@@ -23,6 +27,7 @@ from vinefab.fabrication.package.package_page import (
     pressure_section,
     sheet_section,
 )
+from vinefab.fabrication.package.readme_text import readme_text
 from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
 from vinefab.fabrication.rules.as_built import READBACK
 from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES
@@ -37,34 +42,39 @@ from vinefab.model.tree import branch_tree
 from vinefab.pages.figure import png_bytes
 from vinefab.pages.html import Report, Section, page_html
 
+ANIMATION_NAME = "animation.svg"
+
+_FIRST_DATE = (1980, 1, 1, 0, 0, 0)
+_UNIX = 3
+_PLAIN_FILE = 0o100644 << 16
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prepared:
     """A design with its job and a full check, laser files read back included."""
 
-    # design, profile: what is made, and with what
     design: Design
     profile: LaserProfile
-    job: Job  # the paths for the laser
-    report: CheckReport  # every rule's outcome
-    # the laser files by name, empty when a rule forbids the design
+    job: Job
+    report: CheckReport
+    # laser files by name; empty when a rule forbids the design
     laser: Mapping[str, bytes] = field(default_factory=dict)
-    # what was wrong with each of them when it was read again
+    # problems that reading them back found, by file name
     readback: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     others: tuple[Design, ...] = ()  # the other designs on the sheet
-    beside: tuple[CheckReport, ...] = ()  # every rule's outcome for each of them
+    beside: tuple[CheckReport, ...] = ()  # reports of these
 
     def refusal(self, *, allow_uncalibrated: bool) -> str:
         """Return why no files may be written, or an empty string."""
         blocking = [f for report in (self.report, *self.beside) for f in report.blocking]
         if blocking:
             broken = ", ".join(sorted({finding.rule for finding in blocking}))
-            return f"{broken} forbid it: mend the design, or waive them in it with a reason"
+            return f"{broken} forbid it: fix the design, or waive them in it with a reason"
         recipe = self.profile.recipe
         if recipe.status is RecipeStatus.UNVERIFIED and not allow_uncalibrated:
             return (
-                f"no coupon has confirmed recipe {recipe.name}; --allow-uncalibrated writes "
-                "files all the same, for coupons and first trials"
+                f"recipe {recipe.name} is not confirmed by coupons; --allow-uncalibrated writes "
+                "the files anyway, for coupons and first trials"
             )
         return ""
 
@@ -77,10 +87,24 @@ def prepare(
     sheet: SheetOptions = ONE,
     r12: bool = False,
 ) -> Prepared:
-    """Return a design's job and what every rule says.
+    """Return a design's job and the report of every rule.
 
     When no rule forbids the design, the laser files are written in memory and read back, and the
-    rule about that is applied too.
+    rule about the read-back is applied too.
+
+    Parameters
+    ----------
+    deployments
+        Simulated deployments, for rules that need them.
+    sheet
+        Number of copies, other designs on the sheet, process.
+    r12
+        Whether to write a DXF of release 12 as well.
+
+    Raises
+    ------
+    BadInputError
+        If the sheet cannot hold the designs, or the recipe lacks an operation.
     """
     job = laser_job(design, profile, sheet)
     subject = replace(Subject.on_sheet(design, profile, job), deployments=tuple(deployments))
@@ -90,16 +114,13 @@ def prepare(
     files: dict[str, bytes] = {}
     problems: dict[str, tuple[str, ...]] = {}
     if not any(one.blocking for one in (report, *beside)):
-        colours = PRESETS[profile.machine.colours]
-        hairline_mm = profile.machine.hairline_mm
-        files = laser_files(job, colours, hairline_mm=hairline_mm, profile=profile, r12=r12)
-        problems = laser_file_problems(files, job, colours, profile)
-        for number, tile in enumerate(job.tiles, start=1):
-            own = laser_files(tile, colours, hairline_mm=hairline_mm, profile=profile, r12=r12)
-            said = laser_file_problems(own, tile, colours, profile)
-            names = {name: tile_name(number, name) for name in own if name != LIBRARY_NAME}
-            files |= {new: own[name] for name, new in names.items()}
-            problems |= {new: said[name] for name, new in names.items()}
+        sheets = {"outline": job}
+        sheets |= {tile_stem(number): tile for number, tile in enumerate(job.tiles, start=1)}
+        for stem, one in sheets.items():
+            spec = package_spec(one, profile)
+            written = laser_files(spec, stem=stem, requested=(R12_FORMAT,) if r12 else ())
+            files |= written.files
+            problems |= written.problems
         reread = run_checks(replace(subject, readback=problems), only=(READBACK.id,))
         report = merged_reports(report, reread)
     return Prepared(
@@ -121,20 +142,52 @@ def _others(design: Design, sheet: SheetOptions) -> tuple[Design, ...]:
 
 
 def _beside(design: Design, profile: LaserProfile, job: Job) -> CheckReport:
-    """Return what the rules say of another robot of a sheet, measured in the sheet's own paths.
+    """Return the report on another robot of a sheet, measured in the sheet's own paths.
 
     Rules about the sheet as a whole are applied with the first robot only.
     """
     report = run_checks(Subject.on_sheet(design, profile, job), only=RULES.keys() - SHEET_RULES)
-    reason = f"looked at once for the whole sheet, with {job.name}"
+    reason = f"checked once for the whole sheet, with {job.name}"
     skipped = tuple(RuleSkipped(rule=rule, reason=reason) for rule in sorted(SHEET_RULES))
     once = replace(report, run=(), skipped=skipped, findings=())
     return replace(merged_reports(report, once), stale_waivers=())
 
 
+def package_spec(job: Job, profile: LaserProfile) -> LaserFileSpec:
+    """Return the content of a sheet's laser files, in the machine's colours."""
+    return LaserFileSpec(
+        job=job,
+        colours=PRESETS[profile.machine.colours],
+        profile=profile,
+        hairline_mm=profile.machine.hairline_mm,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PackageContent:
+    """The parts of a package that differ from design to design."""
+
+    design: Design
+    profile: LaserProfile
+    job: Job
+    checks: str  # text of checks.json (`vinefab.fabrication.rules.run_rules.checks_text`)
+    preview: bytes  # the sheet, PNG
+    report: bytes  # the report, HTML
+    animation: bytes = b""  # the laser's path in motion, SVG; empty for none
+    colours: Colours = DEFAULT
+    # laser files that were read back without a problem; None to write them here
+    laser: Mapping[str, bytes] | None = None
+
+
 def package(prepared: Prepared) -> dict[str, bytes]:
-    """Return every file of the fabrication package, by name."""
-    ensure_right(prepared.readback)
+    """Return every file of the fabrication package, by name.
+
+    Raises
+    ------
+    ReadBackError
+        If a laser file, read back, differs from the job.
+    """
+    ensure_read_back(prepared.readback)
     content = PackageContent(
         design=prepared.design,
         profile=prepared.profile,
@@ -149,8 +202,49 @@ def package(prepared: Prepared) -> dict[str, bytes]:
     return package_files(content)
 
 
+def package_files(content: PackageContent) -> dict[str, bytes]:
+    """Return the files of a package by name, every laser file read back."""
+    job, profile, colours = content.job, content.profile, content.colours
+    files = {
+        "README.txt": readme_text(content.design, job, profile, colours).encode(),
+        "job.json": job_text(content.design, job, profile, colours).encode(),
+        **(_laser(content) if content.laser is None else content.laser),
+        "preview.png": content.preview,
+        **({ANIMATION_NAME: content.animation} if content.animation else {}),
+        "checks.json": content.checks.encode(),
+        "report.html": content.report,
+        "bom.csv": bom_text(job, profile).encode(),
+    }
+    digests = {name: sha256_of(data) for name, data in files.items()}
+    files[MANIFEST_NAME] = manifest_text(digests).encode()
+    return files
+
+
+def _laser(content: PackageContent) -> Mapping[str, bytes]:
+    spec = replace(package_spec(content.job, content.profile), colours=content.colours)
+    written = laser_files(spec)
+    ensure_read_back(written.problems)
+    return written.files
+
+
+def zip_bytes(files: Mapping[str, bytes], folder: str) -> bytes:
+    """Return files as a zip whose bytes depend on nothing but them.
+
+    The files are stored, not compressed: compressors differ from one build to the next.
+    """
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
+        for name, data in files.items():
+            entry = zipfile.ZipInfo(f"{folder}/{name}", _FIRST_DATE)
+            entry.create_system = _UNIX
+            entry.external_attr = _PLAIN_FILE
+            archive.writestr(entry, data)
+        archive.comment = GENERATOR.encode()
+    return stream.getvalue()
+
+
 def page_content(prepared: Prepared) -> Report:
-    """Return the report of a design that nothing is predicted of."""
+    """Return the report of a design without predictions."""
     design, profile = prepared.design, prepared.profile
     return Report(
         title=f"{design.name}: fabrication",
@@ -167,7 +261,7 @@ def page_content(prepared: Prepared) -> Report:
 
 
 def making_sections(prepared: Prepared) -> tuple[Section, ...]:
-    """Return what a report says of making: rules, sheet, materials."""
+    """Return the sections on manufacturing: rules, sheet, materials."""
     job = prepared.job
     designs = (prepared.design, *prepared.others)
     reports = (prepared.report, *prepared.beside)
@@ -186,15 +280,15 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
 
 
 def _no_predictions() -> Section:
-    words = (
-        "No maps were given, so this page says nothing about where the robot will go: "
-        "vinefab report predicts that."
+    note = (
+        "No maps were given, so this page does not predict where the robot will grow: "
+        "vinefab report does."
     )
-    return Section(title="Predictions", paragraphs=(words,))
+    return Section(title="Predictions", paragraphs=(note,))
 
 
 def design_facts(prepared: Prepared) -> tuple[tuple[str, str], ...]:
-    """Return name and value of what a reader wants to know of a design first."""
+    """Return name and value of a design's key facts."""
     design, profile = prepared.design, prepared.profile
     tree = branch_tree(design)
     return (

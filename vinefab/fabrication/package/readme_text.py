@@ -1,29 +1,29 @@
 """README.txt of a fabrication package: the steps of the person at the laser."""
 
 import math
+from collections.abc import Sequence
 from textwrap import fill
 
 from vinefab.core.jsontext import GENERATOR
+from vinefab.fabrication.formats.dxf_format import DXF, DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import (
     Colours,
-    left_out,
     metadata,
+    operations_by_style,
+    operations_left_out,
     styled_paths,
-    told_apart,
 )
-from vinefab.fabrication.formats.laser_files import (
-    DXF_NAME,
-    LIBRARY_NAME,
-    POLYLINE_NAME,
-    PROJECT_NAME,
-    SVG_NAME,
-)
+from vinefab.fabrication.formats.laser_formats import LASER_FORMATS
+from vinefab.fabrication.formats.lightburn_format import LIGHTBURN, LIGHTBURN_LIBRARY
+from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.job.tile_jobs import TARGET
 from vinefab.fabrication.package.bom import film_piece_mm
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile, OperationSettings, Quantity, RecipeStatus
 
+_DXF, _POLYLINE, _SVG = (one.file_name() for one in (DXF, DXF_POLYLINE, SVG))
+_PROJECT, _LIBRARY = LIGHTBURN.file_name(), LIGHTBURN_LIBRARY.file_name()
 _WIDTH = 96
 
 _MEANING = {
@@ -53,15 +53,17 @@ def readme_text(design: Design, job: Job, profile: LaserProfile, colours: Colour
     parts = [
         f"{title}\n{'=' * len(title)}",
         _paragraph("!! ", _STATUS[profile.recipe.status]),
-        _section("1. Film", _film(job, profile)),
-        _section("2. Coupon first", _coupon(profile)),
-        _section("3. The file", _file(job, colours)),
-        *([_section("3a. In tiles", _tiles(job))] if job.tiles else []),
-        _section("4. Layers, in the order in which they must run", _layers(job, profile, colours)),
-        _section("5. At the machine", _machine(job, profile, colours)),
-        _section("6. After cutting: measure", _measure(design, job, profile)),
-        _section("7. Mounting", _mounting(design)),
-        _section("8. What the files say about themselves", _facts(job, colours)),
+        readme_section("1. Film", _film(job, profile)),
+        readme_section("2. Coupon first", _coupon(profile)),
+        readme_section("3. The file", _file(job, colours)),
+        *([readme_section("3a. In tiles", _tiles(job))] if job.tiles else []),
+        readme_section(
+            "4. Layers, in the order in which they must run", _layers(job, profile, colours)
+        ),
+        readme_section("5. At the machine", _machine(job, profile, colours)),
+        readme_section("6. After cutting: measure", _measure(design, job, profile)),
+        readme_section("7. Mounting", _mounting(design)),
+        readme_section("8. What the files say about themselves", _facts(job, colours)),
         f"Numbers marked (assumed) were not measured by anyone; see job.json for sources.\n"
         f"{GENERATOR}",
     ]
@@ -72,7 +74,7 @@ def _film(job: Job, profile: LaserProfile) -> list[str]:
     film = profile.material
     width, height = film_piece_mm(job, profile)
     return [
-        f"Use {film.title}: {film.plies} plies of {_said(film.ply_mm, 'mm')}, each at least"
+        f"Use {film.title}: {film.plies} plies of {_value(film.ply_mm, 'mm')}, each at least"
         f" {math.ceil(width - 1e-6)} x {math.ceil(height - 1e-6)} mm.",
         "Clean the plies and lay them on each other without folds.",
         "Heat-press them flat before welding, to drive out bubbles and wrinkles. The plies must"
@@ -95,8 +97,8 @@ def _coupon(profile: LaserProfile) -> list[str]:
     for name in (op for op in named if op in profile.recipe.operations):
         settings = profile.settings(name)
         steps.append(
-            f"The {name} paths are offset for a kerf of {_said(settings.kerf_mm, 'mm')} and a seam"
-            f" of {_said(settings.seam_width_mm, 'mm')}. If yours differ by more than 0.1 mm, put"
+            f"The {name} paths are offset for a kerf of {_value(settings.kerf_mm, 'mm')} and a seam"
+            f" of {_value(settings.seam_width_mm, 'mm')}. If yours differ by more than 0.1 mm, put"
             " them in the recipe and export again; do not correct it at the machine."
         )
     return steps
@@ -106,11 +108,11 @@ def _file(job: Job, colours: Colours) -> list[str]:
     size = f"{job.sheet_width_mm:g} x {job.sheet_height_mm:g} mm"
     x0, y0, x1, y1 = _box(job, colours)
     steps = [
-        f"Open {DXF_NAME} (true arcs) or {SVG_NAME}. Use {POLYLINE_NAME} only where arcs are"
+        f"Open {_DXF} (true arcs) or {_SVG}. Use {_POLYLINE} only where arcs are"
         " missing after import: some programs ignore them without a word.",
-        f"LightBurn: {PROJECT_NAME} has the layers of section 4 with their settings, {LIBRARY_NAME}"
+        f"LightBurn: {_PROJECT} has the layers of section 4 with their settings, {_LIBRARY}"
         " the settings alone. LightBurn's formats are not published: compare power, speed and size"
-        f" with section 4 before you run it, and use {SVG_NAME} if anything differs.",
+        f" with section 4 before you run it, and use {_SVG} if anything differs.",
         "If the program asks for a unit, it is millimetres; scale 100 %.",
         f"Check after import: the {'film' if job.tiles else 'bed'} is {size}; all paths together"
         f" measure {x1 - x0:.2f} x {y1 - y0:.2f} mm and begin {x0:.2f} mm from its left and"
@@ -121,6 +123,11 @@ def _file(job: Job, colours: Colours) -> list[str]:
         " were run and what they found; bom.csv counts film and time; job.json holds every"
         " setting. sha256sum -c MANIFEST.sha256 tells whether a file was changed.",
     ]
+    steps.extend(
+        f"{LASER_FORMATS[name].file_name()}: {LASER_FORMATS[name].title}, from {package}."
+        for name, package in LASER_FORMATS.packages.items()
+        if not LASER_FORMATS[name].on_request
+    )
     if min(x0, y0) < 0.0 or x1 > job.sheet_width_mm or y1 > job.sheet_height_mm:
         steps.append("WARNING: the paths reach beyond the bed. Do not scale them to make them fit.")
     return steps
@@ -136,7 +143,7 @@ def _tiles(job: Job) -> list[str]:
         )
     steps = [
         f"The robot is larger than the bed: run the files tile_1_... to tile_{len(job.tiles)}_..."
-        f" in this order, not {DXF_NAME}, which shows the whole.",
+        f" in this order, not {_DXF}, which shows the whole.",
         f"For tile 1 the film's lower left corner lies {_corner(job.tiles[0])}.",
         f"{makes} Move the film on without letting the plies slide, then align: the two crosses"
         " drawn on the REG layer of a tile (never cut) must lie on the two marked on the film"
@@ -153,7 +160,7 @@ def _tiles(job: Job) -> list[str]:
 
 
 def _corner(tile: Job) -> str:
-    """Return where the film's lower left corner lies while a tile is cut, in words."""
+    """Return the place of the film's lower left corner while a tile is cut."""
     x, y = (-float(str(tile.facts[f"window_{axis}_mm"])) for axis in "xy")
     return (
         f"{abs(x):.0f} mm {'left' if x < 0 else 'right'} of the bed's lower left corner and"
@@ -181,18 +188,21 @@ def _settings(profile: LaserProfile, operation: Operation) -> str:
     if not settings.by_laser:
         return _sealer(settings)
     return (
-        f"Power {_said(settings.power_percent, '%')}, in corners"
-        f" {_said(settings.min_power_percent, '%')}, speed {_said(settings.speed_mm_s, 'mm/s')},"
+        f"Power {_value(settings.power_percent, '%')}, in corners"
+        f" {_value(settings.min_power_percent, '%')}, speed {_value(settings.speed_mm_s, 'mm/s')},"
         f" {settings.passes} pass{'es' if settings.passes > 1 else ''}, focus offset"
-        f" {_said(settings.focus_offset_mm, 'mm')}, {_said(settings.frequency_hz, 'Hz')},"
+        f" {_value(settings.focus_offset_mm, 'mm')}, {_value(settings.frequency_hz, 'Hz')},"
         f" air assist {'on' if settings.air_assist else 'off'}."
     )
 
 
 def _sealer(settings: OperationSettings) -> str:
-    numbers = [f"seam {_said(settings.seam_width_mm, 'mm')} wide"]
+    numbers = [f"seam {_value(settings.seam_width_mm, 'mm')} wide"]
     if settings.temperature_c is not None and settings.dwell_s is not None:
-        numbers += [_said(settings.temperature_c, "degrees C"), _said(settings.dwell_s, "s")]
+        numbers += [
+            _value(settings.temperature_c, "degrees C"),
+            _value(settings.dwell_s, "s"),
+        ]
     return (
         f"NOT FOR THE LASER: switch this layer off and seal along these lines with an impulse"
         f" sealer: {', '.join(numbers)}."
@@ -202,7 +212,7 @@ def _sealer(settings: OperationSettings) -> str:
 def _machine(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
     machine = profile.machine
     steps = [
-        f"The settings are for: {machine.title}, {_said(machine.power_w, 'W')}. Another machine"
+        f"The settings are for: {machine.title}, {_value(machine.power_w, 'W')}. Another machine"
         " needs its own recipe.",
         "Leave kerf, offset and beam compensation at 0: seam and kerf are in the paths already.",
         "Keep the order of section 4 and switch off any sorting of paths: once the sheet is cut"
@@ -212,10 +222,10 @@ def _machine(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
     steps.extend(
         f"WARNING: {' and '.join(group)} have the same layer and colour here and run with one"
         " setting. The mouth may be welded shut: trim it open by hand."
-        for group in told_apart(job, colours)
+        for group in operations_by_style(job, colours)
         if len(group) > 1
     )
-    missing = left_out(job, colours)
+    missing = operations_left_out(job, colours)
     if missing:
         steps.append(
             f"The colour preset {colours.name} does not write: {', '.join(missing)}. The lengths"
@@ -226,7 +236,7 @@ def _machine(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
 
 
 def _repeats(job: Job, profile: LaserProfile) -> list[str]:
-    """Return how often operations are run that take several passes."""
+    """Return the operations that take several passes."""
     several = [
         f"{operation} {settings.passes} times"
         for operation in Operation
@@ -237,7 +247,7 @@ def _repeats(job: Job, profile: LaserProfile) -> list[str]:
         return []
     return [
         "Every path is in the DXF and SVG files once; let the program run"
-        f" {' and '.join(several)} ({PROJECT_NAME} says so already)."
+        f" {' and '.join(several)} ({_PROJECT} says so already)."
     ]
 
 
@@ -248,8 +258,9 @@ def _measure(design: Design, job: Job, profile: LaserProfile) -> list[str]:
         "Open the mouth with a blunt tool; if it is fused, trim it back by a few millimetres.",
         "Look along the seam at crotches and tips first: that is where it fails.",
         f"Inflate slowly behind a shield, first to a quarter of {design.build.pressure_kpa:g} kPa"
-        f" (working pressure of the design). Rated seam: {_said(profile.material.burst_kpa, 'kPa')}"
-        f" at {_said(profile.material.burst_width_mm, 'mm')} lay-flat width; a wider tube holds"
+        " (working pressure of the design). Rated seam:"
+        f" {_value(profile.material.burst_kpa, 'kPa')}"
+        f" at {_value(profile.material.burst_width_mm, 'mm')} lay-flat width; a wider tube holds"
         " less.",
         f"Write down: kerf, seam width, widths, burst pressure; recipe {profile.recipe.name}, job"
         f" {job.name}.",
@@ -265,8 +276,8 @@ def _mounting(design: Design) -> list[str]:
 
 
 def _facts(job: Job, colours: Colours) -> list[str]:
-    told = ("generator", "name", "units", "sheet_mm", "kerf")
-    return [f"{key}: {value}" for key, value in metadata(job, colours).items() if key not in told]
+    shown = ("generator", "name", "units", "sheet_mm", "kerf")
+    return [f"{key}: {value}" for key, value in metadata(job, colours).items() if key not in shown]
 
 
 def _box(job: Job, colours: Colours) -> tuple[float, float, float, float]:
@@ -275,7 +286,8 @@ def _box(job: Job, colours: Colours) -> tuple[float, float, float, float]:
     return min(low_x), min(low_y), max(high_x), max(high_y)
 
 
-def _section(title: str, items: list[str]) -> str:
+def readme_section(title: str, items: Sequence[str]) -> str:
+    """Return a section of a README: underlined title and wrapped items."""
     return "\n".join([title, "-" * len(title), *(_paragraph("- ", item) for item in items)])
 
 
@@ -290,5 +302,5 @@ def _paragraph(lead: str, text: str) -> str:
     )
 
 
-def _said(quantity: Quantity, unit: str) -> str:
+def _value(quantity: Quantity, unit: str) -> str:
     return f"{quantity.words()} {unit} ({quantity.standing})"

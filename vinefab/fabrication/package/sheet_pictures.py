@@ -1,4 +1,4 @@
-"""Pictures of a laser job: the sheet, findings at their places, the way of the laser."""
+"""Pictures of a laser job: the sheet, findings at their places, the laser's path in motion."""
 
 from collections.abc import Sequence
 from xml.sax.saxutils import escape
@@ -29,7 +29,7 @@ OPERATION_COLOURS = {
 }
 
 MOST_NUMBERS = 60
-"""Where more paths than this would be numbered, none is."""
+"""Most numbers in a picture: with more paths none is numbered, of more findings the first."""
 
 _CROPPED = 0.6
 _RIM_MM = 15.0
@@ -39,7 +39,7 @@ def job_plan(job: Job, findings: tuple[Finding, ...] = ()) -> Figure:
     """Return a plan of the sheet: every path in its operation's colour, with arrows and order.
 
     Where the paths take a small part of the bed, that part is shown and the title says so. Marks
-    have neither arrows nor numbers: they come first, and how they are drawn matters to nobody.
+    come first and have neither arrows nor numbers: their order does not matter.
     """
     with house_style():
         box, cropped = _view(job)
@@ -160,8 +160,6 @@ def _title(job: Job, findings: tuple[Finding, ...], *, cropped: bool) -> str:
 
 WEIGHT_COLOURS = {Severity.ERROR: ALERT, Severity.WARNING: "#c46a00", Severity.INFO: "#0b6e8a"}
 
-MOST_NUMBERED = 60
-
 
 def findings_plan(outline_mm: Floats, findings: Sequence[Finding]) -> Figure:
     """Return the outline with markers, numbered as the findings are.
@@ -198,7 +196,7 @@ def _draw_mark(axes: Axes, mark: shapely.Geometry, colour: str) -> None:
 def _write_numbers(axes: Axes, findings: Sequence[Finding]) -> None:
     """Write every number beside its place; those at one place stand together."""
     together: dict[tuple[float, float], list[int]] = {}
-    for number, finding in enumerate(findings[:MOST_NUMBERED], start=1):
+    for number, finding in enumerate(findings[:MOST_NUMBERS], start=1):
         if finding.x_mm is not None and finding.y_mm is not None:
             place = (round(finding.x_mm, 0), round(finding.y_mm, 0))
             together.setdefault(place, []).append(number)
@@ -215,21 +213,21 @@ def _write_numbers(axes: Axes, findings: Sequence[Finding]) -> None:
             path_effects=[Stroke(linewidth=2.5, foreground="white"), Normal()],
             zorder=6,
         )
-    if len(findings) > MOST_NUMBERED:
-        axes.set_title(f"the first {MOST_NUMBERED} are numbered", fontsize=8, color=SOFT)
+    if len(findings) > MOST_NUMBERS:
+        axes.set_title(f"the first {MOST_NUMBERS} are numbered", fontsize=8, color=SOFT)
 
 
 LONGEST_S = 20.0
-"""A job that takes longer is shown faster, so that the film is no longer than this."""
+"""Longest animation; a longer job is shown faster."""
 
 _FLATTEN_MM = 0.1
 _PAUSE = 0.06
 
 
 def job_animation(job: Job, profile: LaserProfile) -> bytes:
-    """Return a film of a job: every path is drawn as the beam runs along it, in real proportion.
+    """Return an animation, SVG: every path is drawn as the beam runs along it, in true proportion.
 
-    Where SVG does not move, the finished sheet is seen.
+    Viewers without animation show the finished sheet.
     """
     runs = schedule(job, profile)
     total_s = runs[-1].ends_s if runs else 1.0
@@ -237,7 +235,7 @@ def job_animation(job: Job, profile: LaserProfile) -> bytes:
     scale = (1.0 - _PAUSE) / total_s
     width, height = job.sheet_width_mm, job.sheet_height_mm
     size = max(width, height)
-    words = (
+    title = (
         f"{job.name}: {total_s:.0f} s on the machine, shown {total_s / film_s:.1f} times as fast"
         f"{', as if all tiles lay on one bed' if job.tiles else ''}; {GENERATOR}"
     )
@@ -245,7 +243,7 @@ def job_animation(job: Job, profile: LaserProfile) -> bytes:
         '<?xml version="1.0" encoding="UTF-8"?>',
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}"'
         f' width="{1000 * width / size:.0f}" height="{1000 * height / size:.0f}">',
-        f"<title>{escape(words)}</title>",
+        f"<title>{escape(title)}</title>",
         f'<rect width="{width:g}" height="{height:g}" fill="#fbfcfd" stroke="#5c6b73"'
         f' stroke-width="{size / 800:.3g}"/>',
         *(_path(run, height, film_s, scale) for run in runs),
@@ -268,8 +266,7 @@ def _path(run: PathPass, height_mm: float, film_s: float, scale: float) -> str:
     return (
         f'<polyline points="{corners}" fill="none" stroke="{colour}" stroke-width="1.2"'
         f' stroke-dasharray="{length:.2f} {length + 1:.2f}">'
-        f'<animate attributeName="stroke-dashoffset" dur="{film_s:.2f}s" repeatCount="indefinite"'
-        f' keyTimes="{_times(times)}" values="{_listed(values)}"/></polyline>'
+        f"{_animate('stroke-dashoffset', film_s, times, values)}</polyline>"
     )
 
 
@@ -283,8 +280,7 @@ def _head(runs: Sequence[PathPass], height_mm: float, film_s: float, scale: floa
     times = scale * np.concatenate([[0.0], *(seconds for _, seconds in sampled)])
     points, times = np.vstack([points, points[-1]]), np.append(times, 1.0)
     moves = "".join(
-        f'<animate attributeName="{name}" dur="{film_s:.2f}s" repeatCount="indefinite"'
-        f' keyTimes="{_times(times)}" values="{_listed(values)}"/>'
+        _animate(name, film_s, times, values)
         for name, values in (("cx", points[:, 0]), ("cy", height_mm - points[:, 1]))
     )
     x, y = points[-1]
@@ -304,10 +300,11 @@ def _samples(run: PathPass) -> tuple[Floats, Floats]:
     return np.concatenate(places), np.concatenate(seconds)
 
 
-def _times(values: Floats) -> str:
-    """Return key times: rising from 0 to 1, none lower than the one before after rounding."""
-    return ";".join(f"{value:.5f}" for value in np.maximum.accumulate(values).tolist())
-
-
-def _listed(values: Floats) -> str:
-    return ";".join(f"{value:.2f}" for value in values.tolist())
+def _animate(attribute: str, film_s: float, times: Floats, values: Floats) -> str:
+    """Return an SVG animation; its key times rise from 0 to 1, also after rounding."""
+    keys = ";".join(f"{time:.5f}" for time in np.maximum.accumulate(times).tolist())
+    steps = ";".join(f"{value:.2f}" for value in values.tolist())
+    return (
+        f'<animate attributeName="{attribute}" dur="{film_s:.2f}s" repeatCount="indefinite"'
+        f' keyTimes="{keys}" values="{steps}"/>'
+    )

@@ -11,11 +11,15 @@ import pytest
 
 from vinefab.core.atomic import OWN_MARK
 from vinefab.core.errors import ReadBackError
-from vinefab.fabrication.formats import laser_files as laser_files_module
-from vinefab.fabrication.formats.laser_drawing import PRESETS
-from vinefab.fabrication.formats.laser_files import laser_file_problems, laser_files
+from vinefab.core.registry import Registry
+from vinefab.fabrication.formats import laser_formats
+from vinefab.fabrication.formats.dxf_format import DXF
+from vinefab.fabrication.formats.laser_drawing import PRESETS, LaserFileSpec
+from vinefab.fabrication.formats.laser_formats import formats_for, laser_files
+from vinefab.fabrication.formats.readback import file_problems
+from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.package.job_json import fluence_mj_mm2, operation_energy_mj_mm
-from vinefab.fabrication.package.package_files import PackageContent, package_files, zip_bytes
+from vinefab.fabrication.package.prepare import PackageContent, package_files, zip_bytes
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile, OperationSettings, RecipeStatus, Standing
 
@@ -93,31 +97,29 @@ def test_the_zip_unpacks_to_the_same_files_in_one_folder(content: PackageContent
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_laser_files_are_right_in_every_preset(name: str, job: Job) -> None:
-    colours = PRESETS[name]
-    problems = laser_file_problems(laser_files(job, colours), job, colours)
+    problems = laser_files(LaserFileSpec(job=job, colours=PRESETS[name])).problems
     assert problems == {"outline.dxf": (), "outline_polyline.dxf": (), "outline.svg": ()}
 
 
 def test_laser_files_of_another_job_missing_or_broken_are_found_out(job: Job) -> None:
-    files = laser_files(job)
+    spec = LaserFileSpec(job=job)
+    files = laser_files(spec).files
     other = Job(name="other", sheet_width_mm=150, sheet_height_mm=80, paths=job.paths[1:])
-    assert all(laser_file_problems(files, other).values())
-    damaged = {"outline.dxf": b"\xff\xfe", "outline.svg": b"<svg"}
-    problems = laser_file_problems(damaged, job)
-    assert "utf-8" in problems["outline.dxf"][0]
-    assert problems["outline_polyline.dxf"] == ("the file is missing",)
-    assert "not an SVG" in problems["outline.svg"][0]
+    for one in formats_for(spec).values():
+        assert file_problems(one, files[one.file_name()], LaserFileSpec(job=other))
+        assert file_problems(one, None, spec) == ("the file is missing",)
+    assert "utf-8" in file_problems(DXF, b"\xff\xfe", spec)[0]
+    assert "not an SVG" in file_problems(SVG, b"<svg", spec)[0]
 
 
 def test_a_package_with_a_wrong_file_is_never_made(
     content: PackageContent, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    right = laser_files_module.svg_text
+    def wrong(spec: LaserFileSpec) -> str:
+        return SVG.write(spec).replace("20.000 20.000 0 0 0", "21.000 21.000 0 0 0")
 
-    def wrong(*args: object, **options: object) -> str:
-        return right(*args, **options).replace("20.000 20.000 0 0 0", "21.000 21.000 0 0 0")
-
-    monkeypatch.setattr(laser_files_module, "svg_text", wrong)
+    broken = {**laser_formats.LASER_FORMATS, "svg": replace(SVG, write=wrong)}
+    monkeypatch.setattr(laser_formats, "LASER_FORMATS", Registry("laser format", broken))
     with pytest.raises(ReadBackError, match=r"outline\.svg"):
         package_files(content)
 
@@ -205,7 +207,7 @@ def test_the_readme_says_how_often_paths_are_run(content: PackageContent) -> Non
     )
     files = package_files(content)
     for job in (content.job, replace(content.job, paths=content.job.paths[3:4])):
-        drawn = laser_files(job)["outline.dxf"].decode()
+        drawn = laser_files(LaserFileSpec(job=job)).files["outline.dxf"].decode()
         assert drawn.count("\nAcDbPolyline\n") == len(job.paths)
     assert "outline.lbrn2" in files
 

@@ -1,0 +1,206 @@
+"""What a laser cuts for a rig: the drilled board, a lid, obstacles in layers; and the kerf."""
+
+import io
+
+import ezdxf
+import numpy as np
+import pytest
+import shapely
+from shapely import Point, Polygon, box
+from shapely.affinity import translate
+
+from vinefab.model.job import Operation
+from vinefab.rig.board import LoosePiece, Peg, build_board
+from vinefab.rig.laser_cut import (
+    PIECE_GAP_MM,
+    SHEET_MARGIN_MM,
+    board_jobs,
+    layer_jobs,
+    lid_jobs,
+    material_left,
+    sheet_file,
+)
+from vinefab.rig.options import RigOptions
+
+BOARD = RigOptions(style="board", most_parts=200)
+SHEET = RigOptions(style="sheet", most_parts=200)
+
+
+@pytest.fixture
+def made(crooked_map, make_printer):
+    world = crooked_map(3, 6, 4)
+    return world, *build_board(world, make_printer(), BOARD)
+
+
+def _on_plan(rig, world):
+    low = world.bounds.bounds[:2]
+    return shapely.transform(rig.plate, lambda points: points - low)
+
+
+def test_every_peg_finds_its_hole(made):
+    world, rig, pieces = made
+    options = RigOptions(style="board", clearance_mm=0.15, kerf_mm=0.3)
+    (job,) = board_jobs("table", _on_plan(rig, world), pieces, options)
+    holes = [path.contour for path in job.along(Operation.CUT) if path.contour.arc_count]
+    pegs = [peg for piece in pieces for peg in piece.pegs]
+    assert len(holes) == len(pegs) > 20
+    # The sheet begins half a kerf and the margin left of the plan's lower left corner at (-4, -4).
+    shift = 4.0 + 5.0 + 0.15
+    for peg in pegs:
+        centre = np.array([peg.x_mm + shift, peg.y_mm + shift])
+        away = [np.abs(hole.points_mm.mean(axis=0) - centre).max() for hole in holes]
+        hole = holes[int(np.argmin(away))]
+        assert min(away) < 1e-6
+        radius_mm = next(iter(hole.segments)).radius_mm
+        # The beam takes half a kerf on each side: what is left is the peg and its gap.
+        assert radius_mm + 0.15 == pytest.approx(0.5 * peg.diameter_mm + 0.15)
+    order = [path.operation for path in job.paths]
+    assert order == sorted(order, key=list(Operation).index)
+    board = shapely.union_all(shapely.get_parts(material_left(sheet_file("b.dxf", job), 0.3)))
+    assert board.area == pytest.approx(_on_plan(rig, world).area, rel=1e-6)
+
+
+def test_a_board_larger_than_the_sheet_is_divided_beside_the_holes(made):
+    world, rig, pieces = made
+    options = RigOptions(style="board", sheet_width_mm=150.0, sheet_depth_mm=120.0, kerf_mm=0.0)
+    plate = _on_plan(rig, world)
+    jobs = board_jobs("table", plate, pieces, options)
+    assert len(jobs) > 3
+    holes, area_mm2 = 0, 0.0
+    for job in jobs:
+        assert job.sheet_width_mm <= 150.0 + 1e-6
+        assert job.sheet_height_mm <= 120.0 + 1e-6
+        rings = [path.contour for path in job.along(Operation.CUT)]
+        outline = shapely.Polygon(rings[-1].points_mm)
+        for hole in rings[:-1]:
+            assert outline.contains(Point(hole.points_mm.mean(axis=0)).buffer(1.5))
+        holes += len(rings) - 1
+        area_mm2 += outline.area
+    assert holes == sum(len(piece.pegs) for piece in pieces)
+    assert area_mm2 == pytest.approx(plate.area, rel=1e-6)
+
+
+def test_a_lid_is_the_plate_without_holes(make_map, make_printer):
+    far = make_map(box(30, 60, 60, 90), bounds=box(-100, -100, 300, 300))
+    rig, _ = build_board(far, make_printer(), BOARD)
+    plate = _on_plan(rig, far)
+    assert len(plate.interiors) == 1  # the robot comes up from below
+    (job,) = lid_jobs("table", plate, RigOptions(kerf_mm=0.2))
+    (outline,) = [path.contour for path in job.along(Operation.CUT)]
+    assert shapely.Polygon(outline.points_mm).area == pytest.approx(408.2**2, rel=1e-6)
+
+
+def test_layers_are_the_pieces_as_often_as_needed(crooked_map, make_printer):
+    world = crooked_map(5, 5, 4)
+    _, pieces = build_board(world, make_printer(), SHEET)
+    jobs, copies = layer_jobs("table", pieces, 10, SHEET)
+    assert sorted((copy.piece.number, copy.layer) for copy in copies) == [
+        (piece.number, layer) for piece in pieces for layer in range(1, 11)
+    ]
+    left = [material_left(sheet_file("layers.dxf", job), SHEET.kerf_mm) for job in jobs]
+    area_mm2 = sum(piece.outline.area for piece in pieces)
+    assert sum(one.area for one in left) == pytest.approx(10 * area_mm2, rel=1e-4)
+    for copy in copies:
+        meant = translate(copy.piece.outline, *copy.shift_mm)
+        near = left[copy.sheet].intersection(meant.buffer(0.5))
+        assert shapely.symmetric_difference(near, meant).area < 1e-3 * meant.area
+
+
+KERFS_MM = [0.0, 0.2, 0.5]
+WIDE_MM, DEEP_MM, PEG_MM, FIT_MM = 40.0, 30.0, 5.0, 0.1
+PIECE = LoosePiece(
+    number=1,
+    outline=box(10, 10, 10 + WIDE_MM, 10 + DEEP_MM),
+    pegs=(Peg(x_mm=20.0, y_mm=25.0, diameter_mm=PEG_MM), Peg(x_mm=40, y_mm=25, diameter_mm=PEG_MM)),
+)
+FRAME = box(10, 60, 110, 140) - box(30, 80, 70, 120)
+"""A piece of 100 x 80 mm with an opening of 40 x 40 mm."""
+
+
+def _beam(job):
+    """Return where the beam runs on cuts: polygons and circles (x, y, radius).
+
+    Read by ezdxf alone from the written file.
+    """
+    polygons, circles = [], []
+    for line in ezdxf.read(io.StringIO(sheet_file("sheet.dxf", job).decode())).modelspace():
+        if line.dxf.layer != Operation.CUT.layer:
+            continue
+        points = np.array(line.get_points("xyb"))
+        if points[:, 2].any():
+            middle = points[:, :2].mean(axis=0)
+            circles.append((*middle, np.hypot(*(points[0, :2] - middle))))
+        else:
+            polygons.append(Polygon(points[:, :2]))
+    return sorted(polygons, key=lambda one: one.area), circles
+
+
+def _size(polygon):
+    x_min, y_min, x_max, y_max = polygon.bounds
+    return x_max - x_min, y_max - y_min
+
+
+@pytest.mark.parametrize("kerf_mm", KERFS_MM)
+def test_the_board_is_a_kerf_larger_and_its_holes_a_kerf_smaller_than_the_beam_cuts(kerf_mm):
+    options = RigOptions(style="board", kerf_mm=kerf_mm, clearance_mm=FIT_MM)
+    (job,) = board_jobs("b", box(0, 0, 100, 80), (PIECE,), options)
+    (outline,), holes = _beam(job)
+    assert _size(outline) == pytest.approx((100 + kerf_mm, 80 + kerf_mm))
+    assert outline.bounds[:2] == pytest.approx((SHEET_MARGIN_MM, SHEET_MARGIN_MM))
+    # The sheet ends a margin beyond the cut, half a kerf beside the beam's path.
+    sheet_mm = 100 + kerf_mm + 2 * SHEET_MARGIN_MM, 80 + kerf_mm + 2 * SHEET_MARGIN_MM
+    assert (job.sheet_width_mm, job.sheet_height_mm) == pytest.approx(sheet_mm)
+    assert len(holes) == 2
+    low = SHEET_MARGIN_MM + 0.5 * kerf_mm
+    for (x_mm, y_mm, radius_mm), peg in zip(sorted(holes), PIECE.pegs, strict=True):
+        assert 2 * radius_mm + kerf_mm == pytest.approx(PEG_MM + 2 * FIT_MM)
+        assert (x_mm, y_mm) == pytest.approx((peg.x_mm + low, peg.y_mm + low))
+
+
+@pytest.mark.parametrize("kerf_mm", KERFS_MM)
+def test_a_lid_is_as_large_as_the_plate_after_the_kerf(kerf_mm):
+    (job,) = lid_jobs("l", box(0, 0, 100, 80), RigOptions(kerf_mm=kerf_mm))
+    (outline,), holes = _beam(job)
+    assert _size(outline) == pytest.approx((100 + kerf_mm, 80 + kerf_mm))
+    assert holes == []
+
+
+@pytest.mark.parametrize("kerf_mm", KERFS_MM)
+def test_layers_keep_their_size_their_holes_and_their_distance_after_the_kerf(kerf_mm):
+    # Three pieces to a row: six layers make two rows.
+    options = RigOptions(style="sheet", kerf_mm=kerf_mm, sheet_width_mm=145.0)
+    (job,), copies = layer_jobs("s", (PIECE,), 6, options)
+    outlines, holes = _beam(job)
+    assert len(outlines) == 6
+    for outline in outlines:
+        assert _size(outline) == pytest.approx((WIDE_MM + kerf_mm, DEEP_MM + kerf_mm))
+    # Pins fit tightly: their holes have no gap.
+    assert [2 * radius_mm + kerf_mm for *_, radius_mm in holes] == pytest.approx([PEG_MM] * 12)
+    pitch_mm = PIECE_GAP_MM + kerf_mm + np.array([WIDE_MM, DEEP_MM])
+    lows = np.array(sorted(outline.bounds[1::-1] for outline in outlines))[:, ::-1]
+    places = np.array([(column, row) for row in range(2) for column in range(3)])
+    assert lows == pytest.approx(SHEET_MARGIN_MM + places * pitch_mm)
+    for copy in copies:
+        place = translate(PIECE.outline, *copy.shift_mm).buffer(0.5 * kerf_mm, join_style="mitre")
+        assert min(shapely.symmetric_difference(place, one).area for one in outlines) < 1e-6
+
+
+@pytest.mark.parametrize("kerf_mm", KERFS_MM)
+def test_openings_are_a_kerf_smaller_than_the_beam_cuts(kerf_mm):
+    piece = LoosePiece(number=1, outline=FRAME, pegs=())
+    (job,), _ = layer_jobs("s", (piece,), 1, RigOptions(style="sheet", kerf_mm=kerf_mm))
+    (opening, outline), _ = _beam(job)
+    assert _size(opening) == pytest.approx((40 - kerf_mm, 40 - kerf_mm))
+    assert _size(outline) == pytest.approx((100 + kerf_mm, 80 + kerf_mm))
+
+
+@pytest.mark.parametrize("kerf_mm", KERFS_MM)
+def test_the_material_that_a_cut_leaves_is_the_piece(kerf_mm):
+    piece = LoosePiece(number=1, outline=FRAME, pegs=())
+    (job,), (copy,) = layer_jobs("s", (piece,), 1, RigOptions(style="sheet", kerf_mm=kerf_mm))
+    left = material_left(sheet_file("s.dxf", job), kerf_mm)
+    expected = translate(FRAME, *copy.shift_mm)
+    assert shapely.symmetric_difference(left, expected).area < 1e-6
+    if kerf_mm:
+        half = material_left(sheet_file("s.dxf", job), 0.5 * kerf_mm)
+        assert half.area - expected.area == pytest.approx(0.25 * kerf_mm * FRAME.length, rel=0.02)

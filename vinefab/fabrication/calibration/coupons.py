@@ -1,0 +1,368 @@
+"""Coupons: test pieces for kerf, seam, widths, burst pressure and fillets, and the energy matrix.
+
+Every piece that is inflated is a small robot: a design, outlined like any robot, with the recipe's
+offsets. What is measured on it is labelled beside it.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats
+from vinefab.fabrication.job.laser_job import laser_job
+from vinefab.fabrication.job.marks import lettered
+from vinefab.fabrication.job.passes import weldcut_offset_mm
+from vinefab.model.design import Build, Design, Level, Pouch
+from vinefab.model.job import Job, LaserPath, Operation
+from vinefab.model.laser import LaserProfile, OperationSettings, Quantity, Standing
+from vinefab.model.outline import Contour
+from vinefab.physics.seam import spot_at_mm
+
+LADDER_MM = (5.0, 8.0, 10.0, 16.0, 20.0, 30.0, 40.0)
+FILLETS_MM = (2.0, 4.0, 8.0)
+BALLOON_MM = (60.0, 20.0)
+BALLOONS = 3
+SQUARE_MM = 50.0
+STRIP_MM = (80.0, 25.0)
+STRIPS = 2
+PORT_MM = 6.0
+LETTER_MM = 4.0
+LABEL_GAP_MM = 5.0
+_LADDER_LENGTH_MM, _LADDER_TAIL_MM = 40.0, 10.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Coupon:
+    """One coupon."""
+
+    name: str  # written beside it
+    paths: tuple[LaserPath, ...]  # in process order, label included
+    design: Design | None = None  # None for a piece that is no robot
+
+    @property
+    def box_mm(self) -> tuple[float, float, float, float]:
+        """Least x, least y, greatest x, greatest y of all paths."""
+        boxes = np.array([path.contour.box_mm for path in self.paths])
+        low, high = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    def shifted(self, dx_mm: float, dy_mm: float) -> "Coupon":
+        """Return the piece elsewhere."""
+        paths = tuple(
+            replace(path, contour=path.contour.moved(0.0, dx_mm, dy_mm)) for path in self.paths
+        )
+        return replace(self, paths=paths)
+
+
+def coupon_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
+    """Return every coupon for a recipe but the energy matrix, each at a place of its own."""
+    robots = [*balloon_designs(), *crotch_designs(), *ladder_designs()]
+    return (
+        *(robot_piece(design, profile) for design in robots),
+        *square_pieces(profile),
+        *strip_pieces(profile),
+    )
+
+
+def balloon_designs() -> tuple[Design, ...]:
+    """Return the burst balloons: a pouch of 20 x 60 mm with a narrow port for a needle."""
+    length, width = BALLOON_MM
+    pouch = Pouch(shape="rectangle", length_mm=length, width_mm=width)
+    build = Build(widths_mm=(PORT_MM,), fillet_mm=(), tail_mm=20.0, pouch=pouch)
+    # The pouch is centred on the end of the branch: 5 mm of port stand between it and the base.
+    return tuple(
+        Design(name=f"BURST-{number}", trunk_length_mm=length / 2 + 5.0, build=build)
+        for number in range(1, BALLOONS + 1)
+    )
+
+
+def ladder_designs() -> tuple[Design, ...]:
+    """Return the width ladder: plain fingers from 5 to 40 mm."""
+    return tuple(
+        Design(
+            name=f"W{width:g}",
+            trunk_length_mm=_LADDER_LENGTH_MM,
+            build=Build(widths_mm=(width,), fillet_mm=(), tail_mm=_LADDER_TAIL_MM),
+        )
+        for width in LADDER_MM
+    )
+
+
+def crotch_designs() -> tuple[Design, ...]:
+    """Return the crotch coupons: a trunk with two branches, each with another fillet."""
+    fork = Level(branches=2, length_mm=50.0, fan_rad=math.radians(60.0))
+    return tuple(
+        Design(
+            name=f"CROTCH-R{radius:g}",
+            trunk_length_mm=30.0,
+            levels=(fork,),
+            build=Build(widths_mm=(20.0, 12.0), fillet_mm=(radius,), tail_mm=10.0),
+        )
+        for radius in FILLETS_MM
+    )
+
+
+def robot_piece(design: Design, profile: LaserProfile) -> Coupon:
+    """Return a design as a coupon: what the laser does for a robot, and its name below it."""
+    operations = (Operation.WELD, Operation.WELDCUT, Operation.CUT)
+    job = laser_job(design, profile)
+    paths = tuple(path for path in job.paths if path.operation in operations)
+    return _labelled(Coupon(name=design.name, paths=paths, design=design), profile)
+
+
+def square_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
+    """Return a 50 mm square for every operation that cuts; the beam runs on the square itself."""
+    pieces = []
+    for operation in (Operation.WELDCUT, Operation.CUT):
+        if operation not in profile.recipe.operations:
+            continue
+        over = profile.settings(operation).overcut_mm.value
+        half, side = SQUARE_MM / 2, SQUARE_MM
+        corners = [(half, 0.0), (side, 0.0), (side, side), (0.0, side), (0.0, 0.0)]
+        # It starts in the middle of a side and runs on past its start.
+        points = np.array([*corners, (half + over, 0.0)])
+        name = f"KERF-{operation}"
+        path = LaserPath(
+            operation=operation, contour=Contour.polyline(points, closed=False), label=name
+        )
+        pieces.append(_labelled(Coupon(name=name, paths=(path,)), profile))
+    return tuple(pieces)
+
+
+def strip_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
+    """Return the peel strips: two plies joined by one seam at an end, cut apart elsewhere.
+
+    Without an operation that cuts and seals at once there are none.
+    """
+    if Operation.WELDCUT not in profile.recipe.operations:
+        return ()
+    length, width = STRIP_MM
+    over = profile.settings(Operation.WELDCUT).overcut_mm.value
+    half = profile.settings(Operation.CUT).kerf_mm.value / 2
+    seam = np.array([(0.0, -half - over), (0.0, width + half + over)])
+    # The sides end on the seam; the beam of the cut stays half a kerf outside the strip.
+    sides = np.array([(0.0, -half), (length, -half), (length, width + half), (0.0, width + half)])
+    pieces = []
+    for number in range(1, STRIPS + 1):
+        name = f"PEEL-{number}"
+        paths = (
+            _line(Operation.WELDCUT, seam, f"seam of {name}"),
+            _line(Operation.CUT, sides, f"sides of {name}"),
+        )
+        pieces.append(_labelled(Coupon(name=name, paths=paths), profile))
+    return tuple(pieces)
+
+
+def _line(operation: Operation, points: Floats, label: str) -> LaserPath:
+    contour = Contour.polyline(points, closed=False)
+    return LaserPath(operation=operation, contour=contour, label=label)
+
+
+def text_marks(text: str, corner_mm: tuple[float, float], profile: LaserProfile) -> list[LaserPath]:
+    """Return a line of text as marks; none where the recipe cannot mark."""
+    if Operation.MARK not in profile.recipe.operations:
+        return []
+    lines, label = lettered(text, corner_mm, LETTER_MM), f"text {text}"
+    return [LaserPath(operation=Operation.MARK, contour=line, label=label) for line in lines]
+
+
+def _labelled(piece: Coupon, profile: LaserProfile) -> Coupon:
+    x0, y0, _, _ = piece.box_mm
+    label = text_marks(piece.name, (x0, y0 - LABEL_GAP_MM - LETTER_MM), profile)
+    return replace(piece, paths=(*label, *piece.paths))
+
+
+COUPON_GAP_MM = 8.0
+"""Gap between pieces, above the limit of rule VF-L01 for a mark beside a body."""
+
+ROW_MM = 300.0
+"""Longest row, so that the film piece stays handy on large beds."""
+
+_PROCESS_ORDER = tuple(Operation)
+
+
+def coupon_sheets(pieces: Sequence[Coupon], profile: LaserProfile) -> tuple[Job, ...]:
+    """Return the jobs that hold all pieces, in rows from the lower left, highest pieces first."""
+    (bed_x, bed_y), margin = profile.machine.usable_mm, profile.machine.margin_mm.value
+    room = min(bed_x, ROW_MM), bed_y
+    sheets: list[list[Coupon]] = [[]]
+    x, y, row = 0.0, 0.0, 0.0
+    for piece in sorted(pieces, key=lambda piece: -_size(piece)[1]):
+        width, height = _size(piece)
+        if width > room[0] or height > room[1]:
+            allowed = f"a bed of at least {width:.0f} x {height:.0f} mm for coupon {piece.name}"
+            raise BadInputError("machine bed", f"{bed_x:g} x {bed_y:g} mm usable", allowed)
+        if x > 0.0 and x + width > room[0]:
+            x, y, row = 0.0, y + row + COUPON_GAP_MM, 0.0
+        if y > 0.0 and y + height > room[1]:
+            sheets.append([])
+            x, y, row = 0.0, 0.0, 0.0
+        low_x, low_y, _, _ = piece.box_mm
+        sheets[-1].append(piece.shifted(margin + x - low_x, margin + y - low_y))
+        x, row = x + width + COUPON_GAP_MM, max(row, height)
+    names = ["coupons"] if len(sheets) == 1 else [f"coupons_{k + 1}" for k in range(len(sheets))]
+    facts = recipe_facts(profile)
+    return tuple(
+        sheet_job(name, [path for piece in sheet for path in piece.paths], profile, facts)
+        for name, sheet in zip(names, sheets, strict=True)
+    )
+
+
+def sheet_job(
+    name: str, paths: Sequence[LaserPath], profile: LaserProfile, facts: Mapping[str, object]
+) -> Job:
+    """Return paths as one job on the machine's bed, in process order."""
+    return Job(
+        name=name,
+        sheet_width_mm=profile.machine.bed_width_mm.value,
+        sheet_height_mm=profile.machine.bed_height_mm.value,
+        paths=tuple(sorted(paths, key=lambda path: _PROCESS_ORDER.index(path.operation))),
+        facts=facts,
+    )
+
+
+def recipe_facts(profile: LaserProfile) -> dict[str, object]:
+    """Return the facts that every coupon file states."""
+    facts: dict[str, object] = {
+        "machine": profile.machine.name,
+        "material": profile.material.name,
+        "recipe": profile.recipe.name,
+        "recipe_status": profile.recipe.status.value,
+    }
+    if Operation.WELDCUT in profile.recipe.operations:
+        facts["weldcut_offset_mm"] = weldcut_offset_mm(profile)
+    return facts
+
+
+def _size(piece: Coupon) -> tuple[float, float]:
+    x0, y0, x1, y1 = piece.box_mm
+    return x1 - x0, y1 - y0
+
+
+FOCUS_MM = (0.0, 3.0, 6.0, 10.0)
+LEAST_MJ_MM, MOST_MJ_MM, LEVELS = 5.0, 250.0, 8
+LINE_MM, ZONE_MM = 80.0, 20.0
+PITCH_MM = 9.0
+_TEXT_MM = 40.0
+_TICK_MM = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Matrix:
+    """The energy matrix of a recipe."""
+
+    jobs: tuple[Job, ...]  # one per focus offset, for the lens is set by hand
+    energies_mj_mm: tuple[float, ...]  # line energies that are drawn
+    # line energies that the machine cannot give on a line this short; not drawn
+    out_of_reach_mj_mm: tuple[float, ...]
+
+
+def energies_mj_mm() -> tuple[float, ...]:
+    """Return the line energies of the matrix, in even steps of their logarithm.
+
+    >>> [round(energy, 1) for energy in energies_mj_mm()]
+    [5.0, 8.7, 15.3, 26.7, 46.8, 81.8, 143.0, 250.0]
+    """
+    return tuple(np.geomspace(LEAST_MJ_MM, MOST_MJ_MM, LEVELS).tolist())
+
+
+def energy_matrix(profile: LaserProfile) -> Matrix:
+    """Return the energy matrix for a recipe's sealing operation, the marks and zones included.
+
+    The power stays at the least that the recipe's tube keeps and the speed gives the energy, so
+    an energy is out of reach where the head would not come up to speed before the middle of the
+    line, in which the seam is judged.
+    """
+    operation = sealing_operation(profile)
+    settings = profile.settings(operation)
+    reached = [energy for energy in energies_mj_mm() if _in_reach(energy, settings, profile)]
+    jobs = tuple(_job(focus_mm, reached, operation, profile) for focus_mm in FOCUS_MM if reached)
+    return Matrix(
+        jobs=jobs,
+        energies_mj_mm=tuple(reached),
+        out_of_reach_mj_mm=tuple(e for e in energies_mj_mm() if e not in reached),
+    )
+
+
+def sealing_operation(profile: LaserProfile) -> Operation:
+    """Return the operation by which the laser makes seams."""
+    for operation in (Operation.WELDCUT, Operation.WELD):
+        found = profile.recipe.operations.get(operation)
+        if found is not None and found.by_laser:
+            return operation
+    raise BadInputError(
+        f"recipe {profile.recipe.name}", "sealed by hand", "a recipe whose laser makes the seam"
+    )
+
+
+def line_settings(
+    energy_mj_mm: float, focus_mm: float, settings: OperationSettings, profile: LaserProfile
+) -> OperationSettings:
+    """Return the settings of one line of the matrix: one pass, constant power."""
+    machine = profile.machine
+    power = settings.min_power_percent
+    power_w = machine.power_w.value * power.value / 100.0
+    spot = spot_at_mm(machine.spot_mm.value, focus_mm, machine.rayleigh_mm.value)
+    return replace(
+        settings,
+        power_percent=power,
+        min_power_percent=power,
+        speed_mm_s=_computed(1000.0 * power_w / energy_mj_mm, f"{energy_mj_mm:.1f} mJ/mm"),
+        passes=1,
+        focus_offset_mm=_computed(focus_mm, "energy matrix"),
+        spot_mm=_computed(spot, "spot at this focus offset"),
+    )
+
+
+def _computed(value: float, source: str) -> Quantity:
+    return Quantity(value=value, standing=Standing.COMPUTED, source=source)
+
+
+def _in_reach(energy_mj_mm: float, settings: OperationSettings, profile: LaserProfile) -> bool:
+    machine = profile.machine
+    speed = line_settings(energy_mj_mm, 0.0, settings, profile).speed_mm_s.value
+    ramp_mm = (LINE_MM - ZONE_MM) / 2
+    comes_up_to = math.sqrt(2.0 * machine.acceleration_mm_s2.value * ramp_mm)
+    return speed <= min(comes_up_to, machine.speed_max_mm_s.value)
+
+
+def _job(
+    focus_mm: float, energies: Sequence[float], operation: Operation, profile: LaserProfile
+) -> Job:
+    margin, settings = profile.machine.margin_mm.value, profile.settings(operation)
+    low = margin + 2.0 * _TICK_MM
+    top = low + PITCH_MM * len(energies)
+    start = margin + _TEXT_MM
+    paths = text_marks(f"FOCUS {focus_mm:g}", (margin, top), profile)
+    for row, energy in enumerate(energies):
+        y = low + LETTER_MM / 2 + PITCH_MM * row
+        paths += text_marks(f"{energy:.1f}", (margin, y - LETTER_MM / 2), profile)
+        line = np.array([(start, y), (start + LINE_MM, y)])
+        paths.append(
+            LaserPath(
+                operation=operation,
+                contour=Contour.polyline(line, closed=False),
+                label=f"{energy:.1f} mJ/mm at focus {focus_mm:g} mm",
+                variant=f"E{energy:.1f}",
+                settings=line_settings(energy, focus_mm, settings, profile),
+            )
+        )
+    paths += _zone(start + (LINE_MM - ZONE_MM) / 2, (low - _TICK_MM, top), profile)
+    facts = {**recipe_facts(profile), "focus_offset_mm": focus_mm}
+    return sheet_job(f"matrix_focus_{focus_mm:02.0f}", paths, profile, facts)
+
+
+def _zone(left_mm: float, ends_mm: tuple[float, float], profile: LaserProfile) -> list[LaserPath]:
+    """Return ticks above and below the lines, between which the seam is judged."""
+    if Operation.MARK not in profile.recipe.operations:
+        return []
+    found = []
+    for x in (left_mm, left_mm + ZONE_MM):
+        for y, towards in zip(ends_mm, (-1.0, 1.0), strict=True):
+            tick = np.array([(x, y), (x, y + towards * _TICK_MM)])
+            contour = Contour.polyline(tick, closed=False)
+            found.append(LaserPath(operation=Operation.MARK, contour=contour, label="zone"))
+    return found

@@ -18,11 +18,6 @@ from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("calibrate")(calibrate_command)
-
-
 def calibrate_command(
     *,
     results: Annotated[Path, typer.Argument(help="The table of `vinefab coupon`, filled in.")],

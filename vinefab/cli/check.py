@@ -37,11 +37,6 @@ from vinefab.model.job import Job
 from vinefab.prediction.fix_proposal import FixProposal, propose_fix, score_change_lines
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("check")(check_command)
-
-
 def check_command(
     *,
     design: DesignIn,

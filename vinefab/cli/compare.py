@@ -34,11 +34,6 @@ from vinefab.prediction.map_families import map_families, unseen_maps
 from vinefab.prediction.provenance import origin_of
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("compare")(compare_command)
-
-
 def compare_command(
     *,
     designs: Annotated[
@@ -63,11 +58,11 @@ def compare_command(
 
     Example: vinefab compare grid_explorer three_level_tree --environment grid --count 50
     """
-    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     main = measure_named(measure)
     if out is not None:
         ensure_writable(out, force=force)
-    with voice.progress("compare") as show:
+    with output.progress("compare") as show:
         robots = [read_design(design) for design in designs]
         asked = parameters_from(parameter or [])
         unseen = unseen_maps(environment, count, seed, asked) if environment else None
@@ -80,7 +75,7 @@ def compare_command(
         page = comparison_page(found, main, trials, origin) if out else ""
     if out is not None:
         write_text(out, page, force=force)
-        voice.say(f"wrote {out}")
-    voice.give_json(comparison_text(found, main, origin))
+        output.say(f"wrote {out}")
+    output.give_json(comparison_text(found, main, origin))
     for line in comparison_lines(found, main):
-        voice.say(line)
+        output.say(line)

@@ -16,11 +16,6 @@ MARK = "coupon.json"
 """The file by which a folder of this command is known again."""
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("coupon")(coupon_command)
-
-
 def coupon_command(
     *,
     out: Annotated[Path, typer.Option("--out", help="The folder to write.")],

@@ -19,11 +19,6 @@ MARK = "job.json"
 """The file by which a folder of this command is known again."""
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("fabricate")(fabricate_command)
-
-
 def fabricate_command(
     *,
     design: DesignIn,

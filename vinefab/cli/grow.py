@@ -24,11 +24,6 @@ from vinefab.prediction.deploy import FRAMES, deploy, growth_options
 from vinefab.prediction.history import MOST_FRAMES, frames_of, fronts_from
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("grow")(grow_command)
-
-
 def grow_command(
     *,
     design: DesignIn,
@@ -64,7 +59,7 @@ def grow_command(
 
     Example: vinefab grow three_level_tree --map grid.geojson --svg grown.svg --animate grows.gif
     """
-    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_kind("--svg", svg, (".svg", ".png"), force=force)
     ensure_kind("--animate", animate, (".svg", ".gif"), force=force)
     if animate:
@@ -74,12 +69,12 @@ def grow_command(
     fronts = None if history is None else fronts_from(history)
     options = growth_options(body, head_on_half_angle_deg, children_of_stuck)
     result = deploy(read_design(design), read_map(map_file), pose_from(pose), options)
-    voice.give_json(result.text(None if fronts is None else frames_of(result.history, fronts)))
+    output.give_json(result.text(None if fronts is None else frames_of(result.history, fronts)))
     if svg:
         write_bytes(svg, result.picture(svg.suffix, named=label), force=force)
     if animate:
         write_bytes(animate, result.animation(animate.suffix, frames), force=force)
     for line in result.summary():
-        voice.say(line)
+        output.say(line)
     for path in filter(None, (svg, animate)):
-        voice.say(f"wrote {path}")
+        output.say(f"wrote {path}")

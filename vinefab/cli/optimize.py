@@ -28,11 +28,6 @@ from vinefab.search.settings import RunSettings
 FRONT_FILES = ("front.json", "front.svg", "front.png")
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("optimize")(optimize_command)
-
-
 def optimize_command(
     *,
     run_file: Annotated[Path, typer.Argument(metavar="RUN.toml", help="The run file.")],

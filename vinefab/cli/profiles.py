@@ -8,11 +8,6 @@ from vinefab.cli.options import CommandOutput, Force, JsonOut, Quiet
 from vinefab.fabrication.profile_listing import explain, profile_json, profile_list
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("profiles")(profiles_command)
-
-
 def profiles_command(
     *,
     name: Annotated[

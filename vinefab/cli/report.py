@@ -33,11 +33,6 @@ from vinefab.prediction.prediction_json import prediction_text, summary_lines
 from vinefab.prediction.provenance import origin_of
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("report")(report_command)
-
-
 def report_command(
     *,
     design: DesignIn,
@@ -58,9 +53,9 @@ def report_command(
 
     Example: vinefab report three_level_tree --environment grid --count 100 --out report.html
     """
-    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_writable(out, force=force)
-    with voice.progress("report") as show:
+    with output.progress("report") as show:
         show(0.0, "reading and generating maps")
         robot, profile = read_design(design), read_profile(recipe)
         given = [read_map(path) for path in maps or []]
@@ -76,7 +71,7 @@ def report_command(
         page = found.page(origin, (), part_of(show, 0.6, 1.0))
         text = prediction_text(found, origin)
     write_text(out, page, force=force)
-    voice.give_json(text)
+    output.give_json(text)
     for line in summary_lines(found):
-        voice.say(line)
-    voice.say(f"wrote {out}")
+        output.say(line)
+    output.say(f"wrote {out}")

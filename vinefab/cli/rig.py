@@ -19,11 +19,6 @@ MARK = "rig.json"
 """The file by which a folder of this command is known again."""
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("rig")(rig_command)
-
-
 def rig_command(
     *,
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="The map file.")],

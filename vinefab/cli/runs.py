@@ -9,11 +9,6 @@ from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, JsonOut, Qu
 from vinefab.search.runs import list_runs, rebuild, run_words
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("runs")(runs_command)
-
-
 def runs_command(
     *,
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run's folder, or one above.")],

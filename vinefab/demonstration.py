@@ -21,8 +21,7 @@ from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.prediction.deployments import PredictionPlan
-from vinefab.prediction.map_families import MapFamily
+from vinefab.prediction.family_deployments import MapFamily, PredictionPlan
 from vinefab.prediction.measures import REACH
 from vinefab.prediction.predict import Predicted, predict
 from vinefab.prediction.provenance import origin_of

@@ -5,10 +5,14 @@ import numpy as np
 import pytest
 
 from vinefab.model.files.design_toml import read_design
-from vinefab.prediction.comparison import compare_designs, paired_differences
-from vinefab.prediction.comparison_page import comparison_lines, comparison_page, comparison_text
-from vinefab.prediction.deployments import PredictionPlan
-from vinefab.prediction.map_families import unseen_maps
+from vinefab.prediction.comparison import (
+    compare_designs,
+    comparison_lines,
+    comparison_page,
+    comparison_text,
+    paired_differences,
+)
+from vinefab.prediction.family_deployments import PredictionPlan, unseen_maps
 from vinefab.prediction.measures import MEASURES, REACH, SEEN, STUCK, MeasureTable
 from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.sensitivity import scaled_tree

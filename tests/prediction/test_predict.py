@@ -19,7 +19,16 @@ from vinefab.model.map import Map, Pose, Start
 from vinefab.model.tree import branch_tree
 from vinefab.physics.growth_path import grown_paths, riding_mm
 from vinefab.prediction.anchoring_prediction import leaf_turns_rad, predict_anchoring
-from vinefab.prediction.deployments import PredictionPlan, PreparedFamily, deploy_family, typical
+from vinefab.prediction.family_deployments import (
+    FIRST_UNSEEN,
+    MapFamily,
+    PredictionPlan,
+    PreparedFamily,
+    deploy_family,
+    map_families,
+    typical,
+    unseen_maps,
+)
 from vinefab.prediction.growth_pressures import (
     LOOSE,
     TIGHT,
@@ -27,7 +36,6 @@ from vinefab.prediction.growth_pressures import (
     growth_pressures_kpa,
 )
 from vinefab.prediction.heat_map import body_cells, heat_map_of, stuck_spots
-from vinefab.prediction.map_families import FIRST_UNSEEN, MapFamily, map_families, unseen_maps
 from vinefab.prediction.measures import GROWN, LOOSE_PRESSURE, MEASURES, REACH, SEEN, STUCK
 from vinefab.prediction.pressure_window import window_of
 from vinefab.prediction.sensitivity import (

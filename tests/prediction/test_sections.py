@@ -12,8 +12,7 @@ import pytest
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.prediction.deployments import PredictionPlan
-from vinefab.prediction.map_families import map_families, unseen_maps
+from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
 from vinefab.prediction.predict import predict
 from vinefab.prediction.prediction_json import prediction_text
 from vinefab.prediction.provenance import origin_of

@@ -21,16 +21,15 @@ from vinefab.cli.options import (
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
-from vinefab.prediction.comparison import compare_designs
-from vinefab.prediction.comparison_page import (
+from vinefab.prediction.comparison import (
+    compare_designs,
     comparison_lines,
     comparison_page,
     comparison_text,
     measure_named,
 )
 from vinefab.prediction.deploy import growth_options
-from vinefab.prediction.deployments import PredictionPlan
-from vinefab.prediction.map_families import map_families, unseen_maps
+from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
 from vinefab.prediction.provenance import origin_of
 
 

@@ -20,8 +20,14 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import whole
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
-from vinefab.prediction.deploy import FRAMES, deploy, growth_options
-from vinefab.prediction.history import MOST_FRAMES, frames_of, fronts_from
+from vinefab.prediction.deploy import (
+    FRAMES,
+    MOST_FRAMES,
+    deploy,
+    frames_of,
+    fronts_from,
+    growth_options,
+)
 
 
 def grow_command(

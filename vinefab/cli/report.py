@@ -26,8 +26,7 @@ from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.prediction.deploy import growth_options
-from vinefab.prediction.deployments import PredictionPlan
-from vinefab.prediction.map_families import map_families, unseen_maps
+from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
 from vinefab.prediction.predict import part_of, predict
 from vinefab.prediction.prediction_json import prediction_text, summary_lines
 from vinefab.prediction.provenance import origin_of

@@ -1,6 +1,7 @@
 """Anchoring over many deployments: amplification always, newtons where there are pouches."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,16 +10,18 @@ from vinefab.core.validation import Floats, Ints
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design, Pouch
 from vinefab.model.laser import Material
+from vinefab.pages.html import Section, Table
 from vinefab.physics.anchoring import (
     ASSUMED_FRICTION,
     amplification,
     branch_force_n,
     branch_limit_n,
+    payload_over_mass,
     pouch_contact_mm2,
     tip_force_n,
 )
 from vinefab.physics.seam import allowed_line_load_n_mm
-from vinefab.prediction.deployments import FamilyDeployments
+from vinefab.prediction.family_deployments import FamilyDeployments
 from vinefab.prediction.measures import pouch_size_mm
 from vinefab.tasks.leaves import path_turn_rad, tip_gaps_mm
 
@@ -152,4 +155,60 @@ def _forces(
         limited_percent=100.0 * limited / max(1, engaged),
         pressure_kpa=design.build.pressure_kpa,
         mass_g=mass_g,
+    )
+
+
+ANCHORING_NOTE = (
+    "Force of all leaf pouches over that of one pouch without any turn: the sum of e^(mu gamma) "
+    "over the leaves that hold, gamma the turn at contacts and hinges on the way (equations 1 and "
+    "2 of the paper). Which leaves hold is not known beforehand: of six branches in the paper's "
+    "test one touched nothing and one hung slack. The friction of film on the obstacles is "
+    "assumed, 0.2 to 0.8; measure yours."
+)
+
+
+def anchoring_section(holdings: Sequence[AnchoringPrediction]) -> Section:
+    """Return anchoring amplification by friction and engaged leaves, and forces where known."""
+    tables = [_amplification_table(holding) for holding in holdings]
+    tables += [
+        _force_table(holding.label, holding.forces) for holding in holdings if holding.forces
+    ]
+    without = () if holdings[0].forces else (
+        "The design has no pouches, so nothing can be said in newtons.",
+    )  # fmt: skip
+    return Section(title="Anchoring", paragraphs=(ANCHORING_NOTE, *without), tables=tuple(tables))
+
+
+def _amplification_table(holding: AnchoringPrediction) -> Table:
+    frictions = sorted({held.friction for held in holding.table})
+    shares = sorted({held.engaged_percent for held in holding.table}, reverse=True)
+    rows = tuple(
+        (
+            f"{share:g} % of the leaves hold",
+            *(f"{holding.at(friction, share):.2f}" for friction in frictions),
+        )
+        for share in shares
+    )
+    return Table(
+        caption=f"Mean amplification on {holding.label}, {holding.leaves} leaves, those that "
+        "turned least hold first (simulated paths, assumed friction)",
+        headings=("engaged", *(f"friction {friction:g}" for friction in frictions)),
+        rows=rows,
+    )
+
+
+def _force_table(label: str, forces: Forces) -> Table:
+    rows = []
+    for index, friction in enumerate(forces.friction.tolist()):
+        cells = (forces.mean_n[index], forces.p05_n[index], forces.p95_n[index])
+        over = payload_over_mass(cells[0], forces.mass_g) if forces.mass_g else None
+        ratio = "-" if over is None else f"{over:.0f}"
+        rows.append((f"{friction:g}", *(f"{value:.2f}" for value in cells), ratio))
+    return Table(
+        caption=f"Force on {label} at {forces.pressure_kpa:g} kPa: {forces.engaged_percent:.1f} % "
+        "of the leaves end in a gap narrower than their inflated pouch, and only those hold; "
+        f"{forces.limited_percent:.1f} % of them are limited by film or seam at the highest "
+        "friction (simulated paths, computed contact, assumed friction)",
+        headings=("friction", "mean N", "5 % N", "95 % N", "times its own mass"),
+        rows=tuple(rows),
     )

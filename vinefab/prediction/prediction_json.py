@@ -11,11 +11,10 @@ from vinefab.core.units import deg
 from vinefab.prediction.anchoring_prediction import AnchoringPrediction
 from vinefab.prediction.heat_map import HeatMap
 from vinefab.prediction.measures import MEASURES, MeasureTable, Spread
-from vinefab.prediction.predict import Predicted
+from vinefab.prediction.predict import Predicted, headlines, verdict_on
 from vinefab.prediction.pressure_window import Need, PressureWindow
 from vinefab.prediction.provenance import Origin
 from vinefab.prediction.sensitivity import QUICK, Effect, Tolerance
-from vinefab.prediction.verdict import headlines, verdict_on
 
 SCHEMA = "vinefab/prediction-1"
 

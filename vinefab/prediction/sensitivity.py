@@ -1,4 +1,4 @@
-"""How sensitive predictions are: to the start, to the design, to the model, to making."""
+"""How sensitive predictions are: to the start, to the design, to the model, to fabrication."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -7,6 +7,8 @@ from functools import partial
 
 import numpy as np
 import shapely
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from vinefab.core.rng import child
 from vinefab.core.statistics import group_means, mean_interval
@@ -19,7 +21,15 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.model.tree import BranchTree, branch_tree
-from vinefab.prediction.deployments import PredictionPlan, PreparedFamily, Tell, silent
+from vinefab.pages.charts import frame
+from vinefab.pages.figure import (
+    LEVEL_COLOURS,
+    SOFT,
+    house_style,
+    svg_bytes,
+)
+from vinefab.pages.html import Picture, Section, Table
+from vinefab.prediction.family_deployments import PredictionPlan, PreparedFamily, Tell, silent
 from vinefab.prediction.measures import (
     GROWN,
     LOOSE_PRESSURE,
@@ -101,16 +111,21 @@ MOST_LAUNCHES = 60
 """Variants are tried from so many poses at most, spread evenly over the maps."""
 
 HEADING_STEPS_DEG = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
+
 SIDEWAYS_STEPS_MM = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
+
 LENGTH_STEPS_PERCENT = (-10.0, -5.0, 5.0, 10.0)
+
 HEAD_ON_STEPS_DEG = (4.0, 9.0, 14.0)
 """Beyond the 1 degree that is assumed: 5, 10 and 15 degrees, the most that is plausible."""
 
 LENGTH_TOLERANCE_PERCENT = 1.0
+
 ANGLE_TOLERANCE_DEG = 2.0
 """Half-widths of the errors of making [assumed]: measure your own robots."""
 
 ROBOTS = 40
+
 _STREAM = 1703
 
 
@@ -310,3 +325,101 @@ def _shifted(pose: Pose, step_mm: float) -> Pose:
         x_mm=pose.x_mm - step_mm * math.sin(pose.heading_rad),
         y_mm=pose.y_mm + step_mm * math.cos(pose.heading_rad),
     )
+
+
+def effect_panels(effects: Sequence[Effect], measures: Sequence[Measure]) -> Figure:
+    """Return what every change does: a column per knob, a row per measure."""
+    knobs = list(dict.fromkeys(effect.knob for effect in effects))
+    with house_style():
+        figure = Figure(figsize=(6.8, 0.5 + 1.75 * len(measures)), layout="constrained")
+        grid = figure.subplots(len(measures), len(knobs), sharey="row", squeeze=False)
+        for row, measure in enumerate(measures):
+            for column, knob in enumerate(knobs):
+                _draw_effect(grid[row][column], [e for e in effects if e.knob == knob], measure)
+            grid[row][0].set_ylabel(f"change of\n{measure.title}\n({measure.unit})", fontsize=8)
+        for column, knob in enumerate(knobs):
+            unit = next(effect.unit for effect in effects if effect.knob == knob)
+            grid[-1][column].set_xlabel(f"{knob} ({unit})", fontsize=8)
+    return figure
+
+
+def _draw_effect(axes: Axes, effects: Sequence[Effect], measure: Measure) -> None:
+    shown = [(e.step, e.changes[measure.key]) for e in effects if measure.key in e.changes]
+    points = sorted([(step, c.mean, c.low, c.high) for step, c in shown] + [(0.0, 0.0, 0.0, 0.0)])
+    step, mean, low, high = np.array(points).T
+    axes.fill_between(step, low, high, color=LEVEL_COLOURS[2], alpha=0.22, linewidth=0)
+    axes.plot(step, mean, "o-", color=LEVEL_COLOURS[0], markersize=3.5, linewidth=1.3)
+    axes.axhline(0.0, color=SOFT, linewidth=0.8)
+    axes.tick_params(labelsize=7.5)
+    frame(axes)
+
+
+def sensitivity_section(effects: Sequence[Effect], measures: Sequence[Measure]) -> Section:
+    """Return what changes of start, lengths and model do."""
+    drawn = (measures[0], measures[-1])
+    count = max(effect.count for effect in effects)
+    words = (
+        f"Every change is tried from the same {count} poses as without it, and each deployment is "
+        "compared with itself (simulated). Position: sideways to the heading, left is positive. "
+        "Lengths: all branches alike. Head-on half-angle: on top of the angle assumed; the real "
+        "one is not known, at most about 15 degrees."
+    )
+    rows = tuple(
+        (effect.knob, effect.text, *_changes(effect, measures), str(effect.count))
+        for effect in effects
+    )
+    table = Table(
+        caption="Mean change, in square brackets its 95 % bootstrap interval over maps (poses "
+        "where there is one map); an "
+        "asterisk where the interval leaves out 0 (simulated)",
+        headings=("changed", "by", *(m.label for m in measures), "poses"),
+        rows=rows,
+    )
+    picture = Picture(
+        image=svg_bytes(effect_panels(effects, drawn)),
+        caption="Mean change with its 95 % interval (simulated).",
+        wide=True,
+    )
+    return Section(title="Sensitivity", paragraphs=(words,), pictures=(picture,), tables=(table,))
+
+
+def tolerance_section(tolerance: Tolerance) -> Section:
+    """Return how robots of one design differ."""
+    words = (
+        f"{tolerance.robots} robots were drawn, every branch's length off by up to "
+        f"{tolerance.length_percent:g} % and its angle by up to {tolerance.angle_deg:g} degrees, "
+        f"uniformly and each on its own (assumed), and deployed from {tolerance.launches} poses "
+        "each (simulated)."
+    )
+    rows = tuple(
+        (
+            scatter.measure.title,
+            scatter.measure.unit,
+            scatter.measure.number(scatter.exact),
+            scatter.measure.number(scatter.p05),
+            scatter.measure.number(scatter.p95),
+            scatter.measure.number(scatter.typical),
+        )
+        for scatter in tolerance.scatter
+    )
+    table = Table(
+        caption="Means over poses of the robot as designed and of robots as made (simulated)",
+        headings=(
+            "measure", "unit", "as designed", "5 % of robots", "95 % of robots",
+            "one deployment, typically",
+        ),
+        rows=rows,
+    )  # fmt: skip
+    return Section(title="Tolerances of making", paragraphs=(words,), tables=(table,))
+
+
+def _changes(effect: Effect, measures: Sequence[Measure]) -> list[str]:
+    cells = []
+    for measure in measures:
+        change = effect.changes.get(measure.key)
+        if change is None:
+            cells.append("-")
+            continue
+        mean, low, high = (measure.number(v) for v in (change.mean, change.low, change.high))
+        cells.append(f"{mean} [{low}, {high}]{'*' if change.is_clear else ''}")
+    return cells

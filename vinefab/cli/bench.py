@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.options import CommandOutput, Force, JsonOut, Quiet
-from vinefab.studies.benchmark.benchmark import bench_lines, run_benchmark
+from vinefab.studies.benchmark import bench_lines, run_benchmark
 
 
 def bench_command(

@@ -10,13 +10,15 @@ from vinefab.core.atomic import write_bytes, write_text
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
 from vinefab.search.run_file import read_run
 from vinefab.search.settings import PartSettings
-from vinefab.studies.contest.contest_table import (
+from vinefab.studies.optimizer_contest import (
+    Contender,
+    Contest,
     comparison_json,
     comparison_svg,
     comparison_table,
+    contest_rows,
     table_lines,
 )
-from vinefab.studies.contest.optimizer_contest import Contender, Contest, contest_rows
 
 
 def contest_command(

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from vinefab.cli.options import CommandOutput, Quiet
 from vinefab.studies.reproduction import NUMBERS, PAGE, reproduce
-from vinefab.studies.study_sizes import PAPER, QUICK
+from vinefab.studies.study_jobs import PAPER, QUICK
 
 
 def reproduce_command(

@@ -13,13 +13,16 @@ from vinefab.search.settings import (
     SearchSettings,
 )
 from vinefab.search.space import Bounds, SpaceSettings
-from vinefab.studies.contest.contest_table import (
+from vinefab.studies.optimizer_contest import (
+    Contender,
+    Contest,
+    ContestRow,
     comparison_json,
     comparison_svg,
     comparison_table,
+    contest_rows,
     table_lines,
 )
-from vinefab.studies.contest.optimizer_contest import Contender, Contest, ContestRow, contest_rows
 
 TINY = RunSettings(
     name="tiny",
@@ -39,13 +42,13 @@ def timeless(rows: list[ContestRow]) -> list[ContestRow]:
 
 
 def test_contenders_meet_the_same_maps_and_every_number_its_own() -> None:
-    bouts = CONTEST.bouts()
-    assert [(b.contender, b.number) for b in bouts] == [
+    contest_runs = CONTEST.runs()
+    assert [(b.contender, b.number) for b in contest_runs] == [
         ("random", 0), ("pso", 0), ("random", 1), ("pso", 1),
     ]  # fmt: skip
-    assert [b.settings.maps.seed for b in bouts] == [1, 1, 2, 2]
-    assert [b.settings.search.seed for b in bouts] == [1, 1, 2, 2]
-    assert len({b.key for b in bouts}) == 4
+    assert [b.settings.maps.seed for b in contest_runs] == [1, 1, 2, 2]
+    assert [b.settings.search.seed for b in contest_runs] == [1, 1, 2, 2]
+    assert len({b.key for b in contest_runs}) == 4
 
 
 def test_a_comparison_goes_on_where_it_was_cut_off(tmp_path: Path) -> None:
@@ -77,11 +80,11 @@ def test_a_foreign_record_is_kept(tmp_path: Path) -> None:
 def made_up(contest: Contest, worth: dict[str, np.ndarray]) -> list[ContestRow]:
     return [
         ContestRow(
-            key=bout.key,
-            problem=bout.settings.name,
-            contender=bout.contender,
-            number=bout.number,
-            unseen=float(worth[bout.contender][bout.number]),
+            key=contest_run.key,
+            problem=contest_run.settings.name,
+            contender=contest_run.contender,
+            number=contest_run.number,
+            unseen=float(worth[contest_run.contender][contest_run.number]),
             fresh=0.5,
             lucky=0.6,
             penalty=0.0,
@@ -89,7 +92,7 @@ def made_up(contest: Contest, worth: dict[str, np.ndarray]) -> list[ContestRow]:
             optimizer_s=0.1,
             total_s=1.0,
         )
-        for bout in contest.bouts()
+        for contest_run in contest.runs()
     ]
 
 

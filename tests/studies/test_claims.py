@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from vinefab.studies.intervals import difference, interval, peak, ratio, seed_mean, spread
+from vinefab.studies.claims import difference, interval, peak, ratio, seed_mean, spread
 
 
 @pytest.fixture

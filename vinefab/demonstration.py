@@ -208,10 +208,10 @@ def _write(folder: Path, demo: Demo, run: RunSettings, unseen: tuple[Map, ...]) 
     texts["run/best.toml"] = design_text(demo.result.best)
     rig = (demo.rig.section,) if demo.rig.section else ()
     more = (unseen_section(demo.table()), search_section(demo.result, training), *rig)
-    field = MapFamily(label=demo.predicted.main.place.label, worlds=unseen)
+    family = MapFamily(label=demo.predicted.main.prepared.label, worlds=unseen)
     command = f"vinefab demo --seed {run.search.seed} --generations {run.search.generations}"
     command += f" --population {run.search.population}"
-    origin = origin_of(command, [demo.result.best], demo.predicted.prepared.profile, [field])
+    origin = origin_of(command, [demo.result.best], demo.predicted.prepared.profile, [family])
     texts["report.html"] = demo.predicted.page(origin, more)
     texts["results.json"] = json_text("vinefab/demo-1", {"results": dict(demo.table())})
     files = {name: text.encode() for name, text in texts.items()}

@@ -16,7 +16,7 @@ from vinefab.prediction.family_deployments import (
 
 SMALL = {"columns": 4, "rows": 4, "size_mm": 350.0}
 
-TRIALS = PredictionPlan(poses=2, seed=3)
+PLAN = PredictionPlan(poses=2, seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -25,10 +25,8 @@ def explorer():
 
 
 @pytest.fixture(scope="module")
-def trip(explorer):
-    return deploy_family(
-        explorer, PreparedFamily.of(unseen_maps("grid", 5, 0, SMALL), TRIALS), TRIALS
-    )
+def result(explorer):
+    return deploy_family(explorer, PreparedFamily.of(unseen_maps("grid", 5, 0, SMALL), PLAN), PLAN)
 
 
 @pytest.fixture

@@ -14,11 +14,11 @@ from vinefab.prediction.heat_map import body_cells, heat_map_of, stuck_spots
 
 
 def test_heat_counts_bodies_as_large_as_they_inflate(straight):
-    design, field = straight
-    place = PreparedFamily.of(field, PredictionPlan(poses=1))
-    trip = deploy_family(design, place, PredictionPlan(poses=1))
+    design, family = straight
+    prepared = PreparedFamily.of(family, PredictionPlan(poses=1))
+    result = deploy_family(design, prepared, PredictionPlan(poses=1))
     cell_mm = 0.5
-    cells = body_cells(trip.deployments[0], (20.0,), (0.0, 0.0), cell_mm, (400, 800))
+    cells = body_cells(result.deployments[0], (20.0,), (0.0, 0.0), cell_mm, (400, 800))
     across_mm = 2.0 * 20.0 / np.pi
     expected_mm2 = 100.0 * across_mm + np.pi * (across_mm / 2.0) ** 2
     assert cells.sum() * cell_mm**2 == pytest.approx(expected_mm2, rel=0.05)
@@ -30,8 +30,8 @@ def test_heat_counts_bodies_as_large_as_they_inflate(straight):
 TRIALS = PredictionPlan(poses=2, seed=3)
 
 
-def test_heat_of_varied_poses(explorer, trip):
-    heat = heat_map_of(explorer, trip.place.sites[0], TRIALS, poses=30)
+def test_heat_of_varied_poses(explorer, result):
+    heat = heat_map_of(explorer, result.prepared.maps[0], TRIALS, poses=30)
     assert heat.deployments == 30
     assert 0.5 < heat.share.max() <= 1.0
     assert 0.0 < heat.percent_passed(0.5) < heat.percent_passed() < 100.0

@@ -19,11 +19,11 @@ from vinefab.prediction.measures import GROWN, LOOSE_PRESSURE, MEASURES, REACH, 
 
 
 def test_a_straight_vine_in_an_empty_room_gives_what_paper_and_pencil_give(straight):
-    design, field = straight
-    trip = deploy_family(
-        design, PreparedFamily.of(field, PredictionPlan(poses=1)), PredictionPlan(poses=1)
+    design, family = straight
+    result = deploy_family(
+        design, PreparedFamily.of(family, PredictionPlan(poses=1)), PredictionPlan(poses=1)
     )
-    found = {m.key: float(trip.outcomes.values[m.key][0]) for m in MEASURES}
+    found = {m.key: float(result.outcomes.values[m.key][0]) for m in MEASURES}
     room_mm2 = 400.0 * 200.0
     assert found[SEEN.key] == pytest.approx(100 * np.pi * 50.0**2 / room_mm2, rel=1e-3)
     stadium_mm2 = 100.0 * 80.0 + np.pi * 40.0**2
@@ -34,10 +34,10 @@ def test_a_straight_vine_in_an_empty_room_gives_what_paper_and_pencil_give(strai
     assert found[LOOSE_PRESSURE.key] == pytest.approx(scale * (1.92 + 0.771 * 0.1))
 
 
-def test_pressures_on_arrays_are_those_of_paths_from_the_base(trip, explorer):
-    riding = riding_mm(trip.deployments[0].tree, explorer.build.widths_mm)
+def test_pressures_on_arrays_are_those_of_paths_from_the_base(result, explorer):
+    riding = riding_mm(result.deployments[0].tree, explorer.build.widths_mm)
     turned = 0
-    for deployment in trip.deployments:
+    for deployment in result.deployments:
         rows = growth_pressures_kpa(deployment, explorer)
         assert (np.isfinite(rows) == deployment.deployed).all()
         for fit, row in zip((LOOSE, TIGHT), rows, strict=True):
@@ -50,9 +50,9 @@ def test_pressures_on_arrays_are_those_of_paths_from_the_base(trip, explorer):
     assert turned > 100
 
 
-def test_spread_of_means_is_taken_over_maps(trip):
-    spread = trip.outcomes.spread(SEEN)
-    values = trip.outcomes.values[SEEN.key]
+def test_spread_of_means_is_taken_over_maps(result):
+    spread = result.outcomes.spread(SEEN)
+    values = result.outcomes.values[SEEN.key]
     assert spread.count == 10
     assert spread.mean == pytest.approx(values.mean())
     assert spread.least <= spread.p05 <= spread.median <= spread.p95 <= spread.greatest

@@ -76,9 +76,9 @@ def made():
     design, profile = read_design("grid_explorer"), read_profile(DEFAULT_RECIPE)
     small = {"columns": 3, "rows": 3, "size_mm": 300.0}
     given = unseen_maps("grid", 1, 9, small).worlds
-    fields = map_families(given, unseen_maps("grid", 4, 0, small))
-    found = predict(design, profile, fields, PredictionPlan(poses=2, seed=1))
-    origin = origin_of("vinefab report grid_explorer --seed 1", [design], profile, fields)
+    families = map_families(given, unseen_maps("grid", 4, 0, small))
+    found = predict(design, profile, families, PredictionPlan(poses=2, seed=1))
+    origin = origin_of("vinefab report grid_explorer --seed 1", [design], profile, families)
     text = found.page(origin)
     return text, Page(text), json.loads(prediction_text(found, origin))
 
@@ -137,7 +137,7 @@ def test_every_number_of_the_json_is_on_the_page(made):
 def test_json_says_what_and_where_from(made):
     _, page, document = made
     assert document["schema"] == "vinefab/prediction-1"
-    assert [field["label"] for field in document["fields"]] == [
+    assert [family["label"] for family in document["fields"]] == [
         "the map given",
         "4 unseen grid maps",
     ]

@@ -17,18 +17,18 @@ from vinefab.prediction.pressure_window import window_of
 
 
 def test_a_robot_without_room_has_no_pressure(straight):
-    design, field = straight
+    design, family = straight
     wide = replace(design, build=Build.standard(1, trunk_width_mm=2000.0))
-    trip = deploy_family(
-        wide, PreparedFamily.of(field, PredictionPlan(poses=1)), PredictionPlan(poses=1)
+    result = deploy_family(
+        wide, PreparedFamily.of(family, PredictionPlan(poses=1)), PredictionPlan(poses=1)
     )
-    assert trip.outcomes.spread(LOOSE_PRESSURE) is None
-    assert window_of(wide, read_profile(DEFAULT_RECIPE), [trip.outcomes]) is None
+    assert result.outcomes.spread(LOOSE_PRESSURE) is None
+    assert window_of(wide, read_profile(DEFAULT_RECIPE), [result.outcomes]) is None
 
 
-def test_window_is_between_what_growth_takes_and_what_the_trunk_stands(trip, explorer):
-    window = window_of(explorer, read_profile(DEFAULT_RECIPE), [trip.outcomes])
-    loose = trip.outcomes.values[LOOSE_PRESSURE.key]
+def test_window_is_between_what_growth_takes_and_what_the_trunk_stands(result, explorer):
+    window = window_of(explorer, read_profile(DEFAULT_RECIPE), [result.outcomes])
+    loose = result.outcomes.values[LOOSE_PRESSURE.key]
     assert window.needed_kpa == pytest.approx(np.percentile(loose, 95))
     # 70 kPa at 20 mm, a trunk of 24 mm, a factor of 1.5.
     assert window.allowed_kpa == pytest.approx(70.0 * 20.0 / 24.0 / 1.5)

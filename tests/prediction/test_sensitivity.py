@@ -15,7 +15,7 @@ from vinefab.prediction.measures import GROWN, STUCK
 from vinefab.prediction.sensitivity import (
     ANGLE_TOLERANCE_DEG,
     QUICK,
-    VariantBench,
+    VariantEvaluator,
     made_tree,
     scaled_tree,
     sensitivity,
@@ -23,10 +23,10 @@ from vinefab.prediction.sensitivity import (
 
 
 def test_sensitivity_without_a_wall_in_reach_is_none(straight):
-    design, field = straight
+    design, family = straight
     effects = sensitivity(
-        VariantBench(
-            design, PreparedFamily.of(field, PredictionPlan(poses=1)), PredictionPlan(poses=1)
+        VariantEvaluator(
+            design, PreparedFamily.of(family, PredictionPlan(poses=1)), PredictionPlan(poses=1)
         )
     )
     for effect in effects:
@@ -38,32 +38,34 @@ def test_sensitivity_without_a_wall_in_reach_is_none(straight):
             assert changes == pytest.approx([0.0] * len(QUICK), abs=0.05)
 
 
-TRIALS = PredictionPlan(poses=2, seed=3)
+PLAN = PredictionPlan(poses=2, seed=3)
 
 
 def test_sensitivity_leaves_out_poses_that_are_not_free(straight):
-    design, field = straight
+    design, family = straight
     near = Start(pose=Pose(x_mm=50.0, y_mm=8.0, heading_rad=0.0))
-    world = replace(field.worlds[0], starts=(near,))
-    place = PreparedFamily.of(MapFamily(label="edge", worlds=(world,)), PredictionPlan(poses=1))
+    world = replace(family.worlds[0], starts=(near,))
+    prepared = PreparedFamily.of(MapFamily(label="edge", worlds=(world,)), PredictionPlan(poses=1))
     counts = {
         effect.step: effect.count
-        for effect in sensitivity(VariantBench(design, place, PredictionPlan(poses=1)))
+        for effect in sensitivity(VariantEvaluator(design, prepared, PredictionPlan(poses=1)))
         if effect.knob == "position"
     }
     assert (counts[-20.0], counts[-10.0], counts[-5.0], counts[20.0]) == (0, 0, 1, 1)
 
 
-def test_more_stops_with_a_wider_head_on_angle(trip, explorer):
-    effects = sensitivity(VariantBench(explorer, trip.place, TRIALS))
+def test_more_stops_with_a_wider_head_on_angle(result, explorer):
+    effects = sensitivity(VariantEvaluator(explorer, result.prepared, PLAN))
     widest = [effect for effect in effects if effect.knob == "head-on half-angle"][-1]
     assert widest.changes[GROWN.key].mean < 0.0
     assert widest.changes[STUCK.key].mean > 0.0
 
 
-def test_one_map_is_varied_pose_by_pose_and_few_poses_show_nothing(explorer, trip):
-    place = PreparedFamily(label="one", sites=trip.place.sites[:1], poses=trip.place.poses[:1])
-    for effect in sensitivity(VariantBench(explorer, place, TRIALS)):
+def test_one_map_is_varied_pose_by_pose_and_few_poses_show_nothing(explorer, result):
+    prepared = PreparedFamily(
+        label="one", maps=result.prepared.maps[:1], poses=result.prepared.poses[:1]
+    )
+    for effect in sensitivity(VariantEvaluator(explorer, prepared, PLAN)):
         for change in effect.changes.values():
             assert change.groups == effect.count == 2
             assert change.low <= change.mean <= change.high

@@ -66,12 +66,12 @@ def compare_command(
         asked = parameters_from(parameter or [])
         unseen = unseen_maps(environment, count, seed, asked) if environment else None
         fields = map_families([read_map(path) for path in maps or []], unseen)
-        trials = PredictionPlan(poses=poses, seed=seed, options=growth_options(body))
-        found = compare_designs(robots, fields, trials, show)
+        plan = PredictionPlan(poses=poses, seed=seed, options=growth_options(body))
+        found = compare_designs(robots, fields, plan, show)
         words = ["vinefab", "compare", *designs, *field_words(maps, environment, count, parameter)]
         words += ["--measure", measure, "--poses", str(poses), "--seed", str(seed), "--body", body]
         origin = origin_of(shlex.join(words), robots, None, fields)
-        page = comparison_page(found, main, trials, origin) if out else ""
+        page = comparison_page(found, main, plan, origin) if out else ""
     if out is not None:
         write_text(out, page, force=force)
         output.say(f"wrote {out}")

@@ -61,8 +61,8 @@ def report_command(
         asked = parameters_from(parameter or [])
         unseen = unseen_maps(environment, count, seed, asked) if environment else None
         fields = map_families(given, unseen)
-        trials = PredictionPlan(poses=poses, seed=seed, options=growth_options(body))
-        found = predict(robot, profile, fields, trials, part_of(show, 0.0, 0.6))
+        plan = PredictionPlan(poses=poses, seed=seed, options=growth_options(body))
+        found = predict(robot, profile, fields, plan, part_of(show, 0.0, 0.6))
         words = ["vinefab", "report", design, "--recipe", recipe]
         words += field_words(maps, environment, count, parameter)
         words += ["--poses", str(poses), "--seed", str(seed), "--body", body, "--out", str(out)]

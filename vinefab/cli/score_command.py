@@ -40,11 +40,9 @@ def score_command(
     Example: vinefab score three_level_tree --task coverage --maps a.geojson --maps b.geojson
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
-    trials = ScorePlan(
-        task=task, parameters=parameters_from(parameter or []), poses=poses, seed=seed
-    )
+    plan = ScorePlan(task=task, parameters=parameters_from(parameter or []), poses=poses, seed=seed)
     worlds = [read_map(path) for path in maps]
-    result = score_design_on_task(read_design(design), worlds, trials, growth_options(body))
+    result = score_design_on_task(read_design(design), worlds, plan, growth_options(body))
     output.give_json(score_text(result))
     for line in score_lines(result):
         output.say(line)

@@ -28,7 +28,7 @@ from vinefab.tasks.leaves import path_turn_rad, tip_gaps_mm
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldForces:
-    """What robots hold if so many of their leaves do, at one coefficient of friction."""
+    """Mean amplification for one share of engaged leaves and one coefficient of friction."""
 
     friction: float  # the coefficient
     engaged_percent: float  # share of the deployed leaves that hold, those that turned least first
@@ -57,9 +57,9 @@ class Forces:
 class AnchoringPrediction:
     """Anchoring as an interval over friction and over which leaves are engaged."""
 
-    label: str  # the field
+    label: str  # of the map family
     leaves: int  # leaves of the design
-    table: tuple[HeldForces, ...]  # every combination that was looked at
+    table: tuple[HeldForces, ...]  # every combination of friction and engaged share
     forces: Forces | None = None  # in newtons, where the design has pouches
 
     def at(self, friction: float, engaged_percent: float) -> float:
@@ -78,10 +78,10 @@ ENGAGED_PERCENT = (100.0, 66.7, 33.3)
 
 
 def predict_anchoring(
-    design: Design, trip: FamilyDeployments, material: Material, mass_g: float = 0.0
+    design: Design, result: FamilyDeployments, material: Material, mass_g: float = 0.0
 ) -> AnchoringPrediction:
-    """Return what a design is expected to hold in one place."""
-    turns = [leaf_turns_rad(deployment) for deployment in trip.deployments]
+    """Return what a design is expected to hold in one prepared."""
+    turns = [leaf_turns_rad(deployment) for deployment in result.deployments]
     table = tuple(
         HeldForces(
             friction=friction,
@@ -91,10 +91,12 @@ def predict_anchoring(
         for friction in FRICTIONS
         for percent in ENGAGED_PERCENT
     )
-    leaves = int(trip.deployments[0].tree.is_leaf.sum())
+    leaves = int(result.deployments[0].tree.is_leaf.sum())
     pouch = design.build.pouch
-    forces = _forces(design, pouch, trip, material, mass_g) if pouch else None
-    return AnchoringPrediction(label=trip.place.label, leaves=leaves, table=table, forces=forces)
+    forces = _forces(design, pouch, result, material, mass_g) if pouch else None
+    return AnchoringPrediction(
+        label=result.prepared.label, leaves=leaves, table=table, forces=forces
+    )
 
 
 def leaf_turns_rad(deployment: Deployment) -> Floats:
@@ -114,7 +116,7 @@ def _held(turns_rad: Floats, percent: float, friction: float) -> float:
 
 
 def _forces(
-    design: Design, pouch: Pouch, trip: FamilyDeployments, material: Material, mass_g: float
+    design: Design, pouch: Pouch, result: FamilyDeployments, material: Material, mass_g: float
 ) -> Forces:
     length_mm, width_mm = pouch_size_mm(pouch)
     limit_n = branch_limit_n(
@@ -123,11 +125,11 @@ def _forces(
         material.strength_mpa.value,
         allowed_line_load_n_mm(material.burst_kpa.value, material.burst_width_mm.value),
     )
-    totals = np.zeros((len(trip.deployments), len(FRICTIONS)))
+    totals = np.zeros((len(result.deployments), len(FRICTIONS)))
     leaves = engaged = limited = 0
-    for index, deployment in enumerate(trip.deployments):
+    for index, deployment in enumerate(result.deployments):
         rows = _leaves(deployment)
-        gaps = tip_gaps_mm(deployment, rows, trip.site(index).ground)
+        gaps = tip_gaps_mm(deployment, rows, result.prepared_map(index).ground)
         contact = [pouch_contact_mm2(length_mm, width_mm, gap_mm) for gap_mm in gaps.tolist()]
         turns = path_turn_rad(deployment)[rows]
         forces = np.array(
@@ -167,13 +169,13 @@ ANCHORING_NOTE = (
 )
 
 
-def anchoring_section(holdings: Sequence[AnchoringPrediction]) -> Section:
+def anchoring_section(anchoring: Sequence[AnchoringPrediction]) -> Section:
     """Return anchoring amplification by friction and engaged leaves, and forces where known."""
-    tables = [_amplification_table(holding) for holding in holdings]
+    tables = [_amplification_table(holding) for holding in anchoring]
     tables += [
-        _force_table(holding.label, holding.forces) for holding in holdings if holding.forces
+        _force_table(holding.label, holding.forces) for holding in anchoring if holding.forces
     ]
-    without = () if holdings[0].forces else (
+    without = () if anchoring[0].forces else (
         "The design has no pouches, so nothing can be said in newtons.",
     )  # fmt: skip
     return Section(title="Anchoring", paragraphs=(ANCHORING_NOTE, *without), tables=tuple(tables))

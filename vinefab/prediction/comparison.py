@@ -30,9 +30,10 @@ from vinefab.prediction.family_deployments import (
     MapFamily,
     PredictionPlan,
     PreparedFamily,
-    Tell,
+    ProgressCallback,
     deploy_family,
-    silent,
+    no_progress,
+    numbered_names,
 )
 from vinefab.prediction.measures import MEASURES, Measure, MeasureTable
 from vinefab.prediction.predict import rules_text
@@ -45,7 +46,7 @@ LEVEL = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairedDifference:
-    """The paired difference of two designs in one measure, first less second."""
+    """The paired difference of two designs in one measure, first minus second."""
 
     measure: Measure  # what is compared
     # first, second: names of the designs
@@ -64,7 +65,7 @@ class PairedDifference:
 
     @property
     def is_clear(self) -> bool:
-        """Whether the difference can hardly be chance."""
+        """Whether the difference is significant."""
         return self.p_adjusted < LEVEL
 
     @property
@@ -75,7 +76,7 @@ class PairedDifference:
 
     @property
     def words(self) -> str:
-        """The outcome in one sentence."""
+        """The result in one sentence."""
         mean, low, high = (self.measure.number(value) for value in (self.mean, self.low, self.high))
         by = f"{mean} [{low}, {high}] {self.measure.unit}".rstrip()
         chance = f"p = {self.p_adjusted:.5f}, {self.pairs} pairs"
@@ -94,20 +95,22 @@ class DesignComparison:
 
     names: tuple[str, ...]  # what each design is called, all different
     designs: tuple[Design, ...]  # the designs
-    trips: tuple[FamilyDeployments, ...]  # deployments of each
-    duels: tuple[PairedDifference, ...]  # every pair in every measure that both have
+    results: tuple[FamilyDeployments, ...]  # deployments of each
+    differences: tuple[PairedDifference, ...]  # every pair in every measure that both have
 
     def outcomes(self) -> dict[str, MeasureTable]:
         """Return the outcomes by the designs' names."""
-        return {name: trip.outcomes for name, trip in zip(self.names, self.trips, strict=True)}
+        return {
+            name: result.outcomes for name, result in zip(self.names, self.results, strict=True)
+        }
 
     def in_measure(self, measure: Measure) -> tuple[PairedDifference, ...]:
-        """Return the duels in one measure."""
-        return tuple(duel for duel in self.duels if duel.measure is measure)
+        """Return the differences in one measure."""
+        return tuple(difference for difference in self.differences if difference.measure is measure)
 
-    def usual(self, measure: Measure) -> int:
-        """Return the deployment at which all designs together stand in the middle."""
-        table = np.array([trip.outcomes.values[measure.key] for trip in self.trips])
+    def median_deployment(self, measure: Measure) -> int:
+        """Return the deployment with the median mean over all designs."""
+        table = np.array([result.outcomes.values[measure.key] for result in self.results])
         order = np.argsort(np.nan_to_num(table).mean(axis=0), kind="stable")
         return int(order[len(order) // 2])
 
@@ -123,31 +126,33 @@ class DesignComparison:
 
 def compare_designs(
     designs: Sequence[Design],
-    fields: Sequence[MapFamily],
-    trials: PredictionPlan,
-    tell: Tell = silent,
+    families: Sequence[MapFamily],
+    plan: PredictionPlan,
+    progress: ProgressCallback = no_progress,
 ) -> DesignComparison:
     """Deploy designs on the same maps from the same poses and compare them pair by pair."""
     if not 2 <= len(designs) <= MOST_DESIGNS:
         raise BadInputError("DESIGN", f"{len(designs)} designs", f"2 to {MOST_DESIGNS}")
-    tell(0.0, "preparing maps")
-    worlds = tuple(world for field in fields for world in field.worlds)
-    label = " and ".join(field.label for field in fields)
-    place = PreparedFamily.of(MapFamily(label=label, worlds=worlds), trials)
-    names = _told_apart([design.name for design in designs])
-    trips = []
+    progress(0.0, "preparing maps")
+    worlds = tuple(world for family in families for world in family.worlds)
+    label = " and ".join(family.label for family in families)
+    prepared = PreparedFamily.of(MapFamily(label=label, worlds=worlds), plan)
+    names = numbered_names([design.name for design in designs])
+    results = []
     for index, design in enumerate(designs):
-        trips.append(
-            deploy_family(design, place, trials, _share_of_design(tell, index, len(designs)))
+        results.append(
+            deploy_family(design, prepared, plan, _share_of_design(progress, index, len(designs)))
         )
     return DesignComparison(
         names=names,
         designs=tuple(designs),
-        trips=tuple(trips),
-        duels=tuple(
-            duel
+        results=tuple(results),
+        differences=tuple(
+            difference
             for measure in MEASURES
-            for duel in paired_differences(measure, names, [trip.outcomes for trip in trips])
+            for difference in paired_differences(
+                measure, names, [result.outcomes for result in results]
+            )
         ),
     )
 
@@ -196,29 +201,25 @@ def _paired_difference(
     )
 
 
-def _told_apart(names: Sequence[str]) -> tuple[str, ...]:
-    return tuple(
-        f"{name} ({names[: index + 1].count(name)})" if names.count(name) > 1 else name
-        for index, name in enumerate(names)
-    )
+def _share_of_design(progress: ProgressCallback, index: int, count: int) -> ProgressCallback:
+    return lambda share, words: progress(0.9 * (index + share) / count, words)
 
 
-def _share_of_design(tell: Tell, index: int, count: int) -> Tell:
-    return lambda share, words: tell(0.9 * (index + share) / count, words)
-
-
-def paired_difference_chart(measure: Measure, duels: Sequence[PairedDifference]) -> Figure:
+def paired_difference_chart(measure: Measure, differences: Sequence[PairedDifference]) -> Figure:
     """Return paired differences with their intervals, a row per pair; clear ones are solid."""
     with house_style():
-        figure, axes = blank(7.0, 0.8 + 0.38 * max(2, len(duels)))
-        for row, duel in enumerate(duels):
-            colour = LEVEL_COLOURS[0] if duel.is_clear else SOFT
-            axes.plot([duel.low, duel.high], [row, row], color=colour, linewidth=2.2)
-            face = colour if duel.is_clear else "white"
-            axes.plot(duel.mean, row, "o", color=colour, mfc=face, markersize=7)
+        figure, axes = blank(7.0, 0.8 + 0.38 * max(2, len(differences)))
+        for row, difference in enumerate(differences):
+            colour = LEVEL_COLOURS[0] if difference.is_clear else SOFT
+            axes.plot([difference.low, difference.high], [row, row], color=colour, linewidth=2.2)
+            face = colour if difference.is_clear else "white"
+            axes.plot(difference.mean, row, "o", color=colour, mfc=face, markersize=7)
         axes.axvline(0.0, color=INK, linewidth=1.0)
-        axes.set_yticks(range(len(duels)), [f"{duel.first} less {duel.second}" for duel in duels])
-        axes.set_ylim(max(2, len(duels)) - 0.4, -0.6)
+        axes.set_yticks(
+            range(len(differences)),
+            [f"{difference.first} less {difference.second}" for difference in differences],
+        )
+        axes.set_ylim(max(2, len(differences)) - 0.4, -0.6)
         axes.set_xlabel(f"difference in {measure.label}; {measure.better} is better")
         frame(axes)
     return figure
@@ -250,7 +251,7 @@ def side_by_side_section(outcomes: Mapping[str, MeasureTable]) -> Section:
     return Section(title="Side by side", tables=(table,), pictures=pictures)
 
 
-def paired_difference_section(measure: Measure, duels: Sequence[PairedDifference]) -> Section:
+def paired_difference_section(measure: Measure, differences: Sequence[PairedDifference]) -> Section:
     """Return every pair in every measure, the main measure drawn."""
     words = (
         "Each design met the same maps from the same poses, so that differences are paired: "
@@ -261,15 +262,17 @@ def paired_difference_section(measure: Measure, duels: Sequence[PairedDifference
     )
     rows = tuple(
         (
-            duel.measure.label,
-            f"{duel.first} less {duel.second}",
-            "{} [{}, {}]".format(*map(duel.measure.number, (duel.mean, duel.low, duel.high))),
-            f"{duel.p:.5f}",
-            f"{duel.p_adjusted:.5f}",
-            f"{duel.won_percent:.0f} %",
-            duel.winner if duel.is_clear else "not clear",
+            difference.measure.label,
+            f"{difference.first} less {difference.second}",
+            "{} [{}, {}]".format(
+                *map(difference.measure.number, (difference.mean, difference.low, difference.high))
+            ),
+            f"{difference.p:.5f}",
+            f"{difference.p_adjusted:.5f}",
+            f"{difference.won_percent:.0f} %",
+            difference.winner if difference.is_clear else "not clear",
         )
-        for duel in duels
+        for difference in differences
     )
     table = Table(
         caption="Paired differences (simulated)",
@@ -280,7 +283,7 @@ def paired_difference_section(measure: Measure, duels: Sequence[PairedDifference
     )  # fmt: skip
     picture = Picture(
         image=svg_bytes(
-            paired_difference_chart(measure, [d for d in duels if d.measure is measure])
+            paired_difference_chart(measure, [d for d in differences if d.measure is measure])
         ),
         caption=f"Paired differences in {measure.title}, with 95 % intervals (simulated).",
         wide=True,
@@ -322,7 +325,7 @@ COMPARISON_SCHEMA = "vinefab/design-comparison-1"
 
 
 def measure_named(key: str) -> Measure:
-    """Return a measure by its key, the unit at its end left out if one likes."""
+    """Return a measure by its key, with or without the unit at its end."""
     known = {measure.key: measure for measure in MEASURES}
     meant = [name for name in known if name == key or name.startswith(f"{key}_")]
     if len(meant) != 1:
@@ -332,19 +335,23 @@ def measure_named(key: str) -> Measure:
 
 def comparison_lines(found: DesignComparison, measure: Measure) -> list[str]:
     """Return a comparison as lines for the user, the main measure first."""
-    outcomes = found.trips[0].outcomes
+    outcomes = found.results[0].outcomes
     lines = [
         f"{len(outcomes)} deployments of each design on {outcomes.label} (simulated)",
         *(f"  {name:<24} {measure.text(mean)}" for name, mean in found.ranked(measure)),
     ]
-    others = [duel.words for duel in found.duels if duel.measure is not measure and duel.is_clear]
-    return [*lines, *(duel.words for duel in found.in_measure(measure)), *others]
+    others = [
+        difference.words
+        for difference in found.differences
+        if difference.measure is not measure and difference.is_clear
+    ]
+    return [*lines, *(difference.words for difference in found.in_measure(measure)), *others]
 
 
 def comparison_text(found: DesignComparison, measure: Measure, origin: Origin) -> str:
     """Return a comparison as JSON."""
     outcomes = found.outcomes()
-    some = found.trips[0].outcomes
+    some = found.results[0].outcomes
     return json_text(
         COMPARISON_SCHEMA,
         {
@@ -354,25 +361,25 @@ def comparison_text(found: DesignComparison, measure: Measure, origin: Origin) -
             "maps": some.map_count,
             "deployments": len(some),
             "designs": {name: spreads_content(found) for name, found in outcomes.items()},
-            "duels": [_difference_content(duel) for duel in found.duels],
+            "duels": [_difference_content(difference) for difference in found.differences],
             "reproduce": asdict(origin),
         },
     )
 
 
 def comparison_page(
-    found: DesignComparison, measure: Measure, trials: PredictionPlan, origin: Origin
+    found: DesignComparison, measure: Measure, plan: PredictionPlan, origin: Origin
 ) -> str:
     """Return a comparison as a page."""
-    index = found.usual(measure)
+    index = found.median_deployment(measure)
     robots = [
-        (name, design, trip.deployments[index])
-        for name, design, trip in zip(found.names, found.designs, found.trips, strict=True)
+        (name, design, result.deployments[index])
+        for name, design, result in zip(found.names, found.designs, found.results, strict=True)
     ]
-    world = found.trips[0].site(index).world
+    world = found.results[0].prepared_map(index).world
     ranked = found.ranked(measure)
-    duels = [d for d in found.in_measure(measure) if ranked[0][0] in (d.first, d.second)]
-    clear = all(duel.is_clear for duel in duels)
+    differences = [d for d in found.in_measure(measure) if ranked[0][0] in (d.first, d.second)]
+    clear = all(difference.is_clear for difference in differences)
     best = f"{ranked[0][0]} has the best mean {measure.title}, {measure.text(ranked[0][1])}"
     rest = "clearly ahead of every other" if clear else "not clearly ahead of every other"
     return page_html(
@@ -385,25 +392,25 @@ def comparison_page(
                 for name, design, _ in robots
             ),
             sections=(
-                paired_difference_section(measure, found.duels),
+                paired_difference_section(measure, found.differences),
                 side_by_side_section(found.outcomes()),
-                same_map_section(world, robots, rules_text(trials.options)),
+                same_map_section(world, robots, rules_text(plan.options)),
                 repeat_section(origin.command, origin.inputs, origin.versions),
             ),
         )
     )
 
 
-def _difference_content(duel: PairedDifference) -> dict[str, object]:
-    numbers = {"mean": duel.mean, "low": duel.low, "high": duel.high}
+def _difference_content(difference: PairedDifference) -> dict[str, object]:
+    numbers = {"mean": difference.mean, "low": difference.low, "high": difference.high}
     return {
-        "measure": duel.measure.key,
-        "first": duel.first,
-        "second": duel.second,
-        **{name: duel.measure.rounded(value) for name, value in numbers.items()},
-        "p": round(duel.p, 5),
-        "p_adjusted": round(duel.p_adjusted, 5),
-        "first_wins_percent": round(duel.won_percent),
-        "pairs": duel.pairs,
-        "better": duel.winner if duel.is_clear else None,
+        "measure": difference.measure.key,
+        "first": difference.first,
+        "second": difference.second,
+        **{name: difference.measure.rounded(value) for name, value in numbers.items()},
+        "p": round(difference.p, 5),
+        "p_adjusted": round(difference.p_adjusted, 5),
+        "first_wins_percent": round(difference.won_percent),
+        "pairs": difference.pairs,
+        "better": difference.winner if difference.is_clear else None,
     }

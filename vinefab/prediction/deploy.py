@@ -36,13 +36,13 @@ MOST_FRAMES = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class History:
-    """A deployment that can be asked how it lay at any time."""
+    """A deployment at any length of its front."""
 
     # design, terrain, options: what was grown, where and by which rules
     design: Design
     terrain: Terrain
     options: GrowthOptions
-    final: Deployment  # what became of it
+    final: Deployment  # the finished deployment
 
     @property
     def base_mm(self) -> Floats:
@@ -161,7 +161,7 @@ MOST_NAMED = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BranchPlace:
-    """A branch and where something happened to it."""
+    """A branch and a place on the map."""
 
     branch: str  # its id
     # x_mm, y_mm: where
@@ -224,19 +224,19 @@ def _place(design: Design, deployment: Deployment, branch: int, ended: int) -> B
 
 
 FRAMES = 40
-"""Frames of an animation unless told otherwise."""
+"""Default number of frames of an animation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DeployedDesign:
-    """A deployment with what it was made of."""
+    """A deployment with its design, map and growth options."""
 
     # design, world, options: what was grown, where and by which rules
     design: Design
     world: Map
     terrain: Terrain  # the map made ready for growth
     options: GrowthOptions
-    deployment: Deployment  # what became of it
+    deployment: Deployment
 
     @property
     def stops(self) -> dict[str, int]:
@@ -282,7 +282,7 @@ class DeployedDesign:
         return without_room(self.design, self.deployment, self.options)
 
     def _tight_exits(self) -> list[str]:
-        """Say which branches may bow in reality, if any do."""
+        """Return a warning about branches that may bow in reality, if any do."""
         tight = np.flatnonzero(self.deployment.tight_exit)
         if len(tight) == 0:
             return []
@@ -342,7 +342,7 @@ def growth_options(
     head_on_half_angle_deg: float = 1.0,
     children_of_stuck: str = "stop",
 ) -> GrowthOptions:
-    """Return growth options from what a user typed; what cannot be used is named by the options."""
+    """Return growth options from values in degrees and words; `GrowthOptions` validates them."""
     return GrowthOptions(
         head_on_half_angle_rad=rad(head_on_half_angle_deg),
         body=cast("Any", body),  # the class says what is allowed

@@ -33,7 +33,7 @@ _BINS = 24
 
 
 def spread_chart(measure: Measure, values: Mapping[str, Floats]) -> Figure:
-    """Return the distribution of a measure over deployments, a row for each field."""
+    """Return the distribution of a measure over deployments, a row for each family."""
     known = {name: column[np.isfinite(column)] for name, column in values.items()}
     everything = np.concatenate(list(known.values()))
     low, high = float(everything.min()), float(everything.max())
@@ -83,31 +83,31 @@ _NUMBER_HEADINGS = (
 )  # fmt: skip
 
 
-def spread_section(fields: Sequence[MeasureTable]) -> Section:
+def spread_section(families: Sequence[MeasureTable]) -> Section:
     """Return how every measure is spread over deployments, as charts and numbers."""
-    shown = [measure for measure in MEASURES if any(f.spread(measure) for f in fields)]
+    shown = [measure for measure in MEASURES if any(f.spread(measure) for f in families)]
     pictures = tuple(
         Picture(
             image=svg_bytes(
-                spread_chart(m, {f.label: f.values[m.key] for f in fields if f.spread(m)})
+                spread_chart(m, {f.label: f.values[m.key] for f in families if f.spread(m)})
             ),
             caption=f"{_capital(m.title)}: {m.meaning} (simulated).",
         )
         for m in shown
     )
-    tables = [_spread_table(outcomes, shown) for outcomes in fields]
+    tables = [_spread_table(outcomes, shown) for outcomes in families]
     words = (
         "Line: mean. Bar below: from the 5th to the 95th percentile of the deployments. A mean's "
         "95 % interval is a bootstrap over maps, because deployments on one map are alike (over "
         "poses where there is one map); the table has it. With fewer than ten maps it is too "
         "narrow."
     )
-    counts = "; ".join(f"{outcomes.label}: {len(outcomes)} deployments" for outcomes in fields)
+    counts = "; ".join(f"{outcomes.label}: {len(outcomes)} deployments" for outcomes in families)
     return Section(
         title="Predictions",
         paragraphs=(f"{_capital(counts)} (simulated). {words}",),
         pictures=pictures,
-        tables=(*tables, *(_every_deployment(outcomes, shown) for outcomes in fields)),
+        tables=(*tables, *(_every_deployment(outcomes, shown) for outcomes in families)),
     )
 
 

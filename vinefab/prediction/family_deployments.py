@@ -26,19 +26,19 @@ MOST_MAPS = 10_000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapFamily:
-    """Maps that are looked at together."""
+    """Maps that are evaluated together."""
 
     label: str  # what reports call them
     worlds: tuple[Map, ...]  # the maps
 
 
 def map_families(given: Sequence[Map], unseen: MapFamily | None) -> tuple[MapFamily, ...]:
-    """Return the fields to predict for."""
+    """Return the families to predict for."""
     if not given and unseen is None:
         raise BadInputError("--maps", None, "map files, or --environment for unseen maps")
     label = "the map given" if len(given) == 1 else f"the {len(given)} maps given"
-    fields = [MapFamily(label=label, worlds=tuple(given))] if given else []
-    return (*fields, *([unseen] if unseen else []))
+    families = [MapFamily(label=label, worlds=tuple(given))] if given else []
+    return (*families, *([unseen] if unseen else []))
 
 
 def unseen_maps(
@@ -54,12 +54,20 @@ def unseen_maps(
     return MapFamily(label=f"{count} unseen {environment} maps", worlds=worlds)
 
 
-Tell = Callable[[float, str], None]
-"""Called with the share of the work that is done and a few words."""
+def numbered_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names that are all different: equal ones get a number."""
+    return tuple(
+        f"{name} ({names[: index + 1].count(name)})" if names.count(name) > 1 else name
+        for index, name in enumerate(names)
+    )
 
 
-def silent(_share: float, _words: str) -> None:
-    """Say nothing of how far the work is."""
+ProgressCallback = Callable[[float, str], None]
+"""Called with the share of the work that is done and a short text."""
+
+
+def no_progress(_share: float, _words: str) -> None:
+    """Report nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,74 +75,77 @@ class PredictionPlan:
     """How often, and by which rules, a design is deployed."""
 
     poses: int = 3  # poses per map, drawn from the ranges of the maps' starts
-    seed: int = 0  # seed of the poses; map ``i`` of a field gets ``seed + i``
+    seed: int = 0  # seed of the poses; map ``i`` of a family gets ``seed + i``
     # the growth model's choices; the inflated body by default, for a body has a width
     options: GrowthOptions = field(default_factory=lambda: GrowthOptions(body="inflated"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PreparedFamily:
-    """A field made ready: its maps with their poses."""
+    """A family made ready: its maps with their poses."""
 
     label: str  # what reports call it
-    sites: tuple[PreparedMap, ...]  # the maps
+    maps: tuple[PreparedMap, ...]  # the maps
     poses: Poses  # for each map, the poses
 
     @classmethod
-    def of(cls, ground: MapFamily, trials: PredictionPlan) -> "PreparedFamily":
-        """Return the place of a field, with its poses drawn."""
-        sites = tuple(PreparedMap.of(world) for world in ground.worlds)
-        seeds = [trials.seed + index for index in range(len(sites))]
-        return cls(label=ground.label, sites=sites, poses=poses_on(sites, trials.poses, seeds))
+    def of(cls, family: MapFamily, plan: PredictionPlan) -> "PreparedFamily":
+        """Return a family made ready, with its poses drawn."""
+        maps = tuple(PreparedMap.of(world) for world in family.worlds)
+        seeds = [plan.seed + index for index in range(len(maps))]
+        return cls(label=family.label, maps=maps, poses=poses_on(maps, plan.poses, seeds))
 
     @property
     def names(self) -> tuple[str, ...]:
         """Name of each map; maps of one name are told apart by a number."""
-        names = [site.world.name for site in self.sites]
-        return tuple(
-            f"{name} ({names[: index + 1].count(name)})" if names.count(name) > 1 else name
-            for index, name in enumerate(names)
-        )
+        return numbered_names([prepared_map.world.name for prepared_map in self.maps])
 
     def launches(self) -> Launches:
-        """Return the place as launches of a batch."""
-        return Launches.of(TerrainSet([site.terrain for site in self.sites]), self.poses)
+        """Return every pose of every map as launches of a batch."""
+        return Launches.of(
+            TerrainSet([prepared_map.terrain for prepared_map in self.maps]), self.poses
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FamilyDeployments:
-    """A design's deployments in one place."""
+    """A design's deployments on one family of maps."""
 
-    place: PreparedFamily  # where
+    prepared: PreparedFamily
     deployments: tuple[Deployment, ...]  # map by map, pose by pose
-    outcomes: MeasureTable  # what each came to
+    outcomes: MeasureTable  # one row of measures for each
 
-    def site(self, index: int) -> PreparedMap:
+    def prepared_map(self, index: int) -> PreparedMap:
         """Return the map of one deployment."""
-        return self.place.sites[index // len(self.place.poses[0])]
+        return self.prepared.maps[index // len(self.prepared.poses[0])]
 
 
 def deploy_family(
-    design: Design, place: PreparedFamily, trials: PredictionPlan, tell: Tell = silent
+    design: Design,
+    prepared: PreparedFamily,
+    plan: PredictionPlan,
+    progress: ProgressCallback = no_progress,
 ) -> FamilyDeployments:
-    """Deploy a design from every pose of a place and measure every deployment."""
-    tell(0.0, f"{design.name}: growing")
-    launches = place.launches()
-    batch = Batch(Plans.of([design], trials.options), launches, trials.options)
+    """Deploy a design from every pose on a family of maps and measure every deployment."""
+    progress(0.0, f"{design.name}: growing")
+    launches = prepared.launches()
+    batch = Batch(Plans.of([design], plan.options), launches, plan.options)
     deployments = tuple(batch.deployments())
     columns = np.empty((len(deployments), len(MEASURES)))
     terrain = launches.terrain.tolist()
     for index, deployment in enumerate(deployments):
-        columns[index] = measure_deployment(deployment, design, place.sites[terrain[index]].ground)
-        tell((index + 1) / len(deployments), f"{index + 1} of {len(deployments)} deployments")
-    names = place.names
+        columns[index] = measure_deployment(
+            deployment, design, prepared.maps[terrain[index]].ground
+        )
+        progress((index + 1) / len(deployments), f"{index + 1} of {len(deployments)} deployments")
+    names = prepared.names
     outcomes = MeasureTable(
-        label=place.label,
+        label=prepared.label,
         maps=tuple(names[index] for index in terrain),
         poses=launches.poses,
         values={m.key: columns[:, i].copy() for i, m in enumerate(MEASURES)},
     )
-    return FamilyDeployments(place=place, deployments=deployments, outcomes=outcomes)
+    return FamilyDeployments(prepared=prepared, deployments=deployments, outcomes=outcomes)
 
 
 def typical(outcomes: MeasureTable, key: str, shares: Sequence[float]) -> list[int]:

@@ -37,7 +37,7 @@ from vinefab.tasks.evaluate import PreparedMap
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StuckSpot:
-    """A place where branches get stuck again and again."""
+    """A place where branches get stuck repeatedly."""
 
     # x_mm, y_mm: mean position of the stuck tips
     x_mm: float
@@ -88,13 +88,13 @@ MOST_SPOTS = 8
 
 
 def heat_map_of(
-    design: Design, site: PreparedMap, trials: PredictionPlan, poses: int = POSES
+    design: Design, prepared_map: PreparedMap, trials: PredictionPlan, poses: int = POSES
 ) -> HeatMap:
     """Return where a design goes on a map from varied poses."""
-    world = site.world
+    world = prepared_map.world
     varied = replace(world, starts=tuple(_varied(start) for start in world.starts))
     drawn = draw_poses(varied, poses, trials.seed)
-    launches = Launches.of(TerrainSet([site.terrain]), [drawn])
+    launches = Launches.of(TerrainSet([prepared_map.terrain]), [drawn])
     batch = Batch(Plans.of([design], trials.options), launches, trials.options)
     deployments = batch.deployments()
     low_mm, cell_mm, shape = _raster(world)
@@ -164,7 +164,7 @@ def stuck_spots(deployments: Sequence[Deployment], apart_mm: float) -> tuple[Stu
 
 
 def _varied(start: Start) -> Start:
-    """Return a start with a range of poses, whether the map gives one or not."""
+    """Return a start with a range of poses, the default one where the map gives none."""
     if start.spread_x_mm or start.spread_y_mm or start.spread_heading_rad:
         return start
     return replace(

@@ -1,4 +1,4 @@
-"""What is predicted about a robot: named numbers, one for every deployment, and their spread."""
+"""The measures of a deployment, and their spread over deployments."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -176,9 +176,9 @@ class Spread:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeasureTable:
-    """The measures of one design's deployments in one field."""
+    """The measures of one design's deployments on one family of maps."""
 
-    label: str  # what the field is called: the maps given, or an environment
+    label: str  # of the map family
     maps: tuple[str, ...]  # name of the map of each deployment, n of them
     poses: tuple[Pose, ...]  # pose of each deployment
     # for each measure, by its key, one value per deployment, shape (n,); NaN where there is none

@@ -26,9 +26,9 @@ from vinefab.prediction.family_deployments import (
     MapFamily,
     PredictionPlan,
     PreparedFamily,
-    Tell,
+    ProgressCallback,
     deploy_family,
-    silent,
+    no_progress,
     typical,
 )
 from vinefab.prediction.heat_map import HeatMap, heat_map_of, heat_section
@@ -53,7 +53,7 @@ from vinefab.prediction.sensitivity import (
     QUICK,
     Effect,
     Tolerance,
-    VariantBench,
+    VariantEvaluator,
     sensitivity,
     sensitivity_section,
     tolerance,
@@ -74,10 +74,10 @@ class Predicted:
     """What a design is expected to do, and how it is made."""
 
     prepared: Prepared  # job and check
-    trips: tuple[FamilyDeployments, ...]  # deployments in each field, the maps given first
-    trials: PredictionPlan  # how it was deployed
+    results: tuple[FamilyDeployments, ...]  # deployments in each family, the maps given first
+    plan: PredictionPlan  # how it was deployed
     window: PressureWindow | None  # the pressure window; None where nothing ever emerged
-    holdings: tuple[AnchoringPrediction, ...]  # anchoring in each field
+    anchoring: tuple[AnchoringPrediction, ...]  # anchoring in each family
     heat: HeatMap  # where it goes on the first map
     # effects, tolerance: sensitivity, and scatter from making
     effects: tuple[Effect, ...]
@@ -85,14 +85,14 @@ class Predicted:
 
     @property
     def main(self) -> FamilyDeployments:
-        """The field with most deployments: what headlines are about."""
-        return max(self.trips, key=lambda trip: len(trip.deployments))
+        """The family with most deployments: what headlines are about."""
+        return max(self.results, key=lambda result: len(result.deployments))
 
     def spread(self, measure: Measure) -> Spread | None:
-        """Return how a measure is spread in the main field."""
+        """Return how a measure is spread in the main family."""
         return self.main.outcomes.spread(measure)
 
-    def sections(self, tell: Tell = silent) -> tuple[Section, ...]:
+    def sections(self, progress: ProgressCallback = no_progress) -> tuple[Section, ...]:
         """Return the predictions as sections of a report."""
         design, profile = self.prepared.design, self.prepared.profile
         window, effects = self.window, self.effects
@@ -102,20 +102,22 @@ class Predicted:
                 if window
                 else pressure_section(design, profile)
             ),
-            lambda: spread_section([trip.outcomes for trip in self.trips]),
+            lambda: spread_section([result.outcomes for result in self.results]),
             self._deployments,
             lambda: heat_section(self.heat),
-            lambda: anchoring_section(self.holdings),
+            lambda: anchoring_section(self.anchoring),
             lambda: sensitivity_section(effects, QUICK),
             lambda: tolerance_section(self.tolerance),
         )
         drawn = []
         for index, part in enumerate(parts):
             drawn.append(part())
-            tell((index + 1) / len(parts), f"drawing: {drawn[-1].title.lower()}")
+            progress((index + 1) / len(parts), f"drawing: {drawn[-1].title.lower()}")
         return tuple(drawn)
 
-    def report(self, origin: Origin, more: Sequence[Section] = (), tell: Tell = silent) -> Report:
+    def report(
+        self, origin: Origin, more: Sequence[Section] = (), progress: ProgressCallback = no_progress
+    ) -> Report:
         """Return the whole report."""
         words, tone = verdict_on(self.prepared.report, self.window)
         return Report(
@@ -123,20 +125,22 @@ class Predicted:
             verdict=words,
             tone=tone,
             cautions=cautions(self.prepared, self.window, self.main.outcomes),
-            headlines=headlines(self.main.outcomes, self.window, self.holdings),
+            headlines=headlines(self.main.outcomes, self.window, self.anchoring),
             facts=design_facts(self.prepared),
             sections=(
                 *more,
-                *self.sections(tell),
+                *self.sections(progress),
                 *making_sections(self.prepared),
-                assumption_section(self.prepared.profile, model_assumptions(self.trials.options)),
+                assumption_section(self.prepared.profile, model_assumptions(self.plan.options)),
                 repeat_section(origin.command, origin.inputs, origin.versions),
             ),
         )
 
-    def page(self, origin: Origin, more: Sequence[Section] = (), tell: Tell = silent) -> str:
+    def page(
+        self, origin: Origin, more: Sequence[Section] = (), progress: ProgressCallback = no_progress
+    ) -> str:
         """Return the whole report as HTML; parameters as in `report`."""
-        return page_html(self.report(origin, more, tell))
+        return page_html(self.report(origin, more, progress))
 
     def _deployments(self) -> Section:
         design = self.prepared.design
@@ -146,61 +150,71 @@ class Predicted:
             (index,) = typical(main.outcomes, SEEN.key, [share])
             chosen.setdefault(index, words)
         shown = [
-            (self._caption(main, index, words), main.site(index).world, main.deployments[index])
+            (
+                self._caption(main, index, words),
+                main.prepared_map(index).world,
+                main.deployments[index],
+            )
             for index, words in chosen.items()
         ]
-        for trip in self.trips:
-            first = range(0, len(trip.deployments), self.trials.poses)
+        for result in self.results:
+            first = range(0, len(result.deployments), self.plan.poses)
             shown += [
-                (self._caption(trip, index, "first pose"), trip.site(index).world,
-                 trip.deployments[index])
+                (self._caption(result, index, "first pose"), result.prepared_map(index).world,
+                 result.deployments[index])
                 for index in first
-                if trip is not main or index not in chosen
+                if result is not main or index not in chosen
             ]  # fmt: skip
-        ended = [(trip.place.label, trip.deployments) for trip in self.trips]
+        ended = [(result.prepared.label, result.deployments) for result in self.results]
         return deployment_section(
-            design, shown[:MOST_PICTURES], ended, rules_text(self.trials.options)
+            design, shown[:MOST_PICTURES], ended, rules_text(self.plan.options)
         )
 
     @staticmethod
-    def _caption(trip: FamilyDeployments, index: int, words: str) -> str:
-        seen = SEEN.text(trip.outcomes.values[SEEN.key][index])
-        return f"{trip.outcomes.maps[index]}, {words}: {seen} of the free space seen"
+    def _caption(result: FamilyDeployments, index: int, words: str) -> str:
+        seen = SEEN.text(result.outcomes.values[SEEN.key][index])
+        return f"{result.outcomes.maps[index]}, {words}: {seen} of the free space seen"
 
 
 def predict(
     design: Design,
     profile: LaserProfile,
-    fields: Sequence[MapFamily],
-    trials: PredictionPlan | None = None,
-    tell: Tell = silent,
+    families: Sequence[MapFamily],
+    plan: PredictionPlan | None = None,
+    progress: ProgressCallback = no_progress,
 ) -> Predicted:
-    """Deploy a design in fields of maps, measure everything, and check it with its deployments."""
-    trials = trials or PredictionPlan()
-    tell(0.0, "preparing maps")
-    places = [PreparedFamily.of(field, trials) for field in fields]
-    sizes = np.array([len(place.sites) for place in places]) / sum(len(p.sites) for p in places)
-    ends = 0.05 + 0.45 * np.cumsum(sizes)
-    trips = tuple(
-        deploy_family(design, place, trials, part_of(tell, end - 0.45 * size, end))
-        for place, size, end in zip(places, sizes.tolist(), ends.tolist(), strict=True)
+    """Deploy a design on families of maps, measure it and check it with its deployments."""
+    plan = plan or PredictionPlan()
+    progress(0.0, "preparing maps")
+    prepared_families = [PreparedFamily.of(family, plan) for family in families]
+    sizes = np.array([len(prepared.maps) for prepared in prepared_families]) / sum(
+        len(p.maps) for p in prepared_families
     )
-    main = max(trips, key=lambda trip: len(trip.deployments))
-    bench = VariantBench(design, main.place, trials)
-    effects = sensitivity(bench, part_of(tell, 0.5, 0.7))
-    scatter = tolerance(bench, trials.seed, part_of(tell, 0.7, 0.92))
-    tell(0.92, "where it goes on one map")
-    heat = heat_map_of(design, places[0].sites[0], trials)
-    tell(0.94, "design rules")
-    deployments = [deployment for trip in trips for deployment in trip.deployments]
+    ends = 0.05 + 0.45 * np.cumsum(sizes)
+    results = tuple(
+        deploy_family(design, prepared, plan, part_of(progress, end - 0.45 * size, end))
+        for prepared, size, end in zip(
+            prepared_families, sizes.tolist(), ends.tolist(), strict=True
+        )
+    )
+    main = max(results, key=lambda result: len(result.deployments))
+    evaluator = VariantEvaluator(design, main.prepared, plan)
+    effects = sensitivity(evaluator, part_of(progress, 0.5, 0.7))
+    scatter = tolerance(evaluator, plan.seed, part_of(progress, 0.7, 0.92))
+    progress(0.92, "where it goes on one map")
+    heat = heat_map_of(design, prepared_families[0].maps[0], plan)
+    progress(0.94, "design rules")
+    deployments = [deployment for result in results for deployment in result.deployments]
     prepared = prepare(design, profile, deployments)
     mass_g = _mass_g(prepared)
     return Predicted(
         prepared=prepared,
-        trips=trips,
-        trials=trials,
-        window=window_of(design, profile, [trip.outcomes for trip in trips]),
-        holdings=tuple(predict_anchoring(design, trip, profile.material, mass_g) for trip in trips),
+        results=results,
+        plan=plan,
+        window=window_of(design, profile, [result.outcomes for result in results]),
+        anchoring=tuple(
+            predict_anchoring(design, result, profile.material, mass_g) for result in results
+        ),
         heat=heat,
         effects=effects,
         tolerance=scatter,
@@ -216,9 +230,9 @@ def rules_text(options: GrowthOptions) -> str:
     )
 
 
-def part_of(tell: Tell, start: float, end: float) -> Tell:
+def part_of(progress: ProgressCallback, start: float, end: float) -> ProgressCallback:
     """Return a teller for a part of the work."""
-    return lambda share, words: tell(start + (end - start) * share, words)
+    return lambda share, words: progress(start + (end - start) * share, words)
 
 
 def _mass_g(prepared: Prepared) -> float:
@@ -300,12 +314,12 @@ def _about_pressure(window: PressureWindow) -> list[str]:
 
 
 def headlines(
-    outcomes: MeasureTable, window: PressureWindow | None, holdings: Sequence[AnchoringPrediction]
+    outcomes: MeasureTable, window: PressureWindow | None, anchoring: Sequence[AnchoringPrediction]
 ) -> tuple[Headline, ...]:
     """Return the numbers to take away."""
     found = [_measured(outcomes, measure) for measure in (SEEN, REACH, COVERAGE)]
     found += [_measured(outcomes, measure, MANY_PERCENT) for measure in (STUCK, UNDEPLOYED)]
-    holding = next(h for h in holdings if h.label == outcomes.label)
+    holding = next(h for h in anchoring if h.label == outcomes.label)
     found.append(_anchored(holding))
     if window is not None:
         found.append(_pressed(window))

@@ -30,9 +30,9 @@ def prediction_text(found: Predicted, origin: Origin) -> str:
             "standing": "simulated",
             "verdict": verdict,
             "tone": tone,
-            "fields": [_field(trip.outcomes) for trip in found.trips],
+            "fields": [_field(result.outcomes) for result in found.results],
             "pressure_window": None if found.window is None else _window(found.window),
-            "anchoring": [_holding(holding) for holding in found.holdings],
+            "anchoring": [_holding(holding) for holding in found.anchoring],
             "heat": _heat(found.heat),
             "sensitivity": [_effect(effect) for effect in found.effects],
             "tolerance": _tolerance(found.tolerance),
@@ -44,7 +44,7 @@ def prediction_text(found: Predicted, origin: Origin) -> str:
 def summary_lines(found: Predicted) -> list[str]:
     """Return the verdict and the numbers to take away as lines for the user."""
     verdict, _ = verdict_on(found.prepared.report, found.window)
-    shown = headlines(found.main.outcomes, found.window, found.holdings)
+    shown = headlines(found.main.outcomes, found.window, found.anchoring)
     return [verdict, *(f"  {line.name}: {line.value} ({line.detail})" for line in shown)]
 
 

@@ -34,7 +34,7 @@ from vinefab.prediction.measures import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelPressure:
-    """What one width stands."""
+    """Pressure limits of one lay-flat width."""
 
     name: str  # which part has the width
     level: int  # its level, for colours
@@ -42,13 +42,13 @@ class LevelPressure:
     width_mm: float
     inflated_mm: float
     burst_kpa: float  # pressure at which its seam gives way
-    allowed_kpa: float  # that, less the safety factor
+    allowed_kpa: float  # that over the safety factor
     strain_percent: float  # hoop strain at the working pressure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Need:
-    """What growth to the worst tip takes, over deployments."""
+    """Pressure that growth to the worst tip needs, over deployments."""
 
     storage: str  # how the film is stored: ``loosely`` or ``tightly``
     # percentiles over deployments, and the greatest value
@@ -67,28 +67,28 @@ class PressureWindow:
     loose: Need
     tight: Need
     working_kpa: float  # the design's working pressure
-    levels: tuple[LevelPressure, ...]  # what each width stands, trunk first, pouches last
+    levels: tuple[LevelPressure, ...]  # limits of each width, trunk first, pouches last
     safety_factor: float  # burst over allowed pressure
-    standing: Standing  # how far burst pressures may be trusted
+    standing: Standing  # of burst pressures
 
     @property
     def allowed_kpa(self) -> float:
-        """The pressure that every width may take."""
+        """The largest pressure allowed for every width."""
         return min(level.allowed_kpa for level in self.levels)
 
     @property
     def needed_kpa(self) -> float:
-        """What 95 % of the deployments grow with, if the film is stored loosely."""
+        """Pressure that 95 % of the deployments grow with, if the film is stored loosely."""
         return self.loose.p95_kpa
 
     @property
     def is_open(self) -> bool:
-        """Whether any pressure grows the robot and leaves it whole."""
+        """Whether some pressure grows the robot without bursting it."""
         return self.needed_kpa < self.allowed_kpa
 
     @property
     def is_open_tight(self) -> bool:
-        """Whether that is so even with film on a tight spool."""
+        """Whether the window is open even with film on a tight spool."""
         return self.tight.p95_kpa < self.allowed_kpa
 
     @property
@@ -105,14 +105,14 @@ class PressureWindow:
 
 
 def window_of(
-    design: Design, profile: LaserProfile, fields: Sequence[MeasureTable]
+    design: Design, profile: LaserProfile, families: Sequence[MeasureTable]
 ) -> PressureWindow | None:
     """Return the pressure window over all deployments, or None where nothing ever emerged."""
     factor = RULES["VF-P01"].limits["safety_factor"]
     levels = _levels(design, profile, factor)
     allowed_kpa = min(level.allowed_kpa for level in levels)
     loose, tight = (
-        np.concatenate([outcomes.values[measure.key] for outcomes in fields])
+        np.concatenate([outcomes.values[measure.key] for outcomes in families])
         for measure in (LOOSE_PRESSURE, TIGHT_PRESSURE)
     )
     if not np.isfinite(loose).any():

@@ -21,7 +21,7 @@ from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.reach import Reach
 
 MOST_NAMED = 12
-"""Maps of a field are listed one by one up to so many."""
+"""Maps of a family are listed one by one up to so many."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,21 +37,21 @@ def origin_of(
     command: str,
     designs: Sequence[Design],
     profile: LaserProfile | None,
-    fields: Sequence[MapFamily],
+    families: Sequence[MapFamily],
 ) -> Origin:
     """Return where a result comes from."""
     inputs = {f"design {d.name}": sha256_of(design_text(d).encode())[:12] for d in designs}
     if profile is not None:
         inputs[f"recipe {profile.recipe.name}"] = sha256_of(repr(profile).encode())[:12]
-    for field in fields:
-        prints = [map_fingerprint(world) for world in field.worlds]
+    for family in families:
+        prints = [map_fingerprint(world) for world in family.worlds]
         if len(prints) <= MOST_NAMED:
             inputs |= {
                 f"map {index}: {world.name}": found
-                for index, (world, found) in enumerate(zip(field.worlds, prints, strict=True), 1)
+                for index, (world, found) in enumerate(zip(family.worlds, prints, strict=True), 1)
             }
         else:
-            inputs[field.label] = sha256_of("".join(prints).encode())[:12]
+            inputs[family.label] = sha256_of("".join(prints).encode())[:12]
     return Origin(command=command, inputs=inputs, versions=package_versions())
 
 

@@ -29,7 +29,12 @@ from vinefab.pages.figure import (
     svg_bytes,
 )
 from vinefab.pages.html import Picture, Section, Table
-from vinefab.prediction.family_deployments import PredictionPlan, PreparedFamily, Tell, silent
+from vinefab.prediction.family_deployments import (
+    PredictionPlan,
+    PreparedFamily,
+    ProgressCallback,
+    no_progress,
+)
 from vinefab.prediction.measures import (
     GROWN,
     LOOSE_PRESSURE,
@@ -50,9 +55,9 @@ ENOUGH_GROUPS = 6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeanDifference:
-    """A mean paired difference."""
+    """A mean paired difference and its interval."""
 
-    mean: float  # mean over deployments of value with the change less value without
+    mean: float  # mean over deployments of value with the change minus value without
     # low, high: its 95 % bootstrap interval over maps, or over poses where there is one map
     low: float
     high: float
@@ -68,9 +73,9 @@ class MeanDifference:
 class Effect:
     """What one change of a design, a start or the model does to the measures."""
 
-    knob: str  # what is turned (``heading``)
-    step: float  # how far, in ``unit``
-    unit: str  # its unit
+    knob: str  # what is changed (``heading``)
+    step: float  # by how much, in ``unit``
+    unit: str
     count: int  # deployments compared, each with itself without the change
     changes: Mapping[str, MeanDifference]  # by measure key
 
@@ -82,9 +87,9 @@ class Effect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scatter:
-    """How robots of one design differ because none is made exactly."""
+    """How robots of one design differ because of fabrication errors."""
 
-    measure: Measure  # what is looked at
+    measure: Measure
     exact: float  # mean over deployments of the robot as designed
     # p05, p95: percentiles over robots of that mean
     p05: float
@@ -94,7 +99,7 @@ class Scatter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tolerance:
-    """Scatter from making: every branch's length and angle off by a little, each on its own."""
+    """Scatter from fabrication: independent errors of every branch's length and angle."""
 
     # length_percent, angle_deg: half-widths of the uniform ranges of the errors
     length_percent: float
@@ -122,7 +127,7 @@ HEAD_ON_STEPS_DEG = (4.0, 9.0, 14.0)
 LENGTH_TOLERANCE_PERCENT = 1.0
 
 ANGLE_TOLERANCE_DEG = 2.0
-"""Half-widths of the errors of making [assumed]: measure your own robots."""
+"""Half-widths of the fabrication errors [assumed]: measure your own robots."""
 
 ROBOTS = 40
 
@@ -144,21 +149,21 @@ class PredictionVariant:
     poses: tuple[tuple[Pose | None, ...], ...]
 
 
-class VariantBench:
+class VariantEvaluator:
     """A design on a few maps, to be grown again and again with changes."""
 
-    def __init__(self, design: Design, place: PreparedFamily, trials: PredictionPlan) -> None:
-        keep = max(1, MOST_LAUNCHES // len(place.poses[0]))
-        chosen = sorted({round(i) for i in np.linspace(0, len(place.sites) - 1, keep).tolist()})
-        sites = tuple(place.sites[index] for index in chosen)
-        poses = tuple(place.poses[index][:MOST_LAUNCHES] for index in chosen)
-        self.design, self.trials = design, trials
-        self.place = PreparedFamily(label=place.label, sites=sites, poses=poses)
-        self.launches = self.place.launches()
+    def __init__(self, design: Design, prepared: PreparedFamily, plan: PredictionPlan) -> None:
+        keep = max(1, MOST_LAUNCHES // len(prepared.poses[0]))
+        chosen = sorted({round(i) for i in np.linspace(0, len(prepared.maps) - 1, keep).tolist()})
+        maps = tuple(prepared.maps[index] for index in chosen)
+        poses = tuple(prepared.poses[index][:MOST_LAUNCHES] for index in chosen)
+        self.design, self.plan = design, plan
+        self.prepared = PreparedFamily(label=prepared.label, maps=maps, poses=poses)
+        self.launches = self.prepared.launches()
         # Deployments on one map are alike; where there is one map, poses have to do.
-        alike = self.launches.terrain if len(sites) > 1 else np.arange(len(self.launches))
+        alike = self.launches.terrain if len(maps) > 1 else np.arange(len(self.launches))
         self.groups = [str(index) for index in alike.tolist()]
-        self.exact = self.grow([design_plan(design, trials.options)], trials.options)[0]
+        self.exact = self.grow([Plan.of(design, plan.options)], plan.options)[0]
 
     def grow(
         self, plans: Sequence[Plan], options: GrowthOptions, poses: Poses | None = None
@@ -168,7 +173,7 @@ class VariantBench:
         grown = Batch(Plans.joined(plans), launches, options).deployments()
         terrain = np.repeat(launches.terrain, len(plans)).tolist()
         rows = [
-            quick_measures(deployment, self.design, self.place.sites[index])
+            quick_measures(deployment, self.design, self.prepared.maps[index])
             for deployment, index in zip(grown, terrain, strict=True)
         ]
         return np.array(rows).reshape(len(launches), len(plans), len(QUICK)).transpose(1, 0, 2)
@@ -177,9 +182,9 @@ class VariantBench:
         """Return what a change does, over the poses that are free with it and without."""
         is_free = np.array([pose is not None for row in variant.poses for pose in row])
         poses = tuple(tuple(pose for pose in row if pose is not None) for row in variant.poses)
-        plan = design_plan(variant.design, variant.options)
+        growth_plan = Plan.of(variant.design, variant.options)
         values = np.full((len(is_free), len(QUICK)), np.nan)
-        values[is_free] = self.grow([plan], variant.options, poses)[0]
+        values[is_free] = self.grow([growth_plan], variant.options, poses)[0]
         differences = values - self.exact
         changes = {}
         for column, measure in enumerate(QUICK):
@@ -198,46 +203,47 @@ class VariantBench:
         )
 
 
-def design_plan(design: Design, options: GrowthOptions) -> Plan:
-    """Return the plan of a design as designed."""
-    return Plan.of(design, options)
-
-
-def quick_measures(deployment: Deployment, design: Design, site: PreparedMap) -> tuple[float, ...]:
+def quick_measures(
+    deployment: Deployment, design: Design, prepared_map: PreparedMap
+) -> tuple[float, ...]:
     """Return the measures of `QUICK` for one deployment."""
-    _, terms = Coverage(area="fast").evaluate(deployment, site.ground)
-    reached, _ = Reach(area="fast").evaluate(deployment, site.ground)
+    _, terms = Coverage(area="fast").evaluate(deployment, prepared_map.ground)
+    reached, _ = Reach(area="fast").evaluate(deployment, prepared_map.ground)
     grown, stuck, _ = shares_percent(deployment)
     loose_kpa, _ = worst_pressures_kpa(deployment, design)
     return 100.0 * terms["area"], 100.0 * reached, grown, stuck, loose_kpa
 
 
-def sensitivity(bench: VariantBench, tell: Tell = silent) -> tuple[Effect, ...]:
+def sensitivity(
+    evaluator: VariantEvaluator, progress: ProgressCallback = no_progress
+) -> tuple[Effect, ...]:
     """Return what every change of the start, the lengths and the head-on angle does."""
-    variants = list(_variants(bench))
+    variants = list(_variants(evaluator))
     effects = []
     for index, variant in enumerate(variants):
-        effects.append(bench.effect(variant))
-        tell((index + 1) / len(variants), f"sensitivity to {variant.knob}")
+        effects.append(evaluator.effect(variant))
+        progress((index + 1) / len(variants), f"sensitivity to {variant.knob}")
     return tuple(effects)
 
 
-def tolerance(bench: VariantBench, seed: int, tell: Tell = silent) -> Tolerance:
+def tolerance(
+    evaluator: VariantEvaluator, seed: int, progress: ProgressCallback = no_progress
+) -> Tolerance:
     """Return how robots of the same design differ when each branch is made a little off."""
-    options, tree = bench.trials.options, branch_tree(bench.design)
+    options, tree = evaluator.plan.options, branch_tree(evaluator.design)
     rows = []
     for robot in range(ROBOTS):
         made = made_tree(tree, child(seed, _STREAM, robot))
-        rows.append(bench.grow([Plan.of(bench.design, options, made)], options)[0])
-        tell((robot + 1) / ROBOTS, f"{robot + 1} of {ROBOTS} robots as made")
+        rows.append(evaluator.grow([Plan.of(evaluator.design, options, made)], options)[0])
+        progress((robot + 1) / ROBOTS, f"{robot + 1} of {ROBOTS} robots as made")
     values = np.array(rows)
     return Tolerance(
         length_percent=LENGTH_TOLERANCE_PERCENT,
         angle_deg=ANGLE_TOLERANCE_DEG,
         robots=ROBOTS,
-        launches=len(bench.launches),
+        launches=len(evaluator.launches),
         scatter=tuple(
-            _scatter(measure, bench.exact[:, column], values[:, :, column])
+            _scatter(measure, evaluator.exact[:, column], values[:, :, column])
             for column, measure in enumerate(QUICK)
             if np.isfinite(values[:, :, column]).any(axis=1).all()
         ),
@@ -272,15 +278,15 @@ def made_tree(tree: BranchTree, rng: np.random.Generator) -> BranchTree:
     )
 
 
-def _variants(bench: VariantBench) -> Iterator[PredictionVariant]:
-    design, options, poses = bench.design, bench.trials.options, bench.place.poses
+def _variants(evaluator: VariantEvaluator) -> Iterator[PredictionVariant]:
+    design, options, poses = evaluator.design, evaluator.plan.options, evaluator.prepared.poses
     for step in HEADING_STEPS_DEG:
-        moved = _moved(bench.place, partial(_turned, turn_rad=rad(step)))
+        moved = _moved(evaluator.prepared, partial(_turned, turn_rad=rad(step)))
         yield PredictionVariant(
             knob="heading", step=step, unit="deg", design=design, options=options, poses=moved
         )
     for step in SIDEWAYS_STEPS_MM:
-        moved = _moved(bench.place, partial(_shifted, step_mm=step))
+        moved = _moved(evaluator.prepared, partial(_shifted, step_mm=step))
         yield PredictionVariant(
             knob="position", step=step, unit="mm", design=design, options=options, poses=moved
         )
@@ -304,12 +310,14 @@ def scaled_tree(design: Design, factor: float) -> Design:
 
 
 def _moved(
-    place: PreparedFamily, move: Callable[[Pose], Pose]
+    prepared: PreparedFamily, move: Callable[[Pose], Pose]
 ) -> tuple[tuple[Pose | None, ...], ...]:
     rows = []
-    for site, poses in zip(place.sites, place.poses, strict=True):
+    for prepared_map, poses in zip(prepared.maps, prepared.poses, strict=True):
         moved = [move(pose) for pose in poses]
-        free = [shapely.intersects_xy(site.ground.free, pose.x_mm, pose.y_mm) for pose in moved]
+        free = [
+            shapely.intersects_xy(prepared_map.ground.free, pose.x_mm, pose.y_mm) for pose in moved
+        ]
         rows.append(tuple(p if ok else None for p, ok in zip(moved, free, strict=True)))
     return tuple(rows)
 

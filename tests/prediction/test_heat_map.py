@@ -5,11 +5,7 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Pose
 from vinefab.model.tree import branch_tree
-from vinefab.prediction.family_deployments import (
-    PredictionPlan,
-    PreparedFamily,
-    deploy_family,
-)
+from vinefab.prediction.family_deployments import PredictionPlan, PreparedFamily, deploy_family
 from vinefab.prediction.heat_map import body_cells, heat_map_of, stuck_spots
 
 

@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 from vinefab.physics.growth_path import grown_paths, riding_mm
-from vinefab.prediction.family_deployments import (
-    PredictionPlan,
-    PreparedFamily,
-    deploy_family,
-)
+from vinefab.prediction.family_deployments import PredictionPlan, PreparedFamily, deploy_family
 from vinefab.prediction.growth_pressures import (
     LOOSE,
     TIGHT,

@@ -7,11 +7,7 @@ from vinefab.model.design import Build
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.laser import Standing
-from vinefab.prediction.family_deployments import (
-    PredictionPlan,
-    PreparedFamily,
-    deploy_family,
-)
+from vinefab.prediction.family_deployments import PredictionPlan, PreparedFamily, deploy_family
 from vinefab.prediction.measures import LOOSE_PRESSURE
 from vinefab.prediction.pressure_window import window_of
 

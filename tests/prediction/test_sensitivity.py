@@ -6,11 +6,7 @@ import pytest
 from vinefab.core.rng import child
 from vinefab.model.map import Pose, Start
 from vinefab.model.tree import branch_tree
-from vinefab.prediction.family_deployments import (
-    MapFamily,
-    PredictionPlan,
-    PreparedFamily,
-)
+from vinefab.prediction.family_deployments import MapFamily, PredictionPlan, PreparedFamily
 from vinefab.prediction.measures import GROWN, STUCK
 from vinefab.prediction.sensitivity import (
     ANGLE_TOLERANCE_DEG,

@@ -137,7 +137,7 @@ def info_command(
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:
-    """Say how large a map is, where it is narrow, and how wide a robot has room in it.
+    """Describe a map: its size, its narrowest passages, and the widest robot that fits.
 
     Example: vinefab map info cave.geojson --width-mm 20 --svg cave.svg
     """

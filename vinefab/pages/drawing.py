@@ -22,7 +22,7 @@ Box = tuple[float, float, float, float]
 """Least x, least y, greatest x, greatest y, mm."""
 
 SMALL = 0.4
-"""A robot that takes up less than this share of the map's longer side is looked at more closely."""
+"""A robot that takes up less than this share of the map's longer side is drawn enlarged."""
 
 UNSEEN = 4e-4
 """Detail below this share of a picture's longer side is left out: a fifth of a point on paper."""

@@ -176,7 +176,7 @@ def anchoring_section(anchoring: Sequence[AnchoringPrediction]) -> Section:
         _force_table(holding.label, holding.forces) for holding in anchoring if holding.forces
     ]
     without = () if anchoring[0].forces else (
-        "The design has no pouches, so nothing can be said in newtons.",
+        "The design has no pouches, so forces in newtons are not predicted.",
     )  # fmt: skip
     return Section(title="Anchoring", paragraphs=(ANCHORING_NOTE, *without), tables=tuple(tables))
 

@@ -14,15 +14,7 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.pages.charts import frame
 from vinefab.pages.drawing import deployment_plan
-from vinefab.pages.figure import (
-    INK,
-    LEVEL_COLOURS,
-    SOFT,
-    blank,
-    house_style,
-    png_bytes,
-    svg_bytes,
-)
+from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, blank, house_style, png_bytes, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
 from vinefab.prediction.measures import MEASURES, Measure, MeasureTable, Spread
 

@@ -21,13 +21,7 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Start
 from vinefab.pages.drawing import draw_map, draw_pose
-from vinefab.pages.figure import (
-    ALERT,
-    LEVEL_COLOURS,
-    house_style,
-    plan_axes,
-    svg_bytes,
-)
+from vinefab.pages.figure import ALERT, LEVEL_COLOURS, house_style, plan_axes, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.prediction.family_deployments import PredictionPlan

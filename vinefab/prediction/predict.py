@@ -249,68 +249,71 @@ FEW_MAPS = 10
 
 
 def verdict_on(report: CheckReport, window: PressureWindow | None) -> tuple[str, Tone]:
-    """Return in one sentence whether a robot can be made and deployed, and how good that is."""
+    """Return in one sentence whether a robot is manufacturable and deployable, and the tone."""
     name = report.design
     if report.blocking:
         broken = ", ".join(sorted({finding.rule for finding in report.blocking}))
-        return f"{name} cannot be made and deployed as it is: {broken} forbid it.", "bad"
+        return (
+            f"{name} is not manufacturable and deployable as designed: broken rules {broken}.",
+            "bad",
+        )
     if window is None:
-        return f"{name} can be made, but has no room to emerge from any of the poses.", "bad"
+        return f"{name} is manufacturable, but has no room to emerge from any of the poses.", "bad"
     if not window.is_open:
         return (
-            f"{name} can be made, but hardly deployed: growth to the worst tip needs "
-            f"{window.needed_kpa:.1f} kPa even with film stored loosely, and its widest part may "
-            f"take {window.allowed_kpa:.1f} kPa.",
+            f"{name} is manufacturable, but hardly deployable: growth to the worst tip needs "
+            f"{window.needed_kpa:.1f} kPa even with film stored loosely, and its widest part is "
+            f"limited to {window.allowed_kpa:.1f} kPa.",
             "bad",
         )
     room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
     if not window.holds_working:
         return (
-            f"{name} can be made, and deployed at {room}; its working pressure of "
-            f"{window.working_kpa:g} kPa is not within that.",
+            f"{name} is manufacturable, and deployable at {room}; its working pressure of "
+            f"{window.working_kpa:g} kPa is outside this window.",
             "caution",
         )
     tone: Tone = "good" if window.is_open_tight else "caution"
-    return f"{name} can be made, and deployed at {room} with film stored loosely.", tone
+    return f"{name} is manufacturable, and deployable at {room} with film stored loosely.", tone
 
 
 def cautions(
     prepared: Prepared, window: PressureWindow | None, outcomes: MeasureTable
 ) -> tuple[str, ...]:
-    """Return what stands between the verdict and blind trust, a sentence each."""
-    said = []
+    """Return the reservations to the verdict, a sentence each."""
+    sentences = []
     warnings = prepared.report.count(Severity.WARNING)
     skipped = len(prepared.report.skipped)
     if prepared.profile.recipe.status is RecipeStatus.UNVERIFIED:
-        said.append("No coupon has confirmed the laser recipe: cut and burst one first.")
-    said += _about_pressure(window) if window else []
+        sentences.append("No coupon has confirmed the laser recipe: cut and burst one first.")
+    sentences += _about_pressure(window) if window else []
     for measure in (STUCK, UNDEPLOYED):
         spread = outcomes.spread(measure)
         if spread is not None and spread.mean >= MANY_PERCENT:
-            said.append(f"{measure.text(spread.mean)} of its branches: {measure.title}.")
+            sentences.append(f"{measure.text(spread.mean)} of its branches: {measure.title}.")
     if outcomes.map_count < FEW_MAPS:
-        said.append(
+        sentences.append(
             f"Predictions rest on {outcomes.map_count} maps: intervals are too narrow; "
             "--environment deploys it on many more."
         )
     if warnings or skipped:
-        said.append(f"Design rules: {warnings} warnings, {skipped} rules could not look.")
-    return tuple(said)
+        sentences.append(f"Design rules: {warnings} warnings, {skipped} rules not checked.")
+    return tuple(sentences)
 
 
 def _about_pressure(window: PressureWindow) -> list[str]:
-    said = []
+    sentences = []
     if window.is_open and not window.is_open_tight:
-        said.append(
+        sentences.append(
             f"Store the film loosely: off a tight spool growth needs {window.tight.p95_kpa:.1f} "
             f"kPa, more than the {window.allowed_kpa:.1f} kPa that the widest part may take."
         )
     if window.standing is Standing.ASSUMED:
-        said.append(
+        sentences.append(
             "Pressures rest on assumed numbers: the width of the burst test, the diameter of the "
             "tube that growth was fitted to."
         )
-    return said
+    return sentences
 
 
 def headlines(

@@ -25,11 +25,7 @@ from vinefab.pages.figure import (
 from vinefab.pages.html import Picture, Section, Table
 from vinefab.physics.seam import allowed_line_load_n_mm, burst_pressure_kpa, hoop_strain
 from vinefab.physics.tube import inflated_diameter_mm
-from vinefab.prediction.measures import (
-    LOOSE_PRESSURE,
-    TIGHT_PRESSURE,
-    MeasureTable,
-)
+from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureTable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,12 +22,7 @@ from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.model.tree import BranchTree, branch_tree
 from vinefab.pages.charts import frame
-from vinefab.pages.figure import (
-    LEVEL_COLOURS,
-    SOFT,
-    house_style,
-    svg_bytes,
-)
+from vinefab.pages.figure import LEVEL_COLOURS, SOFT, house_style, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
 from vinefab.prediction.family_deployments import (
     PredictionPlan,

@@ -31,11 +31,11 @@ def prediction_text(found: Predicted, origin: Origin) -> str:
             "verdict": verdict,
             "tone": tone,
             "fields": [_field(result.outcomes) for result in found.results],
-            "pressure_window": None if found.window is None else _window(found.window),
-            "anchoring": [_holding(holding) for holding in found.anchoring],
-            "heat": _heat(found.heat),
-            "sensitivity": [_effect(effect) for effect in found.effects],
-            "tolerance": _tolerance(found.tolerance),
+            "pressure_window": None if found.window is None else window_content(found.window),
+            "anchoring": [anchoring_content(prediction) for prediction in found.anchoring],
+            "heat": heat_content(found.heat),
+            "sensitivity": [effect_content(effect) for effect in found.effects],
+            "tolerance": tolerance_content(found.tolerance),
             "reproduce": asdict(origin),
         },
     )
@@ -86,7 +86,8 @@ def _deployment(outcomes: MeasureTable, index: int) -> dict[str, object]:
     }
 
 
-def _window(window: PressureWindow) -> dict[str, object]:
+def window_content(window: PressureWindow) -> dict[str, object]:
+    """Return a pressure window as it stands in JSON."""
     return {
         "is_open": window.is_open,
         "needed_kpa": round(window.needed_kpa, 1),
@@ -114,18 +115,19 @@ def _need(need: Need) -> dict[str, object]:
     return {"film_stored": need.storage, **numbers}
 
 
-def _holding(holding: AnchoringPrediction) -> dict[str, object]:
-    forces = holding.forces
+def anchoring_content(prediction: AnchoringPrediction) -> dict[str, object]:
+    """Return an anchoring prediction as it stands in JSON."""
+    forces = prediction.forces
     return {
-        "label": holding.label,
-        "leaves": holding.leaves,
+        "label": prediction.label,
+        "leaves": prediction.leaves,
         "table": [
             {
                 "friction": held.friction,
                 "engaged_percent": held.engaged_percent,
                 "amplification": round(held.amplification, 2),
             }
-            for held in holding.table
+            for held in prediction.table
         ],
         "forces": None
         if forces is None
@@ -139,7 +141,8 @@ def _holding(holding: AnchoringPrediction) -> dict[str, object]:
     }
 
 
-def _heat(heat: HeatMap) -> dict[str, object]:
+def heat_content(heat: HeatMap) -> dict[str, object]:
+    """Return a heat map as it stands in JSON."""
     return {
         "map": heat.world.name,
         "deployments": heat.deployments,
@@ -150,7 +153,8 @@ def _heat(heat: HeatMap) -> dict[str, object]:
     }
 
 
-def _effect(effect: Effect) -> dict[str, object]:
+def effect_content(effect: Effect) -> dict[str, object]:
+    """Return a sensitivity as it stands in JSON."""
     changes: dict[str, Mapping[str, float]] = {}
     for measure in QUICK:
         change = effect.changes.get(measure.key)
@@ -166,7 +170,8 @@ def _effect(effect: Effect) -> dict[str, object]:
     }
 
 
-def _tolerance(tolerance: Tolerance) -> dict[str, object]:
+def tolerance_content(tolerance: Tolerance) -> dict[str, object]:
+    """Return the scatter from fabrication as it stands in JSON."""
     return {
         "length_percent": tolerance.length_percent,
         "angle_deg": tolerance.angle_deg,

@@ -1,16 +1,22 @@
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from vinefab.model.files.design_toml import read_design
 from vinefab.prediction.comparison import (
+    DesignComparison,
+    PairedDifference,
     compare_designs,
     comparison_lines,
     comparison_page,
     comparison_text,
+    paired_difference_chart,
+    paired_difference_section,
     paired_differences,
+    side_by_side_section,
 )
 from vinefab.prediction.family_deployments import PredictionPlan, unseen_maps
 from vinefab.prediction.measures import MEASURES, REACH, SEEN, STUCK, MeasureTable
@@ -120,3 +126,85 @@ def test_too_few_or_too_many_are_refused(found, count):
     design = found[0].designs[0]
     with pytest.raises(ValueError, match="2 to 12"):
         compare_designs([design] * count, [found[1]], PredictionPlan())
+
+
+def known_difference(**changes):
+    numbers = {"mean": 4.0, "low": 1.5, "high": 6.0, "p": 0.01, "p_adjusted": 0.03}
+    return PairedDifference(
+        measure=SEEN, first="a", second="b", won_percent=75.0, pairs=8, **{**numbers, **changes}
+    )
+
+
+def test_two_maps_give_a_mean_and_interval_of_their_differences():
+    # Differences of 2 and 10: drawn with replacement their mean is 2, 6 or 10.
+    one = outcomes_of([1.0, 3.0, 10.0], ["m", "m", "n"])
+    two = outcomes_of([0.0, 0.0, 0.0], ["m", "m", "n"])
+    (found,) = paired_differences(SEEN, ("a", "b"), (one, two))
+    assert (found.mean, found.low, found.high, found.pairs) == (6.0, 2.0, 10.0, 2)
+    assert found.won_percent == 100.0
+    (back,) = paired_differences(SEEN, ("b", "a"), (two, one))
+    assert (back.mean, back.low, back.high, back.won_percent) == (-6.0, -10.0, -2.0, 0.0)
+
+
+def test_ties_count_as_half_a_win():
+    one = outcomes_of([1.0, 0.0, 0.0, -1.0, 2.0], list("klmno"))
+    two = outcomes_of([0.0] * 5, list("klmno"))
+    (found,) = paired_differences(SEEN, ("a", "b"), (one, two))
+    assert found.won_percent == pytest.approx(100.0 * (2 + 2 * 0.5) / 5)
+
+
+def test_rows_and_chart_show_a_known_difference():
+    clear, open_ = known_difference(), known_difference(low=-1.5, p_adjusted=0.2)
+    section = paired_difference_section(SEEN, [clear, open_])
+    row, other = section.tables[0].rows
+    assert row[2:] == ("4.0 [1.5, 6.0]", "0.01000", "0.03000", "75 %", "a")
+    assert other[2:] == ("4.0 [-1.5, 6.0]", "0.01000", "0.20000", "75 %", "not clear")
+    lines = paired_difference_chart(SEEN, [clear, open_]).axes[0].get_lines()
+    assert list(lines[0].get_xdata()) == [1.5, 6.0]
+    assert list(lines[1].get_xdata()) == [4.0]
+    assert list(lines[2].get_xdata()) == [-1.5, 6.0]
+    assert clear.words.startswith("free space seen by sensors: a is better; ")
+    assert clear.words.endswith("4.0 [1.5, 6.0] %, p = 0.03000, 8 pairs")
+
+
+def test_a_difference_is_clear_below_five_percent():
+    assert known_difference(p_adjusted=0.0499).is_clear
+    assert not known_difference(p_adjusted=0.05).is_clear
+
+
+def test_designs_side_by_side_have_means_over_maps():
+    maps = ["a", "a", "a", "b"]
+    values = {m.key: np.full(4, np.nan) for m in MEASURES}
+    table = MeasureTable(
+        label="l",
+        maps=tuple(maps),
+        poses=(None,) * 4,
+        values={**values, SEEN.key: np.array([1.0, 2.0, 3.0, 10.0])},
+    )
+    section = side_by_side_section({"one": table, "two": table})
+    assert section.tables[0].rows == (
+        ("free space seen by sensors (%)", "6.0 [2.0, 10.0]", "6.0 [2.0, 10.0]"),
+    )
+    assert "4 deployments of each design" in section.tables[0].caption
+
+
+def test_designs_are_ranked_by_their_mean_and_shown_at_a_median_deployment():
+    columns = {"a": [1.0, 2.0, 9.0], "b": [5.0, 6.0, 7.0], "c": [3.0, 0.0, 4.0]}
+    results = tuple(
+        SimpleNamespace(
+            outcomes=MeasureTable(
+                label="l",
+                maps=("k", "m", "n"),
+                poses=(None,) * 3,
+                values={SEEN.key: np.array(column), STUCK.key: np.array(column)},
+            )
+        )
+        for column in columns.values()
+    )
+    comparison = DesignComparison(names=tuple(columns), designs=(), results=results, differences=())
+    assert comparison.ranked(SEEN) == [
+        ("b", 6.0), ("a", 4.0), ("c", pytest.approx(7.0 / 3.0))
+    ]  # fmt: skip
+    assert [name for name, _ in comparison.ranked(STUCK)] == ["c", "a", "b"]
+    # Means of the deployments are 3, 2.67 and 6.67.
+    assert comparison.median_deployment(SEEN) == 0

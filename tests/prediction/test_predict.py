@@ -6,15 +6,22 @@ import json
 import re
 import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
+from vinefab.model.laser import RecipeStatus, Standing
+from vinefab.prediction.anchoring_prediction import AnchoringPrediction, HeldForces
 from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
-from vinefab.prediction.predict import predict
+from vinefab.prediction.measures import MEASURES, REACH, SEEN, STUCK, UNDEPLOYED, MeasureTable
+from vinefab.prediction.predict import cautions, headlines, predict, verdict_on
 from vinefab.prediction.prediction_json import prediction_text
+from vinefab.prediction.pressure_window import LevelPressure, Need, PressureWindow
 from vinefab.prediction.provenance import origin_of
 
 EMPTY = ("meta", "img", "link", "br")
@@ -154,3 +161,118 @@ def test_every_assumption_has_a_standing(made):
         assert name in page.text
     for standing in ("assumed", "published", "paper", "computed", "simulated"):
         assert standing in page.text
+
+
+def check(*findings, skipped=()):
+    return CheckReport(design="d", recipe="r", run=(), skipped=skipped, findings=findings)
+
+
+def found_rule(rule, severity):
+    return Finding(rule=rule, severity=severity, message="m")
+
+
+def window_of_needs(loose_kpa, tight_kpa, allowed_kpa, working_kpa):
+    def need(storage, p95_kpa):
+        return Need(
+            storage=storage, p05_kpa=1.0, median_kpa=2.0, p95_kpa=p95_kpa, greatest_kpa=99.0,
+            enough_percent=50.0,
+        )  # fmt: skip
+
+    limits = [
+        LevelPressure(
+            name="trunk", level=1, width_mm=20.0, inflated_mm=12.7, burst_kpa=1.5 * kpa,
+            allowed_kpa=kpa, strain_percent=1.0,
+        )
+        for kpa in (allowed_kpa, allowed_kpa + 5.0)
+    ]  # fmt: skip
+    return PressureWindow(
+        loose=need("loosely", loose_kpa), tight=need("tightly", tight_kpa),
+        working_kpa=working_kpa, levels=tuple(limits), safety_factor=1.5,
+        standing=Standing.ASSUMED,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("report", "window", "tone", "words"),
+    [
+        (
+            check(found_rule("VF-W01", Severity.ERROR), found_rule("VF-C01", Severity.WARNING)),
+            window_of_needs(10.0, 20.0, 30.0, 15.0),
+            "bad",
+            "not manufacturable and deployable as designed: broken rules VF-W01.",
+        ),
+        (check(), None, "bad", "manufacturable, but has no room to emerge"),
+        (
+            check(),
+            window_of_needs(30.0, 60.0, 20.0, 15.0),
+            "bad",
+            "needs 30.0 kPa even with film stored loosely, and its widest part is limited to 20.0",
+        ),
+        (
+            check(),
+            window_of_needs(10.0, 20.0, 30.0, 35.0),
+            "caution",
+            "deployable at 10.0 to 30.0 kPa; its working pressure of 35 kPa is outside",
+        ),
+        (check(), window_of_needs(10.0, 40.0, 30.0, 15.0), "caution", "at 10.0 to 30.0 kPa with"),
+        (check(), window_of_needs(10.0, 20.0, 30.0, 15.0), "good", "at 10.0 to 30.0 kPa with"),
+    ],
+)
+def test_verdicts_follow_from_rules_and_window(report, window, tone, words):
+    text, found = verdict_on(report, window)
+    assert found == tone
+    assert words in text
+
+
+def known_outcomes(maps=("a", "a", "a", "b")):
+    columns = {m.key: np.full(len(maps), np.nan) for m in MEASURES}
+    columns[SEEN.key] = np.array([10.0, 20.0, 30.0, 60.0])
+    columns[REACH.key] = np.array([5.0, 5.0, 5.0, 5.0])
+    columns[STUCK.key] = np.array([10.0, 10.0, 10.0, 10.0])
+    columns[UNDEPLOYED.key] = np.array([9.9, 9.9, 9.9, 9.9])
+    return MeasureTable(label="two maps", maps=maps, poses=(None,) * len(maps), values=columns)
+
+
+def test_headlines_are_the_numbers_of_spread_window_and_anchoring():
+    amplifications = {
+        (mu, share): 10.0 * mu * share / 100.0
+        for mu in (0.2, 0.3, 0.8)
+        for share in (100.0, 66.7, 33.3)
+    }
+    held = tuple(
+        HeldForces(friction=mu, engaged_percent=share, amplification=value)
+        for (mu, share), value in amplifications.items()
+    )
+    anchoring = AnchoringPrediction(label="two maps", leaves=3, table=held)
+    window = window_of_needs(10.0, 20.0, 30.0, 15.0)
+    shown = {line.name: line for line in headlines(known_outcomes(), window, [anchoring])}
+    seen = shown["free space seen by sensors"]
+    assert seen.value == "40.0 %"
+    # Maps of mean 20 and 60; deployments 10, 20, 30, 60.
+    assert "95 % interval 20.0 to 60.0; 90 % of the deployments 11.5 to 55.5" in seen.detail
+    assert (shown[STUCK.title].value, shown[STUCK.title].tone) == ("10.0 %", "caution")
+    assert (shown[UNDEPLOYED.title].value, shown[UNDEPLOYED.title].tone) == ("9.9 %", "good")
+    # Two thirds at low friction to all at high friction.
+    assert shown["anchoring amplification"].value == "1.3 to 8.0 x"
+    assert shown["anchoring amplification"].detail.startswith("3.0 x at friction 0.3")
+    assert shown["pressure window"].value == "10.0 to 30.0 kPa"
+    assert "working pressure 15 kPa" in shown["pressure window"].detail
+    closed = headlines(known_outcomes(), window_of_needs(31.0, 60.0, 30.0, 15.0), [anchoring])[-1]
+    assert (closed.value, closed.tone) == ("none", "bad")
+
+
+def test_cautions_name_counts_and_pressures():
+    profile = read_profile(DEFAULT_RECIPE)
+    skipped = tuple(RuleSkipped(rule=f"VF-{n}", reason="no map") for n in range(3))
+    warnings = (found_rule("VF-C01", Severity.WARNING), found_rule("VF-C02", Severity.INFO))
+    prepared = SimpleNamespace(report=check(*warnings, skipped=skipped), profile=profile)
+    window = window_of_needs(10.0, 40.0, 30.0, 15.0)
+    sentences = cautions(prepared, window, known_outcomes())
+    assert profile.recipe.status is RecipeStatus.UNVERIFIED
+    assert sentences[0].startswith("No coupon")
+    assert "needs 40.0 kPa, more than the 30.0 kPa" in sentences[1]
+    assert sentences[2].startswith("Pressures rest on assumed numbers")
+    assert sentences[3] == "10.0 % of its branches: branches stopped by walls."
+    assert sentences[4].startswith("Predictions rest on 2 maps")
+    assert sentences[5] == "Design rules: 1 warnings, 3 rules not checked."
+    assert len(sentences) == 6

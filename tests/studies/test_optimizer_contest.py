@@ -138,3 +138,23 @@ def test_the_table_says_who_is_better_and_how_sure_that_is() -> None:
 def test_comparisons_that_cannot_be_are_refused(change: dict[str, object], words: str) -> None:
     with pytest.raises(BadInputError, match=words):
         replace(CONTEST, **change)
+
+
+def test_the_table_has_the_means_of_each_contender() -> None:
+    worth = {"random": np.array([0.2, 0.4]), "pso": np.array([0.3, 0.7])}
+    changes = (
+        {"fresh": 0.1, "lucky": 0.2, "evaluations": 8, "optimizer_s": 1.0, "penalty": 0.0},
+        {"fresh": 0.3, "lucky": 0.6, "evaluations": 12, "optimizer_s": 2.0, "penalty": 1.0},
+    )
+    rows = [replace(row, **changes[row.number]) for row in made_up(CONTEST, worth)]
+    first, second = comparison_table(CONTEST, rows)
+    # Two seeds drawn with replacement: the mean is either value or their middle.
+    assert first["unseen"] == {"mean": pytest.approx(0.3), "low": 0.2, "high": 0.4}
+    assert (first["fresh"], first["lucky"]) == pytest.approx((0.2, 0.4))
+    assert (first["evaluations"], first["optimizer_s"], first["can_be_made"]) == (10.0, 1.5, 0.5)
+    assert second["difference"]["mean"] == pytest.approx(0.2)
+    assert second["difference"]["low"] == pytest.approx(0.1)
+    assert second["difference"]["high"] == pytest.approx(0.3)
+    assert second["difference"]["p"] == pytest.approx(0.5)
+    line = table_lines([first, second])[1]
+    assert "0.5000 [0.3000, 0.7000]  +0.2000 [+0.1000, +0.3000] p 0.500" in line

@@ -14,7 +14,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
-from vinefab.pages.drawing import Box, bounds_in, longer_mm, robot_view, rock_in
+from vinefab.pages.map_view import Box, bounds_in, longer_mm, robot_view, rock_in
 
 LONGEST_PX = 640
 """Longer side of the map in an animation."""

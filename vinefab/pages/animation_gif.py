@@ -20,8 +20,8 @@ from vinefab.pages.animation import (
     is_live,
     line_px,
 )
-from vinefab.pages.drawing import STOP_WORDS
 from vinefab.pages.figure import INK, ROCK, ROCK_EDGE, SOFT, level_colour
+from vinefab.pages.map_view import STOP_WORDS
 
 SHARPNESS = 2
 """Frames are drawn so many times larger and then reduced: smooth edges."""

@@ -22,8 +22,8 @@ from vinefab.pages.animation import (
     is_live,
     line_px,
 )
-from vinefab.pages.drawing import STOP_WORDS
 from vinefab.pages.figure import INK, ROCK, ROCK_EDGE, SOFT, level_colour
+from vinefab.pages.map_view import STOP_WORDS
 
 _MARKS = {
     Stop.FULL_LENGTH: '<circle id="m0" r="2.6" fill="#fff"/>',

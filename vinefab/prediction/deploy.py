@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, frozen_floats, frozen_ints, positive, whole
-from vinefab.fabrication.checking import Deployed
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
@@ -372,8 +371,8 @@ def pose_text(pose: Pose) -> str:
     return f"{pose.x_mm:.2f},{pose.y_mm:.2f},{deg(pose.heading_rad):.2f}"
 
 
-def deploy_from_starts(design: Design, maps: Sequence[Map]) -> Deployed:
-    """Return a design's deployments from every start of every map."""
+def deploy_from_starts(design: Design, maps: Sequence[Map]) -> tuple[tuple[str, Deployment], ...]:
+    """Return a design's deployments from every start of every map, each with a name."""
     for world in maps:
         if not world.starts:
             raise BadInputError(f"--map {world.name}", "without a start", "maps with starts")

@@ -14,8 +14,9 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.validation import Floats
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.map import Map
-from vinefab.pages.drawing import UNSEEN, fill_geometry
+from vinefab.pages.drawing import fill_geometry
 from vinefab.pages.figure import INK, ROCK, ROCK_EDGE, SOFT, house_style, level_colour, plan_axes
+from vinefab.pages.map_view import UNSEEN
 from vinefab.rig.clean import pieces_of
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.printing import Bed

@@ -9,25 +9,23 @@ from vinefab.model.map import Pose
 from vinefab.model.tree import branch_tree
 from vinefab.physics.growth_path import grown_paths, riding_mm
 from vinefab.prediction.family_deployments import PredictionPlan, PreparedFamily, deploy_family
-from vinefab.prediction.growth_pressures import (
-    LOOSE,
-    TIGHT,
-    constants_by_level,
-    growth_pressures_kpa,
-)
 from vinefab.prediction.measures import (
     ANCHORING,
     COVERAGE,
     GROWN,
+    LOOSE,
     LOOSE_PRESSURE,
     MEASURES,
     REACH,
     SEEN,
     STUCK,
+    TIGHT,
     TIGHT_PRESSURE,
     UNDEPLOYED,
     MeasureTable,
     Spread,
+    constants_by_level,
+    growth_pressures_kpa,
     shares_percent,
 )
 

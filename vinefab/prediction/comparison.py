@@ -27,10 +27,9 @@ from vinefab.prediction.family_deployments import (
     deploy_family,
     no_progress,
     numbered_names,
+    rules_text,
 )
-from vinefab.prediction.measures import MEASURES, Measure, MeasureTable
-from vinefab.prediction.predict import rules_text
-from vinefab.prediction.prediction_json import spreads_content
+from vinefab.prediction.measures import MEASURES, Measure, MeasureTable, spreads_content
 from vinefab.prediction.provenance import Origin, repeat_section
 
 LEVEL = 0.05

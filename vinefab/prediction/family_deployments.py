@@ -7,6 +7,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.registry import with_parameters
+from vinefab.core.units import deg
 from vinefab.core.validation import whole
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
@@ -78,6 +79,15 @@ class PredictionPlan:
     seed: int = 0  # seed of the poses; map ``i`` of a family gets ``seed + i``
     # the growth model's choices; the inflated body by default, for a body has a width
     options: GrowthOptions = field(default_factory=lambda: GrowthOptions(body="inflated"))
+
+
+def rules_text(options: GrowthOptions) -> str:
+    """Return the growth model's choices in words."""
+    children = "stay inside" if options.children_of_stuck == "stop" else "grow all the same"
+    return (
+        f"{options.body} body, head-on half-angle {deg(options.head_on_half_angle_rad):g} degrees "
+        f"(assumed), children of a stuck branch {children}"
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -5,11 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vinefab.core.units import deg
 from vinefab.fabrication.package.bom import bill_of_materials
 from vinefab.fabrication.package.package_page import assumption_section, pressure_section
 from vinefab.fabrication.package.prepare import Prepared, design_facts, making_sections, prepare
-from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Severity
 from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
@@ -29,6 +27,7 @@ from vinefab.prediction.family_deployments import (
     ProgressCallback,
     deploy_family,
     no_progress,
+    rules_text,
     typical,
 )
 from vinefab.prediction.heat_map import HeatMap, heat_map_of, heat_section
@@ -218,15 +217,6 @@ def predict(
         heat=heat,
         effects=effects,
         tolerance=scatter,
-    )
-
-
-def rules_text(options: GrowthOptions) -> str:
-    """Return the growth model's choices in words."""
-    children = "stay inside" if options.children_of_stuck == "stop" else "grow all the same"
-    return (
-        f"{options.body} body, head-on half-angle {deg(options.head_on_half_angle_rad):g} degrees "
-        f"(assumed), children of a stuck branch {children}"
     )
 
 

@@ -10,7 +10,7 @@ from vinefab.core.jsontext import json_text
 from vinefab.core.units import deg
 from vinefab.prediction.anchoring_prediction import AnchoringPrediction
 from vinefab.prediction.heat_map import HeatMap
-from vinefab.prediction.measures import MEASURES, MeasureTable, Spread
+from vinefab.prediction.measures import MEASURES, MeasureTable, spreads_content
 from vinefab.prediction.predict import Predicted, headlines, verdict_on
 from vinefab.prediction.pressure_window import Need, PressureWindow
 from vinefab.prediction.provenance import Origin
@@ -46,17 +46,6 @@ def summary_lines(found: Predicted) -> list[str]:
     verdict, _ = verdict_on(found.prepared.report, found.window)
     shown = headlines(found.main.outcomes, found.window, found.anchoring)
     return [verdict, *(f"  {line.name}: {line.value} ({line.detail})" for line in shown)]
-
-
-def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
-    """Return how every measure is spread, rounded as it is shown, by the measures' keys."""
-    spreads: dict[str, object] = {}
-    for measure in MEASURES:
-        spread = outcomes.spread(measure)
-        if spread is not None:
-            numbers = {name: measure.rounded(getattr(spread, name)) for name in Spread.NUMBERS}
-            spreads[measure.key] = {"count": spread.count, **numbers}
-    return spreads
 
 
 def _field(outcomes: MeasureTable) -> dict[str, object]:

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import CommandOutput, Force, JsonOut, Quiet
+from vinefab.cli.common_options import CommandOutput, Force, JsonOut, Quiet
 from vinefab.studies.benchmark import bench_lines, run_benchmark
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import CommandOutput, Force, JsonOut, Quiet, RecipeIn
+from vinefab.cli.common_options import CommandOutput, Force, JsonOut, Quiet, RecipeIn
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.fabrication.calibration.calibrated_recipe import (
     calibrated_recipe,

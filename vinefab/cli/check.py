@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import (
+from vinefab.cli.common_options import (
     EXIT_FINDINGS,
     CommandOutput,
     DesignIn,

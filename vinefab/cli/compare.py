@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import (
+from vinefab.cli.common_options import (
     CommandOutput,
     Count,
     EnvironmentIn,
@@ -15,7 +15,7 @@ from vinefab.cli.options import (
     MapsOptional,
     Quiet,
     SetIn,
-    field_words,
+    map_arguments,
     parameters_from,
 )
 from vinefab.core.atomic import ensure_writable, write_text
@@ -63,14 +63,28 @@ def compare_command(
         ensure_writable(out, force=force)
     with output.progress("compare") as show:
         robots = [read_design(design) for design in designs]
-        asked = parameters_from(parameter or [])
-        unseen = unseen_maps(environment, count, seed, asked) if environment else None
-        fields = map_families([read_map(path) for path in maps or []], unseen)
+        parameters = parameters_from(parameter or [])
+        unseen = unseen_maps(environment, count, seed, parameters) if environment else None
+        families = map_families([read_map(path) for path in maps or []], unseen)
         plan = PredictionPlan(poses=poses, seed=seed, options=growth_options(body))
-        found = compare_designs(robots, fields, plan, show)
-        words = ["vinefab", "compare", *designs, *field_words(maps, environment, count, parameter)]
-        words += ["--measure", measure, "--poses", str(poses), "--seed", str(seed), "--body", body]
-        origin = origin_of(shlex.join(words), robots, None, fields)
+        found = compare_designs(robots, families, plan, show)
+        arguments = [
+            "vinefab",
+            "compare",
+            *designs,
+            *map_arguments(maps, environment, count, parameter),
+        ]
+        arguments += [
+            "--measure",
+            measure,
+            "--poses",
+            str(poses),
+            "--seed",
+            str(seed),
+            "--body",
+            body,
+        ]
+        origin = origin_of(shlex.join(arguments), robots, None, families)
         page = comparison_page(found, main, plan, origin) if out else ""
     if out is not None:
         write_text(out, page, force=force)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import CommandOutput, Force, JsonOut, Quiet, parameters_from
+from vinefab.cli.common_options import CommandOutput, Force, JsonOut, Quiet, parameters_from
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
 from vinefab.search.run_file import read_run

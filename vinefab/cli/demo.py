@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, Quiet
+from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, Quiet
 from vinefab.core.atomic import ensure_own_folder, new_folder
 from vinefab.demonstration import DemoSettings, run_demo
 

@@ -5,7 +5,14 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, DesignIn, Force, Quiet, RecipeIn
+from vinefab.cli.common_options import (
+    EXIT_FINDINGS,
+    CommandOutput,
+    DesignIn,
+    Force,
+    Quiet,
+    RecipeIn,
+)
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, new_folder, write_bytes
 from vinefab.fabrication.checking import check_lines
 from vinefab.fabrication.job.placement import SheetOptions

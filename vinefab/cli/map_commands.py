@@ -9,7 +9,7 @@ from typing import Annotated, Any, cast
 
 import typer
 
-from vinefab.cli.options import (
+from vinefab.cli.common_options import (
     CommandOutput,
     Force,
     JsonOut,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, JsonOut, Quiet
+from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, JsonOut, Quiet
 from vinefab.core.atomic import ensure_writable, write_bytes, write_text
 from vinefab.core.errors import CannotWriteError, InterruptedRunError
 from vinefab.model.files.design_toml import design_text

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import CommandOutput, Force, JsonOut, Quiet
+from vinefab.cli.common_options import CommandOutput, Force, JsonOut, Quiet
 from vinefab.fabrication.profile_listing import explain, profile_json, profile_list
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import (
+from vinefab.cli.common_options import (
     CommandOutput,
     Count,
     DesignIn,
@@ -17,7 +17,7 @@ from vinefab.cli.options import (
     Quiet,
     RecipeIn,
     SetIn,
-    field_words,
+    map_arguments,
     parameters_from,
 )
 from vinefab.core.atomic import ensure_writable, write_text
@@ -58,15 +58,15 @@ def report_command(
         show(0.0, "reading and generating maps")
         robot, profile = read_design(design), read_profile(recipe)
         given = [read_map(path) for path in maps or []]
-        asked = parameters_from(parameter or [])
-        unseen = unseen_maps(environment, count, seed, asked) if environment else None
-        fields = map_families(given, unseen)
+        parameters = parameters_from(parameter or [])
+        unseen = unseen_maps(environment, count, seed, parameters) if environment else None
+        families = map_families(given, unseen)
         plan = PredictionPlan(poses=poses, seed=seed, options=growth_options(body))
-        found = predict(robot, profile, fields, plan, part_of(show, 0.0, 0.6))
-        words = ["vinefab", "report", design, "--recipe", recipe]
-        words += field_words(maps, environment, count, parameter)
-        words += ["--poses", str(poses), "--seed", str(seed), "--body", body, "--out", str(out)]
-        origin = origin_of(shlex.join(words), [robot], profile, fields)
+        found = predict(robot, profile, families, plan, part_of(show, 0.0, 0.6))
+        arguments = ["vinefab", "report", design, "--recipe", recipe]
+        arguments += map_arguments(maps, environment, count, parameter)
+        arguments += ["--poses", str(poses), "--seed", str(seed), "--body", body, "--out", str(out)]
+        origin = origin_of(shlex.join(arguments), [robot], profile, families)
         page = found.page(origin, (), part_of(show, 0.6, 1.0))
         text = prediction_text(found, origin)
     write_text(out, page, force=force)

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from vinefab.cli.options import CommandOutput, Quiet
+from vinefab.cli.common_options import CommandOutput, Quiet
 from vinefab.studies.reproduction import NUMBERS, PAGE, reproduce
 from vinefab.studies.study_jobs import PAPER, QUICK
 

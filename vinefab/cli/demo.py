@@ -45,4 +45,4 @@ def demo_command(
         "numbers": "results.json",
     }.items():
         output.say(f"{words:>16}: {out / name}")
-    return 0 if demo.made else EXIT_FINDINGS
+    return 0 if demo.is_manufacturable else EXIT_FINDINGS

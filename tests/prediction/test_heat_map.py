@@ -79,7 +79,7 @@ def test_stuck_tips_are_gathered_by_place():
 def known_heat():
     """A room of 100 x 100 mm in cells of 10 mm: 30 passed at all, 10 by most deployments."""
     share = np.zeros((10, 10))
-    share[:3] = 0.25
+    share[:3] = 0.4
     share[0] = 0.75
     spot = StuckSpot(x_mm=12.34, y_mm=56.78, percent=12.5)
     return HeatMap(

@@ -20,13 +20,11 @@ from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.prediction.deployments import PredictionPlan
-from vinefab.prediction.map_families import MapFamily
+from vinefab.prediction.family_deployments import MapFamily, PredictionPlan, ProgressCallback
 from vinefab.prediction.measures import REACH
 from vinefab.prediction.predict import Predicted, predict
 from vinefab.prediction.provenance import origin_of
-from vinefab.prediction.scoring import ScorePlan as ScoreTrials
-from vinefab.prediction.scoring import score_design_on_task
+from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 from vinefab.rig.make import RigFiles, make_rig
 from vinefab.rig.options import RigOptions, read_printer
 from vinefab.search.record.result import Progress, RunResult
@@ -40,9 +38,6 @@ from vinefab.search.settings import (
     SearchSettings,
 )
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
-
-Tell = Callable[[float, str], None]
-"""Called with the share of the whole job that is done and a few words."""
 
 _FIRST_UNSEEN = 100_001
 _POSES = 3
@@ -99,7 +94,7 @@ class DemoSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Demo:
-    """What the demonstration found."""
+    """Results of the demonstration."""
 
     result: RunResult  # the search
     # training, unseen, baseline: scores of the winner on the training maps and on unseen ones, and
@@ -112,8 +107,8 @@ class Demo:
     files: tuple[str, ...]  # what was written, as paths relative to the folder
 
     @property
-    def made(self) -> bool:
-        """Whether the winner passed every rule that would have kept it from being cut."""
+    def is_manufacturable(self) -> bool:
+        """Whether no design rule blocks the winner."""
         return not self.predicted.prepared.report.blocking
 
     def table(self) -> tuple[tuple[str, str], ...]:
@@ -138,7 +133,10 @@ class Demo:
 
 
 def run_demo(
-    folder: Path, settings: DemoSettings, tell: Tell, announce: Callable[[str], None]
+    folder: Path,
+    settings: DemoSettings,
+    progress: ProgressCallback,
+    announce: Callable[[str], None],
 ) -> Demo:
     """Run the main job and write everything into a folder."""
     run = settings.run()
@@ -151,12 +149,14 @@ def run_demo(
         for index in range(settings.unseen)
     )
 
-    def tell_search(progress: Progress) -> None:
-        line = progress_line(progress, checked=run.evaluation.fabricable)
-        tell(0.05 + 0.55 * progress.generation / progress.generations, line)
+    def report_generation(done: Progress) -> None:
+        progress(
+            0.05 + 0.55 * done.generation / done.generations,
+            progress_line(done, checked=run.evaluation.fabricable),
+        )
 
-    result = run_search(run, folder / "run", workers=settings.workers, progress=tell_search)
-    tell(0.6, "testing the winner on unseen maps")
+    result = run_search(run, folder / "run", workers=settings.workers, progress=report_generation)
+    progress(0.6, "testing the winner on unseen maps")
     announce(f"testing the winner on {len(unseen)} maps that it never saw")
     scores = _scores(result.best, run, unseen)
     predicted = predict(
@@ -164,12 +164,12 @@ def run_demo(
         read_profile(DEFAULT_RECIPE),
         [MapFamily(label=f"{len(unseen)} unseen grid maps", worlds=unseen)],
         PredictionPlan(poses=_POSES, seed=settings.seed, options=run.growth),
-        lambda share, words: tell(0.6 + 0.15 * share, words),
+        lambda share, text: progress(0.6 + 0.15 * share, text),
     )
-    tell(0.75, "making the rig")
+    progress(0.75, "making the rig")
     announce(f"making the printable rig of {unseen[0].name}")
     rig = make_rig(unseen[0], read_printer(DEFAULT_PRINTER), RigOptions())
-    tell(0.8, "writing the package and the report")
+    progress(0.8, "writing the package and the report")
     announce("writing the fabrication package and the report")
     demo = Demo(result=result, predicted=predicted, rig=rig, files=(), **scores)
     return replace(demo, files=_write(folder, demo, run, unseen))
@@ -193,11 +193,11 @@ def bootstrap_interval(score: Score) -> tuple[float, float]:
 
 
 def _scores(best: Design, run: RunSettings, unseen: tuple[Map, ...]) -> dict[str, Score]:
-    trials = ScoreTrials(task=run.task.name, poses=_POSES, seed=run.search.seed)
+    plan = ScorePlan(task=run.task.name, poses=_POSES, seed=run.search.seed)
     return {
-        "training": score_design_on_task(best, training_maps(run), trials, run.growth),
-        "unseen": score_design_on_task(best, unseen, trials, run.growth),
-        "baseline": score_design_on_task(read_design("plain_vine"), unseen, trials, run.growth),
+        "training": score_design_on_task(best, training_maps(run), plan, run.growth),
+        "unseen": score_design_on_task(best, unseen, plan, run.growth),
+        "baseline": score_design_on_task(read_design("plain_vine"), unseen, plan, run.growth),
     }
 
 
@@ -208,15 +208,15 @@ def _write(folder: Path, demo: Demo, run: RunSettings, unseen: tuple[Map, ...]) 
     texts["run/best.toml"] = design_text(demo.result.best)
     rig = (demo.rig.section,) if demo.rig.section else ()
     more = (unseen_section(demo.table()), search_section(demo.result, training), *rig)
-    field = MapFamily(label=demo.predicted.main.place.label, worlds=unseen)
+    family = MapFamily(label=demo.predicted.main.prepared.label, worlds=unseen)
     command = f"vinefab demo --seed {run.search.seed} --generations {run.search.generations}"
     command += f" --population {run.search.population}"
-    origin = origin_of(command, [demo.result.best], demo.predicted.prepared.profile, [field])
+    origin = origin_of(command, [demo.result.best], demo.predicted.prepared.profile, [family])
     texts["report.html"] = demo.predicted.page(origin, more)
     texts["results.json"] = json_text("vinefab/demo-1", {"results": dict(demo.table())})
     files = {name: text.encode() for name, text in texts.items()}
     files |= {f"rig/{name}": data for name, data in demo.rig.files.items()}
-    if demo.made:
+    if demo.is_manufacturable:
         parts = package(demo.predicted.prepared)
         files |= {f"package/{name}": data for name, data in parts.items()}
         files["package.zip"] = zip_bytes(parts, "package")

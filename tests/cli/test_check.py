@@ -135,7 +135,7 @@ def test_fix_of_a_sound_design_writes_nothing(vinefab, tmp_path):
     out = tmp_path / "out.toml"
     code, words, _ = vinefab("check", "three_level_tree", "--fix", out)
     assert (code, out.exists()) == (0, False)
-    assert "nothing to mend" in words
+    assert "nothing to fix" in words
 
 
 def test_fix_that_finds_nothing_says_so(vinefab, plain, tmp_path):

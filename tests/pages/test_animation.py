@@ -15,7 +15,7 @@ from vinefab.model.map import Map, Pose
 from vinefab.pages.animation import Stage, frozen_since, round_length_mm
 from vinefab.pages.animation_gif import gif_animation
 from vinefab.pages.animation_svg import svg_animation
-from vinefab.prediction.history import History
+from vinefab.prediction.deploy import History
 
 SVG = "{http://www.w3.org/2000/svg}"
 WIDTHS_MM = (6.0, 3.0)

@@ -9,7 +9,7 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.tree import branch_tree
-from vinefab.pages.charts import fitness_curve, score_strips
+from vinefab.pages.charts import fitness_curve, panels_of_strips
 from vinefab.pages.drawing import deployment_plan, map_plan
 from vinefab.pages.figure import png_bytes, svg_bytes
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
@@ -104,5 +104,5 @@ def test_figures_are_xml_and_png(world):
 def test_charts_show_every_generation_and_group():
     curve = fitness_curve([0.1, 0.2], [0.0, 0.1], [0.1, 0.1]).axes[0]
     assert [len(line.get_xdata()) for line in curve.get_lines()] == [2, 2]
-    strips = score_strips({"a": [1.0, 2.0], "b": [3.0]}, "score").axes[0]
+    strips = panels_of_strips({"p": {"a": [1.0, 2.0], "b": [3.0]}}, "score").axes[0]
     assert [tick.get_text() for tick in strips.get_yticklabels()] == ["a", "b"]

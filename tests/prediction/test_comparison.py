@@ -1,14 +1,24 @@
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from vinefab.model.files.design_toml import read_design
-from vinefab.prediction.comparison import compare_designs, paired_differences
-from vinefab.prediction.comparison_page import comparison_lines, comparison_page, comparison_text
-from vinefab.prediction.deployments import PredictionPlan
-from vinefab.prediction.map_families import unseen_maps
+from vinefab.prediction.comparison import (
+    DesignComparison,
+    PairedDifference,
+    compare_designs,
+    comparison_lines,
+    comparison_page,
+    comparison_text,
+    paired_difference_chart,
+    paired_difference_section,
+    paired_differences,
+    side_by_side_section,
+)
+from vinefab.prediction.family_deployments import PredictionPlan, unseen_maps
 from vinefab.prediction.measures import MEASURES, REACH, SEEN, STUCK, MeasureTable
 from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.sensitivity import scaled_tree
@@ -20,8 +30,8 @@ SMALL = {"columns": 3, "rows": 3, "size_mm": 300.0}
 def found():
     design = read_design("three_level_tree")
     short = replace(scaled_tree(design, 0.5), name="short")
-    field = unseen_maps("grid", 6, 0, SMALL)
-    return compare_designs([design, short, design], [field], PredictionPlan(poses=2)), field
+    family = unseen_maps("grid", 6, 0, SMALL)
+    return compare_designs([design, short, design], [family], PredictionPlan(poses=2)), family
 
 
 def outcomes_of(values, maps):
@@ -33,11 +43,21 @@ def outcomes_of(values, maps):
 def test_a_design_against_itself_is_a_draw(found):
     comparison, _ = found
     assert comparison.names == ("three_level_tree (1)", "short", "three_level_tree (2)")
-    twins = [duel for duel in comparison.duels if "short" not in (duel.first, duel.second)]
+    twins = [
+        difference
+        for difference in comparison.differences
+        if "short" not in (difference.first, difference.second)
+    ]
     assert len(twins) == len(MEASURES)
-    for duel in twins:
-        assert (duel.mean, duel.low, duel.high, duel.p, duel.won_percent) == (0, 0, 0, 1.0, 50.0)
-        assert not duel.is_clear
+    for difference in twins:
+        assert (
+            difference.mean,
+            difference.low,
+            difference.high,
+            difference.p,
+            difference.won_percent,
+        ) == (0, 0, 0, 1.0, 50.0)
+        assert not difference.is_clear
 
 
 def test_differences_are_paired_by_map():
@@ -46,54 +66,58 @@ def test_differences_are_paired_by_map():
     maps = [f"m{index}" for index in range(12) for _ in range(2)]
     base = np.repeat(rng.uniform(0, 100, 12), 2) + rng.normal(0, 0.1, 24)
     better = base + 1.0 + rng.normal(0, 0.2, 24)
-    (duel,) = paired_differences(
+    (difference,) = paired_differences(
         SEEN, ("a", "b"), (outcomes_of(better, maps), outcomes_of(base, maps))
     )
-    assert duel.pairs == 12
-    assert duel.mean == pytest.approx((better - base).mean())
-    assert duel.low > 0.5
-    assert duel.p == pytest.approx(2 / 2**12)
-    assert (duel.winner, duel.won_percent, duel.is_clear) == ("a", 100.0, True)
+    assert difference.pairs == 12
+    assert difference.mean == pytest.approx((better - base).mean())
+    assert difference.low > 0.5
+    assert difference.p == pytest.approx(2 / 2**12)
+    assert (difference.winner, difference.won_percent, difference.is_clear) == ("a", 100.0, True)
 
 
 def test_p_values_are_adjusted_within_a_measure():
     maps = [f"m{index}" for index in range(5)]
     columns = ([1, 2, 3, 4, 5], [0, 0, 0, 0, 0], [1, 2, 2, 4, 4])
     three = [outcomes_of(np.array(column, float), maps) for column in columns]
-    duels = paired_differences(SEEN, ("a", "b", "c"), three)
-    assert [duel.p for duel in duels] == pytest.approx([2 / 32, 0.5, 2 / 32])
-    assert [duel.p_adjusted for duel in duels] == pytest.approx([6 / 32, 0.5, 6 / 32])
+    differences = paired_differences(SEEN, ("a", "b", "c"), three)
+    assert [difference.p for difference in differences] == pytest.approx([2 / 32, 0.5, 2 / 32])
+    assert [difference.p_adjusted for difference in differences] == pytest.approx(
+        [6 / 32, 0.5, 6 / 32]
+    )
 
 
 def test_less_is_better_where_it_is():
     maps = ("m", "n")
     high = MeasureTable(label="l", maps=maps, poses=(None, None), values={STUCK.key: np.ones(2)})
     low = MeasureTable(label="l", maps=maps, poses=(None, None), values={STUCK.key: np.zeros(2)})
-    (duel,) = paired_differences(STUCK, ("a", "b"), (high, low))
-    assert (duel.winner, duel.won_percent) == ("b", 0.0)
-    assert "no clear difference" in duel.words
+    (difference,) = paired_differences(STUCK, ("a", "b"), (high, low))
+    assert (difference.winner, difference.won_percent) == ("b", 0.0)
+    assert "no clear difference" in difference.words
 
 
 def test_one_map_is_compared_pose_by_pose_and_gaps_are_left_out():
     one = outcomes_of([1.0, 2.0, np.nan, 4.0], ["m"] * 4)
     two = outcomes_of([0.0, 0.0, 0.0, 0.0], ["m"] * 4)
-    (duel,) = paired_differences(SEEN, ("a", "b"), (one, two))
-    assert (duel.pairs, duel.mean) == (3, pytest.approx(7 / 3))
+    (difference,) = paired_differences(SEEN, ("a", "b"), (one, two))
+    assert (difference.pairs, difference.mean) == (3, pytest.approx(7 / 3))
 
 
 def test_words_json_and_page_say_the_same(found):
-    comparison, field = found
-    origin = origin_of("vinefab compare", comparison.designs, None, [field])
+    comparison, family = found
+    origin = origin_of("vinefab compare", comparison.designs, None, [family])
     document = json.loads(comparison_text(comparison, REACH, origin))
     page = comparison_page(comparison, REACH, PredictionPlan(poses=2), origin)
     lines = comparison_lines(comparison, REACH)
     assert document["schema"] == "vinefab/design-comparison-1"
     assert len(document["duels"]) == 3 * len(MEASURES)
     assert document["designs"]["short"][REACH.key]["count"] == 12
-    for duel in document["duels"]:
-        if duel["measure"] == REACH.key:
-            assert f"{duel['p_adjusted']:.5f}" in page
-            assert any(f"{duel['mean']:.1f} [{duel['low']:.1f}, " in line for line in lines)
+    for difference in document["duels"]:
+        if difference["measure"] == REACH.key:
+            assert f"{difference['p_adjusted']:.5f}" in page
+            assert any(
+                f"{difference['mean']:.1f} [{difference['low']:.1f}, " in line for line in lines
+            )
     assert 'src="http' not in page
 
 
@@ -102,3 +126,85 @@ def test_too_few_or_too_many_are_refused(found, count):
     design = found[0].designs[0]
     with pytest.raises(ValueError, match="2 to 12"):
         compare_designs([design] * count, [found[1]], PredictionPlan())
+
+
+def known_difference(**changes):
+    numbers = {"mean": 4.0, "low": 1.5, "high": 6.0, "p": 0.01, "p_adjusted": 0.03}
+    return PairedDifference(
+        measure=SEEN, first="a", second="b", won_percent=75.0, pairs=8, **{**numbers, **changes}
+    )
+
+
+def test_two_maps_give_a_mean_and_interval_of_their_differences():
+    # Differences of 2 and 10: drawn with replacement their mean is 2, 6 or 10.
+    one = outcomes_of([1.0, 3.0, 10.0], ["m", "m", "n"])
+    two = outcomes_of([0.0, 0.0, 0.0], ["m", "m", "n"])
+    (found,) = paired_differences(SEEN, ("a", "b"), (one, two))
+    assert (found.mean, found.low, found.high, found.pairs) == (6.0, 2.0, 10.0, 2)
+    assert found.won_percent == 100.0
+    (back,) = paired_differences(SEEN, ("b", "a"), (two, one))
+    assert (back.mean, back.low, back.high, back.won_percent) == (-6.0, -10.0, -2.0, 0.0)
+
+
+def test_ties_count_as_half_a_win():
+    one = outcomes_of([1.0, 0.0, 0.0, -1.0, 2.0], list("klmno"))
+    two = outcomes_of([0.0] * 5, list("klmno"))
+    (found,) = paired_differences(SEEN, ("a", "b"), (one, two))
+    assert found.won_percent == pytest.approx(100.0 * (2 + 2 * 0.5) / 5)
+
+
+def test_rows_and_chart_show_a_known_difference():
+    clear, open_ = known_difference(), known_difference(low=-1.5, p_adjusted=0.2)
+    section = paired_difference_section(SEEN, [clear, open_])
+    row, other = section.tables[0].rows
+    assert row[2:] == ("4.0 [1.5, 6.0]", "0.01000", "0.03000", "75 %", "a")
+    assert other[2:] == ("4.0 [-1.5, 6.0]", "0.01000", "0.20000", "75 %", "not clear")
+    lines = paired_difference_chart(SEEN, [clear, open_]).axes[0].get_lines()
+    assert list(lines[0].get_xdata()) == [1.5, 6.0]
+    assert list(lines[1].get_xdata()) == [4.0]
+    assert list(lines[2].get_xdata()) == [-1.5, 6.0]
+    assert clear.words.startswith("free space seen by sensors: a is better; ")
+    assert clear.words.endswith("4.0 [1.5, 6.0] %, p = 0.03000, 8 pairs")
+
+
+def test_a_difference_is_clear_below_five_percent():
+    assert known_difference(p_adjusted=0.0499).is_clear
+    assert not known_difference(p_adjusted=0.05).is_clear
+
+
+def test_designs_side_by_side_have_means_over_maps():
+    maps = ["a", "a", "a", "b"]
+    values = {m.key: np.full(4, np.nan) for m in MEASURES}
+    table = MeasureTable(
+        label="l",
+        maps=tuple(maps),
+        poses=(None,) * 4,
+        values={**values, SEEN.key: np.array([1.0, 2.0, 3.0, 10.0])},
+    )
+    section = side_by_side_section({"one": table, "two": table})
+    assert section.tables[0].rows == (
+        ("free space seen by sensors (%)", "6.0 [2.0, 10.0]", "6.0 [2.0, 10.0]"),
+    )
+    assert "4 deployments of each design" in section.tables[0].caption
+
+
+def test_designs_are_ranked_by_their_mean_and_shown_at_a_median_deployment():
+    columns = {"a": [1.0, 2.0, 9.0], "b": [5.0, 6.0, 7.0], "c": [3.0, 0.0, 4.0]}
+    results = tuple(
+        SimpleNamespace(
+            outcomes=MeasureTable(
+                label="l",
+                maps=("k", "m", "n"),
+                poses=(None,) * 3,
+                values={SEEN.key: np.array(column), STUCK.key: np.array(column)},
+            )
+        )
+        for column in columns.values()
+    )
+    comparison = DesignComparison(names=tuple(columns), designs=(), results=results, differences=())
+    assert comparison.ranked(SEEN) == [
+        ("b", 6.0), ("a", 4.0), ("c", pytest.approx(7.0 / 3.0))
+    ]  # fmt: skip
+    assert [name for name, _ in comparison.ranked(STUCK)] == ["c", "a", "b"]
+    # Means of the deployments are 3, 2.67 and 6.67.
+    assert comparison.median_deployment(SEEN) == 0

@@ -3,6 +3,7 @@
 import json
 import math
 
+import numpy as np
 import pytest
 from shapely import box
 
@@ -68,3 +69,27 @@ def test_children_wider_than_their_parent_may_lack_room_at_its_tip():
     grown = deploy(robot, WORLD, pose, INFLATED)
     assert [place.branch for place in grown.without_room] == ["0.0", "0.1"]
     assert grown.without_room[0].x_mm == pytest.approx(250.0)
+
+
+def test_summary_and_metrics_show_the_numbers_of_a_straight_vine():
+    pose = Pose(x_mm=50.0, y_mm=150.0, heading_rad=0.0)
+    fork = Level(branches=2, length_mm=60.0, fan_rad=math.pi)
+    robot = Design(name="t", trunk_length_mm=80.0, levels=(fork,), build=Build.standard(2))
+    options = GrowthOptions(head_on_half_angle_rad=math.radians(5.0))
+    grown = deploy(robot, WORLD, pose, options)
+    # One child upwards meets the wall of the room head-on after 50 of 60 mm.
+    assert grown.summary()[:3] == [
+        "t on passage from 50.00,150.00,0.00",
+        "3 branches: 2 full_length, 1 head_on (simulated, centerline body, head-on half-angle "
+        "5 deg, assumed)",
+        "grown 190.0 of 200.0 mm",
+    ]
+    metrics = json.loads(grown.text())["metrics"]
+    assert (metrics["branches"], metrics["planned_mm"]) == (3, 200.0)
+    assert metrics["grown_mm"] == pytest.approx(190.0)
+    assert metrics["stops"] == {
+        "full_length": 2, "head_on": 1, "corner": 0, "not_deployed": 0
+    }  # fmt: skip
+    assert metrics["head_on_half_angle_deg"] == 5.0
+    assert grown.history.full_mm == pytest.approx(140.0)
+    assert grown.history.base_mm == pytest.approx(np.array([0.0, 80.0, 80.0]))

@@ -24,7 +24,7 @@ def fork(widths_mm, **changes):
 def test_a_sound_design_gets_no_proposal(profile):
     found = propose_fix(fork((40.0, 24.0)), profile)
     assert (found.design, found.failed) == (None, False)
-    assert "nothing to mend" in found.lines()[0]
+    assert "nothing to fix" in found.lines()[0]
 
 
 def test_a_proposal_has_a_name_and_an_origin_of_its_own(profile):
@@ -37,7 +37,7 @@ def test_a_proposal_has_a_name_and_an_origin_of_its_own(profile):
     assert check_design(found.design, profile).blocking == ()
 
 
-def test_what_no_change_of_the_design_mends_is_said_plainly(profile):
+def test_an_error_that_no_change_clears_is_reported(profile):
     limits = {"VF-L04": {"error": 0.01}}
     found = propose_fix(fork((40.0, 24.0), tail_mm=120.0), profile, limits)
     assert found.failed
@@ -46,7 +46,7 @@ def test_what_no_change_of_the_design_mends_is_said_plainly(profile):
     assert "VF-B01" not in found.lines()[0]
 
 
-def test_waived_errors_need_no_mending(profile):
+def test_waived_errors_need_no_fix(profile):
     design = fork((40.0, 24.0), tail_mm=120.0)
     (error,) = check_design(design, profile).blocking
     waived = Design(

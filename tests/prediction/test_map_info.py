@@ -121,3 +121,41 @@ def test_picture_is_the_same_every_time_and_shows_every_passage():
 def test_numbers_out_of_range_are_named(wrong):
     with pytest.raises(BadInputError, match=r"--width-mm|--passages"):
         map_info(two_rooms(8.0), **wrong)
+
+
+def test_lines_and_json_show_the_numbers_of_a_corridor():
+    world = Map(name="c", bounds=shapely.box(0, 0, 300, 12), starts=(start_at(20.0, 6.0),))
+    info = map_info(world, width_mm=10.0)
+    lines = list(info_lines(info))
+    assert lines[0] == "c: 300 x 12 mm, 0 obstacles, 4 walls, 4 vertices"
+    assert lines[1] == "free area 0.0036 m2, 100.0 % of the bounds, in 1 region (computed)"
+    assert lines[3].startswith("  1: 12.00 mm at ")
+    assert lines[3].endswith("between bounds and bounds (body 18.85 mm)")
+    assert lines[4].startswith("start 1 at 20.00,6.00,0.00: 6.00 mm to the nearest wall")
+    assert "widest body that fits 18.85 mm" in lines[4]
+    assert "widest body with room in 90 % of the free area: about 18.7 mm (computed)" in lines
+    assert "widest body with room in 50 % of the free area: about 18.7 mm (computed)" in lines
+    # The search for the widest body stops within 1 % of 18.85 mm.
+    # All but the corners: (4 - pi) r^2 with r the inflated radius, 10 / pi.
+    share = 1.0 - (4.0 - math.pi) * (10.0 / math.pi) ** 2 / 3600.0
+    assert f"a body of 10 mm has room in {100 * share:.1f} % of the free area; 0 of" in lines[-1]
+    narrow = list(info_lines(map_info(world, width_mm=19.0)))[-1]
+    assert "has room in 0.0 % of the free area; 1 of these 1 passages" in narrow
+    document = json.loads(info_text(info))
+    assert document["size_mm"] == [300.0, 12.0]
+    assert (document["walls"], document["vertices"], document["obstacles"]) == (4, 4, 0)
+    assert document["free_area_mm2"] == pytest.approx(3600.0)
+    assert document["regions_mm2"] == pytest.approx([3600.0])
+    assert document["passages"][0]["width_mm"] == pytest.approx(12.0)
+    assert document["passages"][0]["widest_body_mm"] == pytest.approx(6.0 * math.pi)
+    assert document["starts"][0]["clearance_mm"] == pytest.approx(6.0)
+    assert document["starts"][0]["widest_body_mm"] == pytest.approx(6.0 * math.pi)
+    assert [entry["free_share"] for entry in document["widest_body"]] == [0.9, 0.5]
+    assert document["body"]["free_share"] == pytest.approx(share, abs=1e-3)
+
+
+def test_free_share_is_of_the_bounds():
+    half = Map(name="h", bounds=shapely.box(0, 0, 100, 40), obstacles=(shapely.box(0, 0, 30, 40),))
+    assert list(info_lines(map_info(half)))[1].startswith(
+        "free area 0.0028 m2, 70.0 % of the bounds, in 1 region"
+    )

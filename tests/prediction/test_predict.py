@@ -1,320 +1,278 @@
-"""Predictions against closed forms and against other ways to the same numbers."""
+"""The whole report of a design, read as a page, against its JSON."""
 
-from dataclasses import replace
+import base64
+import itertools
+import json
+import re
+import xml.etree.ElementTree as ET
+from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import shapely
 
-from vinefab.core.rng import child
-from vinefab.growth.options import GrowthOptions
-from vinefab.maps.generators.grid import GridOptions, grid_map
-from vinefab.model.deployment import Deployment, Stop
-from vinefab.model.design import Build, Design, Pouch
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.model.laser import Standing
-from vinefab.model.map import Map, Pose, Start
-from vinefab.model.tree import branch_tree
-from vinefab.physics.growth_pressure import grown_paths, riding_mm
-from vinefab.prediction.anchoring_prediction import leaf_turns_rad, predict_anchoring
-from vinefab.prediction.deployments import PredictionPlan, PreparedFamily, deploy_family, typical
-from vinefab.prediction.growth_pressures import (
-    LOOSE,
-    TIGHT,
-    constants_by_level,
-    growth_pressures_kpa,
-)
-from vinefab.prediction.heat_map import body_cells, heat_map_of, stuck_spots
-from vinefab.prediction.map_families import FIRST_UNSEEN, MapFamily, map_families, unseen_maps
-from vinefab.prediction.measures import GROWN, LOOSE_PRESSURE, MEASURES, REACH, SEEN, STUCK
-from vinefab.prediction.pressure_window import window_of
-from vinefab.prediction.sensitivity import (
-    ANGLE_TOLERANCE_DEG,
-    QUICK,
-    VariantBench,
-    made_tree,
-    scaled_tree,
-    sensitivity,
-)
+from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
+from vinefab.model.laser import RecipeStatus, Standing
+from vinefab.prediction.anchoring_prediction import AnchoringPrediction, HeldForces
+from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
+from vinefab.prediction.measures import MEASURES, REACH, SEEN, STUCK, UNDEPLOYED, MeasureTable
+from vinefab.prediction.predict import cautions, headlines, predict, verdict_on
+from vinefab.prediction.prediction_json import prediction_text
+from vinefab.prediction.pressure_window import LevelPressure, Need, PressureWindow
+from vinefab.prediction.provenance import origin_of
 
-SMALL = {"columns": 4, "rows": 4, "size_mm": 350.0}
-TRIALS = PredictionPlan(poses=2, seed=3)
+EMPTY = ("meta", "img", "link", "br")
+"""Elements that are never closed."""
+
+
+class Page(HTMLParser):
+    """Everything that is checked about a page."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.addresses, self.images, self.headings = [], [], []
+        self.ids, self.anchors, self.words = [], [], []
+        self.open, self.problems = [], []
+        self.feed(text)
+        if self.open:
+            self.problems.append(f"left open: {self.open}")
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        if "id" in given:
+            self.ids.append(given["id"])
+        if tag == "a":
+            self.anchors.append(given["href"])
+        elif tag == "img":
+            self.images.append(given)
+        self.addresses += [v for k, v in attrs if k in ("src", "href", "srcset", "action")]
+        if re.fullmatch("h[1-6]", tag):
+            self.headings.append(int(tag[1]))
+        if tag in ("script", "iframe", "object", "embed", "link", "form"):
+            self.problems.append(f"has a {tag}")
+        if tag not in EMPTY:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.problems.append(f"closes {tag} out of order")
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] != "style":
+            self.words.append(data)
+
+    @property
+    def text(self):
+        return " ".join(" ".join(self.words).split())
+
+    @property
+    def drawings(self):
+        """The embedded pictures as bytes."""
+        return [base64.b64decode(image["src"].partition("base64,")[2]) for image in self.images]
+
+
+MOST_BYTES = 3_000_000
+"""A page of a mid-sized design; it has to go through mail and open on a phone."""
 
 
 @pytest.fixture(scope="module")
-def explorer():
-    return read_design("grid_explorer")
+def made():
+    design, profile = read_design("grid_explorer"), read_profile(DEFAULT_RECIPE)
+    small = {"columns": 3, "rows": 3, "size_mm": 300.0}
+    given = unseen_maps("grid", 1, 9, small).worlds
+    families = map_families(given, unseen_maps("grid", 4, 0, small))
+    found = predict(design, profile, families, PredictionPlan(poses=2, seed=1))
+    origin = origin_of("vinefab report grid_explorer --seed 1", [design], profile, families)
+    text = found.page(origin)
+    return text, Page(text), json.loads(prediction_text(found, origin))
 
 
-@pytest.fixture(scope="module")
-def trip(explorer):
-    return deploy_family(
-        explorer, PreparedFamily.of(unseen_maps("grid", 5, 0, SMALL), TRIALS), TRIALS
-    )
+def numbers_of(value, key=""):
+    """Yield every number of a JSON document with its key."""
+    if isinstance(value, bool) or value is None:
+        return
+    if isinstance(value, dict):
+        for name, part in value.items():
+            yield from numbers_of(part, name)
+    elif isinstance(value, list):
+        for part in value:
+            yield from numbers_of(part, key)
+    elif isinstance(value, int | float):
+        yield key, value
 
 
-@pytest.fixture
-def straight():
-    """A plain vine in an empty room: everything about it has a closed form."""
-    design = Design(name="v", trunk_length_mm=100.0, build=Build.standard(1, trunk_width_mm=20.0))
-    start = Start(pose=Pose(x_mm=50.0, y_mm=100.0, heading_rad=0.0))
-    world = Map(name="room", bounds=shapely.box(0, 0, 400, 200), starts=(start,))
-    return design, MapFamily(label="room", worlds=(world,))
+def test_page_is_whole_and_needs_nothing_else(made):
+    text, page, _ = made
+    assert page.problems == []
+    assert all(address.startswith(("data:image/", "#")) for address in page.addresses)
+    assert not re.search(r"url\(|@import|https?://", text)
+    assert all(image["alt"] for image in page.images)
+    assert len(text.encode()) < MOST_BYTES
 
 
-def test_unseen_maps_are_their_own_and_repeat(trip):
-    again = unseen_maps("grid", 5, 0, SMALL).worlds
-    other = unseen_maps("grid", 5, 1, SMALL).worlds
-    seeds = [world.seed for world in again]
-    assert seeds == list(range(FIRST_UNSEEN, FIRST_UNSEEN + 5))
-    assert not {world.seed for world in other} & set(seeds)
-    assert again[2].obstacles == trip.place.sites[2].world.obstacles
-    assert len(again[0].obstacles) == 16
+def test_headings_descend_one_by_one_and_contents_lead_to_them(made):
+    _, page, _ = made
+    assert page.headings[0] == 1
+    assert page.headings.count(1) == 1
+    assert all(after <= before + 1 for before, after in itertools.pairwise(page.headings))
+    assert len(set(page.ids)) == len(page.ids)
+    assert [anchor[1:] for anchor in page.anchors] == page.ids
+    for title in ("Pressure window", "Predictions", "Deployments", "Sensitivity", "Design rules"):
+        assert title in page.text
 
 
-def test_fields_need_a_map(straight):
-    _, field = straight
-    assert [found.label for found in map_families(field.worlds, field)] == ["the map given", "room"]
-    with pytest.raises(ValueError, match="--environment"):
-        map_families([], None)
+def test_pictures_are_drawings_without_addresses(made):
+    _, page, _ = made
+    assert len(page.drawings) > 15
+    for drawing in page.drawings:
+        assert not re.search(rb'(href|src)="(?!#|data:)', drawing)
+        assert ET.fromstring(drawing).tag.endswith("svg")  # noqa: S314  our own text
 
 
-def test_maps_of_one_name_are_told_apart(straight):
-    _, field = straight
-    place = PreparedFamily.of(
-        MapFamily(label="two", worlds=field.worlds * 2), PredictionPlan(poses=1)
-    )
-    assert place.names == ("room (1)", "room (2)")
+def test_every_number_of_the_json_is_on_the_page(made):
+    _, page, document = made
+    shown = set(re.findall(r"\d+(?:\.\d+)?", page.text))
+    as_numbers = {float(number) for number in shown}
+    missing = [(key, value) for key, value in numbers_of(document) if abs(value) not in as_numbers]
+    assert missing == []
+    assert sum(1 for _ in numbers_of(document)) > 300
 
 
-def test_a_straight_vine_in_an_empty_room_gives_what_paper_and_pencil_give(straight):
-    design, field = straight
-    trip = deploy_family(
-        design, PreparedFamily.of(field, PredictionPlan(poses=1)), PredictionPlan(poses=1)
-    )
-    found = {m.key: float(trip.outcomes.values[m.key][0]) for m in MEASURES}
-    room_mm2 = 400.0 * 200.0
-    assert found[SEEN.key] == pytest.approx(100 * np.pi * 50.0**2 / room_mm2, rel=1e-3)
-    stadium_mm2 = 100.0 * 80.0 + np.pi * 40.0**2
-    assert found[REACH.key] == pytest.approx(100 * stadium_mm2 / room_mm2, rel=4e-3)
-    assert (found[GROWN.key], found[STUCK.key]) == (100.0, 0.0)
-    # Y and f of the 25 mm tube, times its diameter over this one's.
-    scale = 25.0 / (2.0 * 20.0 / np.pi)
-    assert found[LOOSE_PRESSURE.key] == pytest.approx(scale * (1.92 + 0.771 * 0.1))
-
-
-def test_pressures_on_arrays_are_those_of_paths_from_the_base(trip, explorer):
-    riding = riding_mm(trip.deployments[0].tree, explorer.build.widths_mm)
-    turned = 0
-    for deployment in trip.deployments:
-        rows = growth_pressures_kpa(deployment, explorer)
-        assert (np.isfinite(rows) == deployment.deployed).all()
-        for fit, row in zip((LOOSE, TIGHT), rows, strict=True):
-            levels = constants_by_level(explorer, fit)
-            for branch, path in grown_paths(deployment).items():
-                own = levels[deployment.tree.level[branch] - 1]
-                turned += path.turn_rad > 1.0
-                expected = path.pressure_kpa(own, float(riding[branch]))
-                assert row[branch] == pytest.approx(expected, rel=1e-12)
-    assert turned > 100
-
-
-def test_outcomes_name_every_deployment(trip):
-    assert len(trip.outcomes) == len(trip.deployments) == 10
-    assert trip.outcomes.map_count == 5
-    assert trip.site(7).world.name == trip.outcomes.maps[7]
-    assert trip.deployments[7].pose == trip.outcomes.poses[7]
-    least, most = typical(trip.outcomes, SEEN.key, (0.0, 1.0))
-    values = trip.outcomes.values[SEEN.key]
-    assert (values[least], values[most]) == (values.min(), values.max())
-
-
-def test_spread_of_means_is_taken_over_maps(trip):
-    spread = trip.outcomes.spread(SEEN)
-    values = trip.outcomes.values[SEEN.key]
-    assert spread.count == 10
-    assert spread.mean == pytest.approx(values.mean())
-    assert spread.least <= spread.p05 <= spread.median <= spread.p95 <= spread.greatest
-    assert spread.low < spread.mean < spread.high
-
-
-def test_a_robot_without_room_has_no_pressure(straight):
-    design, field = straight
-    wide = replace(design, build=Build.standard(1, trunk_width_mm=2000.0))
-    trip = deploy_family(
-        wide, PreparedFamily.of(field, PredictionPlan(poses=1)), PredictionPlan(poses=1)
-    )
-    assert trip.outcomes.spread(LOOSE_PRESSURE) is None
-    assert window_of(wide, read_profile(DEFAULT_RECIPE), [trip.outcomes]) is None
-
-
-def test_window_is_between_what_growth_takes_and_what_the_trunk_stands(trip, explorer):
-    window = window_of(explorer, read_profile(DEFAULT_RECIPE), [trip.outcomes])
-    loose = trip.outcomes.values[LOOSE_PRESSURE.key]
-    assert window.needed_kpa == pytest.approx(np.percentile(loose, 95))
-    # 70 kPa at 20 mm, a trunk of 24 mm, a factor of 1.5.
-    assert window.allowed_kpa == pytest.approx(70.0 * 20.0 / 24.0 / 1.5)
-    assert window.is_open == (window.needed_kpa < window.allowed_kpa)
-    assert window.standing is Standing.ASSUMED
-    assert window.loose.enough_percent == 100.0 * np.mean(loose <= window.allowed_kpa)
-
-
-def test_sensitivity_without_a_wall_in_reach_is_none(straight):
-    design, field = straight
-    effects = sensitivity(
-        VariantBench(
-            design, PreparedFamily.of(field, PredictionPlan(poses=1)), PredictionPlan(poses=1)
-        )
-    )
-    for effect in effects:
-        changes = [effect.changes[measure.key].mean for measure in QUICK]
-        if effect.knob == "lengths":
-            scale = 25.0 / (2.0 * 20.0 / np.pi)
-            assert changes[-1] == pytest.approx(scale * 0.771 * 0.1 * effect.step / 100.0)
-        else:
-            assert changes == pytest.approx([0.0] * len(QUICK), abs=0.05)
-
-
-def test_sensitivity_leaves_out_poses_that_are_not_free(straight):
-    design, field = straight
-    near = Start(pose=Pose(x_mm=50.0, y_mm=8.0, heading_rad=0.0))
-    world = replace(field.worlds[0], starts=(near,))
-    place = PreparedFamily.of(MapFamily(label="edge", worlds=(world,)), PredictionPlan(poses=1))
-    counts = {
-        effect.step: effect.count
-        for effect in sensitivity(VariantBench(design, place, PredictionPlan(poses=1)))
-        if effect.knob == "position"
-    }
-    assert (counts[-20.0], counts[-10.0], counts[-5.0], counts[20.0]) == (0, 0, 1, 1)
-
-
-def test_more_stops_with_a_wider_head_on_angle(trip, explorer):
-    effects = sensitivity(VariantBench(explorer, trip.place, TRIALS))
-    widest = [effect for effect in effects if effect.knob == "head-on half-angle"][-1]
-    assert widest.changes[GROWN.key].mean < 0.0
-    assert widest.changes[STUCK.key].mean > 0.0
-
-
-def test_one_map_is_varied_pose_by_pose_and_few_poses_show_nothing(explorer, trip):
-    place = PreparedFamily(label="one", sites=trip.place.sites[:1], poses=trip.place.poses[:1])
-    for effect in sensitivity(VariantBench(explorer, place, TRIALS)):
-        for change in effect.changes.values():
-            assert change.groups == effect.count == 2
-            assert change.low <= change.mean <= change.high
-            assert not change.is_clear
-
-
-def test_made_trees_stay_within_the_tolerances(explorer):
-    tree = branch_tree(explorer)
-    made = made_tree(tree, child(1, 2))
-    off = made.length_mm / tree.length_mm - 1.0
-    turned_deg = np.degrees(made.offset_rad - tree.offset_rad)
-    assert 0.006 < np.abs(off).max() <= 0.01
-    assert 1.0 < np.abs(turned_deg).max() <= ANGLE_TOLERANCE_DEG
-    assert turned_deg[0] == 0.0
-
-
-def test_scaled_designs_keep_their_widths(explorer):
-    longer = scaled_tree(explorer, 1.1)
-    assert branch_tree(longer).length_mm == pytest.approx(1.1 * branch_tree(explorer).length_mm)
-    assert longer.build == explorer.build
-
-
-def test_heat_counts_bodies_as_large_as_they_inflate(straight):
-    design, field = straight
-    place = PreparedFamily.of(field, PredictionPlan(poses=1))
-    trip = deploy_family(design, place, PredictionPlan(poses=1))
-    cell_mm = 0.5
-    cells = body_cells(trip.deployments[0], (20.0,), (0.0, 0.0), cell_mm, (400, 800))
-    across_mm = 2.0 * 20.0 / np.pi
-    expected_mm2 = 100.0 * across_mm + np.pi * (across_mm / 2.0) ** 2
-    assert cells.sum() * cell_mm**2 == pytest.approx(expected_mm2, rel=0.05)
-    rows, columns = np.nonzero(cells)
-    assert columns.mean() * cell_mm == pytest.approx(100.0, abs=cell_mm)
-    assert rows.mean() * cell_mm == pytest.approx(100.0, abs=cell_mm)
-
-
-def test_heat_of_varied_poses(explorer, trip):
-    heat = heat_map_of(explorer, trip.place.sites[0], TRIALS, poses=30)
-    assert heat.deployments == 30
-    assert 0.5 < heat.share.max() <= 1.0
-    assert 0.0 < heat.percent_passed(0.5) < heat.percent_passed() < 100.0
-
-
-def test_stuck_tips_are_gathered_by_place():
-    tree = branch_tree(
-        Design(name="v", trunk_length_mm=10.0, build=Build.standard(1, trunk_width_mm=20.0))
-    )
-
-    def ended(x, y, stop):
-        return Deployment(
-            tree=tree,
-            pose=Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.0),
-            points_mm=np.array([[0.0, 0.0], [x, y]]),
-            first_point=np.array([0, 2]),
-            stop=np.array([stop]),
-            grown_mm=np.array([5.0]),
-            contact_turn_rad=np.zeros(1),
-        )
-
-    robots = [
-        ended(100.0, 0.0, Stop.HEAD_ON),
-        ended(104.0, 0.0, Stop.CORNER),
-        ended(300.0, 0.0, Stop.HEAD_ON),
-        ended(300.0, 0.0, Stop.FULL_LENGTH),
+def test_json_says_what_and_where_from(made):
+    _, page, document = made
+    assert document["schema"] == "vinefab/prediction-1"
+    assert [family["label"] for family in document["fields"]] == [
+        "the map given",
+        "4 unseen grid maps",
     ]
-    places = stuck_spots(robots, 10.0)
-    assert [(spot.x_mm, spot.percent) for spot in places] == [(102.0, 50.0), (300.0, 25.0)]
-    assert stuck_spots(robots[3:], 10.0) == ()
+    assert len(document["fields"][1]["deployments"]) == 8
+    assert document["verdict"] in page.text
+    assert document["reproduce"]["command"] in page.text
+    for fingerprint in document["reproduce"]["inputs"].values():
+        assert fingerprint in page.text
 
 
-def test_gap_at_a_tip_is_the_width_of_the_corridor():
-    design = Design(name="v", trunk_length_mm=60.0, build=Build.standard(1, trunk_width_mm=20.0))
-    walls = (shapely.box(0, 0, 200, 40), shapely.box(0, 65, 200, 100))
-    start = Start(pose=Pose(x_mm=10.0, y_mm=52.0, heading_rad=0.0))
-    world = Map(name="hall", bounds=shapely.box(0, 0, 200, 100), obstacles=walls, starts=(start,))
-    place = PreparedFamily.of(MapFamily(label="hall", worlds=(world,)), PredictionPlan(poses=1))
-    trip = deploy_family(design, place, PredictionPlan(poses=1))
-    # A pouch of 30 x 50 mm in it: A = 30 (50 - pi 25 / 2), F = 2 P A mu.
-    build = replace(
-        design.build, pouch=Pouch(shape="rectangle", length_mm=30.0, width_mm=50.0),
-        pressure_kpa=10.0,
+def test_every_assumption_has_a_standing(made):
+    _, page, _ = made
+    for name in ("head_on_half_angle_deg", "fitted_diameter_mm", "burst_width_mm", "buffer_mm"):
+        assert name in page.text
+    for standing in ("assumed", "published", "paper", "computed", "simulated"):
+        assert standing in page.text
+
+
+def check(*findings, skipped=()):
+    return CheckReport(design="d", recipe="r", run=(), skipped=skipped, findings=findings)
+
+
+def found_rule(rule, severity):
+    return Finding(rule=rule, severity=severity, message="m")
+
+
+def window_of_needs(loose_kpa, tight_kpa, allowed_kpa, working_kpa):
+    def need(storage, p95_kpa):
+        return Need(
+            storage=storage, p05_kpa=1.0, median_kpa=2.0, p95_kpa=p95_kpa, greatest_kpa=99.0,
+            enough_percent=50.0,
+        )  # fmt: skip
+
+    limits = [
+        LevelPressure(
+            name="trunk", level=1, width_mm=20.0, inflated_mm=12.7, burst_kpa=1.5 * kpa,
+            allowed_kpa=kpa, strain_percent=1.0,
+        )
+        for kpa in (allowed_kpa, allowed_kpa + 5.0)
+    ]  # fmt: skip
+    return PressureWindow(
+        loose=need("loosely", loose_kpa), tight=need("tightly", tight_kpa),
+        working_kpa=working_kpa, levels=tuple(limits), safety_factor=1.5,
+        standing=Standing.ASSUMED,
     )  # fmt: skip
-    material = read_profile(DEFAULT_RECIPE).material
-    held = predict_anchoring(replace(design, build=build), trip, material, mass_g=5.0).forces
-    area_mm2 = 30.0 * (50.0 - np.pi * 25.0 / 2.0)
-    assert held.mean_n == pytest.approx(2.0 * 10.0e-3 * area_mm2 * np.array([0.2, 0.3, 0.8]))
-    assert held.engaged_percent == 100.0
-    narrow = replace(build, pouch=Pouch(shape="rectangle", length_mm=30.0, width_mm=39.0))
-    loose = predict_anchoring(replace(design, build=narrow), trip, material).forces
-    assert loose.engaged_percent == 0.0
-    assert loose.mean_n == pytest.approx([0.0, 0.0, 0.0])
 
 
-def test_anchoring_interval_takes_the_straightest_leaves_first(trip, explorer):
-    material = read_profile(DEFAULT_RECIPE).material
-    holding = predict_anchoring(explorer, trip, material)
-    turns = [leaf_turns_rad(deployment) for deployment in trip.deployments]
-    every = np.mean([np.exp(0.3 * found).sum() for found in turns])
-    third = np.mean([np.exp(0.8 * found[: -(-len(found) // 3)]).sum() for found in turns])
-    assert holding.at(0.3, 100.0) == pytest.approx(every)
-    assert holding.at(0.8, 33.3) == pytest.approx(third, rel=0.02)
-    assert holding.forces is None
-    assert holding.leaves == 18
+@pytest.mark.parametrize(
+    ("report", "window", "tone", "words"),
+    [
+        (
+            check(found_rule("VF-W01", Severity.ERROR), found_rule("VF-C01", Severity.WARNING)),
+            window_of_needs(10.0, 20.0, 30.0, 15.0),
+            "bad",
+            "not manufacturable and deployable as designed: broken rules VF-W01.",
+        ),
+        (check(), None, "bad", "manufacturable, but has no room to emerge"),
+        (
+            check(),
+            window_of_needs(30.0, 60.0, 20.0, 15.0),
+            "bad",
+            "needs 30.0 kPa even with film stored loosely, and its widest part is limited to 20.0",
+        ),
+        (
+            check(),
+            window_of_needs(10.0, 20.0, 30.0, 35.0),
+            "caution",
+            "deployable at 10.0 to 30.0 kPa; its working pressure of 35 kPa is outside",
+        ),
+        (check(), window_of_needs(10.0, 40.0, 30.0, 15.0), "caution", "at 10.0 to 30.0 kPa with"),
+        (check(), window_of_needs(10.0, 20.0, 30.0, 15.0), "good", "at 10.0 to 30.0 kPa with"),
+    ],
+)
+def test_verdicts_follow_from_rules_and_window(report, window, tone, words):
+    text, found = verdict_on(report, window)
+    assert found == tone
+    assert words in text
 
 
-def test_a_line_and_a_body_predict_different_things(explorer, trip):
-    line = PredictionPlan(poses=2, seed=3, options=GrowthOptions(body="centerline"))
-    other = deploy_family(explorer, PreparedFamily.of(unseen_maps("grid", 5, 0, SMALL), line), line)
-    assert other.outcomes.poses == trip.outcomes.poses
-    assert not np.array_equal(other.outcomes.values[SEEN.key], trip.outcomes.values[SEEN.key])
+def known_outcomes(maps=("a", "a", "a", "b")):
+    columns = {m.key: np.full(len(maps), np.nan) for m in MEASURES}
+    columns[SEEN.key] = np.array([10.0, 20.0, 30.0, 60.0])
+    columns[REACH.key] = np.array([5.0, 5.0, 5.0, 5.0])
+    columns[STUCK.key] = np.array([10.0, 10.0, 10.0, 10.0])
+    columns[UNDEPLOYED.key] = np.array([9.9, 9.9, 9.9, 9.9])
+    return MeasureTable(label="two maps", maps=maps, poses=(None,) * len(maps), values=columns)
 
 
-def test_grid_options_reach_the_generator():
-    assert unseen_maps("grid", 1, 4).worlds[0].seed == FIRST_UNSEEN + 40_000
-    plain = grid_map(FIRST_UNSEEN, GridOptions(columns=4, rows=4, size_mm=350.0))
-    assert plain.obstacles == unseen_maps("grid", 1, 0, SMALL).worlds[0].obstacles
-    with pytest.raises(ValueError, match=r"grid\.colums"):
-        unseen_maps("grid", 1, 0, {"colums": 4})
+def test_headlines_are_the_numbers_of_spread_window_and_anchoring():
+    amplifications = {
+        (mu, share): 10.0 * mu * share / 100.0
+        for mu in (0.2, 0.3, 0.8)
+        for share in (100.0, 66.7, 33.3)
+    }
+    held = tuple(
+        HeldForces(friction=mu, engaged_percent=share, amplification=value)
+        for (mu, share), value in amplifications.items()
+    )
+    anchoring = AnchoringPrediction(label="two maps", leaves=3, table=held)
+    window = window_of_needs(10.0, 20.0, 30.0, 15.0)
+    shown = {line.name: line for line in headlines(known_outcomes(), window, [anchoring])}
+    seen = shown["free space seen by sensors"]
+    assert seen.value == "40.0 %"
+    # Maps of mean 20 and 60; deployments 10, 20, 30, 60.
+    assert "95 % interval 20.0 to 60.0; 90 % of the deployments 11.5 to 55.5" in seen.detail
+    assert (shown[STUCK.title].value, shown[STUCK.title].tone) == ("10.0 %", "caution")
+    assert (shown[UNDEPLOYED.title].value, shown[UNDEPLOYED.title].tone) == ("9.9 %", "good")
+    # Two thirds at low friction to all at high friction.
+    assert shown["anchoring amplification"].value == "1.3 to 8.0 x"
+    assert shown["anchoring amplification"].detail.startswith("3.0 x at friction 0.3")
+    assert shown["pressure window"].value == "10.0 to 30.0 kPa"
+    assert "working pressure 15 kPa" in shown["pressure window"].detail
+    closed = headlines(known_outcomes(), window_of_needs(31.0, 60.0, 30.0, 15.0), [anchoring])[-1]
+    assert (closed.value, closed.tone) == ("none", "bad")
+
+
+def test_cautions_name_counts_and_pressures():
+    profile = read_profile(DEFAULT_RECIPE)
+    skipped = tuple(RuleSkipped(rule=f"VF-{n}", reason="no map") for n in range(3))
+    warnings = (found_rule("VF-C01", Severity.WARNING), found_rule("VF-C02", Severity.INFO))
+    prepared = SimpleNamespace(report=check(*warnings, skipped=skipped), profile=profile)
+    window = window_of_needs(10.0, 40.0, 30.0, 15.0)
+    sentences = cautions(prepared, window, known_outcomes())
+    assert profile.recipe.status is RecipeStatus.UNVERIFIED
+    assert sentences[0].startswith("No coupon")
+    assert "needs 40.0 kPa, more than the 30.0 kPa" in sentences[1]
+    assert sentences[2].startswith("Pressures rest on assumed numbers")
+    assert sentences[3] == "10.0 % of its branches: branches stopped by walls."
+    assert sentences[4].startswith("Predictions rest on 2 maps")
+    assert sentences[5] == "Design rules: 1 warnings, 3 rules not checked."
+    assert len(sentences) == 6

@@ -11,18 +11,18 @@ from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.poses import draw_poses
 from vinefab.model.tree import branch_tree
-from vinefab.studies.benchmark import benchmark as bench_module
-from vinefab.studies.benchmark.bench_cases import (
-    OPTIONS,
+from vinefab.studies import benchmark as bench_module
+from vinefab.studies.benchmark import bench_lines, run_benchmark
+from vinefab.studies.benchmark_growths import (
+    BENCH_GROWTH,
     batch_on,
     events,
+    floor_on,
     free_poses,
     square_map,
     tree_of_40,
 )
-from vinefab.studies.benchmark.benchmark import bench_lines, run_benchmark
-from vinefab.studies.benchmark.shapely_reference import ReferenceWorld, grow_tree, tips_mm
-from vinefab.studies.benchmark.test_floor import floor_on
+from vinefab.studies.shapely_reference import ReferenceWorld, grow_tree, tips_mm
 
 WORLD = square_map(300)
 GROUND = Terrain.of(WORLD)
@@ -110,4 +110,4 @@ def test_memory_does_not_grow_with_the_number_of_evaluations():
     finally:
         tracemalloc.stop()
     assert sizes[2] - sizes[1] < 10_000
-    assert OPTIONS.deploys_stuck
+    assert BENCH_GROWTH.deploys_stuck

@@ -14,11 +14,16 @@ from vinefab.model.tree import branch_tree
 from vinefab.studies.ablation import VARIANTS
 from vinefab.studies.optimizers_compared import evaluations_to, smoothed
 from vinefab.studies.redeployment import RedeploymentJob
-from vinefab.studies.shipped_studies import EXPERIMENTS
-from vinefab.studies.study_designs import design_from, plain_design, total_length_mm
-from vinefab.studies.study_jobs import JobStore, Training
+from vinefab.studies.reproduction import EXPERIMENTS
+from vinefab.studies.study_jobs import (
+    QUICK,
+    JobStore,
+    Training,
+    design_from,
+    plain_design,
+    total_length_mm,
+)
 from vinefab.studies.study_runs import coverage_run, maps_of
-from vinefab.studies.study_sizes import QUICK
 
 
 def run(*arguments):
@@ -128,8 +133,8 @@ def test_a_damaged_part_is_named(folder, tmp_path):
 def test_processes_find_what_one_finds(folder, tmp_path):
     """Two processes, another folder: the same parts, byte for byte."""
     jobs = [Training(settings=coverage_run(QUICK, "grid", number)) for number in range(2)]
-    with JobStore(tmp_path / "lab", QUICK, 2, lambda _, __: None) as lab:
-        lab.train([*jobs, Training(settings=coverage_run(QUICK, "cave", 0))])
+    with JobStore(tmp_path / "lab", QUICK, 2, lambda _, __: None) as store:
+        store.train([*jobs, Training(settings=coverage_run(QUICK, "cave", 0))])
     for job in jobs:
         path = f"parts/{job.key}.json"
         assert (tmp_path / "lab" / path).read_bytes() == (folder / path).read_bytes()

@@ -4,13 +4,8 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import CommandOutput, Force, JsonOut, Quiet
-from vinefab.studies.benchmark.benchmark import bench_lines, run_benchmark
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("bench")(bench_command)
+from vinefab.cli.common_options import CommandOutput, Force, JsonOut, Quiet
+from vinefab.studies.benchmark import bench_lines, run_benchmark
 
 
 def bench_command(
@@ -26,9 +21,9 @@ def bench_command(
 
     Example: vinefab bench --json bench.json
     """
-    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
-    with voice.progress("measuring") as progress:
+    output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    with output.progress("measuring") as progress:
         result = run_benchmark(progress, million=million)
-    voice.give_json(result.text())
+    output.give_json(result.text())
     for line in bench_lines(result):
-        voice.say(line)
+        output.say(line)

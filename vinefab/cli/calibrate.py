@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import CommandOutput, Force, JsonOut, Quiet, RecipeIn
+from vinefab.cli.common_options import CommandOutput, Force, JsonOut, Quiet, RecipeIn
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.fabrication.calibration.calibrated_recipe import (
     calibrated_recipe,
@@ -16,11 +16,6 @@ from vinefab.fabrication.calibration.coupon_results import read_results
 from vinefab.fabrication.calibration.fit_recipe import calibrate
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("calibrate")(calibrate_command)
 
 
 def calibrate_command(

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import (
+from vinefab.cli.common_options import (
     EXIT_FINDINGS,
     CommandOutput,
     DesignIn,
@@ -35,11 +35,6 @@ from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
 from vinefab.model.job import Job
 from vinefab.prediction.fix_proposal import FixProposal, propose_fix, score_change_lines
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("check")(check_command)
 
 
 def check_command(

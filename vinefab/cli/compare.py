@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import (
+from vinefab.cli.common_options import (
     CommandOutput,
     Count,
     EnvironmentIn,
@@ -15,28 +15,22 @@ from vinefab.cli.options import (
     MapsOptional,
     Quiet,
     SetIn,
-    field_words,
+    map_arguments,
     parameters_from,
 )
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
-from vinefab.prediction.comparison import compare_designs
-from vinefab.prediction.comparison_page import (
+from vinefab.prediction.comparison import (
+    compare_designs,
     comparison_lines,
     comparison_page,
     comparison_text,
     measure_named,
 )
 from vinefab.prediction.deploy import growth_options
-from vinefab.prediction.deployments import PredictionPlan
-from vinefab.prediction.map_families import map_families, unseen_maps
+from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
 from vinefab.prediction.provenance import origin_of
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("compare")(compare_command)
 
 
 def compare_command(
@@ -63,24 +57,38 @@ def compare_command(
 
     Example: vinefab compare grid_explorer three_level_tree --environment grid --count 50
     """
-    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     main = measure_named(measure)
     if out is not None:
         ensure_writable(out, force=force)
-    with voice.progress("compare") as show:
+    with output.progress("compare") as show:
         robots = [read_design(design) for design in designs]
-        asked = parameters_from(parameter or [])
-        unseen = unseen_maps(environment, count, seed, asked) if environment else None
-        fields = map_families([read_map(path) for path in maps or []], unseen)
-        trials = PredictionPlan(poses=poses, seed=seed, options=growth_options(body))
-        found = compare_designs(robots, fields, trials, show)
-        words = ["vinefab", "compare", *designs, *field_words(maps, environment, count, parameter)]
-        words += ["--measure", measure, "--poses", str(poses), "--seed", str(seed), "--body", body]
-        origin = origin_of(shlex.join(words), robots, None, fields)
-        page = comparison_page(found, main, trials, origin) if out else ""
+        parameters = parameters_from(parameter or [])
+        unseen = unseen_maps(environment, count, seed, parameters) if environment else None
+        families = map_families([read_map(path) for path in maps or []], unseen)
+        plan = PredictionPlan(poses=poses, seed=seed, options=growth_options(body))
+        found = compare_designs(robots, families, plan, show)
+        arguments = [
+            "vinefab",
+            "compare",
+            *designs,
+            *map_arguments(maps, environment, count, parameter),
+        ]
+        arguments += [
+            "--measure",
+            measure,
+            "--poses",
+            str(poses),
+            "--seed",
+            str(seed),
+            "--body",
+            body,
+        ]
+        origin = origin_of(shlex.join(arguments), robots, None, families)
+        page = comparison_page(found, main, plan, origin) if out else ""
     if out is not None:
         write_text(out, page, force=force)
-        voice.say(f"wrote {out}")
-    voice.give_json(comparison_text(found, main, origin))
+        output.say(f"wrote {out}")
+    output.give_json(comparison_text(found, main, origin))
     for line in comparison_lines(found, main):
-        voice.say(line)
+        output.say(line)

@@ -5,23 +5,20 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import CommandOutput, Force, JsonOut, Quiet, parameters_from
+from vinefab.cli.common_options import CommandOutput, Force, JsonOut, Quiet, parameters_from
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
 from vinefab.search.run_file import read_run
 from vinefab.search.settings import PartSettings
-from vinefab.studies.contest.contest_table import (
+from vinefab.studies.optimizer_contest import (
+    Contender,
+    Contest,
     comparison_json,
     comparison_svg,
     comparison_table,
+    contest_rows,
     table_lines,
 )
-from vinefab.studies.contest.optimizer_contest import Contender, Contest, contest_rows
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("contest")(contest_command)
 
 
 def contest_command(
@@ -44,7 +41,7 @@ def contest_command(
 
     Example: vinefab contest examples/contest/*.toml --optimizer pso --optimizer cmaes --out contest
     """
-    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     contest = Contest(
         problems=tuple(read_run(path) for path in run_files),
         contenders=tuple(_contender(text) for text in optimizers),
@@ -53,15 +50,15 @@ def contest_command(
         poses=poses,
         sources=tuple(run_files),
     )
-    with voice.progress("comparing") as show:
+    with output.progress("comparing") as show:
         rows = contest_rows(contest, out / "bouts.jsonl", jobs=jobs, tell=show, force=force)
     document = comparison_json(contest, rows)
     write_text(out / "comparison.json", document, force=force)
     write_bytes(out / "comparison.svg", comparison_svg(contest, rows), force=force)
-    voice.give_json(document)
+    output.give_json(document)
     for line in table_lines(comparison_table(contest, rows)):
-        voice.say(line)
-    voice.say(f"wrote {out / 'comparison.json'} and {out / 'comparison.svg'}")
+        output.say(line)
+    output.say(f"wrote {out / 'comparison.json'} and {out / 'comparison.svg'}")
 
 
 def _contender(text: str) -> Contender:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, Quiet, RecipeIn
+from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, Quiet, RecipeIn
 from vinefab.core.atomic import ensure_own_folder, ensure_unchanged, new_folder, write_bytes
 from vinefab.fabrication.calibration.coupon_package import RESULTS_NAME, coupon_files, make_coupons
 from vinefab.fabrication.checking import check_lines
@@ -15,11 +15,6 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 
 MARK = "coupon.json"
 """The file by which a folder of this command is recognized."""
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("coupon")(coupon_command)
 
 
 def coupon_command(

@@ -6,17 +6,12 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, Quiet
+from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, Quiet
 from vinefab.core.atomic import ensure_own_folder, new_folder
 from vinefab.demonstration import DemoSettings, run_demo
 
 MARK = "results.json"
 """The file by which a folder of this command is known again."""
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("demo")(demo_command)
 
 
 def demo_command(
@@ -32,16 +27,16 @@ def demo_command(
 
     Example: vinefab demo --out demo
     """
-    voice = CommandOutput(quiet=quiet, force=force)
+    output = CommandOutput(quiet=quiet, force=force)
     ensure_own_folder(out, MARK, force=force)
-    voice.say("vinefab demo: sensor coverage in a Grid environment, a robot that can be cut")
+    output.say("vinefab demo: sensor coverage in a Grid environment, a robot that can be cut")
     settings = DemoSettings(seed=seed, generations=generations, population=population)
-    with voice.progress("demo") as show, new_folder(out, MARK, force=force) as folder:
-        demo = run_demo(folder, settings, show, voice.say)
+    with output.progress("demo") as show, new_folder(out, MARK, force=force) as folder:
+        demo = run_demo(folder, settings, show, output.say)
     table = Table("result", "value", title=f"{demo.result.best.name}, run {demo.result.run_id}")
     for name, value in demo.table():
         table.add_row(name, value)
-    voice.show(table)
+    output.show(table)
     for words, name in {
         "read this first": "report.html",
         "for the laser": "package/README.txt",
@@ -49,5 +44,5 @@ def demo_command(
         "the design": "run/best.toml",
         "numbers": "results.json",
     }.items():
-        voice.say(f"{words:>16}: {out / name}")
-    return 0 if demo.made else EXIT_FINDINGS
+        output.say(f"{words:>16}: {out / name}")
+    return 0 if demo.is_manufacturable else EXIT_FINDINGS

@@ -6,7 +6,14 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, DesignIn, Force, Quiet, RecipeIn
+from vinefab.cli.common_options import (
+    EXIT_FINDINGS,
+    CommandOutput,
+    DesignIn,
+    Force,
+    Quiet,
+    RecipeIn,
+)
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, new_folder, write_bytes
 from vinefab.fabrication.checking import check_lines
 from vinefab.fabrication.formats.laser_formats import broken_formats
@@ -18,11 +25,6 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 
 MARK = "job.json"
 """The file by which a folder of this command is recognized."""
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("fabricate")(fabricate_command)
 
 
 def fabricate_command(

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import (
+from vinefab.cli.common_options import (
     CommandOutput,
     DesignIn,
     Force,
@@ -20,13 +20,14 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import whole
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
-from vinefab.prediction.deploy import FRAMES, deploy, growth_options
-from vinefab.prediction.history import MOST_FRAMES, frames_of, fronts_from
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("grow")(grow_command)
+from vinefab.prediction.deploy import (
+    FRAMES,
+    MOST_FRAMES,
+    deploy,
+    frames_of,
+    fronts_from,
+    growth_options,
+)
 
 
 def grow_command(
@@ -64,7 +65,7 @@ def grow_command(
 
     Example: vinefab grow three_level_tree --map grid.geojson --svg grown.svg --animate grows.gif
     """
-    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_kind("--svg", svg, (".svg", ".png"), force=force)
     ensure_kind("--animate", animate, (".svg", ".gif"), force=force)
     if animate:
@@ -74,12 +75,12 @@ def grow_command(
     fronts = None if history is None else fronts_from(history)
     options = growth_options(body, head_on_half_angle_deg, children_of_stuck)
     result = deploy(read_design(design), read_map(map_file), pose_from(pose), options)
-    voice.give_json(result.text(None if fronts is None else frames_of(result.history, fronts)))
+    output.give_json(result.text(None if fronts is None else frames_of(result.history, fronts)))
     if svg:
         write_bytes(svg, result.picture(svg.suffix, named=label), force=force)
     if animate:
         write_bytes(animate, result.animation(animate.suffix, frames), force=force)
     for line in result.summary():
-        voice.say(line)
+        output.say(line)
     for path in filter(None, (svg, animate)):
-        voice.say(f"wrote {path}")
+        output.say(f"wrote {path}")

@@ -4,6 +4,7 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Annotated, cast
 
 import typer
@@ -11,26 +12,81 @@ import typer
 from vinefab import __version__
 from vinefab.core.errors import InterruptedRunError, VinefabError
 
+
+@dataclass(frozen=True, slots=True)
+class CommandEntry:
+    """Where a command is found, and its line of ``--help``."""
+
+    module: str  # in `vinefab.cli`
+    function: str  # the command; of a group, what returns it with its subcommands
+    summary: str
+    is_group: bool = False
+
+    def register(self, app: typer.Typer, name: str) -> None:
+        """Load the command and register it."""
+        loaded = getattr(importlib.import_module(f"vinefab.cli.{self.module}"), self.function)
+        if self.is_group:
+            app.add_typer(loaded(), name=name)
+        else:
+            app.command(name)(loaded)
+
+
 COMMANDS = {
-    "demo": "Run the main job at small size: maps, optimization, package, rig, report.",
-    "map": "Generate or import a map.",
-    "grow": "Deploy a design on a map.",
-    "score": "Score a design on a task over maps and poses.",
-    "optimize": "Search for the best design of a run file.",
-    "runs": "List the records of runs, or rebuild their files.",
-    "compare": "Compare designs on the same maps and poses, with paired statistics.",
-    "contest": "Compare optimizers on run files, with statistics.",
-    "check": "Check a design against the rules of making and deploying it.",
-    "fabricate": "Write the fabrication package: laser files, checks, report.",
-    "coupon": "Write test pieces for a recipe: files, instructions, a table to fill in.",
-    "calibrate": "Fit a recipe to coupon results, and write it.",
-    "profiles": "List machines, materials and recipes, or explain one.",
-    "rig": "Write printable obstacles for a test rig.",
-    "report": "Write predictions for a design as one HTML page.",
-    "reproduce": "Do the paper's experiments again, with statistics.",
-    "bench": "Measure the speed of the growth simulator on this computer.",
+    "demo": CommandEntry(
+        "demo",
+        "demo_command",
+        "Run the main job at small size: maps, optimization, package, rig, report.",
+    ),
+    "map": CommandEntry("map_commands", "map_group", "Generate or import a map.", is_group=True),
+    "grow": CommandEntry("grow", "grow_command", "Deploy a design on a map."),
+    "score": CommandEntry(
+        "score_command", "score_command", "Score a design on a task over maps and poses."
+    ),
+    "optimize": CommandEntry(
+        "optimize", "optimize_command", "Search for the best design of a run file."
+    ),
+    "runs": CommandEntry(
+        "runs", "runs_command", "List the records of runs, or rebuild their files."
+    ),
+    "compare": CommandEntry(
+        "compare",
+        "compare_command",
+        "Compare designs on the same maps and poses, with paired statistics.",
+    ),
+    "contest": CommandEntry(
+        "contest", "contest_command", "Compare optimizers on run files, with statistics."
+    ),
+    "check": CommandEntry(
+        "check", "check_command", "Check a design against the rules of making and deploying it."
+    ),
+    "fabricate": CommandEntry(
+        "fabricate",
+        "fabricate_command",
+        "Write the fabrication package: laser files, checks, report.",
+    ),
+    "coupon": CommandEntry(
+        "coupon",
+        "coupon_command",
+        "Write test pieces for a recipe: files, instructions, a table to fill in.",
+    ),
+    "calibrate": CommandEntry(
+        "calibrate", "calibrate_command", "Fit a recipe to coupon results, and write it."
+    ),
+    "profiles": CommandEntry(
+        "profiles", "profiles_command", "List machines, materials and recipes, or explain one."
+    ),
+    "rig": CommandEntry("rig", "rig_command", "Write printable obstacles for a test rig."),
+    "report": CommandEntry(
+        "report", "report_command", "Write predictions for a design as one HTML page."
+    ),
+    "reproduce": CommandEntry(
+        "reproduce", "reproduce_command", "Do the paper's experiments again, with statistics."
+    ),
+    "bench": CommandEntry(
+        "bench", "bench_command", "Measure the speed of the growth simulator on this computer."
+    ),
 }
-"""Every command, in the order of ``--help``; each lives in the module of its name."""
+"""Every command, in the order of ``--help``."""
 
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
@@ -55,11 +111,11 @@ def build_app(wanted: str | None) -> typer.Typer:
         pretty_exceptions_enable=False,
     )
     app.callback()(_program_options)
-    for name, line in COMMANDS.items():
+    for name, command in COMMANDS.items():
         if name == wanted:
-            importlib.import_module(f"vinefab.cli.{name}").add_to(app)
+            command.register(app, name)
         else:
-            app.command(name, help=line)(_not_loaded)
+            app.command(name, help=command.summary)(_not_loaded)
     return app
 
 
@@ -94,21 +150,21 @@ def main(arguments: Sequence[str]) -> int:
         result = app(list(arguments) or ["--help"], prog_name="vinefab", standalone_mode=False)
         sys.stdout.flush()
     except UsageProblem as error:
-        return _complain(cast("typer.BadParameter", error).format_message(), EXIT_BAD_INPUT)
+        return _print_error(cast("typer.BadParameter", error).format_message(), EXIT_BAD_INPUT)
     except VinefabError as error:
         stopped = isinstance(error, InterruptedRunError)
-        return _complain(str(error), EXIT_INTERRUPTED if stopped else EXIT_BAD_INPUT)
+        return _print_error(str(error), EXIT_INTERRUPTED if stopped else EXIT_BAD_INPUT)
     except BrokenPipeError:
-        # Whoever read the output has seen enough; nothing more can be said on it.
+        # The reader has closed the pipe; nothing more can be written to it.
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  stays open until the end
         return EXIT_BROKEN_PIPE
     except OSError as error:
-        return _complain(f"{error.filename or 'output'}: {error.strerror}", EXIT_BAD_INPUT)
+        return _print_error(f"{error.filename or 'output'}: {error.strerror}", EXIT_BAD_INPUT)
     except (KeyboardInterrupt, typer.Abort):
-        return _complain(INTERRUPTED, EXIT_INTERRUPTED)
+        return _print_error(INTERRUPTED, EXIT_INTERRUPTED)
     code = result if isinstance(result, int) else 0
     # Some versions of typer return it instead of raising.
-    return _complain(INTERRUPTED, code) if code == EXIT_INTERRUPTED else code
+    return _print_error(INTERRUPTED, code) if code == EXIT_INTERRUPTED else code
 
 
 def run() -> None:
@@ -116,6 +172,6 @@ def run() -> None:
     sys.exit(main(sys.argv[1:]))
 
 
-def _complain(message: str, code: int) -> int:
+def _print_error(message: str, code: int) -> int:
     typer.echo(f"error: {' '.join(message.split())}", err=True)
     return code

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, JsonOut, Quiet
+from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, JsonOut, Quiet
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.errors import CannotWriteError, InterruptedRunError
 from vinefab.model.files.design_toml import design_text
@@ -25,11 +25,6 @@ from vinefab.search.run_file import read_run
 from vinefab.search.settings import RunSettings
 
 FRONT_FILES = ("front.json", "front.svg", "front.png")
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("optimize")(optimize_command)
 
 
 def optimize_command(

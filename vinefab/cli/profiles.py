@@ -4,13 +4,8 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import CommandOutput, Force, JsonOut, Quiet
+from vinefab.cli.common_options import CommandOutput, Force, JsonOut, Quiet
 from vinefab.fabrication.profile_listing import explain, profile_json, profile_list
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("profiles")(profiles_command)
 
 
 def profiles_command(

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import (
+from vinefab.cli.common_options import (
     CommandOutput,
     Count,
     DesignIn,
@@ -17,7 +17,7 @@ from vinefab.cli.options import (
     Quiet,
     RecipeIn,
     SetIn,
-    field_words,
+    map_arguments,
     parameters_from,
 )
 from vinefab.core.atomic import ensure_writable, write_text
@@ -26,16 +26,10 @@ from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.prediction.deploy import growth_options
-from vinefab.prediction.deployments import PredictionPlan
-from vinefab.prediction.map_families import map_families, unseen_maps
+from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
 from vinefab.prediction.predict import part_of, predict
 from vinefab.prediction.prediction_json import prediction_text, summary_lines
 from vinefab.prediction.provenance import origin_of
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("report")(report_command)
 
 
 def report_command(
@@ -58,25 +52,25 @@ def report_command(
 
     Example: vinefab report three_level_tree --environment grid --count 100 --out report.html
     """
-    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     ensure_writable(out, force=force)
-    with voice.progress("report") as show:
+    with output.progress("report") as show:
         show(0.0, "reading and generating maps")
         robot, profile = read_design(design), read_profile(recipe)
         given = [read_map(path) for path in maps or []]
-        asked = parameters_from(parameter or [])
-        unseen = unseen_maps(environment, count, seed, asked) if environment else None
-        fields = map_families(given, unseen)
-        trials = PredictionPlan(poses=poses, seed=seed, options=growth_options(body))
-        found = predict(robot, profile, fields, trials, part_of(show, 0.0, 0.6))
-        words = ["vinefab", "report", design, "--recipe", recipe]
-        words += field_words(maps, environment, count, parameter)
-        words += ["--poses", str(poses), "--seed", str(seed), "--body", body, "--out", str(out)]
-        origin = origin_of(shlex.join(words), [robot], profile, fields)
+        parameters = parameters_from(parameter or [])
+        unseen = unseen_maps(environment, count, seed, parameters) if environment else None
+        families = map_families(given, unseen)
+        plan = PredictionPlan(poses=poses, seed=seed, options=growth_options(body))
+        found = predict(robot, profile, families, plan, part_of(show, 0.0, 0.6))
+        arguments = ["vinefab", "report", design, "--recipe", recipe]
+        arguments += map_arguments(maps, environment, count, parameter)
+        arguments += ["--poses", str(poses), "--seed", str(seed), "--body", body, "--out", str(out)]
+        origin = origin_of(shlex.join(arguments), [robot], profile, families)
         page = found.page(origin, (), part_of(show, 0.6, 1.0))
         text = prediction_text(found, origin)
     write_text(out, page, force=force)
-    voice.give_json(text)
+    output.give_json(text)
     for line in summary_lines(found):
-        voice.say(line)
-    voice.say(f"wrote {out}")
+        output.say(line)
+    output.say(f"wrote {out}")

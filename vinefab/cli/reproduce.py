@@ -6,14 +6,9 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from vinefab.cli.options import CommandOutput, Quiet
+from vinefab.cli.common_options import CommandOutput, Quiet
 from vinefab.studies.reproduction import NUMBERS, PAGE, reproduce
-from vinefab.studies.study_sizes import PAPER, QUICK
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("reproduce")(reproduce_command)
+from vinefab.studies.study_jobs import PAPER, QUICK
 
 
 def reproduce_command(
@@ -39,17 +34,17 @@ def reproduce_command(
     processes work or on how often the run was stopped. The exit code is 0 whether the paper's
     claims hold or not.
     """
-    voice = CommandOutput(quiet=quiet)
+    output = CommandOutput(quiet=quiet)
     size = QUICK if quick else PAPER
-    with voice.progress("reproduce") as show:
-        done = reproduce(names, out, size, workers=workers, tell=show, announce=voice.say)
+    with output.progress("reproduce") as show:
+        done = reproduce(names, out, size, workers=workers, tell=show, announce=output.say)
     table = Table("experiment", "verdict", "claim", "difference [95 %]", "p")
     for finding in done.findings:
         for claim in finding.claims:
             table.add_row(finding.name, *claim.cells()[:4])
-    voice.show(table)
+    output.show(table)
     held, claims = done.held
-    voice.say(f"{held} of {claims} claims hold; {done.spent_s:.0f} s of work in this session")
-    voice.say(f"read this first: {out / PAGE}")
-    voice.say(f"        numbers: {out / NUMBERS}")
+    output.say(f"{held} of {claims} claims hold; {done.spent_s:.0f} s of work in this session")
+    output.say(f"read this first: {out / PAGE}")
+    output.say(f"        numbers: {out / NUMBERS}")
     return 0

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, Quiet, numbers_from
+from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, Quiet, numbers_from
 from vinefab.core.atomic import ensure_own_folder, new_folder, write_bytes
 from vinefab.fabrication.checking import check_lines
 from vinefab.model.files.design_toml import read_design
@@ -16,11 +16,6 @@ from vinefab.rig.options import RigOptions, read_printer
 
 MARK = "rig.json"
 """The file by which a folder of this command is recognized."""
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("rig")(rig_command)
 
 
 def rig_command(

@@ -5,13 +5,8 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, JsonOut, Quiet
+from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, JsonOut, Quiet
 from vinefab.search.run_pages import list_runs, rebuild, run_line
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("runs")(runs_command)
 
 
 def runs_command(

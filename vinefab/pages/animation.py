@@ -1,4 +1,4 @@
-"""What both kinds of animation show: the frames of a deployment, and where things lie in them."""
+"""What both kinds of animation show: frames of a deployment, and where things lie in them."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -13,16 +13,17 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
-from vinefab.pages.drawing import Box, longer_mm
+from vinefab.model.map import Map, Pose
+from vinefab.pages.map_view import Box, bounds_in, longer_mm, robot_view, rock_in
 
 LONGEST_PX = 640
 """Longer side of the map in an animation."""
 
 FOOT_PX = 58
-"""Height of the words and the legend below it."""
+"""Height of the text and the legend below it."""
 
 LEAST_WIDTH_PX = 460
-"""So much the words and the legend take."""
+"""What the text and the legend need."""
 
 FRAME_S = 0.09
 HOLD_S = 1.8
@@ -51,7 +52,7 @@ class Stage:
     left_mm: float
     top_mm: float
     px_per_mm: float  # scale
-    # width_px, height_px: size of the picture of the map, without any margin for words
+    # width_px, height_px: size of the map's picture, without the text below
     width_px: int
     height_px: int
 
@@ -68,16 +69,6 @@ class Stage:
             px_per_mm=scale,
             width_px=math.ceil(width_mm * scale),
             height_px=math.ceil(height_mm * scale),
-        )
-
-    def larger(self, times: int) -> "Stage":
-        """Return the same stage with more pixels."""
-        return Stage(
-            left_mm=self.left_mm,
-            top_mm=self.top_mm,
-            px_per_mm=times * self.px_per_mm,
-            width_px=times * self.width_px,
-            height_px=times * self.height_px,
         )
 
     def place(self, points_mm: Floats) -> Floats:
@@ -108,28 +99,76 @@ def round_length_mm(most_mm: float) -> float:
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most_mm * 1.001))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Caption:
-    """What stands below the map in every frame."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scene:
+    """What all frames of an animation have in common, in pixels."""
 
+    stage: Stage
+    width_px: int  # of the whole picture
+    # rock, bounds: polygons as lists of their rings, the outer ring first
+    rock: list[list[Floats]]
+    bounds: list[list[Floats]]
+    widths_mm: tuple[float, ...]  # lay-flat width of each level
     bar_mm: float  # length of the scale bar
     levels: tuple[int, ...]  # levels to explain, trunk first
     stops: tuple[Stop, ...]  # reasons for stopping that occur, to explain their markers
 
     @classmethod
-    def of(cls, frames: Sequence[DeploymentFrame], stage: Stage) -> "Caption":
-        """Return the caption that fits all of the frames."""
+    def of(
+        cls, world: Map, frames: Sequence[DeploymentFrame], widths_mm: tuple[float, ...]
+    ) -> "Scene":
+        """Return the scene that fits all of the frames."""
         last = frames[-1].deployment
+        box = robot_view(world, last)
+        stage = Stage.of(box)
         seen = last.stop[last.deployed].tolist()
         return cls(
+            stage=stage,
+            width_px=max(stage.width_px, LEAST_WIDTH_PX),
+            rock=stage.rings(rock_in(world, box)),
+            bounds=stage.rings([bounds_in(world, box)]),
+            widths_mm=widths_mm,
             bar_mm=round_length_mm(0.2 * stage.width_px / stage.px_per_mm),
             levels=tuple(range(1, int(last.tree.level[last.deployed].max(initial=1)) + 1)),
             stops=tuple(stop for stop in Stop if int(stop) in seen),
         )
 
+    @property
+    def height_px(self) -> int:
+        """Height of the whole picture."""
+        return self.stage.height_px + FOOT_PX
+
+    @property
+    def margin_px(self) -> int:
+        """Room to the left of the map, which stands in the middle."""
+        return (self.width_px - self.stage.width_px) // 2
+
+    @property
+    def bar_px(self) -> tuple[float, int]:
+        """Left and right end of the scale bar."""
+        right = self.width_px - 10
+        return right - self.bar_mm * self.stage.px_per_mm, right
+
+    def body_px(self, level: int) -> float:
+        """Return the width of a level's inflated body."""
+        return max(2.0 * self.widths_mm[level - 1] / np.pi * self.stage.px_per_mm, 1.0)
+
+    def chain(self, deployment: Deployment, branch: int) -> Floats:
+        """Return a branch's course, shape (n, 2)."""
+        return self.stage.place(deployment.chain_mm(branch))
+
+    def base(self, pose: Pose) -> Floats:
+        """Return where a robot starts, shape (2,)."""
+        return np.asarray(self.stage.place(np.array([[pose.x_mm, pose.y_mm]]))[0])
+
+
+def line_px(level: int) -> float:
+    """Return the width of a level's centreline."""
+    return max(1.0, 2.4 - 0.35 * level)
+
 
 def is_live(frame: DeploymentFrame) -> NDArray[np.bool_]:
-    """Tell of each branch whether it can be drawn and is still growing, shape (n,)."""
+    """Return for each branch whether it has emerged and still grows, shape (n,)."""
     return np.asarray(frame.is_growing & frame.deployment.deployed)
 
 
@@ -143,7 +182,7 @@ def frozen_since(frames: Sequence[DeploymentFrame]) -> dict[str, int]:
     return since
 
 
-def words_for(frame: DeploymentFrame) -> str:
+def frame_text(frame: DeploymentFrame) -> str:
     """Return what is written under a frame."""
     tips = int(is_live(frame).sum())
     stopped = frame.deployment.stop[~frame.is_growing]

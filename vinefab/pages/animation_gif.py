@@ -14,15 +14,14 @@ from vinefab.pages.animation import (
     FOOT_PX,
     FRAME_S,
     HOLD_S,
-    LEAST_WIDTH_PX,
-    Caption,
     DeploymentFrame,
-    Stage,
+    Scene,
+    frame_text,
     is_live,
-    words_for,
+    line_px,
 )
-from vinefab.pages.drawing import STOP_WORDS, Box, bounds_in, robot_view, rock_in
 from vinefab.pages.figure import INK, ROCK, ROCK_EDGE, SOFT, level_colour
+from vinefab.pages.map_view import STOP_WORDS
 
 SHARPNESS = 2
 """Frames are drawn so many times larger and then reduced: smooth edges."""
@@ -42,11 +41,12 @@ def gif_animation(
     frames
         The shapes to show one after the other, at least one; the last one stays for a while.
     """
-    painter = _Painter(world, frames, widths_mm)
+    scene = Scene.of(world, frames, widths_mm)
+    painter = _Painter(scene)
     pictures = [painter.picture(frame) for frame in frames]
     # One table of colours for all frames: what stands still then keeps its very pixels, and only
     # the box around what moves has to be stored.
-    table = _colour_table(pictures[-1], painter.caption.levels)
+    table = _colour_table(pictures[-1], scene.levels)
     flat = [picture.quantize(palette=table, dither=Image.Dither.NONE) for picture in pictures]
     stream = io.BytesIO()
     flat[0].save(
@@ -76,18 +76,11 @@ def _colour_table(picture: Image.Image, levels: Sequence[int]) -> Image.Image:
 
 
 class _Painter:
-    """Draws frames on the same ground."""
+    """Draws frames on the same background, larger than they will be."""
 
-    def __init__(
-        self, world: Map, frames: Sequence[DeploymentFrame], widths_mm: tuple[float, ...]
-    ) -> None:
-        box = robot_view(world, frames[-1].deployment)
-        self.stage = Stage.of(box)
-        self.big = self.stage.larger(SHARPNESS)
-        self.widths_mm = widths_mm
-        self.caption = Caption.of(frames, self.stage)
-        self.width_px = max(self.stage.width_px, LEAST_WIDTH_PX)
-        self.ground = self._ground(world, box)
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.ground = self._ground()
         self.foot = self._foot()
 
     def picture(self, frame: DeploymentFrame) -> Image.Image:
@@ -97,25 +90,25 @@ class _Painter:
         chains = self._chains(frame)
         for level, chain in chains:
             shade = _shade(level_colour(level))
-            self._line(draw, chain, shade, self._body_px(level))
+            self._line(draw, chain, shade, SHARPNESS * self.scene.body_px(level))
         # Multiplied, so that walls can be seen through the bodies.
         whole = ImageChops.multiply(self.ground, bodies)
         draw = ImageDraw.Draw(whole)
         for level, chain in chains:
-            line_px = SHARPNESS * max(1.0, 2.4 - 0.35 * level)
-            self._line(draw, chain, level_colour(level), line_px)
+            self._line(draw, chain, level_colour(level), SHARPNESS * line_px(level))
         self._tips(draw, frame)
         self._start(draw, frame.deployment.pose)
-        return self._sheet(whole, words_for(frame))
+        return self._sheet(whole, frame_text(frame))
 
-    def _sheet(self, whole: Image.Image, words: str) -> Image.Image:
+    def _sheet(self, whole: Image.Image, text: str) -> Image.Image:
         """Return map and foot on one sheet."""
-        small = whole.resize((self.stage.width_px, self.stage.height_px), Image.Resampling.BOX)
-        sheet = Image.new("RGB", (self.width_px, self.stage.height_px + FOOT_PX), "white")
-        sheet.paste(small, ((self.width_px - self.stage.width_px) // 2, 0))
-        sheet.paste(self.foot, (0, self.stage.height_px))
+        stage = self.scene.stage
+        small = whole.resize((stage.width_px, stage.height_px), Image.Resampling.BOX)
+        sheet = Image.new("RGB", (self.scene.width_px, self.scene.height_px), "white")
+        sheet.paste(small, (self.scene.margin_px, 0))
+        sheet.paste(self.foot, (0, stage.height_px))
         draw = ImageDraw.Draw(sheet)
-        draw.text((10, self.stage.height_px + 5), words, fill=INK, font=_font(14))
+        draw.text((10, stage.height_px + 5), text, fill=INK, font=_font(14))
         return sheet
 
     def _chains(self, frame: DeploymentFrame) -> list[tuple[int, Floats]]:
@@ -123,23 +116,24 @@ class _Painter:
         deployment = frame.deployment
         out = np.flatnonzero(deployment.deployed)[::-1]
         return [
-            (int(deployment.tree.level[i]), self.big.place(deployment.chain_mm(int(i))))
+            (int(deployment.tree.level[i]), SHARPNESS * self.scene.chain(deployment, int(i)))
             for i in out
         ]
 
-    def _body_px(self, level: int) -> float:
-        return max(2.0 * self.widths_mm[level - 1] / np.pi * self.big.px_per_mm, SHARPNESS)
-
-    def _ground(self, world: Map, box: Box) -> Image.Image:
-        picture = Image.new("RGB", (self.big.width_px, self.big.height_px), "white")
+    def _ground(self) -> Image.Image:
+        stage = self.scene.stage
+        size = (SHARPNESS * stage.width_px, SHARPNESS * stage.height_px)
+        picture = Image.new("RGB", size, "white")
         draw = ImageDraw.Draw(picture)
-        rock = self.big.rings(rock_in(world, box))
+        rock, bounds = (
+            [[SHARPNESS * ring for ring in rings] for rings in polygons]
+            for polygons in (self.scene.rock, self.scene.bounds)
+        )
         for rings in rock:
             self._rock(picture, rings)
-        for ring in (ring for rings in rock for ring in rings):
-            draw.line(_flat(ring), fill=ROCK_EDGE, width=SHARPNESS)
-        for ring in (ring for rings in self.big.rings([bounds_in(world, box)]) for ring in rings):
-            draw.line(_flat(ring), fill=INK, width=SHARPNESS)
+        for polygons, colour in ((rock, ROCK_EDGE), (bounds, INK)):
+            for ring in (ring for rings in polygons for ring in rings):
+                draw.line(_flat(ring), fill=colour, width=SHARPNESS)
         return picture
 
     @staticmethod
@@ -165,11 +159,11 @@ class _Painter:
     def _tips(self, draw: ImageDraw.ImageDraw, frame: DeploymentFrame) -> None:
         deployment, live = frame.deployment, is_live(frame)
         for branch in np.flatnonzero(deployment.deployed & ~live):
-            tip = self.big.place(deployment.chain_mm(int(branch))[-1:])[0]
+            tip = SHARPNESS * self.scene.chain(deployment, int(branch))[-1]
             _mark(draw, Stop(int(deployment.stop[branch])), tip, SHARPNESS)
 
     def _start(self, draw: ImageDraw.ImageDraw, pose: Pose) -> None:
-        base = self.big.place(np.array([[pose.x_mm, pose.y_mm]]))[0]
+        base = SHARPNESS * self.scene.base(pose)
         along = SHARPNESS * np.array([np.cos(pose.heading_rad), -np.sin(pose.heading_rad)])
         side = np.array([-along[1], along[0]])
         draw.line(_flat(np.array([base, base + 18 * along])), fill=INK, width=2 * SHARPNESS)
@@ -180,18 +174,17 @@ class _Painter:
 
     def _foot(self) -> Image.Image:
         """Return scale bar and legend."""
-        picture = Image.new("RGB", (self.width_px, FOOT_PX), "white")
+        picture = Image.new("RGB", (self.scene.width_px, FOOT_PX), "white")
         draw = ImageDraw.Draw(picture)
-        right, bar_px = self.width_px - 10, self.caption.bar_mm * self.stage.px_per_mm
-        ends = [(right - bar_px, 24), (right - bar_px, 28), (right, 28), (right, 24)]
-        draw.line(ends, fill=INK, width=1)
-        label = f"{self.caption.bar_mm:g} mm"
+        left, right = self.scene.bar_px
+        draw.line([(left, 24), (left, 28), (right, 28), (right, 24)], fill=INK, width=1)
+        label = f"{self.scene.bar_mm:g} mm"
         draw.text((right, 5), label, fill=INK, font=_font(14), anchor="ra")
         x = 10.0
-        for level in self.caption.levels:
+        for level in self.scene.levels:
             draw.line([(x, 43), (x + 16, 43)], fill=level_colour(level), width=4)
             x = _word(draw, x + 21, f"{level}") + 10
-        for stop in self.caption.stops:
+        for stop in self.scene.stops:
             _mark(draw, stop, np.array([x + 4, 43.0]), 1)
             x = _word(draw, x + 13, STOP_WORDS[stop]) + 12
         return picture

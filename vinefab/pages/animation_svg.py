@@ -7,26 +7,23 @@ shows SVG without its animation shows the last frame.
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import Stop
 from vinefab.model.map import Map, Pose
 from vinefab.pages.animation import (
-    FOOT_PX,
     FRAME_S,
     HOLD_S,
-    LEAST_WIDTH_PX,
-    Caption,
     DeploymentFrame,
-    Stage,
+    Scene,
+    frame_text,
     frozen_since,
     is_live,
-    words_for,
+    line_px,
 )
-from vinefab.pages.drawing import STOP_WORDS, Box, bounds_in, robot_view, rock_in
 from vinefab.pages.figure import INK, ROCK, ROCK_EDGE, SOFT, level_colour
+from vinefab.pages.map_view import STOP_WORDS
 
 _MARKS = {
     Stop.FULL_LENGTH: '<circle id="m0" r="2.6" fill="#fff"/>',
@@ -46,25 +43,22 @@ def svg_animation(
     frames
         The shapes to show one after the other, at least one; the last one stays for a while.
     """
-    box = robot_view(world, frames[-1].deployment)
-    stage = Stage.of(box)
-    width, height = max(stage.width_px, LEAST_WIDTH_PX), stage.height_px + FOOT_PX
-    caption = Caption.of(frames, stage)
+    scene = Scene.of(world, frames, widths_mm)
+    width, height, stage = scene.width_px, scene.height_px, scene.stage
     clock = _Clock(len(frames))
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
         f'width="{width}" height="{height}" font-family="sans-serif" font-size="13">',
         f"<desc>{GENERATOR}; plays {clock.length_s:g} s, over and over</desc>",
-        f"<style>{_style(caption.levels, widths_mm, stage)}</style>",
+        f"<style>{_style(scene)}</style>",
         f'<defs><g id="m" stroke="{INK}">{"".join(_MARKS.values())}</g></defs>',
         '<rect width="100%" height="100%" fill="#fff"/>',
-        f'<svg x="{(width - stage.width_px) // 2}" width="{stage.width_px}" '
-        f'height="{stage.height_px}">',
-        *_ground(world, box, stage),
-        *_bodies(frames, stage, caption.levels, clock),
-        _start(frames[-1].deployment.pose, stage),
+        f'<svg x="{scene.margin_px}" width="{stage.width_px}" height="{stage.height_px}">',
+        *_ground(scene),
+        *_bodies(frames, scene, clock),
+        _start(frames[-1].deployment.pose, scene),
         "</svg>",
-        *_foot(frames, caption, stage, clock),
+        *_foot(frames, scene, clock),
         "</svg>\n",
     ]
     return "\n".join(parts).encode("utf-8")
@@ -103,52 +97,46 @@ class _Clock:
         )
 
 
-def _style(levels: Iterable[int], widths_mm: tuple[float, ...], stage: Stage) -> str:
+def _style(scene: Scene) -> str:
     rules = ["path{fill:none;stroke-linejoin:round;stroke-linecap:round}"]
-    for level in levels:
+    for level in scene.levels:
         colour = level_colour(level)
-        body_px = max(2.0 * widths_mm[level - 1] / np.pi * stage.px_per_mm, 1.0)
-        line_px = max(1.0, 2.4 - 0.35 * level)
-        rules.append(f".b{level}{{stroke:{colour};stroke-width:{body_px:.2f}}}")
-        rules.append(f".c{level}{{stroke:{colour};stroke-width:{line_px:.2f}}}")
+        rules.append(f".b{level}{{stroke:{colour};stroke-width:{scene.body_px(level):.2f}}}")
+        rules.append(f".c{level}{{stroke:{colour};stroke-width:{line_px(level):.2f}}}")
     return "".join(rules)
 
 
-def _ground(world: Map, box: Box, stage: Stage) -> list[str]:
-    rock = _areas(rock_in(world, box), stage)
-    bounds = _areas([bounds_in(world, box)], stage)
+def _ground(scene: Scene) -> list[str]:
+    rock, bounds = (
+        "".join(f"{_path(ring[:-1])}Z" for rings in polygons for ring in rings)
+        for polygons in (scene.rock, scene.bounds)
+    )
     return [
         f'<path d="{rock}" style="fill:{ROCK};fill-rule:evenodd" stroke="{ROCK_EDGE}"/>',
         f'<path d="{bounds}" stroke="{INK}"/>',
     ]
 
 
-def _areas(shapes: Iterable[BaseGeometry], stage: Stage) -> str:
-    return "".join(f"{_path(ring[:-1])}Z" for rings in stage.rings(shapes) for ring in rings)
-
-
-def _bodies(
-    frames: Sequence[DeploymentFrame], stage: Stage, levels: Sequence[int], clock: _Clock
-) -> list[str]:
+def _bodies(frames: Sequence[DeploymentFrame], scene: Scene, clock: _Clock) -> list[str]:
     """Return all branches, the trunk last, so that it lies on top."""
     since = frozen_since(frames)
     parts: list[str] = []
-    for level in reversed(levels):
+    for level in reversed(scene.levels):
         shapes: list[tuple[str, str]] = []
         for number, frame in enumerate(frames):
-            still, moving = _chains(frame, level, number, since)
-            shapes += [(clock.since(number, "{}"), _paths(still, stage))] if still else []
-            shapes += [(clock.during(number, "{}"), _paths(moving, stage))] if moving else []
+            still, moving = _chains(frame, scene, level, number, since)
+            shapes += [(clock.since(number, "{}"), _paths(still))] if still else []
+            shapes += [(clock.during(number, "{}"), _paths(moving))] if moving else []
         # One opacity for the whole level: where bodies cross they do not get darker.
         parts.append('<g opacity=".35">')
         parts += [around.format(f'<path class="b{level}" d="{d}"/>') for around, d in shapes]
         parts.append("</g>")
         parts += [around.format(f'<path class="c{level}" d="{d}"/>') for around, d in shapes]
-    return parts + _tips(frames, stage, since, clock)
+    return parts + _tips(frames, scene, since, clock)
 
 
 def _chains(
-    frame: DeploymentFrame, level: int, number: int, since: dict[str, int]
+    frame: DeploymentFrame, scene: Scene, level: int, number: int, since: dict[str, int]
 ) -> tuple[list[Floats], list[Floats]]:
     """Return the chains of a level that came to rest in this frame, and those that still grow."""
     deployment, live = frame.deployment, is_live(frame)
@@ -156,28 +144,28 @@ def _chains(
     still, moving = [], []
     for branch in np.flatnonzero((deployment.tree.level == level) & deployment.deployed):
         if live[branch]:
-            moving.append(deployment.chain_mm(int(branch)))
+            moving.append(scene.chain(deployment, int(branch)))
         elif since[names[branch]] == number:
-            still.append(deployment.chain_mm(int(branch)))
+            still.append(scene.chain(deployment, int(branch)))
     return still, moving
 
 
 def _tips(
-    frames: Sequence[DeploymentFrame], stage: Stage, since: dict[str, int], clock: _Clock
+    frames: Sequence[DeploymentFrame], scene: Scene, since: dict[str, int], clock: _Clock
 ) -> list[str]:
     last = frames[-1].deployment
     marks: dict[int, str] = {}
     for branch, name in enumerate(last.tree.ids):
         if name in since:
-            x, y = stage.place(last.chain_mm(branch)[-1:])[0]
+            x, y = scene.chain(last, branch)[-1]
             mark = f'<use href="#m{last.stop[branch]}" x="{x:.1f}" y="{y:.1f}"/>'
             marks[since[name]] = marks.get(since[name], "") + mark
     drawn = [clock.since(number, text) for number, text in sorted(marks.items())]
     return [f'<g stroke="{INK}">', *drawn, "</g>"]
 
 
-def _start(pose: Pose, stage: Stage) -> str:
-    base = stage.place(np.array([[pose.x_mm, pose.y_mm]]))[0]
+def _start(pose: Pose, scene: Scene) -> str:
+    base = scene.base(pose)
     turn_deg = -np.degrees(pose.heading_rad)
     return (
         f'<g transform="translate({base[0]:.1f} {base[1]:.1f}) rotate({turn_deg:.2f})">'
@@ -186,28 +174,25 @@ def _start(pose: Pose, stage: Stage) -> str:
     )
 
 
-def _foot(
-    frames: Sequence[DeploymentFrame], caption: Caption, stage: Stage, clock: _Clock
-) -> list[str]:
-    """Return words, scale bar and legend below the map."""
-    top, bar_px = stage.height_px, caption.bar_mm * stage.px_per_mm
-    right = max(stage.width_px, LEAST_WIDTH_PX) - 10
+def _foot(frames: Sequence[DeploymentFrame], scene: Scene, clock: _Clock) -> list[str]:
+    """Return text, scale bar and legend below the map."""
+    top, (left, right) = scene.stage.height_px, scene.bar_px
     parts = [
-        clock.during(number, f'<text x="10" y="{top + 19}">{words_for(frame)}</text>')
+        clock.during(number, f'<text x="10" y="{top + 19}">{frame_text(frame)}</text>')
         for number, frame in enumerate(frames)
     ]
     parts.append(
-        f'<path d="M{right - bar_px:.1f} {top + 24}v4H{right}v-4" stroke="{INK}"/>'
-        f'<text x="{right}" y="{top + 18}" text-anchor="end">{caption.bar_mm:g} mm</text>'
+        f'<path d="M{left:.1f} {top + 24}v4H{right}v-4" stroke="{INK}"/>'
+        f'<text x="{right}" y="{top + 18}" text-anchor="end">{scene.bar_mm:g} mm</text>'
     )
     x, y = 10, top + 46
-    for level in caption.levels:
+    for level in scene.levels:
         parts.append(
             f'<path d="M{x} {y - 4}h16" stroke="{level_colour(level)}" stroke-width="4"/>'
             f'<text x="{x + 21}" y="{y}" font-size="11" fill="{SOFT}">{level}</text>'
         )
         x += 36
-    for stop in caption.stops:
+    for stop in scene.stops:
         parts.append(
             f'<use href="#m{int(stop)}" x="{x + 8}" y="{y - 4}" stroke="{INK}"/>'
             f'<text x="{x + 17}" y="{y}" font-size="11" fill="{SOFT}">{STOP_WORDS[stop]}</text>'
@@ -216,8 +201,8 @@ def _foot(
     return parts
 
 
-def _paths(chains: Iterable[Floats], stage: Stage) -> str:
-    return "".join(_path(stage.place(chain)) for chain in chains)
+def _paths(chains: Iterable[Floats]) -> str:
+    return "".join(_path(chain) for chain in chains)
 
 
 def _path(points: Floats) -> str:

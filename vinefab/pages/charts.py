@@ -42,23 +42,14 @@ def fitness_curve(best: ArrayLike, mean: ArrayLike, spread: ArrayLike) -> Figure
     return figure
 
 
-def score_strips(scores: Mapping[str, ArrayLike], label: str) -> Figure:
-    """Return every score of every group as a dot, with the group's mean.
+def panels_of_strips(panels: Mapping[str, Mapping[str, ArrayLike]], label: str) -> Figure:
+    """Return every score of every group as a dot, with the group's mean; a panel per problem.
 
     Parameters
     ----------
-    scores
-        Scores by group, each shape (n,).
+    panels
+        By problem, scores by group, each shape (n,).
     """
-    with house_style():
-        figure, axes = blank(6.5, 0.7 + 0.6 * max(2, len(scores)))
-        _strips(axes, scores)
-        axes.set_xlabel(f"{label}; bars: means")
-    return figure
-
-
-def panels_of_strips(panels: Mapping[str, Mapping[str, ArrayLike]], label: str) -> Figure:
-    """Return `score_strips` of several problems, one above the other."""
     groups = max(len(scores) for scores in panels.values())
     with house_style():
         height_in = (0.6 + 0.32 * max(2, groups)) * len(panels) + 0.3

@@ -22,7 +22,7 @@ LEVEL_COLOURS = ("#12355b", "#b8430a", "#1c9a9a", "#eab000", "#6d2a82", "#7cc0f0
 """Colour of each level, trunk first; they repeat after the last.
 
 Levels that meet differ in lightness as well as in hue: they stay apart in a grey print and for
-colour-blind readers (tests/report/test_plans.py measures both).
+colour-blind readers (tests/pages/test_drawing.py measures both).
 """
 
 
@@ -45,7 +45,7 @@ _STYLE: dict[Any, Any] = {
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw and save in the house's style, without touching anybody's global settings."""
+    """Draw and save in the house's style, without changing global settings."""
     with mpl.rc_context(_STYLE):
         yield
 

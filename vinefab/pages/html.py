@@ -61,10 +61,10 @@ class Section:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Headline:
-    """One number that a reader should take away."""
+    """A key number of the report."""
 
-    name: str  # what it is
-    value: str  # the number with its unit
+    name: str
+    value: str  # with its unit
     detail: str  # how sure it is, and its standing
     tone: Tone = "good"  # whether it is good news
 
@@ -74,11 +74,11 @@ class Report:
     """A whole report."""
 
     title: str  # name of the design and what the report is about
-    verdict: str  # one sentence: can it be made, and what is to be expected
+    verdict: str  # one sentence: whether it is manufacturable, and what to expect
     tone: Tone  # what kind of news the verdict is
     facts: tuple[tuple[str, str], ...]  # short name and value pairs shown at the top
     sections: tuple[Section, ...]  # in order
-    # what stands between the verdict and blind trust, a sentence each
+    # reservations to the verdict, a sentence each
     cautions: tuple[str, ...] = ()
     headlines: tuple[Headline, ...] = ()  # the numbers to take away
 
@@ -108,6 +108,6 @@ def _data_uri(picture: Picture) -> str:
 
 
 def _number_columns(table: Table) -> list[bool]:
-    """Tell of each column whether it holds nothing but numbers: those are set flush right."""
+    """Return for each column whether it holds only numbers: those are set flush right."""
     columns = zip(*table.rows, strict=True) if table.rows else [()] * len(table.headings)
     return [any(cells) and all(map(_NUMBER.match, cells)) for cells in columns]

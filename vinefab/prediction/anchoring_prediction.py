@@ -1,6 +1,7 @@
 """Anchoring over many deployments: amplification always, newtons where there are pouches."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,23 +10,25 @@ from vinefab.core.validation import Floats, Ints
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design, Pouch
 from vinefab.model.laser import Material
+from vinefab.pages.html import Section, Table
 from vinefab.physics.anchoring import (
     ASSUMED_FRICTION,
     amplification,
     branch_force_n,
     branch_limit_n,
+    payload_over_mass,
     pouch_contact_mm2,
     tip_force_n,
 )
 from vinefab.physics.seam import allowed_line_load_n_mm
-from vinefab.prediction.deployments import FamilyDeployments
+from vinefab.prediction.family_deployments import FamilyDeployments
 from vinefab.prediction.measures import pouch_size_mm
 from vinefab.tasks.anchoring_force import path_turn_rad, tip_gaps_mm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldForces:
-    """What robots hold if so many of their leaves do, at one coefficient of friction."""
+    """Mean amplification for one share of engaged leaves and one coefficient of friction."""
 
     friction: float  # the coefficient
     engaged_percent: float  # share of the deployed leaves that hold, those that turned least first
@@ -54,9 +57,9 @@ class Forces:
 class AnchoringPrediction:
     """Anchoring as an interval over friction and over which leaves are engaged."""
 
-    label: str  # the field
+    label: str  # of the map family
     leaves: int  # leaves of the design
-    table: tuple[HeldForces, ...]  # every combination that was looked at
+    table: tuple[HeldForces, ...]  # every combination of friction and engaged share
     forces: Forces | None = None  # in newtons, where the design has pouches
 
     def at(self, friction: float, engaged_percent: float) -> float:
@@ -75,10 +78,10 @@ ENGAGED_PERCENT = (100.0, 66.7, 33.3)
 
 
 def predict_anchoring(
-    design: Design, trip: FamilyDeployments, material: Material, mass_g: float = 0.0
+    design: Design, result: FamilyDeployments, material: Material, mass_g: float = 0.0
 ) -> AnchoringPrediction:
-    """Return what a design is expected to hold in one place."""
-    turns = [leaf_turns_rad(deployment) for deployment in trip.deployments]
+    """Return what a design is expected to hold in one prepared."""
+    turns = [leaf_turns_rad(deployment) for deployment in result.deployments]
     table = tuple(
         HeldForces(
             friction=friction,
@@ -88,10 +91,12 @@ def predict_anchoring(
         for friction in FRICTIONS
         for percent in ENGAGED_PERCENT
     )
-    leaves = int(trip.deployments[0].tree.is_leaf.sum())
+    leaves = int(result.deployments[0].tree.is_leaf.sum())
     pouch = design.build.pouch
-    forces = _forces(design, pouch, trip, material, mass_g) if pouch else None
-    return AnchoringPrediction(label=trip.place.label, leaves=leaves, table=table, forces=forces)
+    forces = _forces(design, pouch, result, material, mass_g) if pouch else None
+    return AnchoringPrediction(
+        label=result.prepared.label, leaves=leaves, table=table, forces=forces
+    )
 
 
 def leaf_turns_rad(deployment: Deployment) -> Floats:
@@ -111,7 +116,7 @@ def _held(turns_rad: Floats, percent: float, friction: float) -> float:
 
 
 def _forces(
-    design: Design, pouch: Pouch, trip: FamilyDeployments, material: Material, mass_g: float
+    design: Design, pouch: Pouch, result: FamilyDeployments, material: Material, mass_g: float
 ) -> Forces:
     length_mm, width_mm = pouch_size_mm(pouch)
     limit_n = branch_limit_n(
@@ -120,11 +125,11 @@ def _forces(
         material.strength_mpa.value,
         allowed_line_load_n_mm(material.burst_kpa.value, material.burst_width_mm.value),
     )
-    totals = np.zeros((len(trip.deployments), len(FRICTIONS)))
+    totals = np.zeros((len(result.deployments), len(FRICTIONS)))
     leaves = engaged = limited = 0
-    for index, deployment in enumerate(trip.deployments):
+    for index, deployment in enumerate(result.deployments):
         rows = _leaves(deployment)
-        gaps = tip_gaps_mm(deployment, rows, trip.site(index).context)
+        gaps = tip_gaps_mm(deployment, rows, result.prepared_map(index).context)
         contact = [pouch_contact_mm2(length_mm, width_mm, gap_mm) for gap_mm in gaps.tolist()]
         turns = path_turn_rad(deployment)[rows]
         forces = np.array(
@@ -152,4 +157,60 @@ def _forces(
         limited_percent=100.0 * limited / max(1, engaged),
         pressure_kpa=design.build.pressure_kpa,
         mass_g=mass_g,
+    )
+
+
+ANCHORING_NOTE = (
+    "Force of all leaf pouches over that of one pouch without any turn: the sum of e^(mu gamma) "
+    "over the leaves that hold, gamma the turn at contacts and hinges on the way (equations 1 and "
+    "2 of the paper). Which leaves hold is not known beforehand: of six branches in the paper's "
+    "test one touched nothing and one hung slack. The friction of film on the obstacles is "
+    "assumed, 0.2 to 0.8; measure yours."
+)
+
+
+def anchoring_section(anchoring: Sequence[AnchoringPrediction]) -> Section:
+    """Return anchoring amplification by friction and engaged leaves, and forces where known."""
+    tables = [_amplification_table(holding) for holding in anchoring]
+    tables += [
+        _force_table(holding.label, holding.forces) for holding in anchoring if holding.forces
+    ]
+    without = () if anchoring[0].forces else (
+        "The design has no pouches, so forces in newtons are not predicted.",
+    )  # fmt: skip
+    return Section(title="Anchoring", paragraphs=(ANCHORING_NOTE, *without), tables=tuple(tables))
+
+
+def _amplification_table(holding: AnchoringPrediction) -> Table:
+    frictions = sorted({held.friction for held in holding.table})
+    shares = sorted({held.engaged_percent for held in holding.table}, reverse=True)
+    rows = tuple(
+        (
+            f"{share:g} % of the leaves hold",
+            *(f"{holding.at(friction, share):.2f}" for friction in frictions),
+        )
+        for share in shares
+    )
+    return Table(
+        caption=f"Mean amplification on {holding.label}, {holding.leaves} leaves, those that "
+        "turned least hold first (simulated paths, assumed friction)",
+        headings=("engaged", *(f"friction {friction:g}" for friction in frictions)),
+        rows=rows,
+    )
+
+
+def _force_table(label: str, forces: Forces) -> Table:
+    rows = []
+    for index, friction in enumerate(forces.friction.tolist()):
+        cells = (forces.mean_n[index], forces.p05_n[index], forces.p95_n[index])
+        over = payload_over_mass(cells[0], forces.mass_g) if forces.mass_g else None
+        ratio = "-" if over is None else f"{over:.0f}"
+        rows.append((f"{friction:g}", *(f"{value:.2f}" for value in cells), ratio))
+    return Table(
+        caption=f"Force on {label} at {forces.pressure_kpa:g} kPa: {forces.engaged_percent:.1f} % "
+        "of the leaves end in a gap narrower than their inflated pouch, and only those hold; "
+        f"{forces.limited_percent:.1f} % of them are limited by film or seam at the highest "
+        "friction (simulated paths, computed contact, assumed friction)",
+        headings=("friction", "mean N", "5 % N", "95 % N", "times its own mass"),
+        rows=tuple(rows),
     )

@@ -1,24 +1,36 @@
-"""Designs side by side: the same maps, the same poses, paired statistics."""
+"""Designs side by side: the same maps and poses, paired statistics, as lines, JSON and a page."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from itertools import combinations
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.core.jsontext import json_text
 from vinefab.core.statistics import group_means, holm, mean_interval, sign_flip_p
+from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
-from vinefab.prediction.deployments import (
+from vinefab.model.map import Map
+from vinefab.pages.charts import frame
+from vinefab.pages.drawing import deployment_plan
+from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, blank, house_style, svg_bytes
+from vinefab.pages.html import Picture, Report, Section, Table, page_html
+from vinefab.prediction.deployment_sections import spread_chart
+from vinefab.prediction.family_deployments import (
     FamilyDeployments,
+    MapFamily,
     PredictionPlan,
     PreparedFamily,
-    Tell,
+    ProgressCallback,
     deploy_family,
-    silent,
+    no_progress,
+    numbered_names,
+    rules_text,
 )
-from vinefab.prediction.map_families import MapFamily
-from vinefab.prediction.measures import MEASURES, Measure, MeasureTable
+from vinefab.prediction.measures import MEASURES, Measure, MeasureTable, spreads_content
+from vinefab.prediction.provenance import Origin, repeat_section
 
 LEVEL = 0.05
 """A difference is called clear when its adjusted p-value is below this."""
@@ -26,7 +38,7 @@ LEVEL = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairedDifference:
-    """The paired difference of two designs in one measure, first less second."""
+    """The paired difference of two designs in one measure, first minus second."""
 
     measure: Measure  # what is compared
     # first, second: names of the designs
@@ -45,7 +57,7 @@ class PairedDifference:
 
     @property
     def is_clear(self) -> bool:
-        """Whether the difference can hardly be chance."""
+        """Whether the difference is significant."""
         return self.p_adjusted < LEVEL
 
     @property
@@ -56,7 +68,7 @@ class PairedDifference:
 
     @property
     def words(self) -> str:
-        """The outcome in one sentence."""
+        """The result in one sentence."""
         mean, low, high = (self.measure.number(value) for value in (self.mean, self.low, self.high))
         by = f"{mean} [{low}, {high}] {self.measure.unit}".rstrip()
         chance = f"p = {self.p_adjusted:.5f}, {self.pairs} pairs"
@@ -75,20 +87,22 @@ class DesignComparison:
 
     names: tuple[str, ...]  # what each design is called, all different
     designs: tuple[Design, ...]  # the designs
-    trips: tuple[FamilyDeployments, ...]  # deployments of each
-    duels: tuple[PairedDifference, ...]  # every pair in every measure that both have
+    results: tuple[FamilyDeployments, ...]  # deployments of each
+    differences: tuple[PairedDifference, ...]  # every pair in every measure that both have
 
     def outcomes(self) -> dict[str, MeasureTable]:
         """Return the outcomes by the designs' names."""
-        return {name: trip.outcomes for name, trip in zip(self.names, self.trips, strict=True)}
+        return {
+            name: result.outcomes for name, result in zip(self.names, self.results, strict=True)
+        }
 
     def in_measure(self, measure: Measure) -> tuple[PairedDifference, ...]:
-        """Return the duels in one measure."""
-        return tuple(duel for duel in self.duels if duel.measure is measure)
+        """Return the differences in one measure."""
+        return tuple(difference for difference in self.differences if difference.measure is measure)
 
-    def usual(self, measure: Measure) -> int:
-        """Return the deployment at which all designs together stand in the middle."""
-        table = np.array([trip.outcomes.values[measure.key] for trip in self.trips])
+    def median_deployment(self, measure: Measure) -> int:
+        """Return the deployment with the median mean over all designs."""
+        table = np.array([result.outcomes.values[measure.key] for result in self.results])
         order = np.argsort(np.nan_to_num(table).mean(axis=0), kind="stable")
         return int(order[len(order) // 2])
 
@@ -104,29 +118,33 @@ class DesignComparison:
 
 def compare_designs(
     designs: Sequence[Design],
-    fields: Sequence[MapFamily],
-    trials: PredictionPlan,
-    tell: Tell = silent,
+    families: Sequence[MapFamily],
+    plan: PredictionPlan,
+    progress: ProgressCallback = no_progress,
 ) -> DesignComparison:
     """Deploy designs on the same maps from the same poses and compare them pair by pair."""
     if not 2 <= len(designs) <= MOST_DESIGNS:
         raise BadInputError("DESIGN", f"{len(designs)} designs", f"2 to {MOST_DESIGNS}")
-    tell(0.0, "preparing maps")
-    worlds = tuple(world for field in fields for world in field.worlds)
-    label = " and ".join(field.label for field in fields)
-    place = PreparedFamily.of(MapFamily(label=label, worlds=worlds), trials)
-    names = _told_apart([design.name for design in designs])
-    trips = []
+    progress(0.0, "preparing maps")
+    worlds = tuple(world for family in families for world in family.worlds)
+    label = " and ".join(family.label for family in families)
+    prepared = PreparedFamily.of(MapFamily(label=label, worlds=worlds), plan)
+    names = numbered_names([design.name for design in designs])
+    results = []
     for index, design in enumerate(designs):
-        trips.append(deploy_family(design, place, trials, _share(tell, index, len(designs))))
+        results.append(
+            deploy_family(design, prepared, plan, _share_of_design(progress, index, len(designs)))
+        )
     return DesignComparison(
         names=names,
         designs=tuple(designs),
-        trips=tuple(trips),
-        duels=tuple(
-            duel
+        results=tuple(results),
+        differences=tuple(
+            difference
             for measure in MEASURES
-            for duel in paired_differences(measure, names, [trip.outcomes for trip in trips])
+            for difference in paired_differences(
+                measure, names, [result.outcomes for result in results]
+            )
         ),
     )
 
@@ -149,12 +167,12 @@ def paired_differences(
             found.append((names[one], names[two], means))
     chances = [sign_flip_p(means) for _, _, means in found]
     return tuple(
-        _duel(measure, pair, p, adjusted)
+        _paired_difference(measure, pair, p, adjusted)
         for pair, p, adjusted in zip(found, chances, holm(chances), strict=True)
     )
 
 
-def _duel(
+def _paired_difference(
     measure: Measure, pair: tuple[str, str, np.ndarray], p: float, adjusted: float
 ) -> PairedDifference:
     first, second, means = pair
@@ -175,12 +193,216 @@ def _duel(
     )
 
 
-def _told_apart(names: Sequence[str]) -> tuple[str, ...]:
-    return tuple(
-        f"{name} ({names[: index + 1].count(name)})" if names.count(name) > 1 else name
-        for index, name in enumerate(names)
+def _share_of_design(progress: ProgressCallback, index: int, count: int) -> ProgressCallback:
+    return lambda share, words: progress(0.9 * (index + share) / count, words)
+
+
+def paired_difference_chart(measure: Measure, differences: Sequence[PairedDifference]) -> Figure:
+    """Return paired differences with their intervals, a row per pair; clear ones are solid."""
+    with house_style():
+        figure, axes = blank(7.0, 0.8 + 0.38 * max(2, len(differences)))
+        for row, difference in enumerate(differences):
+            colour = LEVEL_COLOURS[0] if difference.is_clear else SOFT
+            axes.plot([difference.low, difference.high], [row, row], color=colour, linewidth=2.2)
+            face = colour if difference.is_clear else "white"
+            axes.plot(difference.mean, row, "o", color=colour, mfc=face, markersize=7)
+        axes.axvline(0.0, color=INK, linewidth=1.0)
+        axes.set_yticks(
+            range(len(differences)),
+            [f"{difference.first} less {difference.second}" for difference in differences],
+        )
+        axes.set_ylim(max(2, len(differences)) - 0.4, -0.6)
+        axes.set_xlabel(f"difference in {measure.label}; {measure.better} is better")
+        frame(axes)
+    return figure
+
+
+def side_by_side_section(outcomes: Mapping[str, MeasureTable]) -> Section:
+    """Return every measure of every design, as numbers and charts."""
+    shown = [m for m in MEASURES if any(found.spread(m) for found in outcomes.values())]
+    rows = tuple(
+        (measure.label, *(_mean_cell(found, measure) for found in outcomes.values()))
+        for measure in shown
+    )
+    some = next(iter(outcomes.values()))
+    table = Table(
+        caption=f"Means over {some.label} with 95 % bootstrap intervals over maps, "
+        f"{len(some)} deployments of each design (simulated)",
+        headings=("measure", *outcomes),
+        rows=rows,
+    )
+    pictures = tuple(
+        Picture(
+            image=svg_bytes(
+                spread_chart(m, {n: o.values[m.key] for n, o in outcomes.items() if o.spread(m)})
+            ),
+            caption=f"{m.title[:1].upper()}{m.title[1:]}: {m.meaning} (simulated).",
+        )
+        for m in shown
+    )
+    return Section(title="Side by side", tables=(table,), pictures=pictures)
+
+
+def paired_difference_section(measure: Measure, differences: Sequence[PairedDifference]) -> Section:
+    """Return every pair in every measure, the main measure drawn."""
+    words = (
+        "Each design met the same maps from the same poses, so that differences are paired: "
+        "first less second, averaged on each map. Intervals are bootstraps over maps. The p-value "
+        "is the share of the ways of flipping the signs of the maps' differences that give a mean "
+        "as far from 0; with more than two designs it is adjusted for the number of pairs (Holm), "
+        "within each measure. Clear means below 0.05."
+    )
+    rows = tuple(
+        (
+            difference.measure.label,
+            f"{difference.first} less {difference.second}",
+            "{} [{}, {}]".format(
+                *map(difference.measure.number, (difference.mean, difference.low, difference.high))
+            ),
+            f"{difference.p:.5f}",
+            f"{difference.p_adjusted:.5f}",
+            f"{difference.won_percent:.0f} %",
+            difference.winner if difference.is_clear else "not clear",
+        )
+        for difference in differences
+    )
+    table = Table(
+        caption="Paired differences (simulated)",
+        headings=(
+            "measure", "pair", "mean [95 % interval]", "p", "adjusted p", "first wins on", "better",
+        ),
+        rows=rows,
+    )  # fmt: skip
+    picture = Picture(
+        image=svg_bytes(
+            paired_difference_chart(measure, [d for d in differences if d.measure is measure])
+        ),
+        caption=f"Paired differences in {measure.title}, with 95 % intervals (simulated).",
+        wide=True,
+    )
+    return Section(
+        title="Paired differences", paragraphs=(words,), pictures=(picture,), tables=(table,)
     )
 
 
-def _share(tell: Tell, index: int, count: int) -> Tell:
-    return lambda share, words: tell(0.9 * (index + share) / count, words)
+def same_map_section(
+    world: Map, robots: Sequence[tuple[str, Design, Deployment]], words: str
+) -> Section:
+    """Return all designs deployed on the same map from the same pose."""
+    pictures = tuple(
+        Picture(
+            image=svg_bytes(
+                deployment_plan(
+                    world, deployment, design.build.widths_mm, longest_in=4.6, whole=True
+                )
+            ),
+            caption=f"{name} on {world.name} (simulated).",
+        )
+        for name, design, deployment in robots
+    )
+    return Section(
+        title="On the same map", paragraphs=(f"Growth model: {words}.",), pictures=pictures
+    )
+
+
+def _mean_cell(outcomes: MeasureTable, measure: Measure) -> str:
+    spread = outcomes.spread(measure)
+    if spread is None:
+        return "-"
+    mean, low, high = (measure.number(v) for v in (spread.mean, spread.low, spread.high))
+    return f"{mean} [{low}, {high}]"
+
+
+COMPARISON_SCHEMA = "vinefab/design-comparison-1"
+
+
+def measure_named(key: str) -> Measure:
+    """Return a measure by its key, with or without the unit at its end."""
+    known = {measure.key: measure for measure in MEASURES}
+    meant = [name for name in known if name == key or name.startswith(f"{key}_")]
+    if len(meant) != 1:
+        raise UnknownNameError("measure", key, known)
+    return known[meant[0]]
+
+
+def comparison_lines(found: DesignComparison, measure: Measure) -> list[str]:
+    """Return a comparison as lines for the user, the main measure first."""
+    outcomes = found.results[0].outcomes
+    lines = [
+        f"{len(outcomes)} deployments of each design on {outcomes.label} (simulated)",
+        *(f"  {name:<24} {measure.text(mean)}" for name, mean in found.ranked(measure)),
+    ]
+    others = [
+        difference.words
+        for difference in found.differences
+        if difference.measure is not measure and difference.is_clear
+    ]
+    return [*lines, *(difference.words for difference in found.in_measure(measure)), *others]
+
+
+def comparison_text(found: DesignComparison, measure: Measure, origin: Origin) -> str:
+    """Return a comparison as JSON."""
+    outcomes = found.outcomes()
+    some = found.results[0].outcomes
+    return json_text(
+        COMPARISON_SCHEMA,
+        {
+            "standing": "simulated",
+            "measure": measure.key,
+            "label": some.label,
+            "maps": some.map_count,
+            "deployments": len(some),
+            "designs": {name: spreads_content(found) for name, found in outcomes.items()},
+            "duels": [_difference_content(difference) for difference in found.differences],
+            "reproduce": asdict(origin),
+        },
+    )
+
+
+def comparison_page(
+    found: DesignComparison, measure: Measure, plan: PredictionPlan, origin: Origin
+) -> str:
+    """Return a comparison as a page."""
+    index = found.median_deployment(measure)
+    robots = [
+        (name, design, result.deployments[index])
+        for name, design, result in zip(found.names, found.designs, found.results, strict=True)
+    ]
+    world = found.results[0].prepared_map(index).world
+    ranked = found.ranked(measure)
+    differences = [d for d in found.in_measure(measure) if ranked[0][0] in (d.first, d.second)]
+    clear = all(difference.is_clear for difference in differences)
+    best = f"{ranked[0][0]} has the best mean {measure.title}, {measure.text(ranked[0][1])}"
+    rest = "clearly ahead of every other" if clear else "not clearly ahead of every other"
+    return page_html(
+        Report(
+            title=f"Comparison of {', '.join(found.names)}",
+            verdict=f"{best}, {rest} (simulated).",
+            tone="good" if clear else "caution",
+            facts=tuple(
+                (name, f"{design.branch_count} branches on {design.depth} levels")
+                for name, design, _ in robots
+            ),
+            sections=(
+                paired_difference_section(measure, found.differences),
+                side_by_side_section(found.outcomes()),
+                same_map_section(world, robots, rules_text(plan.options)),
+                repeat_section(origin.command, origin.inputs, origin.versions),
+            ),
+        )
+    )
+
+
+def _difference_content(difference: PairedDifference) -> dict[str, object]:
+    numbers = {"mean": difference.mean, "low": difference.low, "high": difference.high}
+    return {
+        "measure": difference.measure.key,
+        "first": difference.first,
+        "second": difference.second,
+        **{name: difference.measure.rounded(value) for name, value in numbers.items()},
+        "p": round(difference.p, 5),
+        "p_adjusted": round(difference.p_adjusted, 5),
+        "first_wins_percent": round(difference.won_percent),
+        "pairs": difference.pairs,
+        "better": difference.winner if difference.is_clear else None,
+    }

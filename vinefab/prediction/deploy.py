@@ -1,4 +1,12 @@
-"""One deployment: a design on a map from a pose, with where it did not fit."""
+"""One deployment: a design on a map from a pose, where it did not fit, its shapes on the way.
+
+The front is where a robot grows: its length is the way along the body from the base to a growing
+tip. All tips are that far from the base, as if film were fed at one speed everywhere: the children
+of a branch begin together when it has grown, whatever their cousins do (so levels overlap in time
+where the branches of a level differ in length), and at front length s every branch has what is left
+of s at its base, at most its own length. Growth to a length passes through the shapes at all
+smaller lengths, so the shape at s is the growth of the same tree cut off at s.
+"""
 
 import math
 from collections import Counter
@@ -7,26 +15,152 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg, rad
-from vinefab.fabrication.checking import Deployed
+from vinefab.core.validation import Floats, frozen_floats, frozen_ints, positive, whole
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
-from vinefab.model.files.results_json import deployment_text
+from vinefab.model.files.results_json import branches_content, deployment_text
 from vinefab.model.map import Map, Pose
+from vinefab.model.tree import BranchTree
 from vinefab.pages.animation import DeploymentFrame
-from vinefab.prediction.history import History, history_content
+
+MOST_FRAMES = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class History:
+    """A deployment at any length of its front."""
+
+    # design, terrain, options: what was grown, where and by which rules
+    design: Design
+    terrain: Terrain
+    options: GrowthOptions
+    final: Deployment  # the finished deployment
+
+    @property
+    def base_mm(self) -> Floats:
+        """Front length at which each branch begins to grow, shape (n,).
+
+        It is infinite for what never emerges: branches of a parent that did not, and those that a
+        stuck parent holds back.
+        """
+        tree, final = self.final.tree, self.final
+        begin = np.zeros(len(tree))
+        end = np.where(final.deployed, final.grown_mm, np.inf)
+        for branch in range(1, len(tree)):  # parents come before children
+            begin[branch] = end[tree.parent[branch]]
+            end[branch] += begin[branch]
+        begin[~final.deployed] = np.inf
+        return begin
+
+    @property
+    def full_mm(self) -> float:
+        """Front length at which the last branch has stopped; 0 if nothing grew."""
+        out = self.final.deployed
+        return float((self.base_mm[out] + self.final.grown_mm[out]).max(initial=0.0))
+
+    def at(self, front_mm: float) -> DeploymentFrame:
+        """Return the shape at a front length; beyond the full length, the final one."""
+        positive("--history", front_mm)
+        if front_mm >= self.full_mm:
+            still = np.zeros(len(self.final.tree), dtype=np.bool_)
+            return DeploymentFrame(front_mm=self.full_mm, deployment=self.final, is_growing=still)
+        tree, is_growing = self._tree_at(front_mm)
+        deployment = grow(self.design, self.terrain, self.final.pose, self.options, tree=tree)
+        return DeploymentFrame(front_mm=front_mm, deployment=deployment, is_growing=is_growing)
+
+    def frames(self, fronts_mm: Sequence[float]) -> tuple[DeploymentFrame, ...]:
+        """Return the shapes at several front lengths, in the order given."""
+        return tuple(self.at(front_mm) for front_mm in fronts_mm)
+
+    def even_steps(self, count: int) -> tuple[DeploymentFrame, ...]:
+        """Return the shapes after equal steps of the front; the last is the final one."""
+        whole("number of steps", count, 1, MOST_FRAMES)
+        if self.full_mm <= 0.0:
+            still = np.zeros(len(self.final.tree), dtype=np.bool_)
+            return (DeploymentFrame(front_mm=0.0, deployment=self.final, is_growing=still),)
+        steps = self.full_mm * np.arange(1, count) / count
+        return self.frames((*steps.tolist(), self.full_mm))
+
+    def _tree_at(self, front_mm: float) -> tuple[BranchTree, NDArray[np.bool_]]:
+        """Return the branches that have emerged, cut off at the front, and which grow on.
+
+        Siblings begin together, so the names of those that are left stay what they were.
+        """
+        tree, base_mm = self.final.tree, self.base_mm
+        out = np.flatnonzero(base_mm < front_mm)
+        end_mm = base_mm[out] + self.final.grown_mm[out]
+        is_growing = end_mm > front_mm
+        # What has stopped keeps its planned length: cut to the length grown, a branch that met a
+        # wall just there would count as grown in full.
+        length_mm = np.where(is_growing, front_mm - base_mm[out], tree.length_mm[out])
+        place = np.full(len(tree), -1)
+        place[out] = np.arange(len(out))
+        cut = BranchTree(
+            parent=frozen_ints(np.where(tree.parent[out] < 0, -1, place[tree.parent[out]])),
+            level=frozen_ints(tree.level[out]),
+            offset_rad=frozen_floats("offset_rad", tree.offset_rad[out]),
+            length_mm=frozen_floats("length_mm", length_mm),
+        )
+        return cut, is_growing
+
+
+def fronts_from(text: str) -> int | tuple[float, ...]:
+    """Return what ``--history`` asks for: a number of equal steps, or front lengths in mm.
+
+    A whole number alone is a number of steps; with a comma or a decimal point it is a length.
+
+    Examples
+    --------
+    >>> fronts_from("10"), fronts_from("120,240"), fronts_from("120,")
+    (10, (120.0, 240.0), (120.0,))
+    """
+    if text.strip().isdecimal():
+        return whole("--history", int(text), 1, MOST_FRAMES)
+    try:
+        lengths = tuple(float(part) for part in text.split(",") if part.strip())
+    except ValueError as error:
+        raise BadInputError("--history", text, "L1,L2,... in mm, or a number of steps") from error
+    if not 1 <= len(lengths) <= MOST_FRAMES:
+        raise BadInputError("--history", text, f"1 to {MOST_FRAMES} lengths")
+    return tuple(positive("--history", length) for length in lengths)
+
+
+def frames_of(history: History, wanted: int | tuple[float, ...]) -> tuple[DeploymentFrame, ...]:
+    """Return the frames that `fronts_from` read."""
+    return history.even_steps(wanted) if isinstance(wanted, int) else history.frames(wanted)
+
+
+def history_content(frames: Sequence[DeploymentFrame]) -> list[dict[str, object]]:
+    """Return frames as they stand in ``vinefab/deployment-1``.
+
+    Each has the branches that have emerged, in the form of the final ones; ``stop`` is null for
+    those that grow on, and ``planned_mm`` is left out, as it stands with the final ones.
+    """
+    return [{"front_mm": frame.front_mm, "branches": _branches_at(frame)} for frame in frames]
+
+
+def _branches_at(frame: DeploymentFrame) -> list[dict[str, object]]:
+    branches = branches_content(frame.deployment)
+    for branch, is_growing in zip(branches, frame.is_growing.tolist(), strict=True):
+        del branch["planned_mm"]
+        if is_growing:
+            branch["stop"] = None
+    return [branch for branch in branches if branch["stop"] != Stop.NOT_DEPLOYED.label]
+
 
 MOST_NAMED = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BranchPlace:
-    """A branch and where something happened to it."""
+    """A branch and a place on the map."""
 
     branch: str  # its id
     # x_mm, y_mm: where
@@ -89,19 +223,19 @@ def _place(design: Design, deployment: Deployment, branch: int, ended: int) -> B
 
 
 FRAMES = 40
-"""Frames of an animation unless told otherwise."""
+"""Default number of frames of an animation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DeployedDesign:
-    """A deployment with what it was made of."""
+    """A deployment with its design, map and growth options."""
 
     # design, world, options: what was grown, where and by which rules
     design: Design
     world: Map
     terrain: Terrain  # the map made ready for growth
     options: GrowthOptions
-    deployment: Deployment  # what became of it
+    deployment: Deployment
 
     @property
     def stops(self) -> dict[str, int]:
@@ -147,7 +281,7 @@ class DeployedDesign:
         return without_room(self.design, self.deployment, self.options)
 
     def _tight_exits(self) -> list[str]:
-        """Say which branches may bow in reality, if any do."""
+        """Return a warning about branches that may bow in reality, if any do."""
         tight = np.flatnonzero(self.deployment.tight_exit)
         if len(tight) == 0:
             return []
@@ -207,7 +341,7 @@ def growth_options(
     head_on_half_angle_deg: float = 1.0,
     children_of_stuck: str = "stop",
 ) -> GrowthOptions:
-    """Return growth options from what a user typed; what cannot be used is named by the options."""
+    """Return growth options from values in degrees and words; `GrowthOptions` validates them."""
     return GrowthOptions(
         head_on_half_angle_rad=rad(head_on_half_angle_deg),
         body=cast("Any", body),  # the class says what is allowed
@@ -237,8 +371,8 @@ def pose_text(pose: Pose) -> str:
     return f"{pose.x_mm:.2f},{pose.y_mm:.2f},{deg(pose.heading_rad):.2f}"
 
 
-def deploy_from_starts(design: Design, maps: Sequence[Map]) -> Deployed:
-    """Return a design's deployments from every start of every map."""
+def deploy_from_starts(design: Design, maps: Sequence[Map]) -> tuple[tuple[str, Deployment], ...]:
+    """Return a design's deployments from every start of every map, each with a name."""
     for world in maps:
         if not world.starts:
             raise BadInputError(f"--map {world.name}", "without a start", "maps with starts")

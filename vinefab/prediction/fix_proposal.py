@@ -24,10 +24,10 @@ _WINDOW_RULE = "VF-P03"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixProposal:
-    """What was found."""
+    """The outcome of a search for the smallest change."""
 
     before: CheckReport  # the check of the design as it was
-    design: Design | None  # the changed design, None where nothing had to or could be mended
+    design: Design | None  # the changed design, None where nothing had to or could be fixed
     # its check; where no design is proposed, that of the nearest one found, or None
     after: CheckReport | None
     changes: tuple[DesignChange, ...] = ()  # what was changed
@@ -40,15 +40,15 @@ class FixProposal:
     def lines(self) -> list[str]:
         """Return the outcome in words."""
         if not self.before.blocking:
-            return ["fix: no errors, nothing to mend"]
+            return ["fix: no errors, nothing to fix"]
         if self.design is None:
             left = (self.after or self.before).blocking
             named = ", ".join(sorted({finding.rule for finding in left}))
             return [f"fix: no change of the design was found that clears {named}; nothing written"]
         cost = sum(change.cost for change in self.changes)
         cleared = f"{len(self.changes)} changes clear {_rules(self.before)}"
-        told = [f"fix: {cleared}; weighted size {cost:.2f}"]
-        return [*told, *(f"  {change.text}" for change in self.changes)]
+        summary = f"fix: {cleared}; weighted size {cost:.2f}"
+        return [summary, *(f"  {change.text}" for change in self.changes)]
 
 
 def propose_fix(
@@ -56,7 +56,7 @@ def propose_fix(
     profile: LaserProfile,
     limits: LimitChanges | None = None,
     maps: Sequence[Map] = (),
-    told: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> FixProposal:
     """Return the smallest change found that clears a design's errors.
 
@@ -70,7 +70,7 @@ def propose_fix(
     if not before.blocking or design.branch_count > MOST_BRANCHES:
         return FixProposal(before=before, design=None, after=None)
     after: CheckReport | None = None
-    for found, report in _rounds(design, profile, limits, maps, told):
+    for found, report in _rounds(design, profile, limits, maps, progress):
         after = report
         if not report.blocking:
             proposed = _named(design, found)
@@ -88,14 +88,14 @@ def _rounds(
     profile: LaserProfile,
     limits: LimitChanges | None,
     maps: Sequence[Map],
-    told: Callable[[float], None] | None,
+    progress: Callable[[float], None] | None,
 ) -> Iterator[tuple[FixedDesign, CheckReport]]:
     """Yield designs without trouble and their full checks, the search stricter every time."""
     margins, window_share = iter(MARGINS), 1.0
     margin = next(margins)
     for _ in range(MOST_ROUNDS):
-        bench = FixTargets.of(design, profile, limits, margin=margin, window_share=window_share)
-        found = fix_design(design, bench, told)
+        targets = FixTargets.of(design, profile, limits, margin=margin, window_share=window_share)
+        found = fix_design(design, targets, progress)
         if found is None:
             return
         grown = _deployed(found.design, maps)
@@ -119,12 +119,12 @@ def _window_share(report: CheckReport) -> float:
 
 
 def _named(design: Design, found: FixedDesign) -> Design:
-    """Return a mended design with a name and an origin of its own."""
-    told = [change.text for change in design_changes(design, found.design)]
+    """Return a fixed design with a name and an origin of its own."""
+    changes = [change.text for change in design_changes(design, found.design)]
     return replace(
         found.design,
         name=f"{design.name[:90]}_mended",
-        origin={"mended_from": design.name, "changes": told, "change": round(found.cost, 6)},
+        origin={"mended_from": design.name, "changes": changes, "change": round(found.cost, 6)},
     )
 
 

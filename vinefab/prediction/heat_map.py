@@ -6,6 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.patheffects import Normal, Stroke
 from PIL import Image, ImageDraw
 
 from vinefab.core.errors import BadInputError
@@ -17,15 +20,18 @@ from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Start
+from vinefab.pages.drawing import draw_map, draw_pose
+from vinefab.pages.figure import ALERT, LEVEL_COLOURS, house_style, plan_axes, svg_bytes
+from vinefab.pages.html import Picture, Section, Table
 from vinefab.physics.tube import inflated_diameter_mm
-from vinefab.prediction.deployments import PredictionPlan
+from vinefab.prediction.family_deployments import PredictionPlan
 from vinefab.prediction.measures import STUCK_STOPS
 from vinefab.tasks.evaluate import PreparedMap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StuckSpot:
-    """A place where branches get stuck again and again."""
+    """A place where branches get stuck repeatedly."""
 
     # x_mm, y_mm: mean position of the stuck tips
     x_mm: float
@@ -62,6 +68,7 @@ class HeatMap:
 
 
 POSES = 200
+
 CELLS = 320
 """Cells along the longer side of the map."""
 
@@ -75,13 +82,13 @@ MOST_SPOTS = 8
 
 
 def heat_map_of(
-    design: Design, site: PreparedMap, trials: PredictionPlan, poses: int = POSES
+    design: Design, prepared_map: PreparedMap, trials: PredictionPlan, poses: int = POSES
 ) -> HeatMap:
     """Return where a design goes on a map from varied poses."""
-    world = site.world
+    world = prepared_map.world
     varied = replace(world, starts=tuple(_varied(start) for start in world.starts))
     drawn = draw_poses(varied, poses, trials.seed)
-    launches = Launches.of(TerrainSet([site.terrain]), [drawn])
+    launches = Launches.of(TerrainSet([prepared_map.terrain]), [drawn])
     batch = Batch(Plans.of([design], trials.options), launches, trials.options)
     deployments = batch.deployments()
     low_mm, cell_mm, shape = _raster(world)
@@ -151,7 +158,7 @@ def stuck_spots(deployments: Sequence[Deployment], apart_mm: float) -> tuple[Stu
 
 
 def _varied(start: Start) -> Start:
-    """Return a start with a range of poses, whether the map gives one or not."""
+    """Return a start with a range of poses, the default one where the map gives none."""
     if start.spread_x_mm or start.spread_y_mm or start.spread_heading_rad:
         return start
     return replace(
@@ -167,3 +174,72 @@ def _raster(world: Map) -> tuple[tuple[float, float], float, tuple[int, int]]:
     cell_mm = max(world.size_mm) / CELLS
     rows, columns = math.ceil((y_max - y_min) / cell_mm), math.ceil((x_max - x_min) / cell_mm)
     return (x_min, y_min), cell_mm, (rows, columns)
+
+
+_HEAT = LinearSegmentedColormap.from_list(
+    "heat", ["#fdf1dc", "#f6b65c", "#d9622b", "#8c2155", LEVEL_COLOURS[0]]
+)
+"""From light to dark, so that a grey print shows the same order."""
+
+
+def heat_plan(heat: HeatMap) -> Figure:
+    """Return a map with the share of the deployments that pass each place, and stuck tips."""
+    with house_style():
+        box = heat.world.bounds.bounds
+        figure, axes = plan_axes(box, 7.0)
+        rows, columns = heat.share.shape
+        x, y = heat.low_mm
+        extent = (x, x + columns * heat.cell_mm, y, y + rows * heat.cell_mm)
+        shown = np.ma.masked_equal(100.0 * heat.share, 0.0)
+        image = axes.imshow(
+            shown, origin="lower", extent=extent, cmap=_HEAT, vmin=0.0, zorder=1.5,
+            interpolation="nearest",
+        )  # fmt: skip
+        draw_map(axes, heat.world)
+        for start in heat.world.starts:
+            draw_pose(axes, start.pose, max(heat.world.size_mm))
+        for number, spot in enumerate(heat.spots, start=1):
+            place = (spot.x_mm, spot.y_mm)
+            axes.plot(*place, "o", ms=9, mfc="none", mec=ALERT, mew=1.6, zorder=8)
+            axes.annotate(
+                f"{number}", place, xytext=(6, 5), textcoords="offset points", fontsize=9,
+                color=ALERT, path_effects=[Stroke(linewidth=2.2, foreground="white"), Normal()],
+                zorder=9,
+            )  # fmt: skip
+        bar = figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02)
+        bar.set_label("deployments whose body passes (%)")
+        bar.outline.set_visible(False)
+    return figure
+
+
+def heat_section(heat: HeatMap) -> Section:
+    """Return where robots go on one map, and where they get stuck."""
+    often, ever = heat.percent_passed(0.5), heat.percent_passed()
+    words = (
+        f"{heat.deployments} deployments on {heat.world.name}, poses drawn {heat.spread} (uniform; "
+        f"simulated). Some body covers {ever:.1f} % of the free space; more than half of the "
+        f"deployments cover {often:.1f} %. The raster's cells are {heat.cell_mm:.2f} mm."
+    )
+    rows = tuple(
+        (str(number), f"{spot.x_mm:.1f}", f"{spot.y_mm:.1f}", f"{spot.percent:.1f}")
+        for number, spot in enumerate(heat.spots, start=1)
+    )
+    table = Table(
+        caption="Where branches stop head-on or in a corner most often (simulated)",
+        headings=("place", "x mm", "y mm", "% of deployments"),
+        rows=rows,
+    )
+    nowhere = "No branch got stuck on this map." if not rows else ""
+    return Section(
+        title="Where it goes and where it gets stuck",
+        paragraphs=(words, nowhere) if nowhere else (words,),
+        pictures=(
+            Picture(
+                image=svg_bytes(heat_plan(heat)),
+                caption=f"{heat.world.name}: share of the deployments whose body passes each "
+                "place, and rings where branches get stuck, numbered as in the table (simulated).",
+                wide=True,
+            ),
+        ),
+        tables=(table,) if rows else (),
+    )

@@ -1,4 +1,4 @@
-"""What is said of a map, as lines for the user and as JSON: ``vinefab/map-info-1``."""
+"""Size, passages and room of a map, as lines for the user and JSON, ``vinefab/map-info-1``."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -21,7 +21,7 @@ from vinefab.physics.tube import inflated_radius_mm
 from vinefab.prediction.deploy import pose_text
 
 SHARES = (0.9, 0.5)
-"""Shares of the free area for which the widest body is looked for."""
+"""Shares of the free area for which the widest body is computed."""
 
 HALVINGS = 7
 COARSE = 0.01
@@ -294,7 +294,7 @@ def _start_lines(info: MapInfo) -> Iterator[str]:
             f"widest body that fits {room.body_mm:.2f} mm (computed)"
         )
     if not info.starts:
-        yield "the map has no start, so nothing can be said of robots"
+        yield "the map has no start: the room for robots is not computed"
         return
     for share, width in info.widest_mm.items():
         found = "none" if width is None else f"about {width:.1f} mm"

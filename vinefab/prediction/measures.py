@@ -1,4 +1,4 @@
-"""What is predicted about a robot: named numbers, one for every deployment, and their spread."""
+"""The measures of a deployment, and their spread over deployments."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,11 +9,18 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.statistics import group_means, mean_interval
-from vinefab.core.validation import Floats
+from vinefab.core.validation import Floats, Ints
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design, Pouch
 from vinefab.model.map import Pose
-from vinefab.prediction.growth_pressures import growth_pressures_kpa
+from vinefab.physics.growth_pressure import (
+    FITTED,
+    FITTED_DIAMETER_MM,
+    NO_TENSION,
+    GrowthConstants,
+    riding_mm,
+)
+from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.map_context import MapContext
@@ -59,6 +66,7 @@ COVERAGE = Measure(
     better="more",
     meaning="what the optimizer maximizes: area seen, less what branches and film cost",
 )
+
 SEEN = Measure(
     key="seen_percent",
     title="free space seen by sensors",
@@ -67,6 +75,7 @@ SEEN = Measure(
     better="more",
     meaning="share of the free space within the discs of sight around the tips",
 )
+
 REACH = Measure(
     key="reach_percent",
     title="free space reached",
@@ -75,6 +84,7 @@ REACH = Measure(
     better="more",
     meaning="share of the free space near the deployed body",
 )
+
 ANCHORING = Measure(
     key="anchoring_amplification",
     title="anchoring amplification",
@@ -84,6 +94,7 @@ ANCHORING = Measure(
     meaning="holding force over that of one pouch, at the assumed friction; every leaf that came "
     "out counts, or with pouches those in a gap narrower than theirs",
 )
+
 GROWN = Measure(
     key="grown_percent",
     title="length grown",
@@ -92,6 +103,7 @@ GROWN = Measure(
     better="more",
     meaning="length of all deployed branches over the planned length",
 )
+
 STUCK = Measure(
     key="stuck_percent",
     title="branches stopped by walls",
@@ -100,6 +112,7 @@ STUCK = Measure(
     better="less",
     meaning="share of the branches that stopped head-on or in a corner before their full length",
 )
+
 UNDEPLOYED = Measure(
     key="undeployed_percent",
     title="branches that never emerged",
@@ -108,6 +121,7 @@ UNDEPLOYED = Measure(
     better="less",
     meaning="share of the branches that stay inside: their parent is stuck, or they have no room",
 )
+
 LOOSE_PRESSURE = Measure(
     key="growth_pressure_loose_kpa",
     title="growth pressure, loose film",
@@ -117,6 +131,7 @@ LOOSE_PRESSURE = Measure(
     meaning="to grow to the worst tip, by the nested capstan along its simulated path; nothing "
     "holds the film back as it leaves its store",
 )
+
 TIGHT_PRESSURE = Measure(
     key="growth_pressure_tight_kpa",
     title="growth pressure, tight film",
@@ -176,9 +191,9 @@ class Spread:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeasureTable:
-    """The measures of one design's deployments in one field."""
+    """The measures of one design's deployments on one family of maps."""
 
-    label: str  # what the field is called: the maps given, or an environment
+    label: str  # of the map family
     maps: tuple[str, ...]  # name of the map of each deployment, n of them
     poses: tuple[Pose, ...]  # pose of each deployment
     # for each measure, by its key, one value per deployment, shape (n,); NaN where there is none
@@ -201,6 +216,17 @@ class MeasureTable:
     def spread(self, measure: Measure) -> Spread | None:
         """Return how a measure is spread, or None where no deployment has it."""
         return Spread.of(self.values[measure.key], self.maps)
+
+
+def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
+    """Return how every measure is spread, rounded as it is shown, by the measures' keys."""
+    spreads: dict[str, object] = {}
+    for measure in MEASURES:
+        spread = outcomes.spread(measure)
+        if spread is not None:
+            numbers = {name: measure.rounded(getattr(spread, name)) for name in Spread.NUMBERS}
+            spreads[measure.key] = {"count": spread.count, **numbers}
+    return spreads
 
 
 STUCK_STOPS = (Stop.HEAD_ON, Stop.CORNER)
@@ -254,3 +280,106 @@ def worst_pressures_kpa(deployment: Deployment, design: Design) -> tuple[float, 
         return float("nan"), float("nan")
     loose_kpa, tight_kpa = growth_pressures_kpa(deployment, design)[:, deployed].max(axis=1)
     return float(loose_kpa), float(tight_kpa)
+
+
+LOOSE = FITTED.with_storage(NO_TENSION)
+
+TIGHT = FITTED
+"""Film that nothing holds back as it leaves its store, and film on a tight spool."""
+
+
+def growth_pressures_kpa(
+    deployment: Deployment, design: Design, fits: Sequence[GrowthConstants] = (LOOSE, TIGHT)
+) -> Floats:
+    """Return the pressure that growth to each tip takes, a row per fit, shape (fits, n).
+
+    The same model as `physics.growth_pressure`, which says what counts as a turn. There every
+    path is worked out from its base; here each branch goes on from its parent's result, on arrays.
+    Branches that never emerged get NaN.
+
+    Parameters
+    ----------
+    fits
+        Constants of the tube that was measured, with the same friction; they are scaled to the
+        diameter of each level.
+
+    Notes
+    -----
+    ``P = Y + (T + f l_r) G + f M``: G is the product of ``e^(mu theta)`` over all turns of the
+    path, M the sum of its lengths, each times that product over the turns behind it.
+    """
+    gain, drawn_mm = path_gains(deployment, fits[0].friction.value)
+    own = deployment.tree.level - 1
+    riding = riding_mm(deployment.tree, design.build.widths_mm)
+    rows = []
+    for fit in fits:
+        levels = constants_by_level(design, fit)
+        yielding = np.array([level.yield_kpa.value for level in levels])[own]
+        storage = np.array([level.storage_kpa.value for level in levels])[own]
+        drag_kpa_mm = np.array([level.drag_kpa_m.value / 1000.0 for level in levels])[own]
+        rows.append(yielding + (storage + drag_kpa_mm * riding) * gain + drag_kpa_mm * drawn_mm)
+    return np.array(rows)
+
+
+def constants_by_level(design: Design, fit: GrowthConstants) -> tuple[GrowthConstants, ...]:
+    """Return the growth constants of each level's tube, trunk first."""
+    return tuple(
+        fit.at_diameter(inflated_diameter_mm(width_mm), FITTED_DIAMETER_MM.value)
+        for width_mm in design.build.widths_mm
+    )
+
+
+def path_gains(deployment: Deployment, friction: float) -> tuple[Floats, Floats]:
+    """Return G and M (mm) of the path to each tip, shape (n,) each; NaN where none emerged."""
+    tree, runs = deployment.tree, _Runs.of(deployment)
+    gain, drawn_mm, heading = np.full((3, len(tree)), np.nan)
+    for level in range(1, int(tree.level.max()) + 1):
+        members = np.flatnonzero((tree.level == level) & deployment.deployed)
+        parents, joint = tree.parent[members], tree.offset_rad[members]
+        if level == 1:
+            before, g, m = np.full(1, deployment.pose.heading_rad), np.ones(1), np.zeros(1)
+            before, g, m = before[: len(members)], g[: len(members)], m[: len(members)]
+        else:
+            before, g, m = heading[parents], gain[parents], drawn_mm[parents]
+        before = before + joint
+        turn = np.abs(joint)
+        for step in range(max(1, int(runs.count[members].max(initial=0)))):
+            has = runs.count[members] > step
+            at = runs.first[members[has]] + step
+            turn[has] += _between(before[has], runs.heading[at])
+            bend = np.exp(friction * turn)
+            g, m = g * bend, m * bend
+            m[has] += runs.length_mm[at]
+            before[has] = runs.heading[at]
+            turn = np.zeros(len(members))
+        gain[members], drawn_mm[members], heading[members] = g, m, before
+    return gain, drawn_mm
+
+
+@dataclass(frozen=True, slots=True)
+class _Runs:
+    """The straight stretches of all branches, one branch after the other."""
+
+    heading: Floats
+    length_mm: Floats
+    first: Ints
+    count: Ints
+
+    @classmethod
+    def of(cls, deployment: Deployment) -> "_Runs":
+        """Return the stretches of a deployment that have a length."""
+        points, first_point = deployment.points_mm, deployment.first_point
+        run = np.diff(points, axis=0)
+        length = np.hypot(run[:, 0], run[:, 1])
+        branch = np.repeat(np.arange(len(deployment.tree)), np.diff(first_point))
+        real = (branch[:-1] == branch[1:]) & (length > 0.0)
+        count = np.bincount(branch[:-1][real], minlength=len(deployment.tree))
+        return cls(
+            np.arctan2(run[real, 1], run[real, 0]), length[real], np.cumsum(count) - count, count
+        )
+
+
+def _between(one_rad: Floats, two_rad: Floats) -> Floats:
+    """Return the angles between directions, 0 to pi."""
+    turns: Floats = np.abs(np.remainder(two_rad - one_rad + math.pi, math.tau) - math.pi)
+    return turns

@@ -1,52 +1,63 @@
-"""Predictions for a design over maps and unseen environments, on top of how it is made."""
+"""Predictions for a design over maps and unseen environments, and its report."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from vinefab.core.units import deg
 from vinefab.fabrication.package.bom import bill_of_materials
 from vinefab.fabrication.package.package_page import assumption_section, pressure_section
 from vinefab.fabrication.package.prepare import Prepared, design_facts, making_sections, prepare
-from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Design
-from vinefab.model.laser import LaserProfile
-from vinefab.pages.html import Report, Section, page_html
-from vinefab.prediction.anchoring_prediction import AnchoringPrediction, predict_anchoring
-from vinefab.prediction.assumptions import model_assumptions
-from vinefab.prediction.deployments import (
+from vinefab.model.finding import CheckReport, Severity
+from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
+from vinefab.pages.html import Headline, Report, Section, Tone, page_html
+from vinefab.physics.anchoring import ASSUMED_FRICTION
+from vinefab.prediction.anchoring_prediction import (
+    AnchoringPrediction,
+    anchoring_section,
+    predict_anchoring,
+)
+from vinefab.prediction.deployment_sections import deployment_section, spread_section
+from vinefab.prediction.family_deployments import (
     FamilyDeployments,
+    MapFamily,
     PredictionPlan,
     PreparedFamily,
-    Tell,
+    ProgressCallback,
     deploy_family,
-    silent,
+    no_progress,
+    rules_text,
     typical,
 )
-from vinefab.prediction.heat_map import HeatMap, heat_map_of
-from vinefab.prediction.map_families import MapFamily
-from vinefab.prediction.measures import SEEN, Measure, Spread
-from vinefab.prediction.pressure_window import PressureWindow, burst_basis, window_of
-from vinefab.prediction.provenance import Origin, repeat_section
-from vinefab.prediction.sections import (
-    anchoring_section,
-    deployment_section,
-    heat_section,
-    sensitivity_section,
-    spread_section,
-    tolerance_section,
+from vinefab.prediction.heat_map import HeatMap, heat_map_of, heat_section
+from vinefab.prediction.measures import (
+    COVERAGE,
+    REACH,
+    SEEN,
+    STUCK,
+    UNDEPLOYED,
+    Measure,
+    MeasureTable,
+    Spread,
+)
+from vinefab.prediction.pressure_window import (
+    PressureWindow,
+    burst_basis,
+    window_of,
     window_section,
 )
+from vinefab.prediction.provenance import Origin, model_assumptions, repeat_section
 from vinefab.prediction.sensitivity import (
     QUICK,
     Effect,
     Tolerance,
-    VariantBench,
+    VariantEvaluator,
     sensitivity,
+    sensitivity_section,
     tolerance,
+    tolerance_section,
 )
-from vinefab.prediction.verdict import cautions, headlines, verdict_on
 
 MOST_PICTURES = 6
 
@@ -62,10 +73,10 @@ class Predicted:
     """What a design is expected to do, and how it is made."""
 
     prepared: Prepared  # job and check
-    trips: tuple[FamilyDeployments, ...]  # deployments in each field, the maps given first
-    trials: PredictionPlan  # how it was deployed
+    results: tuple[FamilyDeployments, ...]  # deployments in each family, the maps given first
+    plan: PredictionPlan  # how it was deployed
     window: PressureWindow | None  # the pressure window; None where nothing ever emerged
-    holdings: tuple[AnchoringPrediction, ...]  # anchoring in each field
+    anchoring: tuple[AnchoringPrediction, ...]  # anchoring in each family
     heat: HeatMap  # where it goes on the first map
     # effects, tolerance: sensitivity, and scatter from making
     effects: tuple[Effect, ...]
@@ -73,14 +84,14 @@ class Predicted:
 
     @property
     def main(self) -> FamilyDeployments:
-        """The field with most deployments: what headlines are about."""
-        return max(self.trips, key=lambda trip: len(trip.deployments))
+        """The family with most deployments: what headlines are about."""
+        return max(self.results, key=lambda result: len(result.deployments))
 
     def spread(self, measure: Measure) -> Spread | None:
-        """Return how a measure is spread in the main field."""
+        """Return how a measure is spread in the main family."""
         return self.main.outcomes.spread(measure)
 
-    def sections(self, tell: Tell = silent) -> tuple[Section, ...]:
+    def sections(self, progress: ProgressCallback = no_progress) -> tuple[Section, ...]:
         """Return the predictions as sections of a report."""
         design, profile = self.prepared.design, self.prepared.profile
         window, effects = self.window, self.effects
@@ -90,20 +101,22 @@ class Predicted:
                 if window
                 else pressure_section(design, profile)
             ),
-            lambda: spread_section([trip.outcomes for trip in self.trips]),
+            lambda: spread_section([result.outcomes for result in self.results]),
             self._deployments,
             lambda: heat_section(self.heat),
-            lambda: anchoring_section(self.holdings),
+            lambda: anchoring_section(self.anchoring),
             lambda: sensitivity_section(effects, QUICK),
             lambda: tolerance_section(self.tolerance),
         )
         drawn = []
         for index, part in enumerate(parts):
             drawn.append(part())
-            tell((index + 1) / len(parts), f"drawing: {drawn[-1].title.lower()}")
+            progress((index + 1) / len(parts), f"drawing: {drawn[-1].title.lower()}")
         return tuple(drawn)
 
-    def report(self, origin: Origin, more: Sequence[Section] = (), tell: Tell = silent) -> Report:
+    def report(
+        self, origin: Origin, more: Sequence[Section] = (), progress: ProgressCallback = no_progress
+    ) -> Report:
         """Return the whole report."""
         words, tone = verdict_on(self.prepared.report, self.window)
         return Report(
@@ -111,20 +124,22 @@ class Predicted:
             verdict=words,
             tone=tone,
             cautions=cautions(self.prepared, self.window, self.main.outcomes),
-            headlines=headlines(self.main.outcomes, self.window, self.holdings),
+            headlines=headlines(self.main.outcomes, self.window, self.anchoring),
             facts=design_facts(self.prepared),
             sections=(
                 *more,
-                *self.sections(tell),
+                *self.sections(progress),
                 *making_sections(self.prepared),
-                assumption_section(self.prepared.profile, model_assumptions(self.trials.options)),
+                assumption_section(self.prepared.profile, model_assumptions(self.plan.options)),
                 repeat_section(origin.command, origin.inputs, origin.versions),
             ),
         )
 
-    def page(self, origin: Origin, more: Sequence[Section] = (), tell: Tell = silent) -> str:
+    def page(
+        self, origin: Origin, more: Sequence[Section] = (), progress: ProgressCallback = no_progress
+    ) -> str:
         """Return the whole report as HTML; parameters as in `report`."""
-        return page_html(self.report(origin, more, tell))
+        return page_html(self.report(origin, more, progress))
 
     def _deployments(self) -> Section:
         design = self.prepared.design
@@ -134,82 +149,212 @@ class Predicted:
             (index,) = typical(main.outcomes, SEEN.key, [share])
             chosen.setdefault(index, words)
         shown = [
-            (self._caption(main, index, words), main.site(index).world, main.deployments[index])
+            (
+                self._caption(main, index, words),
+                main.prepared_map(index).world,
+                main.deployments[index],
+            )
             for index, words in chosen.items()
         ]
-        for trip in self.trips:
-            first = range(0, len(trip.deployments), self.trials.poses)
+        for result in self.results:
+            first = range(0, len(result.deployments), self.plan.poses)
             shown += [
-                (self._caption(trip, index, "first pose"), trip.site(index).world,
-                 trip.deployments[index])
+                (self._caption(result, index, "first pose"), result.prepared_map(index).world,
+                 result.deployments[index])
                 for index in first
-                if trip is not main or index not in chosen
+                if result is not main or index not in chosen
             ]  # fmt: skip
-        ended = [(trip.place.label, trip.deployments) for trip in self.trips]
+        ended = [(result.prepared.label, result.deployments) for result in self.results]
         return deployment_section(
-            design, shown[:MOST_PICTURES], ended, rules_text(self.trials.options)
+            design, shown[:MOST_PICTURES], ended, rules_text(self.plan.options)
         )
 
     @staticmethod
-    def _caption(trip: FamilyDeployments, index: int, words: str) -> str:
-        seen = SEEN.text(trip.outcomes.values[SEEN.key][index])
-        return f"{trip.outcomes.maps[index]}, {words}: {seen} of the free space seen"
+    def _caption(result: FamilyDeployments, index: int, words: str) -> str:
+        seen = SEEN.text(result.outcomes.values[SEEN.key][index])
+        return f"{result.outcomes.maps[index]}, {words}: {seen} of the free space seen"
 
 
 def predict(
     design: Design,
     profile: LaserProfile,
-    fields: Sequence[MapFamily],
-    trials: PredictionPlan | None = None,
-    tell: Tell = silent,
+    families: Sequence[MapFamily],
+    plan: PredictionPlan | None = None,
+    progress: ProgressCallback = no_progress,
 ) -> Predicted:
-    """Deploy a design in fields of maps, measure everything, and check it with its deployments."""
-    trials = trials or PredictionPlan()
-    tell(0.0, "preparing maps")
-    places = [PreparedFamily.of(field, trials) for field in fields]
-    sizes = np.array([len(place.sites) for place in places]) / sum(len(p.sites) for p in places)
-    ends = 0.05 + 0.45 * np.cumsum(sizes)
-    trips = tuple(
-        deploy_family(design, place, trials, part_of(tell, end - 0.45 * size, end))
-        for place, size, end in zip(places, sizes.tolist(), ends.tolist(), strict=True)
+    """Deploy a design on families of maps, measure it and check it with its deployments."""
+    plan = plan or PredictionPlan()
+    progress(0.0, "preparing maps")
+    prepared_families = [PreparedFamily.of(family, plan) for family in families]
+    sizes = np.array([len(prepared.maps) for prepared in prepared_families]) / sum(
+        len(p.maps) for p in prepared_families
     )
-    main = max(trips, key=lambda trip: len(trip.deployments))
-    bench = VariantBench(design, main.place, trials)
-    effects = sensitivity(bench, part_of(tell, 0.5, 0.7))
-    scatter = tolerance(bench, trials.seed, part_of(tell, 0.7, 0.92))
-    tell(0.92, "where it goes on one map")
-    heat = heat_map_of(design, places[0].sites[0], trials)
-    tell(0.94, "design rules")
-    deployments = [deployment for trip in trips for deployment in trip.deployments]
+    ends = 0.05 + 0.45 * np.cumsum(sizes)
+    results = tuple(
+        deploy_family(design, prepared, plan, part_of(progress, end - 0.45 * size, end))
+        for prepared, size, end in zip(
+            prepared_families, sizes.tolist(), ends.tolist(), strict=True
+        )
+    )
+    main = max(results, key=lambda result: len(result.deployments))
+    evaluator = VariantEvaluator(design, main.prepared, plan)
+    effects = sensitivity(evaluator, part_of(progress, 0.5, 0.7))
+    scatter = tolerance(evaluator, plan.seed, part_of(progress, 0.7, 0.92))
+    progress(0.92, "where it goes on one map")
+    heat = heat_map_of(design, prepared_families[0].maps[0], plan)
+    progress(0.94, "design rules")
+    deployments = [deployment for result in results for deployment in result.deployments]
     prepared = prepare(design, profile, deployments)
     mass_g = _mass_g(prepared)
     return Predicted(
         prepared=prepared,
-        trips=trips,
-        trials=trials,
-        window=window_of(design, profile, [trip.outcomes for trip in trips]),
-        holdings=tuple(predict_anchoring(design, trip, profile.material, mass_g) for trip in trips),
+        results=results,
+        plan=plan,
+        window=window_of(design, profile, [result.outcomes for result in results]),
+        anchoring=tuple(
+            predict_anchoring(design, result, profile.material, mass_g) for result in results
+        ),
         heat=heat,
         effects=effects,
         tolerance=scatter,
     )
 
 
-def rules_text(options: GrowthOptions) -> str:
-    """Return the growth model's choices in words."""
-    children = "stay inside" if options.children_of_stuck == "stop" else "grow all the same"
-    return (
-        f"{options.body} body, head-on half-angle {deg(options.head_on_half_angle_rad):g} degrees "
-        f"(assumed), children of a stuck branch {children}"
-    )
-
-
-def part_of(tell: Tell, start: float, end: float) -> Tell:
+def part_of(progress: ProgressCallback, start: float, end: float) -> ProgressCallback:
     """Return a teller for a part of the work."""
-    return lambda share, words: tell(start + (end - start) * share, words)
+    return lambda share, words: progress(start + (end - start) * share, words)
 
 
 def _mass_g(prepared: Prepared) -> float:
     """Return the mass of the robot's film from its bill of materials."""
     lines = bill_of_materials(prepared.job, prepared.profile)
     return next((line.value for line in lines if line.item == "robot film mass"), 0.0)
+
+
+MANY_PERCENT = 10.0
+"""From so many stuck or missing branches on, the summary says so."""
+
+FEW_MAPS = 10
+"""With fewer maps, bootstrap intervals are too narrow to be trusted."""
+
+
+def verdict_on(report: CheckReport, window: PressureWindow | None) -> tuple[str, Tone]:
+    """Return in one sentence whether a robot is manufacturable and deployable, and the tone."""
+    name = report.design
+    if report.blocking:
+        broken = ", ".join(sorted({finding.rule for finding in report.blocking}))
+        return (
+            f"{name} is not manufacturable and deployable as designed: broken rules {broken}.",
+            "bad",
+        )
+    if window is None:
+        return f"{name} is manufacturable, but has no room to emerge from any of the poses.", "bad"
+    if not window.is_open:
+        return (
+            f"{name} is manufacturable, but hardly deployable: growth to the worst tip needs "
+            f"{window.needed_kpa:.1f} kPa even with film stored loosely, and its widest part is "
+            f"limited to {window.allowed_kpa:.1f} kPa.",
+            "bad",
+        )
+    room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
+    if not window.holds_working:
+        return (
+            f"{name} is manufacturable, and deployable at {room}; its working pressure of "
+            f"{window.working_kpa:g} kPa is outside this window.",
+            "caution",
+        )
+    tone: Tone = "good" if window.is_open_tight else "caution"
+    return f"{name} is manufacturable, and deployable at {room} with film stored loosely.", tone
+
+
+def cautions(
+    prepared: Prepared, window: PressureWindow | None, outcomes: MeasureTable
+) -> tuple[str, ...]:
+    """Return the reservations to the verdict, a sentence each."""
+    sentences = []
+    warnings = prepared.report.count(Severity.WARNING)
+    skipped = len(prepared.report.skipped)
+    if prepared.profile.recipe.status is RecipeStatus.UNVERIFIED:
+        sentences.append("No coupon has confirmed the laser recipe: cut and burst one first.")
+    sentences += _about_pressure(window) if window else []
+    for measure in (STUCK, UNDEPLOYED):
+        spread = outcomes.spread(measure)
+        if spread is not None and spread.mean >= MANY_PERCENT:
+            sentences.append(f"{measure.text(spread.mean)} of its branches: {measure.title}.")
+    if outcomes.map_count < FEW_MAPS:
+        sentences.append(
+            f"Predictions rest on {outcomes.map_count} maps: intervals are too narrow; "
+            "--environment deploys it on many more."
+        )
+    if warnings or skipped:
+        sentences.append(f"Design rules: {warnings} warnings, {skipped} rules not checked.")
+    return tuple(sentences)
+
+
+def _about_pressure(window: PressureWindow) -> list[str]:
+    sentences = []
+    if window.is_open and not window.is_open_tight:
+        sentences.append(
+            f"Store the film loosely: off a tight spool growth needs {window.tight.p95_kpa:.1f} "
+            f"kPa, more than the {window.allowed_kpa:.1f} kPa that the widest part may take."
+        )
+    if window.standing is Standing.ASSUMED:
+        sentences.append(
+            "Pressures rest on assumed numbers: the width of the burst test, the diameter of the "
+            "tube that growth was fitted to."
+        )
+    return sentences
+
+
+def headlines(
+    outcomes: MeasureTable, window: PressureWindow | None, anchoring: Sequence[AnchoringPrediction]
+) -> tuple[Headline, ...]:
+    """Return the numbers to take away."""
+    found = [_measured(outcomes, measure) for measure in (SEEN, REACH, COVERAGE)]
+    found += [_measured(outcomes, measure, MANY_PERCENT) for measure in (STUCK, UNDEPLOYED)]
+    holding = next(h for h in anchoring if h.label == outcomes.label)
+    found.append(_anchored(holding))
+    if window is not None:
+        found.append(_pressed(window))
+    return tuple(headline for headline in found if headline is not None)
+
+
+def _measured(
+    outcomes: MeasureTable, measure: Measure, most: float | None = None
+) -> Headline | None:
+    spread = outcomes.spread(measure)
+    if spread is None:
+        return None
+    low, high, p05, p95 = (
+        measure.number(value) for value in (spread.low, spread.high, spread.p05, spread.p95)
+    )
+    return Headline(
+        name=measure.title,
+        value=measure.text(spread.mean),
+        detail=f"mean over {outcomes.label}, 95 % interval {low} to {high}; 90 % of the "
+        f"deployments {p05} to {p95} (simulated)",
+        tone="caution" if most is not None and spread.mean >= most else "good",
+    )
+
+
+def _anchored(holding: AnchoringPrediction) -> Headline:
+    least = min(held.amplification for held in holding.table if held.engaged_percent > 50.0)
+    most = max(held.amplification for held in holding.table)
+    usual = holding.at(ASSUMED_FRICTION.value, 100.0)
+    return Headline(
+        name="anchoring amplification",
+        value=f"{least:.1f} to {most:.1f} x",
+        detail=f"{usual:.1f} x at friction {ASSUMED_FRICTION.value:g} (assumed) with all leaves "
+        "engaged; from two thirds of them at low friction to all at high friction (simulated)",
+    )
+
+
+def _pressed(window: PressureWindow) -> Headline:
+    room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
+    return Headline(
+        name="pressure window",
+        value=room if window.is_open else "none",
+        detail=f"growth of 95 % of the deployments, film stored loosely, to what the widest part "
+        f"may take; working pressure {window.working_kpa:g} kPa (computed from assumed numbers)",
+        tone="good" if window.is_open and window.holds_working else "bad",
+    )

@@ -10,12 +10,11 @@ from vinefab.core.jsontext import json_text
 from vinefab.core.units import deg
 from vinefab.prediction.anchoring_prediction import AnchoringPrediction
 from vinefab.prediction.heat_map import HeatMap
-from vinefab.prediction.measures import MEASURES, MeasureTable, Spread
-from vinefab.prediction.predict import Predicted
+from vinefab.prediction.measures import MEASURES, MeasureTable, spreads_content
+from vinefab.prediction.predict import Predicted, headlines, verdict_on
 from vinefab.prediction.pressure_window import Need, PressureWindow
 from vinefab.prediction.provenance import Origin
 from vinefab.prediction.sensitivity import QUICK, Effect, Tolerance
-from vinefab.prediction.verdict import headlines, verdict_on
 
 SCHEMA = "vinefab/prediction-1"
 
@@ -31,12 +30,12 @@ def prediction_text(found: Predicted, origin: Origin) -> str:
             "standing": "simulated",
             "verdict": verdict,
             "tone": tone,
-            "fields": [_field(trip.outcomes) for trip in found.trips],
-            "pressure_window": None if found.window is None else _window(found.window),
-            "anchoring": [_holding(holding) for holding in found.holdings],
-            "heat": _heat(found.heat),
-            "sensitivity": [_effect(effect) for effect in found.effects],
-            "tolerance": _tolerance(found.tolerance),
+            "fields": [_field(result.outcomes) for result in found.results],
+            "pressure_window": None if found.window is None else window_content(found.window),
+            "anchoring": [anchoring_content(prediction) for prediction in found.anchoring],
+            "heat": heat_content(found.heat),
+            "sensitivity": [effect_content(effect) for effect in found.effects],
+            "tolerance": tolerance_content(found.tolerance),
             "reproduce": asdict(origin),
         },
     )
@@ -45,19 +44,8 @@ def prediction_text(found: Predicted, origin: Origin) -> str:
 def summary_lines(found: Predicted) -> list[str]:
     """Return the verdict and the numbers to take away as lines for the user."""
     verdict, _ = verdict_on(found.prepared.report, found.window)
-    shown = headlines(found.main.outcomes, found.window, found.holdings)
+    shown = headlines(found.main.outcomes, found.window, found.anchoring)
     return [verdict, *(f"  {line.name}: {line.value} ({line.detail})" for line in shown)]
-
-
-def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
-    """Return how every measure is spread, rounded as it is shown, by the measures' keys."""
-    spreads: dict[str, object] = {}
-    for measure in MEASURES:
-        spread = outcomes.spread(measure)
-        if spread is not None:
-            numbers = {name: measure.rounded(getattr(spread, name)) for name in Spread.NUMBERS}
-            spreads[measure.key] = {"count": spread.count, **numbers}
-    return spreads
 
 
 def _field(outcomes: MeasureTable) -> dict[str, object]:
@@ -87,7 +75,8 @@ def _deployment(outcomes: MeasureTable, index: int) -> dict[str, object]:
     }
 
 
-def _window(window: PressureWindow) -> dict[str, object]:
+def window_content(window: PressureWindow) -> dict[str, object]:
+    """Return a pressure window as it stands in JSON."""
     return {
         "is_open": window.is_open,
         "needed_kpa": round(window.needed_kpa, 1),
@@ -115,18 +104,19 @@ def _need(need: Need) -> dict[str, object]:
     return {"film_stored": need.storage, **numbers}
 
 
-def _holding(holding: AnchoringPrediction) -> dict[str, object]:
-    forces = holding.forces
+def anchoring_content(prediction: AnchoringPrediction) -> dict[str, object]:
+    """Return an anchoring prediction as it stands in JSON."""
+    forces = prediction.forces
     return {
-        "label": holding.label,
-        "leaves": holding.leaves,
+        "label": prediction.label,
+        "leaves": prediction.leaves,
         "table": [
             {
                 "friction": held.friction,
                 "engaged_percent": held.engaged_percent,
                 "amplification": round(held.amplification, 2),
             }
-            for held in holding.table
+            for held in prediction.table
         ],
         "forces": None
         if forces is None
@@ -140,7 +130,8 @@ def _holding(holding: AnchoringPrediction) -> dict[str, object]:
     }
 
 
-def _heat(heat: HeatMap) -> dict[str, object]:
+def heat_content(heat: HeatMap) -> dict[str, object]:
+    """Return a heat map as it stands in JSON."""
     return {
         "map": heat.world.name,
         "deployments": heat.deployments,
@@ -151,7 +142,8 @@ def _heat(heat: HeatMap) -> dict[str, object]:
     }
 
 
-def _effect(effect: Effect) -> dict[str, object]:
+def effect_content(effect: Effect) -> dict[str, object]:
+    """Return a sensitivity as it stands in JSON."""
     changes: dict[str, Mapping[str, float]] = {}
     for measure in QUICK:
         change = effect.changes.get(measure.key)
@@ -167,7 +159,8 @@ def _effect(effect: Effect) -> dict[str, object]:
     }
 
 
-def _tolerance(tolerance: Tolerance) -> dict[str, object]:
+def tolerance_content(tolerance: Tolerance) -> dict[str, object]:
+    """Return the scatter from fabrication as it stands in JSON."""
     return {
         "length_percent": tolerance.length_percent,
         "angle_deg": tolerance.angle_deg,

@@ -1,14 +1,28 @@
-"""The pressure window of a design over its deployments."""
+"""The pressure window of a design over its deployments: numbers, chart and section."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from vinefab.core.validation import Floats
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Standing
+from vinefab.pages.charts import frame
+from vinefab.pages.figure import (
+    ALERT,
+    INK,
+    LEVEL_COLOURS,
+    SOFT,
+    blank,
+    house_style,
+    level_colour,
+    svg_bytes,
+)
+from vinefab.pages.html import Picture, Section, Table
 from vinefab.physics.seam import allowed_line_load_n_mm, burst_pressure_kpa, hoop_strain
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureTable
@@ -16,7 +30,7 @@ from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureT
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelPressure:
-    """What one width stands."""
+    """Pressure limits of one lay-flat width."""
 
     name: str  # which part has the width
     level: int  # its level, for colours
@@ -24,13 +38,13 @@ class LevelPressure:
     width_mm: float
     inflated_mm: float
     burst_kpa: float  # pressure at which its seam gives way
-    allowed_kpa: float  # that, less the safety factor
+    allowed_kpa: float  # that over the safety factor
     strain_percent: float  # hoop strain at the working pressure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Need:
-    """What growth to the worst tip takes, over deployments."""
+    """Pressure that growth to the worst tip needs, over deployments."""
 
     storage: str  # how the film is stored: ``loosely`` or ``tightly``
     # percentiles over deployments, and the greatest value
@@ -49,28 +63,28 @@ class PressureWindow:
     loose: Need
     tight: Need
     working_kpa: float  # the design's working pressure
-    levels: tuple[LevelPressure, ...]  # what each width stands, trunk first, pouches last
+    levels: tuple[LevelPressure, ...]  # limits of each width, trunk first, pouches last
     safety_factor: float  # burst over allowed pressure
-    standing: Standing  # how far burst pressures may be trusted
+    standing: Standing  # of burst pressures
 
     @property
     def allowed_kpa(self) -> float:
-        """The pressure that every width may take."""
+        """The largest pressure allowed for every width."""
         return min(level.allowed_kpa for level in self.levels)
 
     @property
     def needed_kpa(self) -> float:
-        """What 95 % of the deployments grow with, if the film is stored loosely."""
+        """Pressure that 95 % of the deployments grow with, if the film is stored loosely."""
         return self.loose.p95_kpa
 
     @property
     def is_open(self) -> bool:
-        """Whether any pressure grows the robot and leaves it whole."""
+        """Whether some pressure grows the robot without bursting it."""
         return self.needed_kpa < self.allowed_kpa
 
     @property
     def is_open_tight(self) -> bool:
-        """Whether that is so even with film on a tight spool."""
+        """Whether the window is open even with film on a tight spool."""
         return self.tight.p95_kpa < self.allowed_kpa
 
     @property
@@ -87,14 +101,14 @@ class PressureWindow:
 
 
 def window_of(
-    design: Design, profile: LaserProfile, fields: Sequence[MeasureTable]
+    design: Design, profile: LaserProfile, families: Sequence[MeasureTable]
 ) -> PressureWindow | None:
     """Return the pressure window over all deployments, or None where nothing ever emerged."""
     factor = RULES["VF-P01"].limits["safety_factor"]
     levels = _levels(design, profile, factor)
     allowed_kpa = min(level.allowed_kpa for level in levels)
     loose, tight = (
-        np.concatenate([outcomes.values[measure.key] for outcomes in fields])
+        np.concatenate([outcomes.values[measure.key] for outcomes in families])
         for measure in (LOOSE_PRESSURE, TIGHT_PRESSURE)
     )
     if not np.isfinite(loose).any():
@@ -161,3 +175,122 @@ def _levels(design: Design, profile: LaserProfile, factor: float) -> tuple[Level
             )
         )
     return tuple(found)
+
+
+_OPEN = "#1b7f4d"
+
+
+def window_chart(window: PressureWindow) -> Figure:
+    """Return what growth needs, what each width may take, and the room between the two."""
+    with house_style():
+        figure, axes = blank(6.4, 1.7 + 0.36 * len(window.levels))
+        _draw_room(axes, window)
+        names = []
+        for row, need in enumerate((window.loose, window.tight)):
+            _draw_need(axes, row, need)
+            names.append(f"growth needs, film stored {need.storage}")
+        for row, level in enumerate(window.levels, start=2):
+            colour = level_colour(level.level)
+            axes.barh(row, level.allowed_kpa, height=0.5, color=colour, alpha=0.5)
+            axes.plot([level.burst_kpa] * 2, [row - 0.3, row + 0.3], color=colour, linewidth=2)
+            names.append(f"{level.name} may take, {level.width_mm:.1f} mm")
+        axes.axvline(window.working_kpa, color=INK, linewidth=1.4, linestyle="--")
+        axes.set_yticks(range(len(names)), names)
+        axes.set_ylim(len(names) - 0.5, -1.2)
+        axes.set_xlim(0.0, 1.06 * window.highest_kpa)
+        axes.annotate(
+            f"working pressure {window.working_kpa:g} kPa",
+            (window.working_kpa, -0.86),
+            xytext=(4, 0),
+            textcoords="offset points",
+            fontsize=8,
+            va="center",
+        )
+        axes.set_xlabel("pressure (kPa)")
+        frame(axes)
+        axes.grid(visible=False, axis="y")
+    return figure
+
+
+def _draw_need(axes: Axes, row: int, need: Need) -> None:
+    """Draw the range of 5 to 95 % of the deployments, and the median."""
+    width_kpa = need.p95_kpa - need.p05_kpa
+    colour = LEVEL_COLOURS[1]
+    axes.barh(row, width_kpa, left=need.p05_kpa, height=0.5, color=colour, alpha=0.45)
+    for value, weight in ((need.median_kpa, 1.2), (need.p95_kpa, 2.5)):
+        axes.plot([value] * 2, [row - 0.3, row + 0.3], color=colour, linewidth=weight)
+
+
+def _draw_room(axes: Axes, window: PressureWindow) -> None:
+    low, high = window.needed_kpa, window.allowed_kpa
+    if window.is_open:
+        axes.axvspan(low, high, color=_OPEN, alpha=0.16, linewidth=0)
+        words, colour = f"window {low:.1f} to {high:.1f} kPa", _OPEN
+    else:
+        axes.axvspan(high, low, color=ALERT, alpha=0.10, linewidth=0)
+        words, colour = f"no window: {low - high:.1f} kPa missing", ALERT
+    axes.axvline(high, color=SOFT, linewidth=1.0)
+    axes.set_title(words, fontsize=9.5, color=colour, loc="left", fontweight="bold")
+
+
+def window_section(window: PressureWindow, burst_basis: str) -> Section:
+    """Return the pressure window as a chart and numbers."""
+    words = (
+        "A robot can be deployed where the pressure that growth to the worst tip needs lies below "
+        "what its widest part may take. Narrow branches after many turns need most; wide tubes "
+        "burst first. How the film is stored decides much and is not known: stored loosely, "
+        "nothing holds it back; tightly, it is drawn off a spool."
+    )
+    needs = Table(
+        caption="Pressure to grow to the worst tip over deployments (simulated paths; nested "
+        "capstan with published constants, scaled by 1/diameter from a tube whose diameter is "
+        "assumed)",
+        headings=("film stored", "5 % kPa", "median kPa", "95 % kPa", "greatest kPa", "enough for"),
+        rows=tuple(
+            (
+                need.storage,
+                f"{need.p05_kpa:.1f}",
+                f"{need.median_kpa:.1f}",
+                f"{need.p95_kpa:.1f}",
+                f"{need.greatest_kpa:.1f}",
+                f"{need.enough_percent:.1f} %",
+            )
+            for need in (window.loose, window.tight)
+        ),
+    )
+    stands = Table(
+        caption=f"What each width stands, burst over allowed {window.safety_factor:g} (assumed), "
+        f"and how far it stretches at the working pressure of {window.working_kpa:g} kPa; "
+        f"{burst_basis}",
+        headings=(
+            "part", "lay-flat mm", "inflated mm", "bursts at kPa", "may take kPa", "hoop strain",
+        ),
+        rows=tuple(
+            (
+                level.name,
+                f"{level.width_mm:.2f}",
+                f"{level.inflated_mm:.2f}",
+                f"{level.burst_kpa:.1f}",
+                f"{level.allowed_kpa:.1f}",
+                f"{level.strain_percent:.0f} %",
+            )
+            for level in window.levels
+        ),
+    )  # fmt: skip
+    picture = Picture(
+        image=svg_bytes(window_chart(window)),
+        caption="Bars of growth: 5 to 95 % of the deployments, line at the median (simulated). "
+        "Bars of widths: what they may take; line where they burst "
+        f"({window.standing.value}).",
+        wide=True,
+    )
+    note = (
+        f"'Enough for' is the share of the deployments that grow in full with the "
+        f"{window.allowed_kpa:.1f} kPa that every width may take."
+    )
+    return Section(
+        title="Pressure window",
+        paragraphs=(words, note),
+        pictures=(picture,),
+        tables=(needs, stands),
+    )

@@ -1,18 +1,26 @@
-"""The section on how to get the same report again."""
+"""What predictions rest on: assumed and published numbers, inputs, versions, the command."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from vinefab.core.hashing import sha256_of
+from vinefab.core.units import deg
+from vinefab.fabrication.rules.catalog import RULES
+from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, Quantity, Standing
 from vinefab.pages.html import Section, Table
-from vinefab.prediction.map_families import MapFamily
+from vinefab.physics.anchoring import ASSUMED_FRICTION
+from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, NO_TENSION
+from vinefab.prediction.family_deployments import MapFamily
+from vinefab.prediction.sensitivity import ANGLE_TOLERANCE_DEG, LENGTH_TOLERANCE_PERCENT
 from vinefab.search.record.result import map_fingerprint, package_versions
+from vinefab.tasks.coverage import Coverage
+from vinefab.tasks.reach import Reach
 
 MOST_NAMED = 12
-"""Maps of a field are listed one by one up to so many."""
+"""Maps of a family are listed one by one up to so many."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,21 +36,21 @@ def origin_of(
     command: str,
     designs: Sequence[Design],
     profile: LaserProfile | None,
-    fields: Sequence[MapFamily],
+    families: Sequence[MapFamily],
 ) -> Origin:
     """Return where a result comes from."""
     inputs = {f"design {d.name}": sha256_of(design_text(d).encode())[:12] for d in designs}
     if profile is not None:
         inputs[f"recipe {profile.recipe.name}"] = sha256_of(repr(profile).encode())[:12]
-    for field in fields:
-        prints = [map_fingerprint(world) for world in field.worlds]
+    for family in families:
+        prints = [map_fingerprint(world) for world in family.worlds]
         if len(prints) <= MOST_NAMED:
             inputs |= {
                 f"map {index}: {world.name}": found
-                for index, (world, found) in enumerate(zip(field.worlds, prints, strict=True), 1)
+                for index, (world, found) in enumerate(zip(family.worlds, prints, strict=True), 1)
             }
         else:
-            inputs[field.label] = sha256_of("".join(prints).encode())[:12]
+            inputs[family.label] = sha256_of("".join(prints).encode())[:12]
     return Origin(command=command, inputs=inputs, versions=package_versions())
 
 
@@ -68,3 +76,55 @@ def repeat_section(command: str, inputs: Mapping[str, str], versions: Mapping[st
             ),
         ),
     )
+
+
+Numbers = tuple[tuple[str, Quantity], ...]
+
+
+def model_assumptions(options: GrowthOptions) -> Numbers:
+    """Return the numbers of the models behind predictions, by name with unit."""
+    return (*_growth_numbers(options), *_pressure_numbers(), *_task_numbers())
+
+
+def _growth_numbers(options: GrowthOptions) -> Numbers:
+    half_angle = deg(options.head_on_half_angle_rad)
+    return (
+        _assumed("growth.head_on_half_angle_deg", half_angle, "real robots: at most about 15"),
+        _assumed(
+            "making.length_tolerance_percent", LENGTH_TOLERANCE_PERCENT, "measure your robots"
+        ),
+        _assumed("making.angle_tolerance_deg", ANGLE_TOLERANCE_DEG, "measure your robots"),
+    )
+
+
+def _pressure_numbers() -> Numbers:
+    factor = RULES["VF-P01"].limits["safety_factor"]
+    return (
+        ("pressure.yield_kpa", FITTED.yield_kpa),
+        ("pressure.drag_kpa_m", FITTED.drag_kpa_m),
+        ("pressure.storage_tight_kpa", FITTED.storage_kpa),
+        ("pressure.storage_loose_kpa", NO_TENSION),
+        ("pressure.friction", FITTED.friction),
+        ("pressure.fitted_diameter_mm", FITTED_DIAMETER_MM),
+        _assumed("pressure.safety_factor", factor, "burst over allowed pressure"),
+    )
+
+
+def _task_numbers() -> Numbers:
+    coverage, friction = Coverage(), ASSUMED_FRICTION
+    own = "vinefab's own, the paper does not give it"
+    return (
+        _assumed("anchoring.friction", friction.value, "film on printed plastic"),
+        _assumed("anchoring.friction_low", friction.low, "film on printed plastic"),
+        _assumed("anchoring.friction_high", friction.high, "film on printed plastic"),
+        _assumed("coverage.sensor_radius_mm", coverage.radius_mm, own),
+        _assumed("coverage.weight_area", coverage.weight_area, own),
+        _assumed("coverage.weight_count", coverage.weight_count, own),
+        _assumed("coverage.weight_length", coverage.weight_length, own),
+        _assumed("coverage.weight_film", coverage.weight_film, own),
+        _assumed("reach.buffer_mm", Reach().buffer_mm, own),
+    )
+
+
+def _assumed(name: str, value: float, source: str) -> tuple[str, Quantity]:
+    return name, Quantity(value=value, standing=Standing.ASSUMED, source=source)

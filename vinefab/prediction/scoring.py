@@ -25,15 +25,17 @@ class ScorePlan:
 
 
 def score_design_on_task(
-    design: Design, maps: Sequence[Map], trials: ScorePlan, options: GrowthOptions | None = None
+    design: Design, maps: Sequence[Map], plan: ScorePlan, options: GrowthOptions | None = None
 ) -> Score:
     """Return a design's score, one evaluation per map and pose."""
     if not maps:
         raise BadInputError("--maps", "none", "at least one map")
-    task = make_task(trials.task, trials.parameters)
-    sites = [PreparedMap.of(world) for world in maps]
-    seeds = [trials.seed + index for index in range(len(sites))]
-    return score_design(design, sites, poses_on(sites, trials.poses, seeds), task, options)
+    task = make_task(plan.task, plan.parameters)
+    prepared_maps = [PreparedMap.of(world) for world in maps]
+    seeds = [plan.seed + index for index in range(len(prepared_maps))]
+    return score_design(
+        design, prepared_maps, poses_on(prepared_maps, plan.poses, seeds), task, options
+    )
 
 
 def score_lines(result: Score, most: int = 30) -> list[str]:

@@ -1,4 +1,4 @@
-"""How sensitive predictions are: to the start, to the design, to the model, to making."""
+"""How sensitive predictions are: to the start, to the design, to the model, to fabrication."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -7,6 +7,8 @@ from functools import partial
 
 import numpy as np
 import shapely
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from vinefab.core.rng import child
 from vinefab.core.statistics import group_means, mean_interval
@@ -19,7 +21,15 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.model.tree import BranchTree, branch_tree
-from vinefab.prediction.deployments import PredictionPlan, PreparedFamily, Tell, silent
+from vinefab.pages.charts import frame
+from vinefab.pages.figure import LEVEL_COLOURS, SOFT, house_style, svg_bytes
+from vinefab.pages.html import Picture, Section, Table
+from vinefab.prediction.family_deployments import (
+    PredictionPlan,
+    PreparedFamily,
+    ProgressCallback,
+    no_progress,
+)
 from vinefab.prediction.measures import (
     GROWN,
     LOOSE_PRESSURE,
@@ -40,9 +50,9 @@ ENOUGH_GROUPS = 6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeanDifference:
-    """A mean paired difference."""
+    """A mean paired difference and its interval."""
 
-    mean: float  # mean over deployments of value with the change less value without
+    mean: float  # mean over deployments of value with the change minus value without
     # low, high: its 95 % bootstrap interval over maps, or over poses where there is one map
     low: float
     high: float
@@ -58,9 +68,9 @@ class MeanDifference:
 class Effect:
     """What one change of a design, a start or the model does to the measures."""
 
-    knob: str  # what is turned (``heading``)
-    step: float  # how far, in ``unit``
-    unit: str  # its unit
+    knob: str  # what is changed (``heading``)
+    step: float  # by how much, in ``unit``
+    unit: str
     count: int  # deployments compared, each with itself without the change
     changes: Mapping[str, MeanDifference]  # by measure key
 
@@ -72,9 +82,9 @@ class Effect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scatter:
-    """How robots of one design differ because none is made exactly."""
+    """How robots of one design differ because of fabrication errors."""
 
-    measure: Measure  # what is looked at
+    measure: Measure
     exact: float  # mean over deployments of the robot as designed
     # p05, p95: percentiles over robots of that mean
     p05: float
@@ -84,7 +94,7 @@ class Scatter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tolerance:
-    """Scatter from making: every branch's length and angle off by a little, each on its own."""
+    """Scatter from fabrication: independent errors of every branch's length and angle."""
 
     # length_percent, angle_deg: half-widths of the uniform ranges of the errors
     length_percent: float
@@ -101,16 +111,21 @@ MOST_LAUNCHES = 60
 """Variants are tried from so many poses at most, spread evenly over the maps."""
 
 HEADING_STEPS_DEG = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
+
 SIDEWAYS_STEPS_MM = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
+
 LENGTH_STEPS_PERCENT = (-10.0, -5.0, 5.0, 10.0)
+
 HEAD_ON_STEPS_DEG = (4.0, 9.0, 14.0)
 """Beyond the 1 degree that is assumed: 5, 10 and 15 degrees, the most that is plausible."""
 
 LENGTH_TOLERANCE_PERCENT = 1.0
+
 ANGLE_TOLERANCE_DEG = 2.0
-"""Half-widths of the errors of making [assumed]: measure your own robots."""
+"""Half-widths of the fabrication errors [assumed]: measure your own robots."""
 
 ROBOTS = 40
+
 _STREAM = 1703
 
 
@@ -129,21 +144,21 @@ class PredictionVariant:
     poses: tuple[tuple[Pose | None, ...], ...]
 
 
-class VariantBench:
+class VariantEvaluator:
     """A design on a few maps, to be grown again and again with changes."""
 
-    def __init__(self, design: Design, place: PreparedFamily, trials: PredictionPlan) -> None:
-        keep = max(1, MOST_LAUNCHES // len(place.poses[0]))
-        chosen = sorted({round(i) for i in np.linspace(0, len(place.sites) - 1, keep).tolist()})
-        sites = tuple(place.sites[index] for index in chosen)
-        poses = tuple(place.poses[index][:MOST_LAUNCHES] for index in chosen)
-        self.design, self.trials = design, trials
-        self.place = PreparedFamily(label=place.label, sites=sites, poses=poses)
-        self.launches = self.place.launches()
+    def __init__(self, design: Design, prepared: PreparedFamily, plan: PredictionPlan) -> None:
+        keep = max(1, MOST_LAUNCHES // len(prepared.poses[0]))
+        chosen = sorted({round(i) for i in np.linspace(0, len(prepared.maps) - 1, keep).tolist()})
+        maps = tuple(prepared.maps[index] for index in chosen)
+        poses = tuple(prepared.poses[index][:MOST_LAUNCHES] for index in chosen)
+        self.design, self.plan = design, plan
+        self.prepared = PreparedFamily(label=prepared.label, maps=maps, poses=poses)
+        self.launches = self.prepared.launches()
         # Deployments on one map are alike; where there is one map, poses have to do.
-        alike = self.launches.terrain if len(sites) > 1 else np.arange(len(self.launches))
+        alike = self.launches.terrain if len(maps) > 1 else np.arange(len(self.launches))
         self.groups = [str(index) for index in alike.tolist()]
-        self.exact = self.grow([design_plan(design, trials.options)], trials.options)[0]
+        self.exact = self.grow([Plan.of(design, plan.options)], plan.options)[0]
 
     def grow(
         self, plans: Sequence[Plan], options: GrowthOptions, poses: Poses | None = None
@@ -153,7 +168,7 @@ class VariantBench:
         grown = Batch(Plans.joined(plans), launches, options).deployments()
         terrain = np.repeat(launches.terrain, len(plans)).tolist()
         rows = [
-            quick_measures(deployment, self.design, self.place.sites[index])
+            quick_measures(deployment, self.design, self.prepared.maps[index])
             for deployment, index in zip(grown, terrain, strict=True)
         ]
         return np.array(rows).reshape(len(launches), len(plans), len(QUICK)).transpose(1, 0, 2)
@@ -162,9 +177,9 @@ class VariantBench:
         """Return what a change does, over the poses that are free with it and without."""
         is_free = np.array([pose is not None for row in variant.poses for pose in row])
         poses = tuple(tuple(pose for pose in row if pose is not None) for row in variant.poses)
-        plan = design_plan(variant.design, variant.options)
+        growth_plan = Plan.of(variant.design, variant.options)
         values = np.full((len(is_free), len(QUICK)), np.nan)
-        values[is_free] = self.grow([plan], variant.options, poses)[0]
+        values[is_free] = self.grow([growth_plan], variant.options, poses)[0]
         differences = values - self.exact
         changes = {}
         for column, measure in enumerate(QUICK):
@@ -183,46 +198,47 @@ class VariantBench:
         )
 
 
-def design_plan(design: Design, options: GrowthOptions) -> Plan:
-    """Return the plan of a design as designed."""
-    return Plan.of(design, options)
-
-
-def quick_measures(deployment: Deployment, design: Design, site: PreparedMap) -> tuple[float, ...]:
+def quick_measures(
+    deployment: Deployment, design: Design, prepared_map: PreparedMap
+) -> tuple[float, ...]:
     """Return the measures of `QUICK` for one deployment."""
-    _, terms = Coverage(area="fast").evaluate(deployment, site.context)
-    reached, _ = Reach(area="fast").evaluate(deployment, site.context)
+    _, terms = Coverage(area="fast").evaluate(deployment, prepared_map.context)
+    reached, _ = Reach(area="fast").evaluate(deployment, prepared_map.context)
     grown, stuck, _ = shares_percent(deployment)
     loose_kpa, _ = worst_pressures_kpa(deployment, design)
     return 100.0 * terms["area"], 100.0 * reached, grown, stuck, loose_kpa
 
 
-def sensitivity(bench: VariantBench, tell: Tell = silent) -> tuple[Effect, ...]:
+def sensitivity(
+    evaluator: VariantEvaluator, progress: ProgressCallback = no_progress
+) -> tuple[Effect, ...]:
     """Return what every change of the start, the lengths and the head-on angle does."""
-    variants = list(_variants(bench))
+    variants = list(_variants(evaluator))
     effects = []
     for index, variant in enumerate(variants):
-        effects.append(bench.effect(variant))
-        tell((index + 1) / len(variants), f"sensitivity to {variant.knob}")
+        effects.append(evaluator.effect(variant))
+        progress((index + 1) / len(variants), f"sensitivity to {variant.knob}")
     return tuple(effects)
 
 
-def tolerance(bench: VariantBench, seed: int, tell: Tell = silent) -> Tolerance:
+def tolerance(
+    evaluator: VariantEvaluator, seed: int, progress: ProgressCallback = no_progress
+) -> Tolerance:
     """Return how robots of the same design differ when each branch is made a little off."""
-    options, tree = bench.trials.options, branch_tree(bench.design)
+    options, tree = evaluator.plan.options, branch_tree(evaluator.design)
     rows = []
     for robot in range(ROBOTS):
         made = made_tree(tree, child(seed, _STREAM, robot))
-        rows.append(bench.grow([Plan.of(bench.design, options, made)], options)[0])
-        tell((robot + 1) / ROBOTS, f"{robot + 1} of {ROBOTS} robots as made")
+        rows.append(evaluator.grow([Plan.of(evaluator.design, options, made)], options)[0])
+        progress((robot + 1) / ROBOTS, f"{robot + 1} of {ROBOTS} robots as made")
     values = np.array(rows)
     return Tolerance(
         length_percent=LENGTH_TOLERANCE_PERCENT,
         angle_deg=ANGLE_TOLERANCE_DEG,
         robots=ROBOTS,
-        launches=len(bench.launches),
+        launches=len(evaluator.launches),
         scatter=tuple(
-            _scatter(measure, bench.exact[:, column], values[:, :, column])
+            _scatter(measure, evaluator.exact[:, column], values[:, :, column])
             for column, measure in enumerate(QUICK)
             if np.isfinite(values[:, :, column]).any(axis=1).all()
         ),
@@ -257,15 +273,15 @@ def made_tree(tree: BranchTree, rng: np.random.Generator) -> BranchTree:
     )
 
 
-def _variants(bench: VariantBench) -> Iterator[PredictionVariant]:
-    design, options, poses = bench.design, bench.trials.options, bench.place.poses
+def _variants(evaluator: VariantEvaluator) -> Iterator[PredictionVariant]:
+    design, options, poses = evaluator.design, evaluator.plan.options, evaluator.prepared.poses
     for step in HEADING_STEPS_DEG:
-        moved = _moved(bench.place, partial(_turned, turn_rad=rad(step)))
+        moved = _moved(evaluator.prepared, partial(_turned, turn_rad=rad(step)))
         yield PredictionVariant(
             knob="heading", step=step, unit="deg", design=design, options=options, poses=moved
         )
     for step in SIDEWAYS_STEPS_MM:
-        moved = _moved(bench.place, partial(_shifted, step_mm=step))
+        moved = _moved(evaluator.prepared, partial(_shifted, step_mm=step))
         yield PredictionVariant(
             knob="position", step=step, unit="mm", design=design, options=options, poses=moved
         )
@@ -289,12 +305,14 @@ def scaled_tree(design: Design, factor: float) -> Design:
 
 
 def _moved(
-    place: PreparedFamily, move: Callable[[Pose], Pose]
+    prepared: PreparedFamily, move: Callable[[Pose], Pose]
 ) -> tuple[tuple[Pose | None, ...], ...]:
     rows = []
-    for site, poses in zip(place.sites, place.poses, strict=True):
+    for prepared_map, poses in zip(prepared.maps, prepared.poses, strict=True):
         moved = [move(pose) for pose in poses]
-        free = [shapely.intersects_xy(site.context.free, pose.x_mm, pose.y_mm) for pose in moved]
+        free = [
+            shapely.intersects_xy(prepared_map.context.free, pose.x_mm, pose.y_mm) for pose in moved
+        ]
         rows.append(tuple(p if ok else None for p, ok in zip(moved, free, strict=True)))
     return tuple(rows)
 
@@ -310,3 +328,101 @@ def _shifted(pose: Pose, step_mm: float) -> Pose:
         x_mm=pose.x_mm - step_mm * math.sin(pose.heading_rad),
         y_mm=pose.y_mm + step_mm * math.cos(pose.heading_rad),
     )
+
+
+def effect_panels(effects: Sequence[Effect], measures: Sequence[Measure]) -> Figure:
+    """Return what every change does: a column per knob, a row per measure."""
+    knobs = list(dict.fromkeys(effect.knob for effect in effects))
+    with house_style():
+        figure = Figure(figsize=(6.8, 0.5 + 1.75 * len(measures)), layout="constrained")
+        grid = figure.subplots(len(measures), len(knobs), sharey="row", squeeze=False)
+        for row, measure in enumerate(measures):
+            for column, knob in enumerate(knobs):
+                _draw_effect(grid[row][column], [e for e in effects if e.knob == knob], measure)
+            grid[row][0].set_ylabel(f"change of\n{measure.title}\n({measure.unit})", fontsize=8)
+        for column, knob in enumerate(knobs):
+            unit = next(effect.unit for effect in effects if effect.knob == knob)
+            grid[-1][column].set_xlabel(f"{knob} ({unit})", fontsize=8)
+    return figure
+
+
+def _draw_effect(axes: Axes, effects: Sequence[Effect], measure: Measure) -> None:
+    shown = [(e.step, e.changes[measure.key]) for e in effects if measure.key in e.changes]
+    points = sorted([(step, c.mean, c.low, c.high) for step, c in shown] + [(0.0, 0.0, 0.0, 0.0)])
+    step, mean, low, high = np.array(points).T
+    axes.fill_between(step, low, high, color=LEVEL_COLOURS[2], alpha=0.22, linewidth=0)
+    axes.plot(step, mean, "o-", color=LEVEL_COLOURS[0], markersize=3.5, linewidth=1.3)
+    axes.axhline(0.0, color=SOFT, linewidth=0.8)
+    axes.tick_params(labelsize=7.5)
+    frame(axes)
+
+
+def sensitivity_section(effects: Sequence[Effect], measures: Sequence[Measure]) -> Section:
+    """Return what changes of start, lengths and model do."""
+    drawn = (measures[0], measures[-1])
+    count = max(effect.count for effect in effects)
+    words = (
+        f"Every change is tried from the same {count} poses as without it, and each deployment is "
+        "compared with itself (simulated). Position: sideways to the heading, left is positive. "
+        "Lengths: all branches alike. Head-on half-angle: on top of the angle assumed; the real "
+        "one is not known, at most about 15 degrees."
+    )
+    rows = tuple(
+        (effect.knob, effect.text, *_changes(effect, measures), str(effect.count))
+        for effect in effects
+    )
+    table = Table(
+        caption="Mean change, in square brackets its 95 % bootstrap interval over maps (poses "
+        "where there is one map); an "
+        "asterisk where the interval leaves out 0 (simulated)",
+        headings=("changed", "by", *(m.label for m in measures), "poses"),
+        rows=rows,
+    )
+    picture = Picture(
+        image=svg_bytes(effect_panels(effects, drawn)),
+        caption="Mean change with its 95 % interval (simulated).",
+        wide=True,
+    )
+    return Section(title="Sensitivity", paragraphs=(words,), pictures=(picture,), tables=(table,))
+
+
+def tolerance_section(tolerance: Tolerance) -> Section:
+    """Return how robots of one design differ."""
+    words = (
+        f"{tolerance.robots} robots were drawn, every branch's length off by up to "
+        f"{tolerance.length_percent:g} % and its angle by up to {tolerance.angle_deg:g} degrees, "
+        f"uniformly and each on its own (assumed), and deployed from {tolerance.launches} poses "
+        "each (simulated)."
+    )
+    rows = tuple(
+        (
+            scatter.measure.title,
+            scatter.measure.unit,
+            scatter.measure.number(scatter.exact),
+            scatter.measure.number(scatter.p05),
+            scatter.measure.number(scatter.p95),
+            scatter.measure.number(scatter.typical),
+        )
+        for scatter in tolerance.scatter
+    )
+    table = Table(
+        caption="Means over poses of the robot as designed and of robots as made (simulated)",
+        headings=(
+            "measure", "unit", "as designed", "5 % of robots", "95 % of robots",
+            "one deployment, typically",
+        ),
+        rows=rows,
+    )  # fmt: skip
+    return Section(title="Tolerances of making", paragraphs=(words,), tables=(table,))
+
+
+def _changes(effect: Effect, measures: Sequence[Measure]) -> list[str]:
+    cells = []
+    for measure in measures:
+        change = effect.changes.get(measure.key)
+        if change is None:
+            cells.append("-")
+            continue
+        mean, low, high = (measure.number(v) for v in (change.mean, change.low, change.high))
+        cells.append(f"{mean} [{low}, {high}]{'*' if change.is_clear else ''}")
+    return cells

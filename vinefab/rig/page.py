@@ -18,7 +18,7 @@ from vinefab.fabrication.package.sheet_pictures import path_points_mm
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
-from vinefab.pages.drawing import UNSEEN, fill_geometry
+from vinefab.pages.drawing import fill_geometry
 from vinefab.pages.figure import (
     INK,
     ROCK,
@@ -32,6 +32,7 @@ from vinefab.pages.figure import (
     svg_bytes,
 )
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
+from vinefab.pages.map_view import UNSEEN
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.part import Rig, RigPart
 from vinefab.rig.plan import polygon_parts

@@ -1,1 +1,5 @@
-"""The paper's experiments, the optimizer contest and the benchmarks; nothing else loads them."""
+"""The paper's experiments, the optimizer contest and the benchmark; only the commands load them.
+
+`reproduction` registers and does the experiments (`reproduce`), `optimizer_contest` compares
+optimizers on run files, `benchmark` measures speed (`run_benchmark`).
+"""

@@ -14,21 +14,27 @@ from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Picture
 from vinefab.search.settings import PartSettings, RunSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
-from vinefab.studies.claims import PaperNumber, StudyResult, interval_text, percent_text
-from vinefab.studies.exchange import Exchange
-from vinefab.studies.intervals import ConfidenceInterval, difference, interval
+from vinefab.studies.claims import (
+    ConfidenceInterval,
+    PaperNumber,
+    StudyResult,
+    difference,
+    interval,
+    interval_text,
+    percent_text,
+)
 from vinefab.studies.paper_charts import forest
 from vinefab.studies.redeployment import BUFFER_MM, reach_run, reach_test, redeployments
-from vinefab.studies.study_jobs import JobStore
+from vinefab.studies.study_jobs import JobStore, StudySize
 from vinefab.studies.study_runs import (
     ENVIRONMENTS,
     NAMES,
+    Exchange,
     coverage_run,
     kept,
     study_scores,
     trained,
 )
-from vinefab.studies.study_sizes import StudySize
 
 SLIM = BuildSettings(trunk_width_mm=24.0, width_ratio=0.65)
 """A robot whose inflated trunk, 15 mm, has room in passages of 22 mm."""
@@ -110,19 +116,19 @@ REACHES = {home: f"one branched above\nall plain, {NAMES[home]}" for home in ENV
 CONCLUSIONS = (*LEADS.values(), *REACHES.values())
 
 
-def ablation(lab: JobStore) -> StudyResult:
+def ablation(store: JobStore) -> StudyResult:
     """Train and test under every variant."""
-    size, designs = lab.size, _reach_designs(lab)
+    size, designs = store.size, _reach_designs(store)
     ones = {
-        variant.name: {home: _one(lab, variant, designs, home) for home in ENVIRONMENTS}
+        variant.name: {home: _one(store, variant, designs, home) for home in ENVIRONMENTS}
         for variant in VARIANTS
         if REACHABILITY in variant.asks
     }
     results: dict[str, dict[str, ConfidenceInterval]] = {}
     for variant in VARIANTS:
-        found = _leads(lab, variant) if SPECIALIZATION in variant.asks else {}
+        found = _leads(store, variant) if SPECIALIZATION in variant.asks else {}
         if variant.name in ones:
-            found |= _reaches(lab, variant, ones[variant.name])
+            found |= _reaches(store, variant, ones[variant.name])
         results[variant.name] = found
     return StudyResult(
         name="ablation",
@@ -184,15 +190,15 @@ def _rows(
     return rows
 
 
-def _leads(lab: JobStore, variant: AblationVariant) -> dict[str, ConfidenceInterval]:
+def _leads(store: JobStore, variant: AblationVariant) -> dict[str, ConfidenceInterval]:
     """Return by how much designs lead in the environment that they were trained in."""
-    size = lab.size
-    found = Exchange.of(lab, partial(variant.run, size), size.ablation_seeds, variant.seen)
+    size = store.size
+    found = Exchange.of(store, partial(variant.run, size), size.ablation_seeds, variant.seen)
     return {LEADS[home]: found.native_claim(home).tested for home in ENVIRONMENTS}
 
 
 def _reaches(
-    lab: JobStore, variant: AblationVariant, ones: Mapping[str, Floats]
+    store: JobStore, variant: AblationVariant, ones: Mapping[str, Floats]
 ) -> dict[str, ConfidenceInterval]:
     """Return by how much one branched deployment reaches more than all of a plain vine."""
     found = {}
@@ -205,29 +211,29 @@ def _reaches(
                 buffer_mm=variant.buffer_mm,
                 growth=variant.growth,
             )
-            for job in redeployments(lab.size, home)
+            for job in redeployments(store.size, home)
         ]
-        many = np.array([part["share"] for part in lab.do(jobs, "redeploying")])
+        many = np.array([part["share"] for part in store.do(jobs, "redeploying")])
         found[REACHES[home]] = difference(ones[home], many.reshape(1, -1, 1))
     return found
 
 
 def _one(
-    lab: JobStore, variant: AblationVariant, designs: Mapping[str, dict[str, Any]], home: str
+    store: JobStore, variant: AblationVariant, designs: Mapping[str, dict[str, Any]], home: str
 ) -> Floats:
     """Return what one branched deployment reaches, shape (1, maps, 1)."""
-    test = reach_test(lab.size, designs[home], home)
+    test = reach_test(store.size, designs[home], home)
     worlds = replace(test.worlds, options=variant.options(home))
     return study_scores(
-        lab, [replace(test, worlds=worlds, task=variant.reached, growth=variant.growth)]
+        store, [replace(test, worlds=worlds, task=variant.reached, growth=variant.growth)]
     )
 
 
-def _reach_designs(lab: JobStore) -> dict[str, dict[str, Any]]:
+def _reach_designs(store: JobStore) -> dict[str, dict[str, Any]]:
     """Return the kept designs of `reach`, as slim as all others here."""
-    size, designs = lab.size, {}
+    size, designs = store.size, {}
     for environment in ENVIRONMENTS:
-        runs = trained(lab, [reach_run(size, environment, n) for n in range(size.seeds)])
+        runs = trained(store, [reach_run(size, environment, n) for n in range(size.seeds)])
         designs[environment] = slim(runs[kept(runs)]["design"])
     return designs
 

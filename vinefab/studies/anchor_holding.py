@@ -11,21 +11,34 @@ from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Picture
 from vinefab.search.settings import PartSettings, RunSettings
 from vinefab.search.space import Bounds, SpaceSettings
-from vinefab.studies.claims import Claim, PaperNumber, StudyResult, interval_text
-from vinefab.studies.exchange import Exchange
-from vinefab.studies.intervals import difference, interval
+from vinefab.studies.claims import (
+    Claim,
+    PaperNumber,
+    StudyResult,
+    difference,
+    interval,
+    interval_text,
+)
 from vinefab.studies.paper_charts import Panel, reach_plan
-from vinefab.studies.study_designs import design_from, plain_design, plain_vine, words
-from vinefab.studies.study_jobs import FIRST_UNSEEN, JobStore, site
+from vinefab.studies.study_jobs import (
+    FIRST_UNSEEN,
+    JobStore,
+    StudySize,
+    design_from,
+    design_words,
+    plain_design,
+    plain_vine,
+    site,
+)
 from vinefab.studies.study_runs import (
     ENVIRONMENTS,
     NAMES,
+    Exchange,
     coverage_run,
     maps_of,
     study_scores,
     unseen_test,
 )
-from vinefab.studies.study_sizes import StudySize
 from vinefab.tasks.evaluate import poses_on
 
 ANCHORING = PartSettings(name="anchoring")
@@ -53,11 +66,11 @@ def anchor_run(size: StudySize, environment: str, number: int) -> RunSettings:
     )
 
 
-def anchor(lab: JobStore) -> StudyResult:
+def anchor(store: JobStore) -> StudyResult:
     """Train anchors in both environments, test them in both, and set them beside a plain vine."""
-    size = lab.size
-    found = Exchange.of(lab, lambda home, number: anchor_run(size, home, number), size.seeds)
-    single = {home: _plain_scores(lab, found.kept_design(home), home) for home in ENVIRONMENTS}
+    size = store.size
+    found = Exchange.of(store, lambda home, number: anchor_run(size, home, number), size.seeds)
+    single = {home: _plain_scores(store, found.kept_design(home), home) for home in ENVIRONMENTS}
     return StudyResult(
         name="anchor",
         title="Anchoring (Fig. 7)",
@@ -72,7 +85,7 @@ def anchor(lab: JobStore) -> StudyResult:
             "Intervals of friction and idle branches: low is mu 0.2 with a third of the branches "
             "idle (as two of six were in the paper's test), high is mu 0.8 with all engaged.",
         ),
-        rows=(*(row for home in ENVIRONMENTS for row in _rows(lab, found, home)), *_paper_rows()),
+        rows=(*(row for home in ENVIRONMENTS for row in _rows(store, found, home)), *_paper_rows()),
         claims=tuple(claim for home in ENVIRONMENTS for claim in _claims(found, home, single)),
         remarks=(
             "The paper's 6.86 is 6 branches times 1.14, so its branches turned little (gamma 0.45 "
@@ -93,21 +106,25 @@ def anchor(lab: JobStore) -> StudyResult:
     )
 
 
-def _plain_scores(lab: JobStore, design: dict[str, Any], home: str) -> Floats:
+def _plain_scores(store: JobStore, design: dict[str, Any], home: str) -> Floats:
     """Return the scores of a plain vine as long as the trunk with its longest branch."""
     level = design["levels"][0]
     longest_mm = level["length_mm"] * max(1.0, level["growth"])
     plain = plain_design(plain_vine(design["trunk_length_mm"] + longest_mm))
-    return study_scores(lab, [unseen_test(lab.size, plain, home, ANCHORING)])
+    return study_scores(store, [unseen_test(store.size, plain, home, ANCHORING)])
 
 
-def _rows(lab: JobStore, found: Exchange, home: str) -> list[PaperNumber]:
+def _rows(store: JobStore, found: Exchange, home: str) -> list[PaperNumber]:
     name, design = NAMES[home], found.kept_design(home)
     native = found.kept_unseen(home, home)
-    test = unseen_test(lab.size, design, home, ANCHORING)
-    low, high, engaged = (float(lab.terms([test], t)[0].mean()) for t in ("low", "high", "engaged"))
+    test = unseen_test(store.size, design, home, ANCHORING)
+    low, high, engaged = (
+        float(store.terms([test], t)[0].mean()) for t in ("low", "high", "engaged")
+    )
     return [
-        PaperNumber(what=f"{name}: design", ours=words(design_from(design)), paper="six branches"),
+        PaperNumber(
+            what=f"{name}: design", ours=design_words(design_from(design)), paper="six branches"
+        ),
         PaperNumber(
             what=f"{name}: amplification on unseen maps, mu 0.3, those that deployed engaged",
             ours=interval_text(interval(native), 2),

@@ -8,13 +8,19 @@ from vinefab.core.validation import Floats
 from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Picture
 from vinefab.search.settings import PartSettings
-from vinefab.studies.claims import Claim, PaperNumber, StudyResult, interval_text
-from vinefab.studies.intervals import difference, interval
+from vinefab.studies.claims import (
+    Claim,
+    PaperNumber,
+    StudyResult,
+    difference,
+    interval,
+    interval_text,
+)
 from vinefab.studies.paper_charts import curves
 from vinefab.studies.study_jobs import JobStore
 from vinefab.studies.study_runs import coverage_run, study_scores, trained, unseen_test
 
-NAMES = {
+OPTIMIZER_NAMES = {
     "particleswarm": "particle swarm (MATLAB's)",
     "evolution": "evolutionary algorithm",
     "cmaes": "CMA-ES",
@@ -26,26 +32,26 @@ LEVEL = 0.9
 SMOOTHED = 5
 
 
-def optimizer_study(lab: JobStore) -> StudyResult:
+def optimizer_study(store: JobStore) -> StudyResult:
     """Run every optimizer on the same problem with the same number of evaluations."""
-    size = lab.size
+    size = store.size
     runs = [
         replace(coverage_run(size, "grid", number), optimizer=PartSettings(name=name))
-        for name in NAMES
+        for name in OPTIMIZER_NAMES
         for number in range(size.repeats)
     ]
-    found = trained(lab, runs)
+    found = trained(store, runs)
     groups = {
         name: found[place * size.repeats : (place + 1) * size.repeats]
-        for place, name in enumerate(NAMES)
+        for place, name in enumerate(OPTIMIZER_NAMES)
     }
     scores = {
-        name: study_scores(lab, [unseen_test(size, run["design"], "grid") for run in group])
+        name: study_scores(store, [unseen_test(size, run["design"], "grid") for run in group])
         for name, group in groups.items()
     }
     best = {name: np.array([run["best"] for run in group]) for name, group in groups.items()}
     level = LEVEL * float(smoothed(best["particleswarm"])[:, -1].mean())
-    needed = {name: evaluations_to(best[name], level, size.population) for name in NAMES}
+    needed = {name: evaluations_to(best[name], level, size.population) for name in OPTIMIZER_NAMES}
     swarm, evolution = scores["particleswarm"], scores["evolution"]
     return StudyResult(
         name="search",
@@ -66,7 +72,7 @@ def optimizer_study(lab: JobStore) -> StudyResult:
                 f"{interval_text(interval(needed[name]), 0)}",
                 paper="similar" if name in ("particleswarm", "evolution") else "-",
             )
-            for name, words in NAMES.items()
+            for name, words in OPTIMIZER_NAMES.items()
         ),
         claims=(
             Claim(
@@ -91,7 +97,7 @@ def optimizer_study(lab: JobStore) -> StudyResult:
             Picture(
                 image=svg_bytes(
                     curves(
-                        {words: best[name] for name, words in NAMES.items()},
+                        {words: best[name] for name, words in OPTIMIZER_NAMES.items()},
                         "generation",
                         "best of the generation",
                     )
@@ -106,7 +112,7 @@ def optimizer_study(lab: JobStore) -> StudyResult:
                 "best": best[name].tolist(),
                 "designs_to_level": needed[name].ravel().tolist(),
             }
-            for name in NAMES
+            for name in OPTIMIZER_NAMES
         },
     )
 

@@ -171,7 +171,7 @@ def _draw(axes: Axes, results: Mapping[str, IntervalRow], variants: Sequence[str
     for row, variant in enumerate(variants):
         if variant not in results:
             across = axes.get_yaxis_transform()
-            axes.text(0.5, row, "not asked", transform=across, color=SOFT, fontsize=7, va="center")
+            axes.text(0.5, row, "not tested", transform=across, color=SOFT, fontsize=7, va="center")
             continue
         found = results[variant]
         axes.plot([found.low, found.high], [row, row], color=INK, linewidth=1.2)

@@ -1,4 +1,4 @@
-"""What it costs to ask for a robot that can be made."""
+"""What it costs to ask for a manufacturable robot."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,12 +16,10 @@ from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.search.space import BuildSettings
 from vinefab.studies.anchor_holding import SPACE
-from vinefab.studies.claims import PaperNumber, StudyResult, interval_text
-from vinefab.studies.intervals import difference, interval
+from vinefab.studies.claims import PaperNumber, StudyResult, difference, interval, interval_text
 from vinefab.studies.paper_charts import Bar, grouped_bars
 from vinefab.studies.redeployment import REACH
-from vinefab.studies.study_designs import design_from
-from vinefab.studies.study_jobs import JobStore
+from vinefab.studies.study_jobs import JobStore, StudySize, design_from
 from vinefab.studies.study_runs import (
     COVERAGE,
     ENVIRONMENTS,
@@ -32,7 +30,6 @@ from vinefab.studies.study_runs import (
     unseen_test,
     with_evaluation,
 )
-from vinefab.studies.study_sizes import StudySize
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +44,7 @@ class FullCheckJob:
         return f"check_{fingerprint(plain_settings(self), __version__)}"
 
     def run(self) -> dict[str, Any]:
-        """Return ``passes``; what breaks the cheap rules is not looked at further."""
+        """Return ``passes``; what breaks the cheap rules is not checked further."""
         design, making = (
             design_from(self.design),
             ManufacturabilityPenalty(profile=read_profile(DEFAULT_RECIPE)),
@@ -80,11 +77,13 @@ def making_run(size: StudySize, environment: str, task: str, number: int) -> Run
     return replace(run, space=SPACE, build=POUCHED) if task == "anchoring" else run
 
 
-def price(lab: JobStore) -> StudyResult:
-    """Search with and without asking for a robot that can be made, seed by seed."""
-    size = lab.size
+def price(store: JobStore) -> StudyResult:
+    """Search with and without asking for a manufacturable robot, seed by seed."""
+    size = store.size
     pairs = {
-        f"{NAMES[home]}, {task}": _pair(lab, home, task) for task in TASKS for home in ENVIRONMENTS
+        f"{NAMES[home]}, {task}": _pair(store, home, task)
+        for task in TASKS
+        for home in ENVIRONMENTS
     }
     return StudyResult(
         name="price",
@@ -123,15 +122,15 @@ def price(lab: JobStore) -> StudyResult:
     )
 
 
-def _pair(lab: JobStore, home: str, task: str) -> Pair:
-    size = lab.size
+def _pair(store: JobStore, home: str, task: str) -> Pair:
+    size = store.size
     free_runs = [making_run(size, home, task, number) for number in range(size.seeds)]
     made_runs = [with_evaluation(run, fabricable=True) for run in free_runs]
-    found = trained(lab, [*free_runs, *made_runs])
+    found = trained(store, [*free_runs, *made_runs])
     scores = study_scores(
-        lab, [unseen_test(size, run["design"], home, TASKS[task]) for run in found]
+        store, [unseen_test(size, run["design"], home, TASKS[task]) for run in found]
     )
-    checked = lab.do([FullCheckJob(design=run["design"]) for run in found], "checking")
+    checked = store.do([FullCheckJob(design=run["design"]) for run in found], "checking")
     passing = [part["passes"] for part in checked]
     return Pair(
         free=scores[: size.seeds],

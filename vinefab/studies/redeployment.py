@@ -19,11 +19,29 @@ from vinefab.model.map import Pose
 from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Picture
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
-from vinefab.studies.claims import Claim, PaperNumber, StudyResult, interval_text, percent_text
-from vinefab.studies.intervals import ConfidenceInterval, difference, interval
+from vinefab.studies.claims import (
+    Claim,
+    ConfidenceInterval,
+    PaperNumber,
+    StudyResult,
+    difference,
+    interval,
+    interval_text,
+    percent_text,
+)
 from vinefab.studies.paper_charts import Panel, reach_plan
-from vinefab.studies.study_designs import design_from, plain_design, plain_vine, words
-from vinefab.studies.study_jobs import DEFAULT_GROWTH, FIRST_UNSEEN, JobStore, Testing, site
+from vinefab.studies.study_jobs import (
+    DEFAULT_GROWTH,
+    FIRST_UNSEEN,
+    JobStore,
+    StudySize,
+    Testing,
+    design_from,
+    design_words,
+    plain_design,
+    plain_vine,
+    site,
+)
 from vinefab.studies.study_runs import (
     ENVIRONMENTS,
     NAMES,
@@ -34,7 +52,6 @@ from vinefab.studies.study_runs import (
     trained,
     unseen_test,
 )
-from vinefab.studies.study_sizes import StudySize
 from vinefab.tasks.evaluate import PreparedMap, poses_on
 from vinefab.tasks.reach import near_chains
 
@@ -111,7 +128,7 @@ MOST = 0.9
 LONG_MM = 1500.0
 """A plain vine so long that walls stop it, not its length."""
 
-PAPER = {
+PAPER_REACH = {
     "grid": {"one": "93.0 %", "many": "68.3 %", "shapes": "6", "more": "24.7"},
     "cave": {"one": "94.3 %", "many": "61.6 %", "shapes": "5", "more": "32.7"},
 }
@@ -165,10 +182,10 @@ class Redeployments:
     stops: dict[str, int]  # how often each reason stopped a plain vine
 
 
-def redeployment_study(lab: JobStore) -> StudyResult:
+def redeployment_study(store: JobStore) -> StudyResult:
     """Compare branching and redeploying in both environments."""
-    size = lab.size
-    found = {environment: _measured(lab, environment) for environment in ENVIRONMENTS}
+    size = store.size
+    found = {environment: _measured(store, environment) for environment in ENVIRONMENTS}
     return StudyResult(
         name="reach",
         title="Reachability (Fig. 4)",
@@ -197,7 +214,7 @@ def redeployment_study(lab: JobStore) -> StudyResult:
             "them open ('ablation'), long tours remain that five levels cannot follow. The share "
             "was chosen on training maps by what the plain vines reach there, not the trees.",
         ),
-        pictures=(_picture(lab.size, found),),
+        pictures=(_picture(store.size, found),),
         data={
             environment: {
                 "one": part.all_seeds.tolist(),
@@ -211,11 +228,11 @@ def redeployment_study(lab: JobStore) -> StudyResult:
     )
 
 
-def _measured(lab: JobStore, environment: str) -> Redeployments:
-    size = lab.size
-    runs = trained(lab, [reach_run(size, environment, number) for number in range(size.seeds)])
-    again = lab.do(redeployments(size, environment), "redeploying")
-    all_seeds = study_scores(lab, [reach_test(size, run["design"], environment) for run in runs])
+def _measured(store: JobStore, environment: str) -> Redeployments:
+    size = store.size
+    runs = trained(store, [reach_run(size, environment, number) for number in range(size.seeds)])
+    again = store.do(redeployments(size, environment), "redeploying")
+    all_seeds = study_scores(store, [reach_test(size, run["design"], environment) for run in runs])
 
     def column(name: str) -> Floats:
         return np.array([part[name] for part in again], dtype=float).reshape(1, -1, 1)
@@ -232,11 +249,11 @@ def _measured(lab: JobStore, environment: str) -> Redeployments:
 
 
 def _rows(environment: str, found: dict[str, Redeployments], size: StudySize) -> list[PaperNumber]:
-    part, paper, name = found[environment], PAPER[environment], NAMES[environment]
+    part, paper, name = found[environment], PAPER_REACH[environment], NAMES[environment]
     more = difference(part.one, part.many)
     points = ", ".join(f"{100 * value:.1f}" for value in (more.low, more.high))
     return [
-        PaperNumber(what=f"{name}: branching design", ours=words(design_from(part.design))),
+        PaperNumber(what=f"{name}: branching design", ours=design_words(design_from(part.design))),
         PaperNumber(
             what=f"{name}: reached by one branched deployment",
             ours=percent_text(interval(part.one)),

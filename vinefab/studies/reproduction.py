@@ -1,4 +1,4 @@
-"""Doing experiments and writing them down: one page and one JSON file."""
+"""The paper's experiments: their registry, doing them, one page and one JSON file of results."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -6,16 +6,38 @@ from pathlib import Path
 
 from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.jsontext import json_text
-from vinefab.pages.html import page_html
+from vinefab.core.registry import Registry
+from vinefab.pages.html import Report, Section, Table, page_html
 from vinefab.search.record.result import package_versions
-from vinefab.studies.claims import StudyResult, held, held_corrected
-from vinefab.studies.shipped_studies import EXPERIMENTS
-from vinefab.studies.study_jobs import JobStore, Tell
-from vinefab.studies.study_page import study_page
-from vinefab.studies.study_sizes import QUICK, StudySize
+from vinefab.studies.ablation import ablation
+from vinefab.studies.anchor_holding import anchor
+from vinefab.studies.claims import CLAIM_HEADINGS, StudyResult, held, held_corrected
+from vinefab.studies.optimizers_compared import optimizer_study
+from vinefab.studies.price import price
+from vinefab.studies.redeployment import redeployment_study
+from vinefab.studies.study_jobs import QUICK, JobStore, StudySize, Tell
+from vinefab.studies.training_studies import convergence, maps, weighting
+from vinefab.studies.transfer import transfer
+
+EXPERIMENTS: Registry[Callable[[JobStore], StudyResult]] = Registry(
+    "experiment",
+    {
+        "transfer": transfer,
+        "convergence": convergence,
+        "maps": maps,
+        "weighting": weighting,
+        "reach": redeployment_study,
+        "anchor": anchor,
+        "search": optimizer_study,
+        "ablation": ablation,
+        "price": price,
+    },
+)
 
 PAGE, NUMBERS = "reproduction.html", "reproduction.json"
-SCHEMA = "vinefab/reproduction-1"
+
+REPRODUCTION_SCHEMA = "vinefab/reproduction-1"
+
 ALL = "all"
 
 
@@ -46,17 +68,17 @@ def reproduce(
     wanted = [name for given in names for name in (EXPERIMENTS if given == ALL else [given])]
     for name in wanted:
         EXPERIMENTS[name]
-    with JobStore(folder, size, workers, tell) as lab:
+    with JobStore(folder, size, workers, tell) as store:
         ensure_writable(folder / PAGE)
         ensure_writable(folder / NUMBERS)
-        here = set(lab.finished()) | set(wanted)
+        here = set(store.finished()) | set(wanted)
         findings = []
         for name, experiment in EXPERIMENTS.items():
             if name in here:
                 announce(name)
-                findings.append(experiment(lab))
-                lab.finish(name)
-    done = Reproduction(size=size, findings=tuple(findings), spent_s=lab.spent_s)
+                findings.append(experiment(store))
+                store.finish(name)
+    done = Reproduction(size=size, findings=tuple(findings), spent_s=store.spent_s)
     write_text(folder / NUMBERS, numbers_text(done))
     write_text(folder / PAGE, page_html(study_page(done.findings, done.size)))
     return done
@@ -74,4 +96,98 @@ def numbers_text(done: Reproduction) -> str:
         "experiments": {finding.name: finding.plain() for finding in done.findings},
         "versions": package_versions(),
     }
-    return json_text(SCHEMA, content)
+    return json_text(REPRODUCTION_SCHEMA, content)
+
+
+SUMMARY = (
+    "Glick et al., Branching Vine Robots for Unmapped Environments (2022). All numbers are "
+    "simulated unless a row says measured (the paper's hardware) or computed.",
+    "A claim is a difference that should be above 0. It is held when all of its 95 % bootstrap "
+    "interval is, over seeds and maps, with poses kept together with their map and maps paired "
+    "where both sides met the same ones. 'Undecided' means that the interval holds 0. p is "
+    "two-sided, from the same resamples; confidence is the share of them above 0. The last column "
+    "is the interval for the kept designs alone, which is what the paper compares: over maps only.",
+)
+
+DIFFERENCES = (
+    "The paper's supplement with map generators, fitness weights, its evolutionary algorithm and "
+    "its sizes is not available. What fills these gaps is vinefab's own and assumed: maps of 500 "
+    "mm, lengths of Table 1 read as mm, sensors of 50 mm, a buffer of 40 mm, LGF as the length of "
+    "the last child over the first, weights of coverage, friction 0.3. Numbers may differ for "
+    "that; orderings should not.",
+    "Training maps: the paper trains on 'several'. Here designs first trained on 6 fixed maps; the "
+    "first full results showed Cave designs a quarter worse on unseen maps than in training, and "
+    "training grew to 24 maps of which every generation meets 6, at the same number of "
+    "evaluations. That change was made after a look at the final table, on the test maps of that "
+    "time; nothing else was.",
+    "Cave maps: at first 0.4 of a Cave's possible short cuts were open, and one tree reached 85 % "
+    "of unseen Caves. On training maps and maps of their own it was not the search that kept trees "
+    "short but long tours, and fifty plain vines reached 43 % there, not the paper's 62 %. With "
+    "all short cuts open plain vines reach 62 % in 5.5 shapes on the training maps (the paper: 5), "
+    "so that was taken, for every experiment, before the new Caves' test maps were met. The "
+    "'ablation' keeps the old Cave.",
+    "Tests: the paper compares one kept design of five on one set of 75 evaluations, and shows one "
+    "map of each environment for reach. Here every claim is tested over all seeds and 25 unseen "
+    "maps; small differences that the paper calls an improvement may be undecided here.",
+    "Growth: a tip that meets a wall within 1 degree of head-on stops, a tip in a corner stops, "
+    "and what would grow from a branch that stopped stays inside. The paper says none of this; "
+    "'ablation' changes the angle and what stays inside.",
+)
+
+
+def study_page(findings: Sequence[StudyResult], size: StudySize) -> Report:
+    """Return the page of some experiments of one size."""
+    holding, claims = held(findings)
+    verdict = f"{holding} of {claims} orderings that the paper claims hold in these simulations."
+    if size == QUICK:
+        verdict = f"Smoke run: nothing is to be learned from these numbers. {verdict}"
+    return Report(
+        title="The paper's experiments, done again",
+        verdict=verdict,
+        tone="good" if holding == claims and size != QUICK else "caution",
+        facts=(
+            ("experiments", ", ".join(finding.name for finding in findings)),
+            ("training maps", str(size.training_maps)),
+            ("unseen maps x poses", f"{size.unseen_maps} x {size.poses}"),
+            ("search", f"{size.population} designs x {size.generations} generations"),
+            ("seeds", f"{size.seeds}, repeats {size.repeats}"),
+        ),
+        sections=(
+            _summary_section(findings),
+            Section(title="What differs from the paper, and why", paragraphs=DIFFERENCES),
+            *(_experiment_section(finding) for finding in findings),
+        ),
+    )
+
+
+def _summary_section(findings: Sequence[StudyResult]) -> Section:
+    holding, claims = held(findings)
+    corrected = (
+        f"{holding} of {claims} claims hold one by one; corrected for their number (Holm), "
+        f"{held_corrected(findings)} still do."
+    )
+    rows = tuple((finding.name, *claim.cells()) for finding in findings for claim in finding.claims)
+    return Section(
+        title="What the paper claims, and whether it holds",
+        paragraphs=(*SUMMARY, corrected),
+        tables=(Table(caption="All claims", headings=("experiment", *CLAIM_HEADINGS), rows=rows),),
+    )
+
+
+def _experiment_section(finding: StudyResult) -> Section:
+    numbers = Table(
+        caption="Our numbers beside the paper's (simulated, with 95 % intervals)",
+        headings=("", "here", "paper"),
+        rows=tuple((row.what, row.ours, row.paper) for row in finding.rows),
+    )
+    claims = Table(
+        caption="Orderings, tested",
+        headings=CLAIM_HEADINGS,
+        rows=tuple(claim.cells() for claim in finding.claims),
+    )
+    return Section(
+        title=f"{finding.name}: {finding.title}",
+        paragraphs=(*finding.protocol, *finding.remarks),
+        tables=(numbers, claims) if finding.claims else (numbers,),
+        pictures=finding.pictures,
+    )

@@ -23,14 +23,128 @@ from vinefab.core.hashing import fingerprint
 from vinefab.core.jsontext import json_text
 from vinefab.core.validation import Floats
 from vinefab.growth.options import GrowthOptions
+from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.search.loop import Search
 from vinefab.search.record.result import RunIdentity
 from vinefab.search.run import generated_maps, penalty_of
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
-from vinefab.studies.study_designs import design_from, plain_design
-from vinefab.studies.study_sizes import StudySize
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudySize:
+    """Numbers of runs, maps and poses; the defaults are the paper's where it gives them."""
+
+    seed: int = 1  # seed of the first run; run ``i`` has the i-th seed after it
+    seeds: int = 5  # runs per setting, of which the best is kept [paper: 5]
+    repeats: int = 10  # runs of `convergence` and `search` [paper: 10]
+    ablation_seeds: int = 3  # runs per setting of `ablation`
+    # population, generations: size of a search on coverage; 100 is the size of the paper's swarm in
+    # MATLAB
+    population: int = 100
+    generations: int = 40
+    # wide_population, wide_generations: the same for `reach` and `anchor`
+    wide_population: int = 60
+    wide_generations: int = 25
+    # making_population, making_generations: the same for `price`
+    making_population: int = 20
+    making_generations: int = 15
+    training_maps: int = 24  # maps that a design is trained on
+    maps_at_once: int = 6  # how many of them, drawn anew, every generation meets
+    # unseen_maps, poses: unseen maps, and poses on each [paper: 25 and 3]
+    unseen_maps: int = 25
+    poses: int = 3
+    reach_maps: int = 25  # unseen maps of `reach`, one start on each
+    headings: int = 50  # redeployments of a plain vine [paper: 50]
+
+
+PAPER = StudySize()
+
+QUICK = StudySize(
+    seeds=2,
+    repeats=2,
+    ablation_seeds=2,
+    population=6,
+    generations=2,
+    wide_population=4,
+    wide_generations=2,
+    making_population=4,
+    making_generations=1,
+    training_maps=3,
+    maps_at_once=2,
+    unseen_maps=3,
+    poses=2,
+    reach_maps=2,
+    headings=6,
+)
+"""A smoke run: everything is done, nothing is learned from it."""
+
+
+def plain_design(design: Design) -> dict[str, Any]:
+    """Return a design's shape and build; its origin and waivers are left out."""
+    build, pouch = design.build, design.build.pouch
+    return {
+        "name": design.name,
+        "trunk_length_mm": design.trunk_length_mm,
+        "levels": [
+            {
+                "branches": level.branches,
+                "length_mm": level.length_mm,
+                "fan_rad": level.fan_rad,
+                "growth": level.growth,
+            }
+            for level in design.levels
+        ],
+        "widths_mm": list(build.widths_mm),
+        "fillet_mm": list(build.fillet_mm),
+        "tail_mm": build.tail_mm,
+        "pressure_kpa": build.pressure_kpa,
+        "pouch": None
+        if pouch is None
+        else {
+            name: getattr(pouch, name) for name in ("shape", "radius_mm", "length_mm", "width_mm")
+        },
+    }
+
+
+def design_from(plain: Mapping[str, Any]) -> Design:
+    """Return the design of `plain_design`."""
+    pouch = plain["pouch"]
+    return Design(
+        name=plain["name"],
+        trunk_length_mm=plain["trunk_length_mm"],
+        levels=tuple(Level(**level) for level in plain["levels"]),
+        build=Build(
+            widths_mm=tuple(plain["widths_mm"]),
+            fillet_mm=tuple(plain["fillet_mm"]),
+            tail_mm=plain["tail_mm"],
+            pressure_kpa=plain["pressure_kpa"],
+            pouch=None if pouch is None else Pouch(**pouch),
+        ),
+    )
+
+
+def plain_vine(length_mm: float) -> Design:
+    """Return an unbranched robot."""
+    return Design(name="plain_vine", trunk_length_mm=length_mm, build=Build.standard(1))
+
+
+def design_words(design: Design) -> str:
+    """Return the size of a design in a few words."""
+    fans = " x ".join(str(level.branches) for level in design.levels) or "no branches"
+    length_m = total_length_mm(design) / 1000.0
+    return f"{design.branch_count} branches ({fans}), {length_m:.1f} m of film in all"
+
+
+def total_length_mm(design: Design) -> float:
+    """Return the planned length of all branches together."""
+    total, parents = design.trunk_length_mm, 1
+    for level in design.levels:
+        parents *= level.branches
+        total += parents * level.length_mm * (1.0 + level.growth) / 2.0
+    return total
+
 
 FIRST_UNSEEN = 900_001
 """Seed of the first map for testing; no design has trained on any of them."""
@@ -102,7 +216,7 @@ class Testing:
     def run(self) -> dict[str, Any]:
         """Return ``scores``, maps by poses, and every term likewise under ``terms``."""
         sites = tuple(site(self.worlds, index) for index in range(self.worlds.count))
-        # Poses go by the map's seed: whoever is tested on a map meets the same ones.
+        # Poses go by the map's seed: every design tested on a map meets the same ones.
         first = self.worlds.seed
         poses = poses_on(sites, self.poses, range(first, first + self.worlds.count))
         task = make_task(self.task.name, self.task.parameters)
@@ -116,8 +230,8 @@ class Testing:
         }
 
 
-def done(job: StudyJob) -> dict[str, Any]:
-    """Do a job: what a process of the pool is asked for."""
+def run_job(job: StudyJob) -> dict[str, Any]:
+    """Do a job: what a worker process calls."""
     return job.run()
 
 
@@ -133,11 +247,14 @@ def _site(environment: str, seed: int, options: tuple[tuple[str, object], ...]) 
 
 
 SETTINGS = "settings.json"
+
 FINISHED = "finished.json"
 """The file by which the folder is known again, and that says what was begun in it."""
 
 _SETTINGS_SCHEMA = "vinefab/reproduction-settings-1"
+
 _FINISHED_SCHEMA = "vinefab/reproduction-finished-1"
+
 _PART_SCHEMA = "vinefab/reproduction-part-1"
 
 Tell = Callable[[float, str], None]
@@ -201,16 +318,16 @@ class JobStore:
 
     def _done(self, todo: dict[str, StudyJob]) -> Iterator[tuple[str, dict[str, Any]]]:
         if self.workers == 1 or len(todo) < 2:
-            yield from ((key, done(job)) for key, job in todo.items())
+            yield from ((key, run_job(job)) for key, job in todo.items())
             return
         keys = list(todo)
         if self._pool is None:
             # Compiled here first: processes that compile at once would write the same cache.
             first = keys.pop(0)
-            yield first, done(todo[first])
+            yield first, run_job(todo[first])
             # One pool for all: a process takes seconds to start.
             self._pool = ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"))
-        found = self._pool.map(done, [todo[key] for key in keys])
+        found = self._pool.map(run_job, [todo[key] for key in keys])
         yield from zip(keys, found, strict=True)
 
     def _kept(self, key: str) -> dict[str, Any] | None:

@@ -2,22 +2,27 @@
 
 from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Picture
-from vinefab.studies.claims import Claim, PaperNumber, StudyResult, interval_text, percent_text
-from vinefab.studies.exchange import Exchange
-from vinefab.studies.intervals import interval, ratio
+from vinefab.studies.claims import (
+    Claim,
+    PaperNumber,
+    StudyResult,
+    interval,
+    interval_text,
+    percent_text,
+    ratio,
+)
 from vinefab.studies.paper_charts import Bar, grouped_bars
-from vinefab.studies.study_designs import design_from, words
-from vinefab.studies.study_jobs import JobStore
-from vinefab.studies.study_runs import ENVIRONMENTS, NAMES, coverage_run
+from vinefab.studies.study_jobs import JobStore, design_from, design_words
+from vinefab.studies.study_runs import ENVIRONMENTS, NAMES, Exchange, coverage_run
 
 PAPER_GAP = {"grid": 0.02, "cave": 0.015}
 """What unseen maps cost at most in the paper, relative to the training maps."""
 
 
-def transfer(lab: JobStore) -> StudyResult:
+def transfer(store: JobStore) -> StudyResult:
     """Train in both environments, and test every design in both."""
-    size = lab.size
-    found = Exchange.of(lab, lambda home, number: coverage_run(size, home, number), size.seeds)
+    size = store.size
+    found = Exchange.of(store, lambda home, number: coverage_run(size, home, number), size.seeds)
     return StudyResult(
         name="transfer",
         title="Transfer and specialization (Fig. 2E)",
@@ -55,7 +60,7 @@ def transfer(lab: JobStore) -> StudyResult:
 def _rows(found: Exchange, home: str) -> list[PaperNumber]:
     name, own, native = NAMES[home], found.kept_training(home), found.kept_unseen(home, home)
     return [
-        PaperNumber(what=f"{name} design", ours=words(design_from(found.kept_design(home)))),
+        PaperNumber(what=f"{name} design", ours=design_words(design_from(found.kept_design(home)))),
         PaperNumber(
             what=f"{name} design on its training maps, score",
             ours=interval_text(interval(own)),

@@ -13,13 +13,16 @@ from vinefab.search.settings import (
     SearchSettings,
 )
 from vinefab.search.space import Bounds, SpaceSettings
-from vinefab.studies.contest.contest_table import (
+from vinefab.studies.optimizer_contest import (
+    Contender,
+    Contest,
+    ContestRow,
     comparison_json,
     comparison_svg,
     comparison_table,
+    contest_rows,
     table_lines,
 )
-from vinefab.studies.contest.optimizer_contest import Contender, Contest, ContestRow, contest_rows
 
 TINY = RunSettings(
     name="tiny",
@@ -39,13 +42,13 @@ def timeless(rows: list[ContestRow]) -> list[ContestRow]:
 
 
 def test_contenders_meet_the_same_maps_and_every_number_its_own() -> None:
-    bouts = CONTEST.bouts()
-    assert [(b.contender, b.number) for b in bouts] == [
+    contest_runs = CONTEST.runs()
+    assert [(b.contender, b.number) for b in contest_runs] == [
         ("random", 0), ("pso", 0), ("random", 1), ("pso", 1),
     ]  # fmt: skip
-    assert [b.settings.maps.seed for b in bouts] == [1, 1, 2, 2]
-    assert [b.settings.search.seed for b in bouts] == [1, 1, 2, 2]
-    assert len({b.key for b in bouts}) == 4
+    assert [b.settings.maps.seed for b in contest_runs] == [1, 1, 2, 2]
+    assert [b.settings.search.seed for b in contest_runs] == [1, 1, 2, 2]
+    assert len({b.key for b in contest_runs}) == 4
 
 
 def test_a_comparison_goes_on_where_it_was_cut_off(tmp_path: Path) -> None:
@@ -77,11 +80,11 @@ def test_a_foreign_record_is_kept(tmp_path: Path) -> None:
 def made_up(contest: Contest, worth: dict[str, np.ndarray]) -> list[ContestRow]:
     return [
         ContestRow(
-            key=bout.key,
-            problem=bout.settings.name,
-            contender=bout.contender,
-            number=bout.number,
-            unseen=float(worth[bout.contender][bout.number]),
+            key=contest_run.key,
+            problem=contest_run.settings.name,
+            contender=contest_run.contender,
+            number=contest_run.number,
+            unseen=float(worth[contest_run.contender][contest_run.number]),
             fresh=0.5,
             lucky=0.6,
             penalty=0.0,
@@ -89,7 +92,7 @@ def made_up(contest: Contest, worth: dict[str, np.ndarray]) -> list[ContestRow]:
             optimizer_s=0.1,
             total_s=1.0,
         )
-        for bout in contest.bouts()
+        for contest_run in contest.runs()
     ]
 
 
@@ -135,3 +138,23 @@ def test_the_table_says_who_is_better_and_how_sure_that_is() -> None:
 def test_comparisons_that_cannot_be_are_refused(change: dict[str, object], words: str) -> None:
     with pytest.raises(BadInputError, match=words):
         replace(CONTEST, **change)
+
+
+def test_the_table_has_the_means_of_each_contender() -> None:
+    worth = {"random": np.array([0.2, 0.4]), "pso": np.array([0.3, 0.7])}
+    changes = (
+        {"fresh": 0.1, "lucky": 0.2, "evaluations": 8, "optimizer_s": 1.0, "penalty": 0.0},
+        {"fresh": 0.3, "lucky": 0.6, "evaluations": 12, "optimizer_s": 2.0, "penalty": 1.0},
+    )
+    rows = [replace(row, **changes[row.number]) for row in made_up(CONTEST, worth)]
+    first, second = comparison_table(CONTEST, rows)
+    # Two seeds drawn with replacement: the mean is either value or their middle.
+    assert first["unseen"] == {"mean": pytest.approx(0.3), "low": 0.2, "high": 0.4}
+    assert (first["fresh"], first["lucky"]) == pytest.approx((0.2, 0.4))
+    assert (first["evaluations"], first["optimizer_s"], first["can_be_made"]) == (10.0, 1.5, 0.5)
+    assert second["difference"]["mean"] == pytest.approx(0.2)
+    assert second["difference"]["low"] == pytest.approx(0.1)
+    assert second["difference"]["high"] == pytest.approx(0.3)
+    assert second["difference"]["p"] == pytest.approx(0.5)
+    line = table_lines([first, second])[1]
+    assert "0.5000 [0.3000, 0.7000]  +0.2000 [+0.1000, +0.3000] p 0.500" in line

@@ -11,8 +11,7 @@ from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Pose
-from vinefab.prediction.deploy import deploy
-from vinefab.prediction.history import fronts_from, history_content
+from vinefab.prediction.deploy import deploy, fronts_from, history_content
 
 WORLD = grid_map(5, GridOptions(size_mm=300.0, columns=4, rows=4))
 

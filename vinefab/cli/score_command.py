@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.options import (
+from vinefab.cli.common_options import (
     CommandOutput,
     DesignIn,
     Force,
@@ -18,11 +18,6 @@ from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.results_json import score_text
 from vinefab.prediction.deploy import growth_options
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task, score_lines
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("score")(score_command)
 
 
 def score_command(
@@ -44,12 +39,10 @@ def score_command(
 
     Example: vinefab score three_level_tree --task coverage --maps a.geojson --maps b.geojson
     """
-    voice = CommandOutput(quiet=quiet, json_out=json_out, force=force)
-    trials = ScorePlan(
-        task=task, parameters=parameters_from(parameter or []), poses=poses, seed=seed
-    )
+    output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    plan = ScorePlan(task=task, parameters=parameters_from(parameter or []), poses=poses, seed=seed)
     worlds = [read_map(path) for path in maps]
-    result = score_design_on_task(read_design(design), worlds, trials, growth_options(body))
-    voice.give_json(score_text(result))
+    result = score_design_on_task(read_design(design), worlds, plan, growth_options(body))
+    output.give_json(score_text(result))
     for line in score_lines(result):
-        voice.say(line)
+        output.say(line)

@@ -1,4 +1,4 @@
-"""Options that several commands share, and where their words go."""
+"""Options that commands share, and `CommandOutput`: messages, results and progress."""
 
 import math
 import sys
@@ -46,14 +46,14 @@ PoseIn = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandOutput:
-    """Where a command's words, results and progress go."""
+    """Where a command's messages, results and progress go."""
 
-    quiet: bool = False  # say nothing but errors
-    # where the machine-readable result goes; with ``-`` the words go to standard error
+    quiet: bool = False  # print nothing but errors
+    # where the machine-readable result goes; with ``-`` messages go to standard error
     json_out: str | None = None
     force: bool = False  # overwrite files that vinefab did not write
     console: Console = field(init=False)
-    """For words and progress; one, so that words printed meanwhile stand above the bar."""
+    """For messages and progress; one, so that messages appear above the bar."""
 
     def __post_init__(self) -> None:
         console = Console(stderr=self.json_out == "-", quiet=self.quiet, highlight=False)
@@ -86,14 +86,14 @@ class CommandOutput:
         columns = (
             TextColumn("{task.description}"),
             BarColumn(),
-            TextColumn("{task.fields[words]}"),
+            TextColumn("{task.fields[text]}"),
             TimeRemainingColumn(),
         )
         console = self.console
         show = console.is_terminal and not self.quiet
         with Progress(*columns, console=console, transient=True, disable=not show) as bar:
-            task = bar.add_task(title, total=1.0, words="")
-            yield lambda share, words: bar.update(task, completed=share, words=words)
+            task = bar.add_task(title, total=1.0, text="")
+            yield lambda share, text: bar.update(task, completed=share, text=text)
 
 
 def ensure_kind(option: str, path: Path | None, endings: tuple[str, ...], *, force: bool) -> None:
@@ -136,15 +136,15 @@ def numbers_from(option: str, text: str, count: int) -> tuple[float, ...]:
     return numbers
 
 
-def field_words(
+def map_arguments(
     maps: list[Path] | None, environment: str | None, count: int, parameter: list[str] | None
 ) -> list[str]:
-    """Return the words that ask for the same maps again."""
-    words = [word for path in maps or [] for word in ("--maps", str(path))]
+    """Return the arguments that select the same maps again."""
+    arguments = [word for path in maps or [] for word in ("--maps", str(path))]
     if environment:
-        words += ["--environment", environment, "--count", str(count)]
-        words += [word for text in parameter or [] for word in ("--set", text)]
-    return words
+        arguments += ["--environment", environment, "--count", str(count)]
+        arguments += [word for text in parameter or [] for word in ("--set", text)]
+    return arguments
 
 
 def parameters_from(texts: list[str]) -> dict[str, object]:

@@ -27,23 +27,19 @@ from vinefab.search.settings import (
     SearchSettings,
 )
 from vinefab.search.timing import TimeSplit
-from vinefab.studies.benchmark.bench_cases import (
-    OPTIONS,
+from vinefab.studies.benchmark_growths import (
+    BENCH_GROWTH,
+    Floor,
     batch_on,
     events,
+    floor_on,
     free_poses,
     least_each_s,
     least_s,
     square_map,
     tree_of_40,
 )
-from vinefab.studies.benchmark.shapely_reference import (
-    ReferenceBranch,
-    ReferenceWorld,
-    grow_tree,
-    tips_mm,
-)
-from vinefab.studies.benchmark.test_floor import Floor, floor_on
+from vinefab.studies.shapely_reference import ReferenceBranch, ReferenceWorld, grow_tree, tips_mm
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.evaluate import PreparedMap, score_designs
 
@@ -228,7 +224,7 @@ def _ns_per_event(batch: Batch) -> float:
 
 
 def _evaluate(site: PreparedMap, launches: Launches, over: BlockMapper = map) -> None:
-    score_designs([tree_of_40()], [site], launches, Coverage(area="fast"), OPTIONS, over)
+    score_designs([tree_of_40()], [site], launches, Coverage(area="fast"), BENCH_GROWTH, over)
 
 
 class _Reference:
@@ -240,11 +236,13 @@ class _Reference:
         self.branches = len(poses) * len(self._tree)
 
     def grow(self) -> list[list[ReferenceBranch]]:
-        return [grow_tree(self._course, self._tree, pose, OPTIONS) for pose in self._poses]
+        return [grow_tree(self._course, self._tree, pose, BENCH_GROWTH) for pose in self._poses]
 
     def error_mm(self) -> float:
         """Return how far its tips are from the kernel's at most."""
-        exact = [grow(tree_of_40(), self._terrain, pose, OPTIONS).tips_mm for pose in self._poses]
+        exact = [
+            grow(tree_of_40(), self._terrain, pose, BENCH_GROWTH).tips_mm for pose in self._poses
+        ]
         found = [tips_mm(branches) for branches in self.grow()]
         return max(float(np.abs(a - b).max()) for a, b in zip(found, exact, strict=True))
 
@@ -253,7 +251,7 @@ def _twin(terrain: Terrain, poses: tuple[Pose, ...]) -> float:
     """Return the readable twin's branches per second."""
     design = tree_of_40()
     taken_s = least_s(
-        lambda: [grow(design, terrain, pose, OPTIONS, "reference") for pose in poses], 1
+        lambda: [grow(design, terrain, pose, BENCH_GROWTH, "reference") for pose in poses], 1
     )
     return len(poses) * len(branch_tree(design)) / taken_s
 

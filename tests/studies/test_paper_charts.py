@@ -26,5 +26,5 @@ def test_what_holds_is_filled_what_does_not_is_hollow_and_what_was_not_asked_is_
     assert (0.1, 0.3) in spans
     assert (-0.1, 0.3) in spans
     assert first.get_ylim()[0] > first.get_ylim()[1]  # the first variant stands on top
-    assert [text.get_text() for text in second.texts] == ["not asked"]
+    assert [text.get_text() for text in second.texts] == ["not tested"]
     assert svg_bytes(figure).startswith(b"<?xml")

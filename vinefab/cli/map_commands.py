@@ -1,4 +1,4 @@
-"""``vinefab map``: generate or import a map."""
+"""``vinefab map``: generate, import or describe a map."""
 
 import inspect
 import re
@@ -8,23 +8,31 @@ from typing import Annotated, Any, cast
 
 import typer
 
-from vinefab.cli import map_info
-from vinefab.cli.options import CommandOutput, Force, Quiet, ensure_apart, pose_from
-from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.cli.common_options import (
+    CommandOutput,
+    Force,
+    JsonOut,
+    Quiet,
+    ensure_apart,
+    ensure_kind,
+    pose_from,
+)
+from vinefab.core.atomic import ensure_writable, write_bytes, write_text
 from vinefab.core.units import deg
 from vinefab.maps.generators.environments import ENVIRONMENTS, Environment
 from vinefab.maps.generators.generated_map import option_fields
 from vinefab.maps.importers.importers import import_map, import_suffixes
 from vinefab.maps.importers.source_drawing import ImportOptions
-from vinefab.model.files.map_geojson import map_text
+from vinefab.model.files.map_geojson import map_text, read_map
 from vinefab.model.map import Map
+from vinefab.prediction.map_info import info_lines, info_text, map_info
 
 OutFile = Annotated[Path, typer.Option("--out", help="The map file to write (GeoJSON).")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same map.")]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add ``map`` with one subcommand per environment, and ``import``."""
+def map_group() -> typer.Typer:
+    """Return ``map`` with one subcommand per environment, ``import`` and ``info``."""
     ENVIRONMENTS.load_plugins()
     words = ["Generate or import a map.", "Example: vinefab map grid --seed 3 --out grid.geojson"]
     words += [f"Not loaded: {name} ({why})." for name, why in ENVIRONMENTS.broken.items()]
@@ -32,8 +40,8 @@ def add_to(app: typer.Typer) -> None:
     for name, environment in ENVIRONMENTS.items():
         maps.command(name, help=_help(name, environment))(_generator(environment))
     maps.command("import")(import_command)
-    map_info.add_to(maps)
-    app.add_typer(maps, name="map")
+    maps.command("info")(info_command)
+    return maps
 
 
 def import_command(
@@ -117,19 +125,47 @@ def import_command(
     _save(world, out, CommandOutput(quiet=quiet, force=force))
 
 
-def _save(world: Map, out: Path, voice: CommandOutput) -> None:
-    write_text(out, map_text(world), force=voice.force)
+def info_command(
+    *,
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A map file.")],
+    width_mm: Annotated[
+        float | None, typer.Option("--width-mm", help="Lay-flat width of a body to check.")
+    ] = None,
+    passages: Annotated[int, typer.Option(help="How many of the narrowest passages to find.")] = 5,
+    json_out: JsonOut = None,
+    svg: Annotated[Path | None, typer.Option("--svg", help="A picture (SVG, or PNG).")] = None,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
+    """Describe a map: its size, its narrowest passages, and the widest robot that fits.
+
+    Example: vinefab map info cave.geojson --width-mm 20 --svg cave.svg
+    """
+    output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    ensure_kind("--svg", svg, (".svg", ".png"), force=force)
+    info = map_info(read_map(map_file), width_mm=width_mm, passages=passages)
+    output.give_json(info_text(info))
+    if svg:
+        write_bytes(svg, info.picture(svg.suffix), force=force)
+    for line in info_lines(info):
+        output.say(line)
+    if svg:
+        output.say(f"wrote {svg}")
+
+
+def _save(world: Map, out: Path, output: CommandOutput) -> None:
+    write_text(out, map_text(world), force=output.force)
     width_mm, height_mm = world.size_mm
-    voice.say(
+    output.say(
         f"{world.name}: {width_mm:.0f} x {height_mm:.0f} mm, {len(world.obstacles)} obstacles, "
         f"{world.wall_count} walls, free area {world.free_space.area / 1e6:.4g} m2"
     )
     for start in world.starts[:1]:
         pose = start.pose
-        voice.say(f"start: {pose.x_mm:.1f},{pose.y_mm:.1f},{deg(pose.heading_rad):.1f}")
+        output.say(f"start: {pose.x_mm:.1f},{pose.y_mm:.1f},{deg(pose.heading_rad):.1f}")
     for key, value in world.facts.items():
-        voice.say(f"  {key}: {value}")
-    voice.say(f"wrote {out}")
+        output.say(f"  {key}: {value}")
+    output.say(f"wrote {out}")
 
 
 def _generator(environment: Environment) -> Callable[..., None]:
@@ -137,10 +173,10 @@ def _generator(environment: Environment) -> Callable[..., None]:
     known = {field.name: field for field in option_fields(environment.options)}
 
     def generate(**given: Any) -> None:  # noqa: ANN401  one value per option, of its own type
-        out, voice = given["out"], CommandOutput(quiet=given["quiet"], force=given["force"])
-        ensure_writable(out, force=voice.force)
+        out, output = given["out"], CommandOutput(quiet=given["quiet"], force=given["force"])
+        ensure_writable(out, force=output.force)
         options = environment.options(**{name: given[name] for name in known})
-        _save(environment.make(given["seed"], options), out, voice)
+        _save(environment.make(given["seed"], options), out, output)
 
     described = _described(environment.options)
     parameters = [_parameter("out", OutFile), _parameter("seed", Seed, default=0)]

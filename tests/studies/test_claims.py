@@ -2,7 +2,22 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from vinefab.studies.intervals import difference, interval, peak, ratio, seed_mean, spread
+from vinefab.studies.claims import (
+    Claim,
+    ConfidenceInterval,
+    StudyResult,
+    difference,
+    held,
+    held_corrected,
+    interval,
+    interval_text,
+    p_text,
+    peak,
+    percent_text,
+    ratio,
+    seed_mean,
+    spread,
+)
 
 
 @pytest.fixture
@@ -102,3 +117,47 @@ def test_intervals_cover_the_truth_as_often_as_they_say():
         found = interval(rng.normal(0.0, 1.0, (1, 60, 1)))
         held += found.low <= 0.0 <= found.high
     assert held >= 88
+
+
+def known_interval(low=0.1, above=0.99, value=0.25, high=0.4):
+    return ConfidenceInterval(value=value, low=low, high=high, above=above)
+
+
+@pytest.mark.parametrize(
+    ("above", "p"), [(0.99, 0.02), (0.01, 0.02), (0.5, 1.0), (1.0, 1 / 4000), (0.75, 0.5)]
+)
+def test_p_is_twice_the_smaller_share_beyond_0(above, p):
+    assert known_interval(above=above).p == pytest.approx(p)
+
+
+def test_numbers_are_written_with_their_interval():
+    assert interval_text(known_interval()) == "0.250 [0.100, 0.400]"
+    assert interval_text(known_interval(), 1) == "0.2 [0.1, 0.4]"
+    assert percent_text(known_interval()) == "25.0 % [10.0, 40.0]"
+    assert (p_text(0.0009), p_text(0.05)) == ("< 0.001", "0.050")
+
+
+def test_a_claim_shows_difference_p_confidence_and_the_kept_designs():
+    claim = Claim(text="t", tested=known_interval(), kept=known_interval(low=-0.1))
+    assert claim.cells() == (
+        "held", "t", "0.250 [0.100, 0.400]", "0.020", "99.0 %",
+        "0.250 [-0.100, 0.400], not held: undecided",
+    )  # fmt: skip
+    sure = Claim(text="t", tested=known_interval(above=1.0), digits=2)
+    assert sure.cells()[2:] == ("0.25 [0.10, 0.40]", "< 0.001", "> 99.9 %", "-")
+    assert claim.plain()["difference"] == {
+        "value": 0.25, "low": 0.1, "high": 0.4, "above": 0.99, "p": pytest.approx(0.02)
+    }  # fmt: skip
+
+
+def test_held_claims_are_counted_and_corrected_for_their_number():
+    def result(*intervals):
+        claims = tuple(Claim(text="t", tested=found) for found in intervals)
+        return StudyResult(name="n", title="t", protocol=(), rows=(), claims=claims)
+
+    sure, weak = known_interval(above=1.0), known_interval(above=0.98)
+    open_ = known_interval(low=-0.1, above=0.9)
+    results = [result(sure, weak), result(open_)]
+    assert held(results) == (2, 3)
+    # Twice 0.04 is more than 5 %: only the sure one is left.
+    assert held_corrected(results) == 1

@@ -9,17 +9,25 @@ from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import wilcoxon
 
 from vinefab.core.atomic import ensure_writable, folder_to_fill
 from vinefab.core.errors import BadInputError, UnreadableFileError, located
 from vinefab.core.hashing import fingerprint
-from vinefab.core.jsontext import GENERATOR
-from vinefab.core.validation import whole
+from vinefab.core.jsontext import GENERATOR, json_text
+from vinefab.core.rng import child
+from vinefab.core.statistics import holm
+from vinefab.core.validation import Floats, whole
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.pages.charts import panels_of_strips
+from vinefab.pages.figure import svg_bytes
 from vinefab.search.loop import Search
-from vinefab.search.record.result import RunIdentity
+from vinefab.search.record.result import RunIdentity, package_versions
 from vinefab.search.run import environment_options, generated_maps, penalty_of
-from vinefab.search.settings import PartSettings, RunSettings
+from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task
 
@@ -65,7 +73,7 @@ class Contest:
                 allowed = f"generated maps, in the comparison of {problem.name}"
                 raise BadInputError("maps.files", [str(f) for f in problem.maps.files], allowed)
 
-    def bouts(self) -> list["ContestRun"]:
+    def runs(self) -> list["ContestRun"]:
         """Return every run, problem by problem, so that early results compare all contenders."""
         return [
             ContestRun.of(problem, contender, number, self)
@@ -116,7 +124,7 @@ class ContestRun:
 class ContestRow:
     """What came of one run."""
 
-    key: str  # the bout's
+    key: str  # fingerprint of the run
     # problem, contender, number: what it was
     problem: str
     contender: str
@@ -124,30 +132,30 @@ class ContestRow:
     unseen: float  # the winner's composite on unseen maps: what counts
     fresh: float  # the same on fresh poses on the training maps, by which the winner was chosen
     lucky: float  # the best fitness that the search ever saw
-    penalty: float  # the winner's; 0 when it can be made or nobody asked
+    penalty: float  # the winner's; 0 when manufacturable, or not checked (`fabricable = false`)
     evaluations: int  # designs evaluated by the search
     # optimizer_s, total_s: time of asking and telling, and of everything
     optimizer_s: float
     total_s: float
 
 
-def run_contest(bout: ContestRun) -> ContestRow:
-    """Run one bout."""
+def run_contest(contest_run: ContestRun) -> ContestRow:
+    """Do one run of a comparison."""
     began_s = time.perf_counter()
-    settings = bout.settings
+    settings = contest_run.settings
     result = _search(settings).run()
     weighed = settings.evaluation.composite
     sites = _unseen_sites(
-        settings.maps.environment, json.dumps(dict(settings.maps.options)), bout.unseen
+        settings.maps.environment, json.dumps(dict(settings.maps.options)), contest_run.unseen
     )
-    poses = poses_on(sites, bout.poses, range(bout.unseen))
+    poses = poses_on(sites, contest_run.poses, range(contest_run.unseen))
     task = make_task(settings.task.name, settings.task.parameters)
     score = score_design(result.best, sites, poses, task, settings.growth)
     return ContestRow(
-        key=bout.key,
+        key=contest_run.key,
         problem=settings.name,
-        contender=bout.contender,
-        number=bout.number,
+        contender=contest_run.contender,
+        number=contest_run.number,
         unseen=score.composite[weighed],
         fresh=result.score.composite[weighed],
         lucky=max(generation.best for generation in result.history),
@@ -176,30 +184,30 @@ def contest_rows(
     tell: Callable[[float, str], None] = lambda _, __: None,
     force: bool = False,
 ) -> list[ContestRow]:
-    """Run all bouts that a record does not hold yet, and return all of them."""
+    """Do the runs that a record does not hold yet, and return all of them."""
     ensure_writable(record, force=force)
     known = _recorded(record)
-    bouts = contest.bouts()
-    todo = [bout for bout in bouts if bout.key not in known]
+    contest_runs = contest.runs()
+    todo = [contest_run for contest_run in contest_runs if contest_run.key not in known]
     _check(contest, todo)
-    for done, row in enumerate(_fought(todo, jobs), start=len(bouts) - len(todo) + 1):
+    for done, row in enumerate(_run_all(todo, jobs), start=len(contest_runs) - len(todo) + 1):
         _add(record, row)
         known[row.key] = row
-        tell(done / len(bouts), f"{row.problem} {row.contender} {row.unseen:.4f}")
-    return [known[bout.key] for bout in bouts]
+        tell(done / len(contest_runs), f"{row.problem} {row.contender} {row.unseen:.4f}")
+    return [known[contest_run.key] for contest_run in contest_runs]
 
 
 def _check(contest: Contest, todo: Sequence[ContestRun]) -> None:
     """Complain of a problem that cannot be run, before anything is, and say from which file."""
-    looked = set[tuple[str, str]]()
+    checked = set[tuple[str, str]]()
     names = [problem.name for problem in contest.problems]
     sources: dict[str, str | Path] = dict(zip(names, contest.sources or names, strict=True))
-    for bout in todo:
-        who = bout.settings.name, bout.contender
-        if who not in looked:
-            looked.add(who)
-            with located(sources[bout.settings.name]):
-                _search(bout.settings)
+    for contest_run in todo:
+        who = contest_run.settings.name, contest_run.contender
+        if who not in checked:
+            checked.add(who)
+            with located(sources[contest_run.settings.name]):
+                _search(contest_run.settings)
 
 
 def _search(settings: RunSettings) -> Search:
@@ -214,12 +222,12 @@ def _add(record: Path, row: ContestRow) -> None:
         stream.write(json.dumps(asdict(row)) + "\n")
 
 
-def _fought(bouts: Sequence[ContestRun], jobs: int) -> Iterator[ContestRow]:
-    if jobs == 1 or len(bouts) < 2:
-        yield from map(run_contest, bouts)
+def _run_all(contest_runs: Sequence[ContestRun], jobs: int) -> Iterator[ContestRow]:
+    if jobs == 1 or len(contest_runs) < 2:
+        yield from map(run_contest, contest_runs)
         return
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(run_contest, bouts)
+        yield from pool.map(run_contest, contest_runs)
 
 
 def _recorded(record: Path) -> dict[str, ContestRow]:
@@ -239,3 +247,115 @@ def _recorded(record: Path) -> dict[str, ContestRow]:
 
 def _row(values: Mapping[str, float]) -> ContestRow:
     return ContestRow(**values)  # type: ignore[arg-type]
+
+
+RESAMPLES = 10_000
+
+_STREAM = 1702
+
+
+def comparison_json(contest: Contest, rows: Sequence[ContestRow]) -> str:
+    """Return a comparison as JSON: ``vinefab/comparison-1``."""
+    content = {
+        "seeds": contest.seeds,
+        "unseen_maps": contest.unseen,
+        "poses_per_unseen_map": contest.poses,
+        "reference": contest.contenders[0].label,
+        "problems": {problem.name: plain_settings(problem) for problem in contest.problems},
+        "table": comparison_table(contest, rows),
+        "runs": [asdict(row) for row in rows],
+        "versions": package_versions(),
+    }
+    return json_text("vinefab/comparison-1", content)
+
+
+def comparison_table(contest: Contest, rows: Sequence[ContestRow]) -> list[dict[str, Any]]:
+    """Return one entry per problem and contender, and over all problems together.
+
+    Scores are those of the winners on unseen maps. ``difference`` is to the first contender,
+    paired by seed; its p-value is that of Wilcoxon's signed-rank test, and ``p_holm`` the same
+    corrected for the number of contenders (Holm). Intervals are 95 % bootstrap intervals over
+    seeds.
+    """
+    names = [problem.name for problem in contest.problems]
+    table = []
+    for problem in names:
+        scores = [_scores(rows, problem, c.label) for c in contest.contenders]
+        table += _block(contest, problem, scores, rows)
+    if len(names) > 1:
+        scores = [
+            np.mean([_scores(rows, problem, c.label) for problem in names], axis=0)
+            for c in contest.contenders
+        ]
+        table += _block(contest, "all", scores, rows)
+    return table
+
+
+def _scores(rows: Sequence[ContestRow], problem: str, label: str) -> Floats:
+    return np.array([r.unseen for r in rows if (r.problem, r.contender) == (problem, label)])
+
+
+def _block(
+    contest: Contest, problem: str, scores: Sequence[Floats], rows: Sequence[ContestRow]
+) -> list[dict[str, Any]]:
+    chances = [_chance(values - scores[0]) for values in scores]
+    held = holm(chances[1:])
+    block = []
+    for place, (contender, values) in enumerate(zip(contest.contenders, scores, strict=True)):
+        mine = [r for r in rows if r.contender == contender.label and problem in (r.problem, "all")]
+        entry: dict[str, Any] = {
+            "problem": problem,
+            "optimizer": contender.label,
+            "unseen": _interval(values),
+            "fresh": float(np.mean([r.fresh for r in mine])),
+            "lucky": float(np.mean([r.lucky for r in mine])),
+            "evaluations": float(np.mean([r.evaluations for r in mine])),
+            "optimizer_s": float(np.mean([r.optimizer_s for r in mine])),
+            "can_be_made": float(np.mean([r.penalty == 0.0 for r in mine])),
+        }
+        if place > 0:
+            difference = _interval(values - scores[0])
+            entry["difference"] = {**difference, "p": chances[place], "p_holm": held[place - 1]}
+        block.append(entry)
+    return block
+
+
+def _interval(values: Floats) -> dict[str, float]:
+    """Return a mean with its 95 % percentile bootstrap interval."""
+    draws = child(0, _STREAM).integers(0, len(values), (RESAMPLES, len(values)))
+    low, high = np.percentile(values[draws].mean(axis=1), [2.5, 97.5])
+    return {"mean": float(values.mean()), "low": float(low), "high": float(high)}
+
+
+def _chance(differences: Floats) -> float:
+    """Return the two-sided p-value of no difference, 1 when there is none or one pair only."""
+    if len(differences) < 2 or not differences.any():
+        return 1.0
+    return float(wilcoxon(differences).pvalue)
+
+
+def table_lines(table: Sequence[dict[str, Any]]) -> list[str]:
+    """Return a table as lines for the user."""
+    lines = []
+    for entry in table:
+        unseen = entry["unseen"]
+        line = (
+            f"{entry['problem']:<12} {entry['optimizer']:<28} {unseen['mean']:.4f} "
+            f"[{unseen['low']:.4f}, {unseen['high']:.4f}]"
+        )
+        if difference := entry.get("difference"):
+            line += (
+                f"  {difference['mean']:+.4f} [{difference['low']:+.4f}, {difference['high']:+.4f}]"
+                f" p {difference['p_holm']:.3f}"
+            )
+        lines.append(line)
+    return lines
+
+
+def comparison_svg(contest: Contest, rows: Sequence[ContestRow]) -> bytes:
+    """Return every winner's score on unseen maps as a dot, a panel per problem."""
+    panels = {
+        problem.name: {c.label: _scores(rows, problem.name, c.label) for c in contest.contenders}
+        for problem in contest.problems
+    }
+    return svg_bytes(panels_of_strips(panels, "score on unseen maps (simulated)"))

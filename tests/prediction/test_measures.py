@@ -1,0 +1,148 @@
+"""Measures against closed forms and against other ways to the same numbers."""
+
+import numpy as np
+import pytest
+
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.design import Build, Design, Level
+from vinefab.model.map import Pose
+from vinefab.model.tree import branch_tree
+from vinefab.physics.growth_pressure import grown_paths, riding_mm
+from vinefab.prediction.family_deployments import PredictionPlan, PreparedFamily, deploy_family
+from vinefab.prediction.measures import (
+    ANCHORING,
+    COVERAGE,
+    GROWN,
+    LOOSE,
+    LOOSE_PRESSURE,
+    MEASURES,
+    REACH,
+    SEEN,
+    STUCK,
+    TIGHT,
+    TIGHT_PRESSURE,
+    UNDEPLOYED,
+    MeasureTable,
+    Spread,
+    constants_by_level,
+    growth_pressures_kpa,
+    shares_percent,
+)
+
+
+def test_a_straight_vine_in_an_empty_room_gives_what_paper_and_pencil_give(straight):
+    design, family = straight
+    result = deploy_family(
+        design, PreparedFamily.of(family, PredictionPlan(poses=1)), PredictionPlan(poses=1)
+    )
+    found = {m.key: float(result.outcomes.values[m.key][0]) for m in MEASURES}
+    room_mm2 = 400.0 * 200.0
+    assert found[SEEN.key] == pytest.approx(100 * np.pi * 50.0**2 / room_mm2, rel=1e-3)
+    stadium_mm2 = 100.0 * 80.0 + np.pi * 40.0**2
+    assert found[REACH.key] == pytest.approx(100 * stadium_mm2 / room_mm2, rel=4e-3)
+    assert (found[GROWN.key], found[STUCK.key]) == (100.0, 0.0)
+    # Y and f of the 25 mm tube, times its diameter over this one's.
+    scale = 25.0 / (2.0 * 20.0 / np.pi)
+    assert found[LOOSE_PRESSURE.key] == pytest.approx(scale * (1.92 + 0.771 * 0.1))
+
+
+def test_pressures_on_arrays_are_those_of_paths_from_the_base(result, explorer):
+    riding = riding_mm(result.deployments[0].tree, explorer.build.widths_mm)
+    turned = 0
+    for deployment in result.deployments:
+        rows = growth_pressures_kpa(deployment, explorer)
+        assert (np.isfinite(rows) == deployment.deployed).all()
+        for fit, row in zip((LOOSE, TIGHT), rows, strict=True):
+            levels = constants_by_level(explorer, fit)
+            for branch, path in grown_paths(deployment).items():
+                own = levels[deployment.tree.level[branch] - 1]
+                turned += path.turn_rad > 1.0
+                expected = path.pressure_kpa(own, float(riding[branch]))
+                assert row[branch] == pytest.approx(expected, rel=1e-12)
+    assert turned > 100
+
+
+def test_spread_of_means_is_taken_over_maps(result):
+    spread = result.outcomes.spread(SEEN)
+    values = result.outcomes.values[SEEN.key]
+    assert spread.count == 10
+    assert spread.mean == pytest.approx(values.mean())
+    assert spread.least <= spread.p05 <= spread.median <= spread.p95 <= spread.greatest
+    assert spread.low < spread.mean < spread.high
+
+
+def test_every_number_of_a_spread_is_what_its_name_says():
+    values = np.append(np.arange(101.0)[::-1], np.nan)
+    spread = Spread.of(values, ["only map"] * 102)
+    assert spread.count == 101
+    assert (spread.p05, spread.median, spread.p95) == (5.0, 50.0, 95.0)
+    assert (spread.least, spread.greatest, spread.mean) == (0.0, 100.0, 50.0)
+    assert spread.deviation == pytest.approx(np.sqrt((101**2 - 1) / 12))
+    # On one map the interval is over poses: 1.96 standard errors to either side, nearly.
+    half = 1.96 * spread.deviation / np.sqrt(101)
+    assert (spread.low, spread.high) == pytest.approx((50.0 - half, 50.0 + half), abs=0.1 * half)
+
+
+def test_a_mean_and_its_interval_are_over_maps_and_not_over_deployments():
+    # Means of the maps are 2 and 10; drawn with replacement they give 2, 6 or 10.
+    spread = Spread.of(np.array([1.0, 2.0, 3.0, 10.0]), ["a", "a", "a", "b"])
+    assert (spread.mean, spread.low, spread.high) == (6.0, 2.0, 10.0)
+    assert spread.median == 2.5
+    alike = Spread.of(np.array([4.0, 4.0]), ["a", "b"])
+    assert (alike.low, alike.high, alike.deviation) == (4.0, 4.0, 0.0)
+    assert Spread.of(np.array([np.nan]), ["a"]) is None
+
+
+def test_a_table_counts_maps_and_refuses_columns_of_another_length():
+    poses = (Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.0),) * 3
+    maps = ("a", "a", "b")
+    table = MeasureTable(label="l", maps=maps, poses=poses, values={SEEN.key: np.zeros(3)})
+    assert (len(table), table.map_count) == (3, 2)
+    with pytest.raises(ValueError, match="seen_percent"):
+        MeasureTable(label="l", maps=maps, poses=poses, values={SEEN.key: np.zeros(2)})
+
+
+@pytest.mark.parametrize(
+    ("measure", "value", "text"),
+    [
+        (SEEN, 12.34, "12.3 %"),
+        (COVERAGE, 0.123456, "0.1235"),
+        (ANCHORING, 6.864, "6.86 x"),
+        (LOOSE_PRESSURE, 4.05, "4.0 kPa"),
+        (SEEN, -0.01, "0.0 %"),
+        (SEEN, np.nan, "-"),
+    ],
+)
+def test_numbers_are_shown_with_their_digits_and_unit(measure, value, text):
+    assert measure.text(value) == text
+
+
+def test_shares_of_branches_are_counted():
+    fan = Level(branches=3, length_mm=40.0, fan_rad=1.0)
+    design = Design(name="d", trunk_length_mm=80.0, levels=(fan,), build=Build.standard(2))
+    tree = branch_tree(design)
+    deployment = Deployment(
+        tree=tree,
+        pose=Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.0),
+        points_mm=np.array([[0, 0], [80, 0], [80, 0], [80, 40], [80, 0], [90, 0]], dtype=float),
+        first_point=np.array([0, 2, 4, 6, 6]),
+        stop=np.array([Stop.FULL_LENGTH, Stop.HEAD_ON, Stop.CORNER, Stop.NOT_DEPLOYED]),
+        grown_mm=np.array([80.0, 40.0, 10.0, 0.0]),
+        contact_turn_rad=np.zeros(4),
+    )
+    # 130 of 200 mm; two of four branches stuck, one never emerged.
+    assert shares_percent(deployment) == pytest.approx((65.0, 50.0, 25.0))
+
+
+def test_measures_of_a_straight_vine_with_tight_film_and_one_leaf(straight):
+    design, family = straight
+    plan = PredictionPlan(poses=1)
+    result = deploy_family(design, PreparedFamily.of(family, plan), plan)
+    found = {m.key: float(result.outcomes.values[m.key][0]) for m in MEASURES}
+    scale = 25.0 / (2.0 * 20.0 / np.pi)
+    assert found[TIGHT_PRESSURE.key] == pytest.approx(scale * (1.92 + 8.32 + 0.771 * 0.1))
+    assert found[ANCHORING.key] == pytest.approx(1.0)
+    assert found[UNDEPLOYED.key] == 0.0
+    # One disc: nothing is seen twice, so only area and film count.
+    film = 100.0 / (20.0 * np.hypot(400.0, 200.0))
+    assert found[COVERAGE.key] == pytest.approx(found[SEEN.key] / 100.0 - 0.1 * film, rel=1e-3)

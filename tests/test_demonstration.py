@@ -1,0 +1,31 @@
+import numpy as np
+import pytest
+
+from vinefab.demonstration import bootstrap_interval, demo_interval_text
+from vinefab.model.map import Pose
+from vinefab.model.score import Evaluation, Score
+
+
+def score_of(values):
+    pose = Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.0)
+    return Score(
+        task="coverage",
+        evaluations=tuple(
+            Evaluation(map_name="m", pose=pose, score=float(value), terms={}) for value in values
+        ),
+        composite={"mean": float(np.mean(values))},
+    )
+
+
+def test_the_interval_of_a_score_is_that_of_the_normal_law():
+    values = np.random.default_rng(3).normal(0.5, 0.1, 400)
+    low, high = bootstrap_interval(score_of(values))
+    half = 1.96 * values.std() / np.sqrt(400)
+    assert (low, high) == pytest.approx(
+        (values.mean() - half, values.mean() + half), abs=0.1 * half
+    )
+
+
+def test_the_interval_is_written_behind_the_mean():
+    assert demo_interval_text(score_of([0.25, 0.25])) == "0.250 [0.250, 0.250]"
+    assert demo_interval_text(score_of([0.0, 1.0])) == "0.500 [0.000, 1.000]"

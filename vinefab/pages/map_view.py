@@ -1,0 +1,66 @@
+"""What part of a map a picture shows, without detail too fine to be seen; loads no plotting."""
+
+import numpy as np
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.map import Map
+
+Box = tuple[float, float, float, float]
+"""Least x, least y, greatest x, greatest y, mm."""
+
+SMALL = 0.4
+"""A robot that takes up less than this share of the map's longer side is drawn enlarged."""
+
+UNSEEN = 4e-4
+"""Detail below this share of a picture's longer side is left out: a fifth of a point on paper."""
+
+
+def robot_view(world: Map, deployment: Deployment) -> Box:
+    """Return the box to draw: the whole map, or the robot's surroundings on a much larger map."""
+    whole = world.bounds.bounds
+    if not len(deployment.points_mm):
+        return whole
+    low, high = deployment.points_mm.min(axis=0), deployment.points_mm.max(axis=0)
+    side_mm = max(*(high - low).tolist(), 0.02 * max(world.size_mm))
+    if side_mm >= SMALL * max(world.size_mm):
+        return whole
+    room_mm = 0.25 * side_mm
+    x_min, y_min = np.maximum(low - room_mm, whole[:2]).tolist()
+    x_max, y_max = np.minimum(high + room_mm, whole[2:]).tolist()
+    return x_min, y_min, x_max, y_max
+
+
+def longer_mm(box: Box) -> float:
+    """Return the longer side of a box."""
+    return max(box[2] - box[0], box[3] - box[1])
+
+
+def rock_in(world: Map, box: Box) -> list[BaseGeometry]:
+    """Return what is solid in and around a box, without detail too fine to be seen there."""
+    outside = shapely.box(*world.bounds.bounds) - world.bounds
+    return _seen([*shapely.get_parts(outside), *world.obstacles], box)
+
+
+def bounds_in(world: Map, box: Box) -> BaseGeometry:
+    """Return the bounds in and around a box, likewise; they end well outside of the box."""
+    return _seen([world.bounds], box)[0]
+
+
+def _seen(polygons: list[Polygon], box: Box) -> list[BaseGeometry]:
+    longest_mm = longer_mm(box)
+    # The cut lies outside of what is shown, margin included.
+    window = shapely.buffer(shapely.box(*box), 0.2 * longest_mm, join_style="mitre")
+    near = [polygon for polygon in polygons if window.intersects(polygon)]
+    inside = [p if window.covers(p) else shapely.intersection(p, window) for p in near]
+    return list(shapely.simplify(inside, UNSEEN * longest_mm))
+
+
+STOP_WORDS = {
+    Stop.FULL_LENGTH: "grown in full",
+    Stop.HEAD_ON: "stopped head-on",
+    Stop.CORNER: "stopped in a corner",
+    Stop.NOT_DEPLOYED: "never emerged",
+}

@@ -1,0 +1,199 @@
+"""Sections on deployments: how measures are spread, some of them drawn, how branches ended."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vinefab.core.units import deg
+from vinefab.core.validation import Floats
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.design import Design
+from vinefab.model.map import Map
+from vinefab.pages.charts import frame
+from vinefab.pages.drawing import deployment_plan
+from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, blank, house_style, png_bytes, svg_bytes
+from vinefab.pages.html import Picture, Section, Table
+from vinefab.prediction.measures import MEASURES, Measure, MeasureTable, Spread
+
+ENOUGH_FOR_BARS = 20
+"""Fewer values are shown one by one."""
+
+_BINS = 24
+
+
+def spread_chart(measure: Measure, values: Mapping[str, Floats]) -> Figure:
+    """Return the distribution of a measure over deployments, a row for each family."""
+    known = {name: column[np.isfinite(column)] for name, column in values.items()}
+    everything = np.concatenate(list(known.values()))
+    low, high = float(everything.min()), float(everything.max())
+    pad = 0.04 * (high - low) or 0.04 * abs(high) or 1.0
+    with house_style():
+        figure, axes = blank(3.4, 0.55 + 1.25 * len(known))
+        for row, (name, column) in enumerate(known.items()):
+            _draw_spread(axes, row, column, (low, high))
+            axes.text(0.0, row - 0.9, name, fontsize=7.5, color=SOFT, transform=_at(axes))
+        axes.set_xlim(low - pad, high + pad)
+        axes.set_ylim(len(known) - 0.85, -1.1)
+        axes.set_yticks([])
+        axes.spines["left"].set_visible(False)
+        axes.set_xlabel(measure.label)
+        frame(axes)
+    return figure
+
+
+def _at(axes: Axes):  # type: ignore[no-untyped-def]  # noqa: ANN202 - matplotlib's own type
+    """Return the transform with x across the axes and y in data."""
+    return axes.get_yaxis_transform()
+
+
+def _draw_spread(axes: Axes, row: int, values: Floats, span: tuple[float, float]) -> None:
+    colour = LEVEL_COLOURS[row % len(LEVEL_COLOURS)]
+    if len(values) >= ENOUGH_FOR_BARS and span[1] > span[0]:
+        counts, edges = np.histogram(values, bins=_BINS, range=span)
+        heights = 0.62 * counts / counts.max()
+        axes.bar(
+            edges[:-1], -heights, np.diff(edges), bottom=row - 0.02, align="edge",
+            color=colour, alpha=0.35, linewidth=0,
+        )  # fmt: skip
+    else:
+        # A fixed, even jitter: dots on top of each other cannot be counted.
+        offsets = -0.3 - 0.09 * ((np.arange(len(values)) % 5) - 2)
+        axes.plot(values, row + offsets, "o", color=colour, alpha=0.55, markersize=4, mew=0)
+    p05, p95 = np.percentile(values, [5.0, 95.0])
+    axes.plot([p05, p95], [row + 0.05] * 2, color=colour, linewidth=4, solid_capstyle="butt")
+    axes.plot([values.mean()] * 2, [row - 0.66, row + 0.1], color=INK, linewidth=1.6)
+
+
+TOO_FINE = 400
+"""Robots of more branches are drawn as pixels: as lines they would take megabytes."""
+
+_NUMBER_HEADINGS = (
+    "mean [95 % interval]", "deviation", "5 %", "median", "95 %", "least", "greatest",
+)  # fmt: skip
+
+
+def spread_section(families: Sequence[MeasureTable]) -> Section:
+    """Return how every measure is spread over deployments, as charts and numbers."""
+    shown = [measure for measure in MEASURES if any(f.spread(measure) for f in families)]
+    pictures = tuple(
+        Picture(
+            image=svg_bytes(
+                spread_chart(m, {f.label: f.values[m.key] for f in families if f.spread(m)})
+            ),
+            caption=f"{_capital(m.title)}: {m.meaning} (simulated).",
+        )
+        for m in shown
+    )
+    tables = [_spread_table(outcomes, shown) for outcomes in families]
+    words = (
+        "Line: mean. Bar below: from the 5th to the 95th percentile of the deployments. A mean's "
+        "95 % interval is a bootstrap over maps, because deployments on one map are alike (over "
+        "poses where there is one map); the table has it. With fewer than ten maps it is too "
+        "narrow."
+    )
+    counts = "; ".join(f"{outcomes.label}: {len(outcomes)} deployments" for outcomes in families)
+    return Section(
+        title="Predictions",
+        paragraphs=(f"{_capital(counts)} (simulated). {words}",),
+        pictures=pictures,
+        tables=(*tables, *(_every_deployment(outcomes, shown) for outcomes in families)),
+    )
+
+
+def deployment_section(
+    design: Design,
+    deployed: Sequence[tuple[str, Map, Deployment]],
+    ended: Sequence[tuple[str, Sequence[Deployment]]],
+    rules: str,
+) -> Section:
+    """Return pictures of deployments, and how all branches ended."""
+    fine = design.branch_count > TOO_FINE
+    pictures = []
+    for words, world, deployment in deployed:
+        figure = deployment_plan(world, deployment, design.build.widths_mm, longest_in=4.6)
+        image = png_bytes(figure, dpi=130) if fine else svg_bytes(figure)
+        pictures.append(Picture(image=image, caption=f"{words} (simulated)."))
+    return Section(
+        title="Deployments",
+        paragraphs=(
+            f"Growth model: {rules}. Planar and supported; branches do not push on each other. "
+            "Bodies are drawn as wide as they inflate.",
+        ),
+        pictures=tuple(pictures),
+        tables=tuple(_stop_table(label, deployments) for label, deployments in ended),
+    )
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _spread_table(outcomes: MeasureTable, measures: Sequence[Measure]) -> Table:
+    rows = []
+    for measure in measures:
+        spread = outcomes.spread(measure)
+        if spread is not None:
+            mean, low, high, *numbers = (
+                measure.number(getattr(spread, name)) for name in Spread.NUMBERS
+            )
+            mean = f"{mean} [{low}, {high}]"
+            rows.append((measure.label, mean, *numbers, str(spread.count)))
+    return Table(
+        caption=f"{_capital(outcomes.label)} (simulated)",
+        headings=("measure", *_NUMBER_HEADINGS, "count"),
+        rows=tuple(rows),
+    )
+
+
+def _every_deployment(outcomes: MeasureTable, measures: Sequence[Measure]) -> Table:
+    rows = tuple(
+        (
+            name,
+            f"{pose.x_mm:.2f}",
+            f"{pose.y_mm:.2f}",
+            f"{deg(pose.heading_rad):.2f}",
+            *(measure.number(outcomes.values[measure.key][index]) for measure in measures),
+        )
+        for index, (name, pose) in enumerate(zip(outcomes.maps, outcomes.poses, strict=True))
+    )
+    return Table(
+        caption=f"Every deployment on {outcomes.label}",
+        headings=("map", "x mm", "y mm", "heading deg", *(m.label for m in measures)),
+        rows=rows,
+        folded=True,
+    )
+
+
+def _stop_table(label: str, deployments: Sequence[Deployment]) -> Table:
+    levels: dict[int, Counter[int]] = {}
+    shares: dict[int, list[float]] = {}
+    for deployment in deployments:
+        tree = deployment.tree
+        part = 100.0 * deployment.grown_mm / tree.length_mm
+        for level, stop, grown in zip(
+            tree.level.tolist(), deployment.stop.tolist(), part.tolist(), strict=True
+        ):
+            levels.setdefault(level, Counter())[stop] += 1
+            if stop in (Stop.HEAD_ON, Stop.CORNER):
+                shares.setdefault(level, []).append(grown)
+    rows = tuple(
+        (
+            str(level),
+            *(f"{100 * counts[stop] / counts.total():.1f} %" for stop in Stop),
+            f"{np.median(shares[level]):.0f} %" if level in shares else "-",
+        )
+        for level, counts in sorted(levels.items())
+    )
+    total = sum(len(deployment.tree) for deployment in deployments)
+    return Table(
+        caption=f"{_capital(label)}: how {total} branches of {len(deployments)} deployments ended "
+        "(simulated)",
+        headings=(
+            "level", "grown in full", "head-on", "in a corner", "never emerged",
+            "grown when stuck (median)",
+        ),
+        rows=rows,
+    )  # fmt: skip

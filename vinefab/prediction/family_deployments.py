@@ -1,0 +1,164 @@
+"""A design deployed on families of maps from many poses, and what each deployment measures."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.registry import with_parameters
+from vinefab.core.units import deg
+from vinefab.core.validation import whole
+from vinefab.growth.batch import Batch, Launches, TerrainSet
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plans
+from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design
+from vinefab.model.map import Map
+from vinefab.prediction.measures import MEASURES, MeasureTable, measure_deployment
+from vinefab.tasks.evaluate import Poses, PreparedMap, poses_on
+
+FIRST_UNSEEN = 10_000_000
+"""Maps for predictions have seeds from here on, out of the way of those that designs train on."""
+
+MOST_MAPS = 10_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MapFamily:
+    """Maps that are evaluated together."""
+
+    label: str  # what reports call them
+    worlds: tuple[Map, ...]  # the maps
+
+
+def map_families(given: Sequence[Map], unseen: MapFamily | None) -> tuple[MapFamily, ...]:
+    """Return the families to predict for."""
+    if not given and unseen is None:
+        raise BadInputError("--maps", None, "map files, or --environment for unseen maps")
+    label = "the map given" if len(given) == 1 else f"the {len(given)} maps given"
+    families = [MapFamily(label=label, worlds=tuple(given))] if given else []
+    return (*families, *([unseen] if unseen else []))
+
+
+def unseen_maps(
+    environment: str, count: int, seed: int, parameters: Mapping[str, object] | None = None
+) -> MapFamily:
+    """Generate maps of an environment that no design was trained on."""
+    whole("--count", count, 1, MOST_MAPS)
+    whole("--seed", seed, 0, 2**31)
+    kind = ENVIRONMENTS[environment]
+    options = with_parameters(kind.options, environment, parameters or {})
+    first = FIRST_UNSEEN + MOST_MAPS * seed
+    worlds = tuple(kind.make(first + index, options) for index in range(count))
+    return MapFamily(label=f"{count} unseen {environment} maps", worlds=worlds)
+
+
+def numbered_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names that are all different: equal ones get a number."""
+    return tuple(
+        f"{name} ({names[: index + 1].count(name)})" if names.count(name) > 1 else name
+        for index, name in enumerate(names)
+    )
+
+
+ProgressCallback = Callable[[float, str], None]
+"""Called with the share of the work that is done and a short text."""
+
+
+def no_progress(_share: float, _words: str) -> None:
+    """Report nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PredictionPlan:
+    """How often, and by which rules, a design is deployed."""
+
+    poses: int = 3  # poses per map, drawn from the ranges of the maps' starts
+    seed: int = 0  # seed of the poses; map ``i`` of a family gets ``seed + i``
+    # the growth model's choices; the inflated body by default, for a body has a width
+    options: GrowthOptions = field(default_factory=lambda: GrowthOptions(body="inflated"))
+
+
+def rules_text(options: GrowthOptions) -> str:
+    """Return the growth model's choices in words."""
+    children = "stay inside" if options.children_of_stuck == "stop" else "grow all the same"
+    return (
+        f"{options.body} body, head-on half-angle {deg(options.head_on_half_angle_rad):g} degrees "
+        f"(assumed), children of a stuck branch {children}"
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PreparedFamily:
+    """A family made ready: its maps with their poses."""
+
+    label: str  # what reports call it
+    maps: tuple[PreparedMap, ...]  # the maps
+    poses: Poses  # for each map, the poses
+
+    @classmethod
+    def of(cls, family: MapFamily, plan: PredictionPlan) -> "PreparedFamily":
+        """Return a family made ready, with its poses drawn."""
+        maps = tuple(PreparedMap.of(world) for world in family.worlds)
+        seeds = [plan.seed + index for index in range(len(maps))]
+        return cls(label=family.label, maps=maps, poses=poses_on(maps, plan.poses, seeds))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each map; maps of one name are told apart by a number."""
+        return numbered_names([prepared_map.world.name for prepared_map in self.maps])
+
+    def launches(self) -> Launches:
+        """Return every pose of every map as launches of a batch."""
+        return Launches.of(
+            TerrainSet([prepared_map.terrain for prepared_map in self.maps]), self.poses
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FamilyDeployments:
+    """A design's deployments on one family of maps."""
+
+    prepared: PreparedFamily
+    deployments: tuple[Deployment, ...]  # map by map, pose by pose
+    outcomes: MeasureTable  # one row of measures for each
+
+    def prepared_map(self, index: int) -> PreparedMap:
+        """Return the map of one deployment."""
+        return self.prepared.maps[index // len(self.prepared.poses[0])]
+
+
+def deploy_family(
+    design: Design,
+    prepared: PreparedFamily,
+    plan: PredictionPlan,
+    progress: ProgressCallback = no_progress,
+) -> FamilyDeployments:
+    """Deploy a design from every pose on a family of maps and measure every deployment."""
+    progress(0.0, f"{design.name}: growing")
+    launches = prepared.launches()
+    batch = Batch(Plans.of([design], plan.options), launches, plan.options)
+    deployments = tuple(batch.deployments())
+    columns = np.empty((len(deployments), len(MEASURES)))
+    terrain = launches.terrain.tolist()
+    for index, deployment in enumerate(deployments):
+        columns[index] = measure_deployment(
+            deployment, design, prepared.maps[terrain[index]].context
+        )
+        progress((index + 1) / len(deployments), f"{index + 1} of {len(deployments)} deployments")
+    names = prepared.names
+    outcomes = MeasureTable(
+        label=prepared.label,
+        maps=tuple(names[index] for index in terrain),
+        poses=launches.poses,
+        values={m.key: columns[:, i].copy() for i, m in enumerate(MEASURES)},
+    )
+    return FamilyDeployments(prepared=prepared, deployments=deployments, outcomes=outcomes)
+
+
+def typical(outcomes: MeasureTable, key: str, shares: Sequence[float]) -> list[int]:
+    """Return the deployments that stand at some shares of a measure's order."""
+    order = np.argsort(outcomes.values[key], kind="stable")
+    return [int(order[round(share * (len(order) - 1))]) for share in shares]

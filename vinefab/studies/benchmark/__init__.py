@@ -1,1 +1,0 @@
-"""How fast growth and search are."""

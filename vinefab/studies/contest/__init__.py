@@ -1,1 +1,0 @@
-"""Optimizers against each other."""

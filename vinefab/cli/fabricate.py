@@ -6,17 +6,14 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, DesignIn, Force, Quiet, RecipeIn
-from vinefab.core.atomic import ensure_own_folder, ensure_writable, new_folder, write_bytes
+from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_bytes, write_folder
 from vinefab.fabrication.checking import check_lines
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.fabrication.package.package_files import zip_bytes
+from vinefab.fabrication.package.package_files import PACKAGE_MARK, zip_bytes
 from vinefab.fabrication.package.prepare import package, prepare
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-
-MARK = "job.json"
-"""The file by which a folder of this command is known again."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -60,7 +57,7 @@ def fabricate_command(
     Example: vinefab fabricate three_level_tree --out package --allow-uncalibrated
     """
     voice = CommandOutput(quiet=quiet, force=force)
-    ensure_own_folder(out, MARK, force=force)
+    ensure_own_folder(out, PACKAGE_MARK, force=force)
     archive = out.with_name(f"{out.name}.zip")
     if make_zip:
         ensure_writable(archive, force=force)
@@ -75,9 +72,7 @@ def fabricate_command(
         typer.echo(f"nothing written: {why}{older}", err=True)
         return EXIT_FINDINGS
     files = package(prepared)
-    with new_folder(out, MARK, force=force) as folder:
-        for name, data in files.items():
-            write_bytes(folder / name, data)
+    write_folder(out, files, PACKAGE_MARK, force=force)
     if make_zip:
         write_bytes(archive, zip_bytes(files, prepared.design.name), force=force)
         voice.say(f"wrote {archive}")

@@ -8,8 +8,8 @@ from typing import Annotated, cast
 
 import typer
 
-from vinefab import __version__
 from vinefab.core.errors import InterruptedRunError, VinefabError
+from vinefab.core.version import __version__
 
 COMMANDS = {
     "demo": "Run the main job at small size: maps, optimization, package, rig, report.",

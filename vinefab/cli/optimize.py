@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.options import EXIT_FINDINGS, CommandOutput, Force, JsonOut, Quiet
-from vinefab.core.atomic import ensure_writable, write_bytes, write_text
+from vinefab.core.atomic import ensure_writable, write_text
 from vinefab.core.errors import CannotWriteError, InterruptedRunError
 from vinefab.model.files.design_toml import design_text
 from vinefab.search.record.result import Progress, RunResult
@@ -19,7 +19,6 @@ from vinefab.search.run import (
     result_json,
     result_lines,
     run_search,
-    training_maps,
     workforce,
 )
 from vinefab.search.run_file import read_run
@@ -77,7 +76,7 @@ def optimize_command(
             voice.say(line)
         voice.give_json(result_json(result))
         if settings.objectives:
-            write_front(result, settings, out, voice)
+            _write_front(result, settings, out, voice)
     voice.say(f"wrote {out / 'best.toml'} and {out / 'run.sqlite'}")
     return EXIT_FINDINGS if complaint else 0
 
@@ -101,25 +100,11 @@ def _recorded(command: str) -> Iterator[None]:
         raise CannotWriteError(error.path, words) from error
 
 
-def write_front(result: RunResult, settings: RunSettings, out: Path, voice: CommandOutput) -> None:
-    """Write the designs of a front, ``front.json`` and its picture, and say what they are worth."""
+def _write_front(result: RunResult, settings: RunSettings, out: Path, voice: CommandOutput) -> None:
+    """Write a front, and say what its designs are worth."""
     # What draws takes seconds to load, and most runs have no front.
-    from vinefab.pages.figure import png_bytes, svg_bytes  # noqa: PLC0415
-    from vinefab.search.front_files import (  # noqa: PLC0415
-        front_json,
-        front_lines,
-        front_of,
-        front_picture,
-    )
+    from vinefab.search.front_files import front_lines, write_front  # noqa: PLC0415
 
-    members = front_of(result, settings)
-    for member in members:
-        path = out / "front" / f"{member.design.name}.toml"
-        write_text(path, design_text(member.design), force=voice.force)
-    write_text(out / "front.json", front_json(members, result, settings), force=voice.force)
-    figure = front_picture(members, result, settings, training_maps(settings)[0])
-    write_bytes(out / "front.svg", svg_bytes(figure), force=voice.force)
-    write_bytes(out / "front.png", png_bytes(figure), force=voice.force)
-    for line in front_lines(members, settings):
+    for line in front_lines(write_front(result, settings, out, force=voice.force), settings):
         voice.say(line)
     voice.say(f"wrote {out / 'front.json'}, {out / 'front.svg'} and the designs in {out / 'front'}")

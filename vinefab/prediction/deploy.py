@@ -1,7 +1,6 @@
 """One deployment: a design on a map from a pose, with where it did not fit."""
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, cast
@@ -106,8 +105,7 @@ class DeployedDesign:
     @property
     def stops(self) -> dict[str, int]:
         """How many branches ended for each reason."""
-        counts = Counter(self.deployment.stop.tolist())
-        return {stop.label: counts[stop] for stop in Stop}
+        return self.deployment.stops
 
     @property
     def metrics(self) -> dict[str, object]:

@@ -1,1 +1,32 @@
-"""Printable and laser-cut test rigs of maps: solids, files, pictures and page."""
+"""Test rigs: solids, laser-cut styles, formats, drawing and page.
+
+Public function (``import vinefab as vf``): ``vf.rig(world, printer, out=...)``, see `vinefab.api`.
+Others may use `make` (`make_rig`, `RigRequest`), `options` (`RigOptions`), `printer`
+(`read_printer`) and `rig_json` (`read_rig`).
+"""
+
+import inspect
+import sys
+from types import ModuleType
+from typing import Any
+
+from vinefab.core.front_door import front_door
+
+
+class _CallableRoom(ModuleType):
+    """A room that is also the public function of its name.
+
+    Python binds a package to its name in the package above once one of its modules is loaded, so
+    ``vinefab.rig`` cannot be the function alone: it is both, whatever was loaded before.
+    """
+
+    def __call__(self, *given: Any, **named: Any) -> Any:  # noqa: ANN401  see `vinefab.api.rig`
+        """Call `vinefab.api.rig`."""
+        return front_door().rig(*given, **named)
+
+    @property
+    def __signature__(self) -> inspect.Signature:
+        return inspect.signature(front_door().rig)
+
+
+sys.modules[__name__].__class__ = _CallableRoom

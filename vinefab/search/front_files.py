@@ -2,24 +2,28 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.jsontext import json_text
 from vinefab.core.validation import Floats
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
+from vinefab.model.files.design_toml import design_text
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.pages.drawing import draw_deployment, draw_map
-from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, house_style
+from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, house_style, png_bytes, svg_bytes
 from vinefab.search.costs import COSTS, costs_of
 from vinefab.search.front import LEAST_BEND, archive, knee, non_dominated
 from vinefab.search.record.result import RunResult
+from vinefab.search.run import training_maps
 from vinefab.search.settings import RunSettings
 from vinefab.search.space import Space
 
@@ -183,6 +187,21 @@ def front_json(members: Sequence[Member], result: RunResult, settings: RunSettin
         ],
     }
     return json_text(SCHEMA, content)
+
+
+def write_front(
+    result: RunResult, settings: RunSettings, out: Path, *, force: bool = False
+) -> tuple[Member, ...]:
+    """Write the designs of a front, ``front.json`` and its picture; return the designs."""
+    members = front_of(result, settings)
+    for member in members:
+        path = out / "front" / f"{member.design.name}.toml"
+        write_text(path, design_text(member.design), force=force)
+    write_text(out / "front.json", front_json(members, result, settings), force=force)
+    figure = front_picture(members, result, settings, training_maps(settings)[0])
+    write_bytes(out / "front.svg", svg_bytes(figure), force=force)
+    write_bytes(out / "front.png", png_bytes(figure), force=force)
+    return members
 
 
 def front_lines(members: Sequence[Member], settings: RunSettings) -> list[str]:

@@ -41,6 +41,10 @@ def zip_bytes(files: Mapping[str, bytes], folder: str) -> bytes:
 ANIMATION_NAME = "animation.svg"
 
 
+PACKAGE_MARK = "job.json"
+"""The file by which the folder of a package is known again."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PackageContent:
     """What a package is made of."""

@@ -7,8 +7,8 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from vinefab import __version__
 from vinefab.core.validation import Floats
+from vinefab.core.version import __version__
 from vinefab.model.design import Design
 from vinefab.model.score import Score
 from vinefab.search.record.timing import TimeSplit

@@ -226,7 +226,7 @@ def test_a_growth_is_that_of_the_command(world, map_file, tmp_path):
     options = "--pose 150,20,80 --body inflated --children-of-stuck deploy"
     command(f"grow three_level_tree --map {map_file} {options} --json {out}")
     assert grown.write(tmp_path / "library.json").read_bytes() == out.read_bytes()
-    assert sum(grown.stops.values()) == len(grown.tree) == len(grown.grown_mm) == 13
+    assert sum(grown.stops.values()) == len(grown.tree) == len(grown.grown_mm) == 10
     assert grown.stops == json.loads(out.read_text())["metrics"]["stops"]
 
 
@@ -353,8 +353,9 @@ def test_a_rig_is_that_of_the_command_and_a_check_reads_it(map_file, world, vine
     for name in made.files:
         assert (made.path / name).read_bytes() == (tmp_path / "command" / name).read_bytes()
     assert not made.report.blocking
-    plain, with_rig = vf.check(vine), vf.check(vine, rig=made.path)
-    assert len(with_rig.run) > len(plain.run)
+    plain = vf.check(vine)
+    for folder in (made, made.path, str(made.path)):
+        assert len(vf.check(vine, rig=folder).run) > len(plain.run)
 
 
 def test_a_report_says_what_the_command_says(map_file, world, tmp_path):
@@ -363,7 +364,7 @@ def test_a_report_says_what_the_command_says(map_file, world, tmp_path):
     page = tmp_path / "command.html"
     command(f"report plain_vine --map {map_file} --poses 1 --json {out} --out {page}")
     wanted = json.loads(out.read_text())
-    assert "vf.report(" in found.numbers["reproduce"]["command"]
+    assert "maps=[<Map pegs_1>]" in found.numbers["reproduce"]["command"]
     assert {**found.numbers, "reproduce": 0} == {**wanted, "reproduce": 0}
     assert "<html" in found.path.read_text()
     assert found.summary[0] == wanted["verdict"]
@@ -461,6 +462,8 @@ WRONG = {
     "an unknown recipe": (lambda _: vf.check(VINE, "co2"), "recipe"),
     "a design as a recipe": (lambda _: vf.check(VINE, VINE), "recipe"),
     "an unknown rule": (lambda _: vf.check(VINE, limits={"VF-X": {"a": 1}}), "VF-X"),
+    "limits of words": (lambda _: vf.check(VINE, limits="VF-C01.warning=6"), "limits"),
+    "limits without names": (lambda _: vf.check(VINE, limits={"VF-C01": 6}), "limits.VF-C01"),
     "no rig": (lambda out: vf.check(VINE, rig=out), "rig.json"),
     "copies of words": (lambda out: vf.fabricate(VINE, out=out / "p", copies="2"), "copies"),
     "a map beside": (lambda out: vf.fabricate(VINE, out=out / "p", beside=[ROOM]), "beside"),
@@ -475,6 +478,14 @@ WRONG = {
     "no unseen maps": (
         lambda out: vf.report(VINE, out=out / "p.html", environment="grid", count=0),
         "count is 0",
+    ),
+    "a map as an environment": (
+        lambda out: vf.report(VINE, out=out / "p.html", environment=ROOM),
+        "environment",
+    ),
+    "options of words": (
+        lambda out: vf.report(VINE, out=out / "p.html", environment="grid", options="a=3"),
+        "options",
     ),
     "no path for a report": (lambda _: vf.report(VINE, out=None, maps=ROOM), "out"),
 }  # fmt: skip

@@ -76,6 +76,10 @@ class WrittenFolder:
     files: tuple[str, ...]
     report: CheckReport
 
+    def __fspath__(self) -> str:
+        """Return the path: the folder can be passed where one is expected."""
+        return str(self.path)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenReport:
@@ -354,7 +358,9 @@ def check(
     from vinefab.fabrication.checking import check_design
 
     robot, profile, worlds = _design(design), _profile(recipe), _maps(maps)
-    facts, deployed = None, ()
+    changed = _mapping("limits", limits)
+    changed = {rule: _mapping(f"limits.{rule}", named) for rule, named in changed.items()}
+    facts, deployed = None, tuple[tuple[str, Deployment], ...]()
     if rig is not None:
         from vinefab.rig.rig_json import read_rig
 
@@ -364,7 +370,7 @@ def check(
 
         with _python_words():
             deployed = deploy_from_starts(robot, worlds)
-    return check_design(robot, profile, limits or {}, deployed, worlds, facts)
+    return check_design(robot, profile, changed, deployed, worlds, facts)
 
 
 def fabricate(
@@ -623,15 +629,16 @@ def report(
         options=growth_options(body),
     )
     with _python_words():
-        unseen = unseen_maps(environment, count, seed, options) if environment else None
+        chosen, unseen = _mapping("options", options), None
+        if environment is not None:
+            unseen = unseen_maps(_text("environment", environment), count, seed, chosen)
         families = map_families(worlds, unseen)
     found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))
-    call = {"out": str(path), "maps": [world.name for world in worlds]}
-    call |= {"environment": environment, "count": count, "options": dict(options or {})}
-    call |= {"poses": poses, "seed": seed, "body": body}
-    words = ", ".join(f"{name}={value!r}" for name, value in call.items())
-    command = f"vf.report({robot.name!r}, {profile.recipe.name!r}, {words})"
-    origin = origin_of(command, [robot], profile, families)
+    places = ", ".join(_shown(place) for place in _several(maps, Map))
+    call = f"vf.report({_shown(design)}, {_shown(recipe)}, out={str(path)!r}, maps=[{places}]"
+    if environment is not None:
+        call += f", {environment=}, {count=}, options={dict(chosen)}"
+    origin = origin_of(f"{call}, {poses=}, {seed=}, {body=})", [robot], profile, families)
     write_text(path, found.page(origin, (), part_of(tell, 0.6, 1.0)), force=force)
     return WrittenReport(
         path=path,
@@ -739,6 +746,28 @@ def _several(given: Any, kind: type) -> Sequence[Any]:  # noqa: ANN401  judged o
     """Return one thing, or an iterable of them, as a sequence."""
     alone = isinstance(given, kind | str | PathLike) or not isinstance(given, Iterable)
     return (given,) if alone else tuple(given)
+
+
+def _shown(given: object) -> str:
+    """Return how a call names something: a text that can be passed again, if it was one."""
+    if isinstance(given, LaserProfile):
+        return f"<LaserProfile {given.recipe.name}>"
+    if isinstance(given, Design | Map):
+        return f"<{type(given).__name__} {given.name}>"
+    return repr(str(given))
+
+
+def _text(key: str, given: object) -> str:
+    if not isinstance(given, str):
+        raise BadInputError(key, given, "a name")
+    return given
+
+
+def _mapping(key: str, given: object) -> Mapping[str, Any]:
+    """Return names with values; none for None."""
+    if given is not None and not isinstance(given, Mapping):
+        raise BadInputError(key, given, "names with their values, a dict")
+    return given or {}
 
 
 def _task(task: str | Task, parameters: Mapping[str, object]) -> Task:

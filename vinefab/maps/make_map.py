@@ -38,7 +38,7 @@ def generate(environment: str, seed: int = 0, **options: object) -> Map:
     Examples
     --------
     >>> generate("pegs", seed=4, columns=6, rows=5).size_mm
-    (300.0, 250.0)
+    (260.0, 220.0)
     """
     if not isinstance(environment, str):
         raise BadInputError("environment", environment, f"one of {', '.join(ENVIRONMENTS)}")

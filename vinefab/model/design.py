@@ -379,7 +379,7 @@ class Design:
         Examples
         --------
         >>> Design.read("three_level_tree").branch_count
-        13
+        10
         """
         # The file form of designs is built on this module.
         from vinefab.model.files.design_toml import read_design  # noqa: PLC0415

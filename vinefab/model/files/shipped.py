@@ -63,9 +63,10 @@ def _names_in(root: Path, kind: str) -> tuple[str, ...]:
 
 def path_given(key: str, given: object, allowed: str = "a path") -> Path:
     """Return a path that a caller passed, or raise BadInputError if it is something else."""
-    if not isinstance(given, str | PathLike) or not str(given) or "\0" in str(given):
+    text = os.fspath(given) if isinstance(given, str | PathLike) else None
+    if not isinstance(text, str) or not text or "\0" in text:
         raise BadInputError(key, given, allowed)
-    return Path(given)
+    return Path(text)
 
 
 def locate(kind: str, name_or_path: str | PathLike[str]) -> Path:

@@ -2,8 +2,8 @@
 
 Each takes what a user has (a name, a path, an object), calls the functions that the command of its
 name calls, and imports them when it is called: checking a design must not wait for the simulator.
-Degrees and millimetres throughout. `grow`, `write_deployment` and `svg_of` stand behind the
-methods of the nouns.
+Degrees and millimetres throughout. `grow_design`, `write_deployment` and `svg_of` stand behind
+the methods of the nouns.
 """
 # ruff: noqa: PLC0415, PLR0913  imports as said above; the options of a function are its parameters
 
@@ -136,7 +136,7 @@ def printers() -> tuple[str, ...]:
     return _named("printer")
 
 
-def grow(
+def grow_design(
     design: DesignLike,
     world: MapLike,
     pose: PoseLike | None = None,
@@ -696,7 +696,8 @@ def svg_of(noun: Design | Map | Deployment | Contour) -> str | None:
         except BadInputError:  # a tree that no sheet could hold is shown as text
             return None
         x0, y0, x1, y1 = outline.box_mm
-        size = f"{noun.branch_count} branches, {x1 - x0:.0f} x {y1 - y0:.0f} mm flat"
+        branches = f"{noun.branch_count} branch{'' if noun.branch_count == 1 else 'es'}"
+        size = f"{branches}, {x1 - x0:.0f} x {y1 - y0:.0f} mm flat"
         figure = contour_plan(outline, f"{noun.name}: {size}", filled=True)
     else:
         # Without a design the widths are not known: centrelines only.

@@ -469,7 +469,7 @@ class Design:
         >>> Design.read("plain_vine").grow(world, pose=(world.size_mm[0] / 2, 20, 80)).tips_mm.shape
         (1, 2)
         """
-        grown: Deployment = front_door().grow(
+        grown: Deployment = front_door().grow_design(
             self,
             world,
             pose,

@@ -246,8 +246,8 @@ def contour_plan(
     contour: Contour, title: str = "", *, filled: bool = False, longest_in: float = 6.5
 ) -> Figure:
     """Return a plan of a contour; what a closed or a ``filled`` one encloses is tinted."""
-    box = contour.box_mm
-    points = contour.flattened_mm(UNSEEN * max(longer_mm(box), 1e-6))
+    box = _at_least_wide(contour.box_mm)
+    points = contour.flattened_mm(UNSEEN * longer_mm(box))
     with house_style():
         figure, axes = plan_axes(box, longest_in)
         if contour.closed or filled:
@@ -256,6 +256,13 @@ def contour_plan(
         axes.plot(*line.T, color=INK, linewidth=0.9)
         axes.set_title(title, fontsize=9, color=SOFT)
     return figure
+
+
+def _at_least_wide(box: Box) -> Box:
+    """Return a box, no side of it shorter than a tenth of the other: a straight line has none."""
+    least_mm = max(0.1 * longer_mm(box), 1e-3)
+    dx, dy = (max(0.0, least_mm - box[axis + 2] + box[axis]) / 2.0 for axis in (0, 1))
+    return box[0] - dx, box[1] - dy, box[2] + dx, box[3] + dy
 
 
 def deployment_plan(
@@ -290,7 +297,7 @@ def bare_deployment_plan(
     pose = deployment.pose
     points = np.vstack([deployment.points_mm, [(pose.x_mm, pose.y_mm)]])
     (x_min, y_min), (x_max, y_max) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
-    rim_mm = 0.05 * max(x_max - x_min, y_max - y_min, 1.0)
+    rim_mm = max(0.05 * (x_max - x_min), 0.05 * (y_max - y_min), 10.0)
     box = (x_min - rim_mm, y_min - rim_mm, x_max + rim_mm, y_max + rim_mm)
     with house_style():
         figure, axes = plan_axes(box, longest_in)

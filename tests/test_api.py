@@ -339,7 +339,7 @@ def test_a_package_is_that_of_the_command(vine, tmp_path):
 
 
 def test_a_refused_package_is_an_error_that_carries_the_report(vine, tmp_path):
-    with pytest.raises(vf.ExportRefusedError, match="no coupon has confirmed") as caught:
+    with pytest.raises(vf.ExportRefusedError, match="; allow_uncalibrated writes") as caught:
         vf.fabricate(vine, out=tmp_path / "package")
     assert caught.value.report.design == "plain_vine"
     assert not (tmp_path / "package").exists()
@@ -430,7 +430,7 @@ WRONG = {
         lambda out: vf.maps.import_(out / "a.svg", scale=2),
         "scale_mm_per_unit",
     ),
-    "no start": (lambda _: VINE.grow(ROOM), "pose"),
+    "no start": (lambda _: VINE.grow(ROOM), "pose is missing; allowed: (x_mm"),
     "a pose of two": (lambda _: VINE.grow(ROOM, pose=(1, 2)), "heading_deg"),
     "a pose of words": (lambda _: VINE.grow(ROOM, pose=("a", 2, 3)), "pose.x_mm"),
     "a pose in a wall": (lambda _: VINE.grow(ROOM, pose=(-5, 2, 3)), "(-5, 2)"),
@@ -473,7 +473,7 @@ WRONG = {
     "a size of words": (lambda out: vf.rig(ROOM, out=out / "r", height_mm="3"), "height_mm"),
     "too small a fit": (lambda out: vf.rig(ROOM, out=out / "r", fit_mm=1, allow_empty=True),
                         "fit_mm is 1"),
-    "an empty rig": (lambda out: vf.rig(ROOM, out=out / "r"), "obstacles"),
+    "an empty rig": (lambda out: vf.rig(ROOM, out=out / "r"), "; allow_empty makes"),
     "nowhere to predict": (lambda out: vf.report(VINE, out=out / "p.html"), "maps is missing"),
     "no unseen maps": (
         lambda out: vf.report(VINE, out=out / "p.html", environment="grid", count=0),

@@ -10,6 +10,7 @@ the methods of the nouns.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
@@ -151,9 +152,11 @@ def grow_design(
     number("head_on_half_angle_deg", head_on_half_angle_deg, 0.0, 90.0, "deg")
     options = growth_options(body, head_on_half_angle_deg, children_of_stuck)
     robot, place = _design(design), _map(world)
+    if pose is None and not place.starts:
+        allowed = f"(x_mm, y_mm, heading_deg), as map {place.name} has no start of its own"
+        raise BadInputError("pose", None, allowed)
     start = None if pose is None else Pose.of(pose)
-    with _python_words():
-        grown = deploy(robot, place, start, options).deployment
+    grown = deploy(robot, place, start, options).deployment
     choices = {
         "body": body,
         "head_on_half_angle_deg": head_on_half_angle_deg,
@@ -451,7 +454,7 @@ def fabricate(
     sheet = SheetOptions(copies=copies, beside=others, process=process, pass_through=pass_through)
     prepared = prepare(_design(design), _profile(recipe), sheet=sheet, r12=r12)
     if why := prepared.refusal(allow_uncalibrated=allow_uncalibrated):
-        raise ExportRefusedError(prepared.design.name, why, prepared.report)
+        raise ExportRefusedError(prepared.design.name, _as_parameters(why), prepared.report)
     files = package(prepared)
     write_folder(folder, files, PACKAGE_MARK, force=force)
     if make_zip:
@@ -824,11 +827,16 @@ def _known(options: type, key: str, given: Mapping[str, Any]) -> Mapping[str, An
 
 @contextmanager
 def _python_words() -> Iterator[None]:
-    """Name a parameter as it is called here, where a room names the option of its command."""
+    """Name parameters as they are called here, where a room names the options of its command."""
     try:
         yield
     except BadInputError as error:
-        if not error.key.startswith("--"):
+        key, allowed = _as_parameters(error.key), _as_parameters(error.allowed)
+        if (key, allowed) == (error.key, error.allowed):
             raise
-        key = error.key.removeprefix("--").replace("-", "_")
-        raise BadInputError(key, error.value, error.allowed, error.source) from error
+        raise BadInputError(key, error.value, allowed, error.source) from error
+
+
+def _as_parameters(words: str) -> str:
+    """Return a text in which ``--allow-empty`` is called ``allow_empty``."""
+    return re.sub(r"--([a-z][a-z0-9-]*)", lambda option: option[1].replace("-", "_"), words)

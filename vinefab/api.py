@@ -2,18 +2,15 @@
 
 Each takes what a user has (a name, a path, an object), calls the functions that the command of its
 name calls, and imports them when it is called: checking a design must not wait for the simulator.
-Degrees and millimetres throughout. `grow_design`, `write_deployment` and `svg_of` stand behind
-the methods of the nouns.
+Degrees and millimetres throughout.
 """
 # ruff: noqa: PLC0415, PLR0913  imports as said above; the options of a function are its parameters
 
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,23 +22,33 @@ from vinefab.core.atomic import (
     write_folder,
     write_text,
 )
-from vinefab.core.errors import BadInputError, ExportRefusedError, nearest
+from vinefab.core.errors import BadInputError, ExportRefusedError
 from vinefab.core.validation import number, whole
+from vinefab.inputs import (
+    DesignLike,
+    MapLike,
+    RecipeLike,
+    all_names,
+    as_parameters,
+    call_text,
+    design_given,
+    map_given,
+    mapping_given,
+    maps_given,
+    name_given,
+    name_or_path,
+    options_given,
+    python_words,
+    recipe_given,
+    run_given,
+    several_given,
+    task_given,
+)
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
-from vinefab.model.files.design_toml import read_design
-from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.files.shipped import (
-    DEFAULT_PRINTER,
-    DEFAULT_RECIPE,
-    names,
-    path_given,
-    user_names,
-)
+from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE, path_given
 from vinefab.model.finding import CheckReport
-from vinefab.model.laser import LaserProfile
-from vinefab.model.map import Map, Pose
-from vinefab.model.outline import Contour
+from vinefab.model.map import Map
 
 if TYPE_CHECKING:
     from vinefab.model.score import Score
@@ -49,11 +56,6 @@ if TYPE_CHECKING:
     from vinefab.search.record.result import Progress, RunResult
     from vinefab.search.settings import RunSettings
     from vinefab.tasks.task import Task
-
-DesignLike = Design | str | PathLike[str]
-MapLike = Map | str | PathLike[str]
-PoseLike = Pose | tuple[float, float, float]
-RecipeLike = LaserProfile | str | PathLike[str]
 
 _MOST_SEED = 2**31
 _MOST_POSES = 1_000_000
@@ -112,7 +114,7 @@ def designs() -> tuple[str, ...]:
     >>> "grid_explorer" in designs()
     True
     """
-    return _named("design")
+    return all_names("design")
 
 
 def recipes() -> tuple[str, ...]:
@@ -123,7 +125,7 @@ def recipes() -> tuple[str, ...]:
     >>> recipes()[0]
     'co2_40w__stretchlon_200'
     """
-    return _named("recipe")
+    return all_names("recipe")
 
 
 def printers() -> tuple[str, ...]:
@@ -134,35 +136,7 @@ def printers() -> tuple[str, ...]:
     >>> printers()
     ('generic_220', 'generic_256', 'generic_large')
     """
-    return _named("printer")
-
-
-def grow_design(
-    design: DesignLike,
-    world: MapLike,
-    pose: PoseLike | None = None,
-    *,
-    body: str = "centerline",
-    head_on_half_angle_deg: float = 1.0,
-    children_of_stuck: str = "stop",
-) -> Deployment:
-    """Deploy a design on a map; see `vinefab.model.design.Design.grow`."""
-    from vinefab.prediction.deploy import deploy, growth_options
-
-    number("head_on_half_angle_deg", head_on_half_angle_deg, 0.0, 90.0, "deg")
-    options = growth_options(body, head_on_half_angle_deg, children_of_stuck)
-    robot, place = _design(design), _map(world)
-    if pose is None and not place.starts:
-        allowed = f"(x_mm, y_mm, heading_deg), as map {place.name} has no start of its own"
-        raise BadInputError("pose", None, allowed)
-    start = None if pose is None else Pose.of(pose)
-    grown = deploy(robot, place, start, options).deployment
-    choices = {
-        "body": body,
-        "head_on_half_angle_deg": head_on_half_angle_deg,
-        "children_of_stuck": children_of_stuck,
-    }
-    return replace(grown, design=robot, world=place, growth=choices)
+    return all_names("printer")
 
 
 def score(
@@ -219,15 +193,15 @@ def score(
     from vinefab.prediction.deploy import growth_options
     from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 
-    worlds = _maps(maps)
+    worlds = maps_given(maps)
     if not worlds:
         raise BadInputError("maps", "none", "at least one map")
     plan = ScorePlan(
-        task=_task(task, parameters),
+        task=task_given(task, parameters),
         poses=whole("poses", poses, 1, _MOST_POSES),
         seed=whole("seed", seed, 0, _MOST_SEED),
     )
-    return score_design_on_task(_design(design), worlds, plan, growth_options(body))
+    return score_design_on_task(design_given(design), worlds, plan, growth_options(body))
 
 
 def optimize(
@@ -291,7 +265,7 @@ def optimize(
     """
     from vinefab.search.run import run_search
 
-    settings, source = _run(run)
+    settings, source = run_given(run)
     whole("workers", workers, 1, 1024)
     if isinstance(task, str):
         from vinefab.search.settings import PartSettings
@@ -360,9 +334,9 @@ def check(
     """
     from vinefab.fabrication.checking import check_design
 
-    robot, profile, worlds = _design(design), _profile(recipe), _maps(maps)
-    changed = _mapping("limits", limits)
-    changed = {rule: _mapping(f"limits.{rule}", named) for rule, named in changed.items()}
+    robot, profile, worlds = design_given(design), recipe_given(recipe), maps_given(maps)
+    changed = mapping_given("limits", limits)
+    changed = {rule: mapping_given(f"limits.{rule}", named) for rule, named in changed.items()}
     facts, deployed = None, tuple[tuple[str, Deployment], ...]()
     if rig is not None:
         from vinefab.rig.rig_json import read_rig
@@ -371,7 +345,7 @@ def check(
     if worlds:
         from vinefab.prediction.deploy import deploy_from_starts
 
-        with _python_words():
+        with python_words():
             deployed = deploy_from_starts(robot, worlds)
     return check_design(robot, profile, changed, deployed, worlds, facts)
 
@@ -450,11 +424,11 @@ def fabricate(
     ensure_own_folder(folder, PACKAGE_MARK, force=force)
     if make_zip:
         ensure_writable(archive, force=force)
-    others = tuple(_design(other, "beside") for other in _several(beside, Design))
+    others = tuple(design_given(other, "beside") for other in several_given(beside, Design))
     sheet = SheetOptions(copies=copies, beside=others, process=process, pass_through=pass_through)
-    prepared = prepare(_design(design), _profile(recipe), sheet=sheet, r12=r12)
+    prepared = prepare(design_given(design), recipe_given(recipe), sheet=sheet, r12=r12)
     if why := prepared.refusal(allow_uncalibrated=allow_uncalibrated):
-        raise ExportRefusedError(prepared.design.name, _as_parameters(why), prepared.report)
+        raise ExportRefusedError(prepared.design.name, as_parameters(why), prepared.report)
     files = package(prepared)
     write_folder(folder, files, PACKAGE_MARK, force=force)
     if make_zip:
@@ -531,18 +505,18 @@ def rig(
 
     folder = path_given("out", out)
     ensure_own_folder(folder, RIG_MARK, force=force)
-    place, machine = _map(world), printer
+    place, machine = map_given(world), printer
     if not isinstance(machine, Printer):
         allowed = f"a Printer, a path, or one of {', '.join(printers())}"
-        machine = read_printer(_name_or_path("printer", machine, allowed))
-    options = RigOptions(**_known(RigOptions, "rig", sizes))
+        machine = read_printer(name_or_path("printer", machine, allowed))
+    options = RigOptions(**options_given(RigOptions, "rig", sizes))
     wishes = RigRequest(
-        design=None if design is None else _design(design),
+        design=None if design is None else design_given(design),
         allow_empty=allow_empty,
         pictures=pictures,
         lid=lid,
     )
-    with _python_words():
+    with python_words():
         if fit_mm is not None:
             options = options.fitted(place, number("fit_mm", fit_mm, 0.0, 1e6, "mm"))
         made = make_rig(place, machine, options, wishes, tell=progress)
@@ -625,20 +599,20 @@ def report(
 
     path, tell = path_given("out", out), progress or silent
     ensure_writable(path, force=force)
-    robot, profile, worlds = _design(design), _profile(recipe), _maps(maps)
+    robot, profile, worlds = design_given(design), recipe_given(recipe), maps_given(maps)
     plan = PredictionPlan(
         poses=whole("poses", poses, 1, _MOST_POSES),
         seed=whole("seed", seed, 0, _MOST_SEED),
         options=growth_options(body),
     )
-    with _python_words():
-        chosen, unseen = _mapping("options", options), None
+    with python_words():
+        chosen, unseen = mapping_given("options", options), None
         if environment is not None:
-            unseen = unseen_maps(_text("environment", environment), count, seed, chosen)
+            unseen = unseen_maps(name_given("environment", environment), count, seed, chosen)
         families = map_families(worlds, unseen)
     found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))
-    places = ", ".join(_shown(place) for place in _several(maps, Map))
-    call = f"vf.report({_shown(design)}, {_shown(recipe)}, out={str(path)!r}, maps=[{places}]"
+    places = ", ".join(call_text(place) for place in several_given(maps, Map))
+    call = f"vf.report({call_text(design)}, {call_text(recipe)}, out={str(path)!r}, maps=[{places}]"
     if environment is not None:
         call += f", {environment=}, {count=}, options={dict(chosen)}"
     origin = origin_of(f"{call}, {poses=}, {seed=}, {body=})", [robot], profile, families)
@@ -648,155 +622,6 @@ def report(
         summary=tuple(summary_lines(found)),
         numbers=json.loads(prediction_text(found, origin)),
     )
-
-
-def write_deployment(
-    deployment: Deployment, path: str | PathLike[str], *, force: bool = False
-) -> Path:
-    """Write a deployment; see `vinefab.model.deployment.Deployment.write`."""
-    from vinefab.growth.terrain import Terrain
-    from vinefab.prediction.deploy import DeployedDesign, growth_options
-
-    target, design, world = path_given("path", path), deployment.design, deployment.world
-    suffix = target.suffix.lower()
-    if suffix not in (".json", ".svg", ".png", ".gif"):
-        raise BadInputError("path", str(target), "a name ending in .json, .svg, .png or .gif")
-    if design is None or world is None:
-        raise BadInputError("deployment", deployment, "one that Design.grow returned")
-    choices: dict[str, Any] = dict(deployment.growth)
-    whole_deployment = DeployedDesign(
-        design=design,
-        world=world,
-        terrain=Terrain.of(world),
-        options=growth_options(**choices),
-        deployment=deployment,
-    )
-    if suffix == ".json":
-        return write_text(target, whole_deployment.text(), force=force)
-    drawn = whole_deployment.animation if suffix == ".gif" else whole_deployment.picture
-    return write_bytes(target, drawn(suffix), force=force)
-
-
-def svg_of(noun: Design | Map | Deployment | Contour) -> str | None:
-    """Return a noun as an SVG document for notebooks; None for what cannot be drawn."""
-    from vinefab.pages.drawing import (
-        bare_deployment_plan,
-        contour_plan,
-        deployment_plan,
-        map_plan,
-    )
-    from vinefab.pages.figure import svg_bytes
-
-    if isinstance(noun, Map):
-        figure = map_plan(noun)
-    elif isinstance(noun, Contour):
-        figure = contour_plan(noun)
-    elif isinstance(noun, Design):
-        from vinefab.fabrication.outline.body_outline import body_outline
-
-        try:
-            outline = body_outline(noun).contour
-        except BadInputError:  # a tree that no sheet could hold is shown as text
-            return None
-        x0, y0, x1, y1 = outline.box_mm
-        branches = f"{noun.branch_count} branch{'' if noun.branch_count == 1 else 'es'}"
-        size = f"{branches}, {x1 - x0:.0f} x {y1 - y0:.0f} mm flat"
-        figure = contour_plan(outline, f"{noun.name}: {size}", filled=True)
-    else:
-        # Without a design the widths are not known: centrelines only.
-        thin = (0.0,) * int(noun.tree.level.max())
-        widths_mm = noun.design.build.widths_mm if noun.design else thin
-        if noun.world is None:
-            figure = bare_deployment_plan(noun, widths_mm)
-        else:
-            figure = deployment_plan(noun.world, noun, widths_mm)
-    return svg_bytes(figure).decode()
-
-
-def _named(kind: str) -> tuple[str, ...]:
-    return tuple(sorted({*names(kind), *user_names(kind)}))
-
-
-def _name_or_path(key: str, given: object, allowed: str) -> str | Path:
-    """Return what a file is looked up by, or raise BadInputError for anything else."""
-    return given if isinstance(given, str) else path_given(key, given, allowed)
-
-
-def _design(given: DesignLike, key: str = "design") -> Design:
-    if isinstance(given, Design):
-        return given
-    allowed = f"a Design, a path, or one of {', '.join(designs())}"
-    return read_design(_name_or_path(key, given, allowed))
-
-
-def _profile(given: RecipeLike) -> LaserProfile:
-    if isinstance(given, LaserProfile):
-        return given
-    allowed = f"a LaserProfile, a path, or one of {', '.join(recipes())}"
-    return read_profile(_name_or_path("recipe", given, allowed))
-
-
-def _map(given: MapLike, key: str = "map") -> Map:
-    if isinstance(given, Map):
-        return given
-    return Map.read(path_given(key, given, "a Map, or the path of a map file (GeoJSON)"))
-
-
-def _maps(given: MapLike | Iterable[MapLike]) -> list[Map]:
-    return [_map(one, "maps") for one in _several(given, Map)]
-
-
-def _several(given: Any, kind: type) -> Sequence[Any]:  # noqa: ANN401  judged one by one
-    """Return one thing, or an iterable of them, as a sequence."""
-    alone = isinstance(given, kind | str | PathLike) or not isinstance(given, Iterable)
-    return (given,) if alone else tuple(given)
-
-
-def _shown(given: object) -> str:
-    """Return how a call names something: a text that can be passed again, if it was one."""
-    if isinstance(given, LaserProfile):
-        return f"<LaserProfile {given.recipe.name}>"
-    if isinstance(given, Design | Map):
-        return f"<{type(given).__name__} {given.name}>"
-    return repr(str(given))
-
-
-def _text(key: str, given: object) -> str:
-    if not isinstance(given, str):
-        raise BadInputError(key, given, "a name")
-    return given
-
-
-def _mapping(key: str, given: object) -> Mapping[str, Any]:
-    """Return names with values; none for None."""
-    if given is not None and not isinstance(given, Mapping):
-        raise BadInputError(key, given, "names with their values, a dict")
-    return given or {}
-
-
-def _task(task: str | Task, parameters: Mapping[str, object]) -> Task:
-    """Return a task by its name, or the one given."""
-    from vinefab.tasks.shipped_tasks import TASKS, make_task
-
-    if isinstance(task, str):
-        return make_task(task, parameters)
-    if isinstance(task, type) or not all(hasattr(task, n) for n in ("name", "lowest", "evaluate")):
-        allowed = f"{', '.join(TASKS)}, or an object with name, lowest and evaluate"
-        raise BadInputError("task", task, allowed)
-    for name, value in parameters.items():
-        raise BadInputError(name, value, "a parameter of a task that is named, not of an object")
-    return task
-
-
-def _run(given: RunSettings | str | PathLike[str]) -> tuple[RunSettings, Path | None]:
-    """Return the settings of a run, and the file that they come from."""
-    from vinefab.search.run_file import read_run
-    from vinefab.search.settings import RunSettings
-
-    if isinstance(given, RunSettings):
-        return given, None
-    path = path_given("run", given, "RunSettings, or the path of a run file (TOML)")
-    return read_run(path), path
 
 
 def _searched(
@@ -811,32 +636,5 @@ def _searched(
 
     search = Search.of(settings, training_maps(settings), penalty_of(settings))
     if task is not None and not isinstance(task, str):
-        search = replace(search, trial=replace(search.trial, task=_task(task, {})))
+        search = replace(search, trial=replace(search.trial, task=task_given(task, {})))
     return search.run(progress=progress, workers=workers)
-
-
-def _known(options: type, key: str, given: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return options by name, all of which a dataclass has."""
-    known = [field.name for field in fields(options)]
-    for name, value in given.items():
-        if name not in known:
-            allowed = f"one of {', '.join(known)}{nearest(name, known)}"
-            raise BadInputError(f"{key}.{name}", value, allowed)
-    return given
-
-
-@contextmanager
-def _python_words() -> Iterator[None]:
-    """Name parameters as they are called here, where a room names the options of its command."""
-    try:
-        yield
-    except BadInputError as error:
-        key, allowed = _as_parameters(error.key), _as_parameters(error.allowed)
-        if (key, allowed) == (error.key, error.allowed):
-            raise
-        raise BadInputError(key, error.value, allowed, error.source) from error
-
-
-def _as_parameters(words: str) -> str:
-    """Return a text in which ``--allow-empty`` is called ``allow_empty``."""
-    return re.sub(r"--([a-z][a-z0-9-]*)", lambda option: option[1].replace("-", "_"), words)

@@ -6,12 +6,10 @@ design could no longer be cut without the simulator. So the nouns know one modul
 and it is loaded when such a method is first called.
 """
 
-import importlib
+from importlib import import_module
 from typing import Any
 
-_FRONT_DOOR = "vinefab.api"
 
-
-def front_door() -> Any:  # noqa: ANN401  a module, whose types this room must not know
-    """Return the module of public functions, which sees all rooms."""
-    return importlib.import_module(_FRONT_DOOR)
+def front_door(part: str = "noun_methods") -> Any:  # noqa: ANN401  types this room must not know
+    """Return a module at the top of the package, which sees all rooms."""
+    return import_module(f"vinefab.{part}")

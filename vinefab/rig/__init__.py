@@ -22,11 +22,11 @@ class _CallableRoom(ModuleType):
 
     def __call__(self, *given: Any, **named: Any) -> Any:  # noqa: ANN401  see `vinefab.api.rig`
         """Call `vinefab.api.rig`."""
-        return front_door().rig(*given, **named)
+        return front_door("api").rig(*given, **named)
 
     @property
     def __signature__(self) -> inspect.Signature:
-        return inspect.signature(front_door().rig)
+        return inspect.signature(front_door("api").rig)
 
 
 sys.modules[__name__].__class__ = _CallableRoom

@@ -30,7 +30,7 @@ fuzz: $(READY)
 thorough: check fuzz outlines
 	$(BIN)/python tests/fabrication/rules/mutate.py
 	$(BIN)/python tests/fabrication/rules/fix_many.py 40
-	$(BIN)/python tests/tasks/errors.py 1000
+	$(BIN)/python tests/tasks/measure_area_errors.py 1000
 	$(BIN)/python tests/search/kill.py 20
 
 outlines: $(READY)

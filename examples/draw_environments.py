@@ -8,7 +8,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from vinefab.maps.generators.environments import ENVIRONMENTS
+import vinefab as vf
 from vinefab.pages.drawing import draw_map
 from vinefab.pages.figure import house_style, png_bytes
 
@@ -16,11 +16,10 @@ COLUMNS, ROWS = 5, 4
 
 
 def main(name: str, target: Path) -> None:
-    environment = ENVIRONMENTS[name]
     with house_style():
         figure = Figure(figsize=(3.0 * COLUMNS, 3.0 * ROWS), layout="constrained")
         for seed, axes in enumerate(figure.subplots(ROWS, COLUMNS).flat):
-            draw_map(axes, environment.make(seed, environment.options()))
+            draw_map(axes, vf.maps.generate(name, seed))
             axes.set_axis_off()
             axes.set_aspect("equal")
             axes.set_title(f"{name} {seed}", fontsize=9)

@@ -10,13 +10,9 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
+import vinefab as vf
 from vinefab.fabrication.package.prepare import prepare
 from vinefab.fabrication.package.sheet_pictures import OPERATION_COLOURS
-from vinefab.growth.options import GrowthOptions
-from vinefab.growth.simulator import grow
-from vinefab.growth.terrain import Terrain
-from vinefab.maps.generators.grid import grid_map
-from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.job import Operation
@@ -48,13 +44,12 @@ def draw_rig(axes: Axes3D, rig: Rig) -> None:
 
 
 def main(target: Path) -> None:
-    design, world = read_design("grid_explorer"), grid_map(UNSEEN_SEED)
+    design, world = vf.Design.read("grid_explorer"), vf.maps.grid(UNSEEN_SEED)
     with house_style():
         figure = Figure(figsize=(15.0, 5.2), layout="constrained")
         grown, sheet = figure.add_subplot(1, 3, 1), figure.add_subplot(1, 3, 2)
         solid = figure.add_subplot(1, 3, 3, projection="3d")
-        options = GrowthOptions(body="inflated")
-        deployment = grow(design, Terrain.of(world), world.starts[0].pose, options)
+        deployment = design.grow(world, body="inflated")
         draw_map(grown, world)
         draw_deployment(grown, deployment, design.build.widths_mm)
         job = prepare(design, read_profile(DEFAULT_RECIPE)).job

@@ -4,22 +4,16 @@ Run it as ``python examples/make_a_rig.py OUT``.
 """
 
 import sys
-from pathlib import Path
 
-from vinefab.maps.generators.pegs import PegsOptions, pegs_map
-from vinefab.model.files.shipped import DEFAULT_PRINTER
-from vinefab.rig.make import make_rig
-from vinefab.rig.options import RigOptions, read_printer
+import vinefab as vf
 
 
-def main(folder: Path) -> None:
-    world = pegs_map(seed=4, options=PegsOptions(columns=6, rows=6))
-    made = make_rig(world, read_printer(DEFAULT_PRINTER), RigOptions(height_mm=30.0))
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, data in made.files.items():
-        (folder / name).write_bytes(data)
-    print(f"{len(made.rig.parts)} parts of {world.name}, {len(made.files)} files in {folder}")
+def main(folder: str) -> None:
+    world = vf.maps.pegs(seed=4, columns=6, rows=6)
+    made = vf.rig(world, printer="generic_220", out=folder, height_mm=30.0)
+    parts = [name for name in made.files if name.endswith(".stl")]
+    print(f"{len(parts)} parts of {world.name}, {len(made.files)} files in {made.path}")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(sys.argv[1])

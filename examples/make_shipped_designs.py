@@ -7,30 +7,24 @@ optimized ones. Every package is checked and read back; the report deploys the d
 import sys
 from pathlib import Path
 
-from vinefab.cli.main import main as vinefab
+import vinefab as vf
 
 OPTIMIZED = {"grid_explorer": "grid", "cave_explorer": "cave", "six_branch_anchor": "cave"}
 """Each with the environment that it was made for."""
 
 
-def make(name: str, folder: Path) -> int:
-    """Return the worst exit code of making one design: 0 when all is well."""
-    environment = OPTIMIZED.get(name, "grid")
-    maps = [folder / f"{environment}_{seed}.geojson" for seed in (501, 502)]
-    drawn = ["--maps", str(maps[0]), "--maps", str(maps[1])]
-    commands = [
-        *(["map", environment, "--seed", path.stem[-3:], "--out", str(path)] for path in maps),
-        ["check", name],
-        ["fabricate", name, "--allow-uncalibrated", "--out", str(folder / name)],
-        ["report", name, *drawn, "--out", str(folder / f"{name}.html")],
-    ]
-    return max(vinefab([*command, "-q"]) for command in commands)
+def make(name: str, folder: Path) -> None:
+    worlds = [vf.maps.generate(OPTIMIZED.get(name, "grid"), seed) for seed in (501, 502)]
+    maps = [world.write(folder / f"{world.name}.geojson") for world in worlds]
+    vf.fabricate(name, out=folder / name, allow_uncalibrated=True)
+    vf.report(name, maps=maps, out=folder / f"{name}.html")
 
 
 if __name__ == "__main__":
     target = Path(sys.argv[1])
     for design in sys.argv[2:] or OPTIMIZED:
-        code = make(design, target)
-        print(f"{design}: {'made' if code == 0 else f'exit code {code}'}, see {target / design}")
-        if code:
-            sys.exit(code)
+        try:
+            make(design, target)
+        except vf.VinefabError as error:
+            sys.exit(str(error))
+        print(f"{design}: made, see {target / design}")

@@ -6,19 +6,18 @@ Run it as ``python examples/read_a_run.py FOLDER``; a second time it only reads.
 import sys
 from pathlib import Path
 
+import vinefab as vf
 from vinefab.search.record.run_archive import RunArchive, records_in
-from vinefab.search.run import run_search
-from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
 
 
 def main(folder: Path) -> None:
-    settings = RunSettings(
+    settings = vf.RunSettings(
         name="short_run",
-        maps=MapSettings(environment="cave", count=2, seed=1),
-        search=SearchSettings(population=10, generations=4, seed=1),
-        evaluation=EvaluationSettings(fabricable=False),
+        maps=vf.MapSettings(environment="cave", count=2, seed=1),
+        search=vf.SearchSettings(population=10, generations=4, seed=1),
+        evaluation=vf.EvaluationSettings(fabricable=False),
     )
-    run_search(settings, folder, resume=any(folder.glob("*.sqlite")))
+    vf.optimize(settings, out=folder, resume=any(folder.glob("*.sqlite")))
     for path in records_in(folder):
         archive = RunArchive.read(path)
         print(f"{path.name}: {archive.settings.task.name} on {len(archive.maps)} maps")

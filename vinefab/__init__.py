@@ -1,3 +1,143 @@
-"""vinefab: design, simulate, optimize and make branching vine robots."""
+"""vinefab: design, simulate, optimize and make branching vine robots.
 
-__version__ = "0.1.0"
+``import vinefab as vf`` gives the public names, each loaded when first used::
+
+    design = vf.Design.read("grid_explorer")
+    world = vf.maps.grid(seed=3)
+    deployment = design.grow(world)
+    vf.score(design, task="coverage", maps=[world], poses=3)
+    vf.fabricate(design, out="package", allow_uncalibrated=True)
+
+Lengths are millimetres, angles degrees where a function takes them, pressures kPa. A design, map,
+recipe or printer may be given as an object, a path or a name; a pose as ``(x_mm, y_mm,
+heading_deg)``. What is not in ``__all__`` may change at any time.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from vinefab.core.version import __version__ as __version__
+
+__all__ = [
+    "BadInputError",
+    "Build",
+    "CheckReport",
+    "Collar",
+    "Contour",
+    "Deployment",
+    "Design",
+    "Evaluation",
+    "EvaluationSettings",
+    "ExportRefusedError",
+    "Finding",
+    "Level",
+    "Map",
+    "MapSettings",
+    "PartSettings",
+    "Pose",
+    "Pouch",
+    "RunResult",
+    "RunSettings",
+    "Score",
+    "SearchSettings",
+    "Severity",
+    "Start",
+    "Stop",
+    "VinefabError",
+    "WrittenFolder",
+    "WrittenReport",
+    "check",
+    "designs",
+    "fabricate",
+    "maps",
+    "optimize",
+    "printers",
+    "recipes",
+    "report",
+    "rig",
+    "score",
+]
+
+_HOMES = {
+    "vinefab.api": (
+        "WrittenFolder",
+        "WrittenReport",
+        "check",
+        "designs",
+        "fabricate",
+        "optimize",
+        "printers",
+        "recipes",
+        "report",
+        "score",
+    ),
+    "vinefab.core.errors": ("BadInputError", "ExportRefusedError", "VinefabError"),
+    "vinefab.model.deployment": ("Deployment", "Stop"),
+    "vinefab.model.design": ("Build", "Collar", "Design", "Level", "Pouch"),
+    "vinefab.model.finding": ("CheckReport", "Finding", "Severity"),
+    "vinefab.model.map": ("Map", "Pose", "Start"),
+    "vinefab.model.outline": ("Contour",),
+    "vinefab.model.score": ("Evaluation", "Score"),
+    "vinefab.search.record.result": ("RunResult",),
+    "vinefab.search.settings": (
+        "EvaluationSettings",
+        "MapSettings",
+        "PartSettings",
+        "RunSettings",
+        "SearchSettings",
+    ),
+}
+"""The module of each public name; ``maps`` and ``rig`` are rooms of their own."""
+
+if TYPE_CHECKING:
+    from vinefab import maps as maps
+    from vinefab.api import WrittenFolder as WrittenFolder
+    from vinefab.api import WrittenReport as WrittenReport
+    from vinefab.api import check as check
+    from vinefab.api import designs as designs
+    from vinefab.api import fabricate as fabricate
+    from vinefab.api import optimize as optimize
+    from vinefab.api import printers as printers
+    from vinefab.api import recipes as recipes
+    from vinefab.api import report as report
+    from vinefab.api import rig as rig
+    from vinefab.api import score as score
+    from vinefab.core.errors import BadInputError as BadInputError
+    from vinefab.core.errors import ExportRefusedError as ExportRefusedError
+    from vinefab.core.errors import VinefabError as VinefabError
+    from vinefab.model.deployment import Deployment as Deployment
+    from vinefab.model.deployment import Stop as Stop
+    from vinefab.model.design import Build as Build
+    from vinefab.model.design import Collar as Collar
+    from vinefab.model.design import Design as Design
+    from vinefab.model.design import Level as Level
+    from vinefab.model.design import Pouch as Pouch
+    from vinefab.model.finding import CheckReport as CheckReport
+    from vinefab.model.finding import Finding as Finding
+    from vinefab.model.finding import Severity as Severity
+    from vinefab.model.map import Map as Map
+    from vinefab.model.map import Pose as Pose
+    from vinefab.model.map import Start as Start
+    from vinefab.model.outline import Contour as Contour
+    from vinefab.model.score import Evaluation as Evaluation
+    from vinefab.model.score import Score as Score
+    from vinefab.search.record.result import RunResult as RunResult
+    from vinefab.search.settings import EvaluationSettings as EvaluationSettings
+    from vinefab.search.settings import MapSettings as MapSettings
+    from vinefab.search.settings import PartSettings as PartSettings
+    from vinefab.search.settings import RunSettings as RunSettings
+    from vinefab.search.settings import SearchSettings as SearchSettings
+else:
+    _HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+    def __getattr__(name: str) -> Any:  # noqa: ANN401  what the name stands for
+        if name in ("maps", "rig"):
+            return import_module(f"vinefab.{name}")
+        if name not in _HOME:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = globals()[name] = getattr(import_module(_HOME[name]), name)
+        return value
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

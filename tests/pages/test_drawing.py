@@ -9,7 +9,8 @@ from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
-from vinefab.pages.drawing import deployment_plan
+from vinefab.model.outline import Contour
+from vinefab.pages.drawing import bare_deployment_plan, contour_plan, deployment_plan
 from vinefab.pages.figure import LEVEL_COLOURS, svg_bytes
 from vinefab.pages.map_view import UNSEEN, longer_mm, robot_view, rock_in
 
@@ -104,3 +105,31 @@ def test_levels_that_meet_are_told_apart_by_everybody(seen_as):
 def test_levels_that_meet_are_told_apart_in_grey():
     lightness = [lab_of(colour, np.eye(3))[0] for colour in LEVEL_COLOURS]
     assert min(np.abs(np.diff(lightness))) > 12
+
+
+def test_a_robot_without_its_map_is_drawn_as_on_it():
+    world = world_of(100)
+    deployment = deployed(world)
+    bare, whole = (
+        bare_deployment_plan(deployment, (4.0, 2.0)),
+        deployment_plan(world, deployment, (4.0, 2.0)),
+    )
+    labels = [[text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+              for figure in (bare, whole)]  # fmt: skip
+    assert labels[0] == labels[1]
+    (x0, x1), (y0, y1) = bare.axes[0].get_xlim(), bare.axes[0].get_ylim()
+    assert x0 < deployment.points_mm[:, 0].min() < deployment.points_mm[:, 0].max() < x1
+    assert y0 < deployment.points_mm[:, 1].min() < deployment.points_mm[:, 1].max() < y1
+
+
+def test_a_contour_is_drawn_on_its_points_and_a_straight_one_has_room():
+    ends = np.array([[3.0, 5.0], [3.0, 45.0]])
+    axes = contour_plan(Contour.polyline(ends, closed=False)).axes[0]
+    assert np.array_equal(axes.lines[0].get_xydata(), ends)
+    assert not axes.patches
+    assert np.ptp(axes.get_xlim()) >= 4.0
+    square = np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]])
+    axes = contour_plan(Contour.polyline(square, closed=True), "a title").axes[0]
+    assert np.array_equal(axes.lines[0].get_xydata(), [*square, square[0]])
+    assert len(axes.patches) == 1
+    assert axes.get_title() == "a title"

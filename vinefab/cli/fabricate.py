@@ -14,17 +14,14 @@ from vinefab.cli.common_options import (
     Quiet,
     RecipeIn,
 )
-from vinefab.core.atomic import ensure_own_folder, ensure_writable, new_folder, write_bytes
+from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_bytes, write_folder
 from vinefab.fabrication.checking import check_lines
 from vinefab.fabrication.formats.laser_formats import broken_formats
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.fabrication.package.prepare import Prepared, package, prepare, zip_bytes
+from vinefab.fabrication.package.prepare import PACKAGE_MARK, Prepared, package, prepare, zip_bytes
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-
-MARK = "job.json"
-"""The file by which a folder of this command is recognized."""
 
 
 def fabricate_command(
@@ -63,7 +60,7 @@ def fabricate_command(
     Example: vinefab fabricate three_level_tree --out package --allow-uncalibrated
     """
     output = CommandOutput(quiet=quiet, force=force)
-    ensure_own_folder(out, MARK, force=force)
+    ensure_own_folder(out, PACKAGE_MARK, force=force)
     archive = out.with_name(f"{out.name}.zip")
     if make_zip:
         ensure_writable(archive, force=force)
@@ -77,9 +74,7 @@ def fabricate_command(
         typer.echo(f"nothing written: {why}{older}", err=True)
         return EXIT_FINDINGS
     files = package(prepared)
-    with new_folder(out, MARK, force=force) as folder:
-        for name, data in files.items():
-            write_bytes(folder / name, data)
+    write_folder(out, files, PACKAGE_MARK, force=force)
     if make_zip:
         write_bytes(archive, zip_bytes(files, prepared.design.name), force=force)
         output.say(f"wrote {archive}")

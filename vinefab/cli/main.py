@@ -9,8 +9,8 @@ from typing import Annotated, cast
 
 import typer
 
-from vinefab import __version__
 from vinefab.core.errors import InterruptedRunError, VinefabError
+from vinefab.core.version import __version__
 
 
 @dataclass(frozen=True, slots=True)

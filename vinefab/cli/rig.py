@@ -6,16 +6,13 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, Quiet, numbers_from
-from vinefab.core.atomic import ensure_own_folder, new_folder, write_bytes
+from vinefab.core.atomic import ensure_own_folder, write_folder
 from vinefab.fabrication.checking import check_lines
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.shipped import DEFAULT_PRINTER
-from vinefab.rig.make import RigRequest, make_rig
+from vinefab.rig.make import RIG_MARK, RigRequest, make_rig
 from vinefab.rig.options import RigOptions, read_printer
-
-MARK = "rig.json"
-"""The file by which a folder of this command is recognized."""
 
 
 def rig_command(
@@ -66,7 +63,7 @@ def rig_command(
     Example: vinefab rig grid.geojson --printer generic_220 --fit-mm 400 --out rig
     """
     output = CommandOutput(quiet=quiet, force=force)
-    ensure_own_folder(out, MARK, force=force)
+    ensure_own_folder(out, RIG_MARK, force=force)
     world = read_map(map_file)
     sheet_width_mm, sheet_depth_mm = numbers_from("--sheet-mm", sheet_mm, 2)
     options = RigOptions(
@@ -95,9 +92,7 @@ def rig_command(
         for line in check_lines(made.report):
             output.say(line)
         return EXIT_FINDINGS
-    with new_folder(out, MARK, force=force) as folder:
-        for name, data in made.files.items():
-            write_bytes(folder / name, data)
+    write_folder(out, made.files, RIG_MARK, force=force)
     for line in made.summary():
         output.say(line)
     output.say(f"wrote {out}/ ({len(made.files)} files)")

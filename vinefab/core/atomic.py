@@ -4,7 +4,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -100,6 +100,13 @@ def new_folder(path: Path, mark: str, *, force: bool = False) -> Iterator[Path]:
                 _put_in_place(temporary, path)
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
+
+
+def write_folder(path: Path, files: Mapping[str, bytes], mark: str, *, force: bool = False) -> None:
+    """Write files by name into a folder, all or none, as `new_folder` does."""
+    with new_folder(path, mark, force=force) as folder:
+        for name, data in files.items():
+            write_bytes(folder / name, data)
 
 
 @contextmanager

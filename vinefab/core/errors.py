@@ -136,6 +136,29 @@ class InterruptedRunError(VinefabError, InterruptedError):
         return f"interrupted; {self.done}; to resume: {self.command}"
 
 
+class ExportRefusedError(VinefabError, ValueError):
+    """What is to be made breaks rules, so no files were written.
+
+    Parameters
+    ----------
+    name
+        What was to be made.
+    reason
+        What forbids it, in words.
+    report
+        The ``CheckReport`` with the findings, or None.
+    """
+
+    def __init__(self, name: str, reason: str, report: object = None) -> None:
+        self.name = name
+        self.reason = reason
+        self.report = report
+        super().__init__(name, reason, report)
+
+    def __str__(self) -> str:
+        return f"{self.name}: nothing written: {self.reason}"
+
+
 class ReadBackError(VinefabError, ValueError):
     """A file just written differs from its content when read back."""
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from vinefab import __version__
+from vinefab.core.version import __version__
 
 GENERATOR = f"written by vinefab {__version__}"
 """The mark of files that vinefab wrote (see `vinefab.core.atomic`)."""

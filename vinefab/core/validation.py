@@ -16,21 +16,33 @@ LARGEST_MM = 1e7
 
 def number(key: str, value: float, low: float, high: float, unit: str = "") -> float:
     """Return a finite number within ``low .. high`` (both allowed), or raise BadInputError."""
-    if not math.isfinite(value) or not low <= value <= high:
+    try:
+        allowed = math.isfinite(value) and low <= value <= high
+    except TypeError:  # no number at all: what a caller of the library may pass
+        allowed = False
+    if not allowed:
         raise BadInputError(key, value, f"{low:g} to {high:g}{f' {unit}' if unit else ''}")
     return float(value)
 
 
 def positive(key: str, value: float, high: float = LARGEST_MM, unit: str = "mm") -> float:
     """Return a finite number above zero and at most ``high``, or raise BadInputError."""
-    if not math.isfinite(value) or not 0.0 < value <= high:
+    try:
+        allowed = math.isfinite(value) and 0.0 < value <= high
+    except TypeError:
+        allowed = False
+    if not allowed:
         raise BadInputError(key, value, f"above 0, at most {high:g} {unit}")
     return float(value)
 
 
 def whole(key: str, value: int, low: int, high: int) -> int:
     """Return a whole number within ``low .. high``, or raise BadInputError."""
-    if isinstance(value, bool) or not low <= value <= high or int(value) != value:
+    try:
+        allowed = not isinstance(value, bool) and low <= value <= high and int(value) == value
+    except TypeError:
+        allowed = False
+    if not allowed:
         raise BadInputError(key, value, f"a whole number from {low} to {high}")
     return int(value)
 

@@ -1,14 +1,19 @@
 """The final state of a growth: every branch's shape and why it stopped."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+from os import PathLike
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import front_door
 from vinefab.core.validation import Floats, Ints
-from vinefab.model.map import Pose
+from vinefab.model.design import Design
+from vinefab.model.map import Map, Pose
 from vinefab.model.tree import BranchTree
 
 
@@ -50,6 +55,9 @@ class Deployment:
     tight_exit
         Whether each branch slid steeply with a long straight body behind its tip, shape (n,): a
         real body may bow there, which the growth model cannot show. All False if not given.
+    design, world, growth
+        What `Design.grow` grew, where, and the growth model's choices by name (plain values, angles
+        in degrees); None and empty in a deployment that is one of a batch.
     """
 
     tree: BranchTree
@@ -60,6 +68,9 @@ class Deployment:
     grown_mm: Floats
     contact_turn_rad: Floats
     tight_exit: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+    design: Design | None = None
+    world: Map | None = None
+    growth: Mapping[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         count = len(self.tree)
@@ -100,3 +111,51 @@ class Deployment:
     def tips_mm(self) -> Floats:
         """Tips of the branches that deployed, in the tree's order, shape (m, 2)."""
         return self.points_mm[self.first_point[1:][self.deployed] - 1]
+
+    @property
+    def stops(self) -> dict[str, int]:
+        """How many branches ended for each reason, by the reason's name."""
+        counts = np.bincount(self.stop, minlength=len(Stop)).tolist()
+        return {stop.label: counts[stop] for stop in Stop}
+
+    def write(self, path: str | PathLike[str], *, force: bool = False) -> Path:
+        """Write a deployment that `Design.grow` returned, in the form that the name ends in.
+
+        Parameters
+        ----------
+        path
+            ``.json``: every branch with its points (``vinefab/deployment-1``); ``.svg`` or
+            ``.png``: a plan; ``.gif``: the growth as a moving picture.
+        force
+            Overwrite a file that vinefab did not write, or of another kind.
+
+        Returns
+        -------
+        Path
+            What was written.
+
+        Raises
+        ------
+        BadInputError
+            If the name ends in something else, or the deployment does not know its design and map.
+        CannotWriteError
+            If the system refuses.
+        ForeignFileError
+            If the place is taken.
+
+        Examples
+        --------
+        >>> from tempfile import TemporaryDirectory
+        >>> from vinefab import maps
+        >>> grown = Design.read("plain_vine").grow(maps.pegs(seed=1))
+        >>> with TemporaryDirectory() as folder:
+        ...     grown.write(f"{folder}/grown.json").name
+        'grown.json'
+        """
+        written: Path = front_door().write_deployment(self, path, force=force)
+        return written
+
+    def _repr_svg_(self) -> str | None:
+        """Show the robot on its map in a notebook, or alone where the map is not known."""
+        drawn: str | None = front_door().svg_of(self)
+        return drawn

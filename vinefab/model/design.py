@@ -4,11 +4,20 @@ import math
 import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
 from types import MappingProxyType
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
+from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import front_door
+from vinefab.core.units import rad
 from vinefab.core.validation import LARGEST_MM, number, positive, whole
+
+if TYPE_CHECKING:
+    from vinefab.model.deployment import Deployment
+    from vinefab.model.map import Map, Pose
 
 MOST_LEVELS = 10
 MOST_BRANCHES = 100_000
@@ -48,6 +57,41 @@ class Level:
         positive("length", self.length_mm)
         number("angle_deg", math.degrees(self.fan_rad), 0.0, 360.0, "deg")
         number("growth_percent", 100.0 * self.growth, 0.1, 10_000.0, "%")
+
+    @classmethod
+    def of(
+        cls,
+        branches: int,
+        length_mm: float,
+        angle_deg: float = 0.0,
+        growth_percent: float = 100.0,
+    ) -> "Level":
+        """Return a level in the units of design files.
+
+        Parameters
+        ----------
+        branches
+            Children per parent, 1 to 1000.
+        length_mm
+            Length of the first child, clockwise-most in the fan.
+        angle_deg
+            Angle of the whole fan, 0 to 360.
+        growth_percent
+            Length of the last child over that of the first.
+
+        Raises
+        ------
+        BadInputError
+            If a value is out of range.
+
+        Examples
+        --------
+        >>> Level.of(branches=3, length_mm=120, angle_deg=180).growth
+        1.0
+        """
+        fan_rad = rad(number("angle_deg", angle_deg, 0.0, 360.0, "deg"))
+        growth = number("growth_percent", growth_percent, 0.1, 10_000.0, "%") / 100.0
+        return cls(branches=branches, length_mm=length_mm, fan_rad=fan_rad, growth=growth)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -326,3 +370,130 @@ class Design:
             count *= level.branches
             total += count
         return total
+
+    @classmethod
+    def read(cls, name_or_path: str | PathLike[str]) -> "Design":
+        """Return the design in a file, or one of the user's own or the shipped ones by name.
+
+        Parameters
+        ----------
+        name_or_path
+            A path, or a name such as ``grid_explorer``; a bare name is a file here, in the user's
+            own folder, or a shipped design.
+
+        Raises
+        ------
+        BadInputError
+            If it is neither, or a value in the file cannot be used.
+        UnknownNameError
+            If there is no design of that name.
+        UnreadableFileError
+            If there is no such file, or it is not TOML.
+
+        Examples
+        --------
+        >>> Design.read("three_level_tree").branch_count
+        10
+        """
+        # The file form of designs is built on this module.
+        from vinefab.model.files.design_toml import read_design  # noqa: PLC0415
+
+        return read_design(name_or_path)
+
+    def write(self, path: str | PathLike[str], *, force: bool = False) -> Path:
+        """Write the design as a file that `read` gives back as the same design.
+
+        Parameters
+        ----------
+        path
+            The file, TOML; missing folders are made.
+        force
+            Overwrite a file that vinefab did not write, or of another kind.
+
+        Returns
+        -------
+        Path
+            What was written.
+
+        Raises
+        ------
+        BadInputError
+            If ``path`` is no path.
+        CannotWriteError
+            If the system refuses.
+        ForeignFileError
+            If the place is taken.
+
+        Examples
+        --------
+        >>> from tempfile import TemporaryDirectory
+        >>> vine = Design.read("plain_vine")
+        >>> with TemporaryDirectory() as folder:
+        ...     Design.read(vine.write(f"{folder}/copy.toml")) == vine
+        True
+        """
+        from vinefab.model.files.design_toml import design_text  # noqa: PLC0415  as above
+        from vinefab.model.files.shipped import path_given  # noqa: PLC0415
+
+        return write_text(path_given("path", path), design_text(self), force=force)
+
+    def grow(
+        self,
+        world: "Map | str | PathLike[str]",
+        pose: "Pose | tuple[float, float, float] | None" = None,
+        *,
+        body: str = "centerline",
+        head_on_half_angle_deg: float = 1.0,
+        children_of_stuck: str = "stop",
+    ) -> "Deployment":
+        """Deploy the robot on a map (simulated).
+
+        Parameters
+        ----------
+        world
+            A map, or the path of a map file.
+        pose
+            Where the trunk is launched: ``(x_mm, y_mm, heading_deg)``, the heading
+            counter-clockwise from +x; the map's first start if None.
+        body
+            ``centerline``: the body is a line. ``inflated``: every level sees the free space
+            shrunk by its inflated radius.
+        head_on_half_angle_deg
+            A tip whose heading is within this angle of a wall's inward normal stops there, 0 to
+            90 (assumed).
+        children_of_stuck
+            Whether children of a branch that stopped early stay inside (``stop``) or grow from
+            where it stopped (``deploy``).
+
+        Returns
+        -------
+        Deployment
+            Shape, grown length and stop reason of every branch; it knows the design and the map.
+
+        Raises
+        ------
+        BadInputError
+            If a value cannot be used, the pose is not in free space, or the map has no start and
+            no pose was given.
+
+        Examples
+        --------
+        >>> from vinefab import maps
+        >>> world = maps.pegs(seed=1, columns=5, rows=5)
+        >>> Design.read("plain_vine").grow(world, pose=(world.size_mm[0] / 2, 20, 80)).tips_mm.shape
+        (1, 2)
+        """
+        grown: Deployment = front_door().grow_design(
+            self,
+            world,
+            pose,
+            body=body,
+            head_on_half_angle_deg=head_on_half_angle_deg,
+            children_of_stuck=children_of_stuck,
+        )
+        return grown
+
+    def _repr_svg_(self) -> str | None:
+        """Show the flat outline in a notebook."""
+        drawn: str | None = front_door().svg_of(self)
+        return drawn

@@ -3,13 +3,18 @@
 import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
 from types import MappingProxyType
 
 import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.atomic import write_text
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import front_door
+from vinefab.core.units import deg, rad
 from vinefab.core.validation import LARGEST_MM, number
 
 
@@ -33,6 +38,42 @@ class Pose:
         number("pose.x_mm", self.x_mm, -LARGEST_MM, LARGEST_MM, "mm")
         number("pose.y_mm", self.y_mm, -LARGEST_MM, LARGEST_MM, "mm")
         number("pose.heading", self.heading_rad, -1e6, 1e6, "rad")
+
+    @classmethod
+    def of(cls, given: "Pose | tuple[float, float, float]") -> "Pose":
+        """Return the pose that a user means.
+
+        Parameters
+        ----------
+        given
+            A pose, or ``(x_mm, y_mm, heading_deg)``.
+
+        Raises
+        ------
+        BadInputError
+            If it is neither.
+
+        Examples
+        --------
+        >>> Pose.of((250, 15, 90)).heading_deg
+        90.0
+        """
+        if isinstance(given, Pose):
+            return given
+        try:
+            x_mm, y_mm, heading_deg = given
+        except (TypeError, ValueError) as error:
+            raise BadInputError("pose", given, "(x_mm, y_mm, heading_deg)") from error
+        return cls(
+            x_mm=number("pose.x_mm", x_mm, -LARGEST_MM, LARGEST_MM, "mm"),
+            y_mm=number("pose.y_mm", y_mm, -LARGEST_MM, LARGEST_MM, "mm"),
+            heading_rad=rad(number("pose.heading_deg", heading_deg, -1e6, 1e6, "deg")),
+        )
+
+    @property
+    def heading_deg(self) -> float:
+        """Direction of growth in degrees, counter-clockwise from +x."""
+        return deg(self.heading_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,6 +162,79 @@ class Map:
         polygons = (self.bounds, *self.obstacles)
         rings = sum(1 + len(polygon.interiors) for polygon in polygons)
         return int(shapely.get_num_coordinates(list(polygons)).sum()) - rings
+
+    @classmethod
+    def read(cls, path: str | PathLike[str]) -> "Map":
+        """Return the map in a GeoJSON file, coordinates in millimetres.
+
+        Files of other programs go through ``vinefab.maps.import_``.
+
+        Parameters
+        ----------
+        path
+            A file that `write` or ``vinefab map`` wrote, or plain polygons: the largest is the
+            bounds and contains all others, the obstacles.
+
+        Raises
+        ------
+        BadInputError
+            If it is no path, or a value in the file cannot be used.
+        UnreadableFileError
+            If there is no such file, or it is not JSON.
+
+        Examples
+        --------
+        >>> Map.read("moon.geojson")
+        Traceback (most recent call last):
+        vinefab.core.errors.UnreadableFileError: moon.geojson: there is no such file
+        """
+        # The file form of maps is built on this module.
+        from vinefab.model.files.map_geojson import read_map  # noqa: PLC0415
+        from vinefab.model.files.shipped import path_given  # noqa: PLC0415
+
+        return read_map(path_given("map", path, "the path of a map file (GeoJSON)"))
+
+    def write(self, path: str | PathLike[str], *, force: bool = False) -> Path:
+        """Write the map as GeoJSON, coordinates to 1e-6 mm; `read` gives it back.
+
+        Parameters
+        ----------
+        path
+            The file; missing folders are made.
+        force
+            Overwrite a file that vinefab did not write, or of another kind.
+
+        Returns
+        -------
+        Path
+            What was written.
+
+        Raises
+        ------
+        BadInputError
+            If ``path`` is no path.
+        CannotWriteError
+            If the system refuses.
+        ForeignFileError
+            If the place is taken.
+
+        Examples
+        --------
+        >>> from tempfile import TemporaryDirectory
+        >>> from vinefab import maps
+        >>> with TemporaryDirectory() as folder:
+        ...     Map.read(maps.pegs(seed=1).write(f"{folder}/pegs.geojson")).name
+        'pegs_1'
+        """
+        from vinefab.model.files.map_geojson import map_text  # noqa: PLC0415  as above
+        from vinefab.model.files.shipped import path_given  # noqa: PLC0415
+
+        return write_text(path_given("path", path), map_text(self), force=force)
+
+    def _repr_svg_(self) -> str | None:
+        """Show the plan in a notebook."""
+        drawn: str | None = front_door().svg_of(self)
+        return drawn
 
 
 def _check_polygon(key: str, polygon: Polygon) -> None:

@@ -8,6 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.front_door import front_door
 from vinefab.core.validation import Floats, frozen_floats
 
 FLATTEN_MM = 0.01
@@ -261,6 +262,11 @@ class Contour:
             branches=self.branches,
             closed=self.closed,
         )
+
+    def _repr_svg_(self) -> str | None:
+        """Show the contour in a notebook."""
+        drawn: str | None = front_door().svg_of(self)
+        return drawn
 
 
 def _extremes_mm(arc: Segment) -> Floats:

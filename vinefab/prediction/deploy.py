@@ -9,7 +9,6 @@ smaller lengths, so the shape at s is the growth of the same tree cut off at s.
 """
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, cast
@@ -240,8 +239,7 @@ class DeployedDesign:
     @property
     def stops(self) -> dict[str, int]:
         """How many branches ended for each reason."""
-        counts = Counter(self.deployment.stop.tolist())
-        return {stop.label: counts[stop] for stop in Stop}
+        return self.deployment.stops
 
     @property
     def metrics(self) -> dict[str, object]:

@@ -11,14 +11,15 @@ from vinefab.model.score import Score
 from vinefab.prediction.deploy import pose_text
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task
+from vinefab.tasks.task import Task
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScorePlan:
     """What a design is to be tried at."""
 
-    task: str = "coverage"  # name of the task
-    # the task's parameters that differ from its defaults
+    task: str | Task = "coverage"  # name of the task, or the task itself
+    # parameters of a task that is named, where they differ from its defaults
     parameters: Mapping[str, object] = field(default_factory=dict)
     poses: int = 1  # poses drawn per map from the range around its starts
     seed: int = 0  # seed of the poses; map ``i`` gets ``seed + i``
@@ -30,7 +31,9 @@ def score_design_on_task(
     """Return a design's score, one evaluation per map and pose."""
     if not maps:
         raise BadInputError("--maps", "none", "at least one map")
-    task = make_task(plan.task, plan.parameters)
+    task = plan.task
+    if isinstance(task, str):
+        task = make_task(task, plan.parameters)
     prepared_maps = [PreparedMap.of(world) for world in maps]
     seeds = [plan.seed + index for index in range(len(prepared_maps))]
     return score_design(

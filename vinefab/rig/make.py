@@ -26,6 +26,9 @@ from vinefab.rig.printing import PrintEstimate, printing_of
 from vinefab.rig.rig_json import RigRecord, parts_text, rig_text
 from vinefab.rig.split import usable_mm
 
+RIG_MARK = "rig.json"
+"""The file by which the folder of a rig is known again."""
+
 MOST_DIFFERENCE = 1e-3
 """Largest share of the walls by which an assembled rig may differ from its map."""
 

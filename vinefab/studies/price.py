@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from vinefab import __version__
 from vinefab.core.hashing import fingerprint
 from vinefab.core.validation import Floats
+from vinefab.core.version import __version__
 from vinefab.model.design import Pouch
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE

@@ -9,9 +9,9 @@ import numpy as np
 import shapely
 from scipy.sparse.csgraph import connected_components
 
-from vinefab import __version__
 from vinefab.core.hashing import fingerprint
 from vinefab.core.validation import Floats
+from vinefab.core.version import __version__
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow
 from vinefab.model.deployment import Deployment, Stop

@@ -16,12 +16,12 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
-from vinefab import __version__
 from vinefab.core.atomic import ensure_writable, is_ours, write_text
 from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.jsontext import json_text
 from vinefab.core.validation import Floats
+from vinefab.core.version import __version__
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.search.loop import Search

@@ -44,6 +44,9 @@ from vinefab.pages.html import Report, Section, page_html
 
 ANIMATION_NAME = "animation.svg"
 
+PACKAGE_MARK = "job.json"
+"""The file by which the folder of a package is recognized."""
+
 _FIRST_DATE = (1980, 1, 1, 0, 0, 0)
 _UNIX = 3
 _PLAIN_FILE = 0o100644 << 16

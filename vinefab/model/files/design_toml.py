@@ -1,6 +1,6 @@
 """Design files: TOML, schema ``vinefab/design-1``."""
 
-from pathlib import Path
+from os import PathLike
 from typing import Annotated, Any, Literal
 
 import tomli_w
@@ -101,7 +101,7 @@ class DesignForm(Form):
     limits: dict[str, dict[str, float]] = Field(default_factory=dict)
 
 
-def read_design(name_or_path: str | Path) -> Design:
+def read_design(name_or_path: str | PathLike[str]) -> Design:
     """Return the design in a file, or a shipped one by name.
 
     Lengths in ``[trunk]`` and ``[[level]]`` are multiplied by ``scale_mm_per_unit``; everything

@@ -7,6 +7,7 @@ variable ``VINEFAB_PROFILES`` says; it has the same folders inside as the projec
 """
 
 import os
+from os import PathLike
 from pathlib import Path
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
@@ -60,7 +61,15 @@ def _names_in(root: Path, kind: str) -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in (root / KINDS[kind]).glob("*.toml")))
 
 
-def locate(kind: str, name_or_path: str | Path) -> Path:
+def path_given(key: str, given: object, allowed: str = "a path") -> Path:
+    """Return a path that a caller passed, or raise BadInputError if it is something else."""
+    text = os.fspath(given) if isinstance(given, str | PathLike) else None
+    if not isinstance(text, str) or not text or "\0" in text:
+        raise BadInputError(key, given, allowed)
+    return Path(text)
+
+
+def locate(kind: str, name_or_path: str | PathLike[str]) -> Path:
     """Return the file that a user means.
 
     Parameters
@@ -70,10 +79,8 @@ def locate(kind: str, name_or_path: str | Path) -> Path:
         a suffix is a path; a bare name is looked up here first, then in the user's own folder,
         then among the shipped ones.
     """
-    path = Path(name_or_path)
+    path = path_given(kind, name_or_path, "a path or a name")
     given = str(name_or_path)
-    if not given or "\0" in given:
-        raise BadInputError(kind, given, "a path or a name")
     if path.suffix or path.parent != Path():
         return existing_file(path)
     if path.is_file():

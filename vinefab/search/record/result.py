@@ -8,11 +8,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from vinefab import __version__
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.registry import Registry
 from vinefab.core.validation import Floats
+from vinefab.core.version import __version__
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import Design
 from vinefab.model.map import Map

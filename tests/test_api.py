@@ -1,0 +1,514 @@
+"""The public functions: what they take, what they refuse, and that none changes unnoticed.
+
+After an intended change, ``python tests/test_api.py`` writes the list of public names anew.
+"""
+
+import ast
+import dataclasses
+import inspect
+import json
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from shapely import box
+
+import vinefab as vf
+from vinefab.cli.main import main
+from vinefab.growth.simulator import grow
+from vinefab.growth.terrain import Terrain
+from vinefab.maps import make_map
+from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.maps.generators.grid import grid_map
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.rig.options import read_printer
+
+SNAPSHOT = Path(__file__).with_name("public_api.txt")
+HEAVY = {"numpy", "numba", "shapely", "scipy", "matplotlib", "pydantic", "typer", "pymoo"}
+
+
+# --- what is public
+
+
+def _kind(annotation: object) -> str:
+    """Return a type as text that no version of Python or numpy changes."""
+    text = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
+    # Where a class lives is nobody's business.
+    return "array" if "numpy" in text else re.sub(r"\b(?:[a-z_]+\.)+(?=[A-Z])", "", text)
+
+
+def _value(default: object) -> str:
+    plain = isinstance(default, bool | int | float | str | tuple | None)
+    return repr(default) if plain else "..."
+
+
+def _signature(function: object) -> str:
+    signature = inspect.signature(function)
+    parts, starred = [], False
+    for parameter in signature.parameters.values():
+        if parameter.name in ("self", "cls"):
+            continue
+        mark = {parameter.VAR_KEYWORD: "**", parameter.VAR_POSITIONAL: "*"}.get(parameter.kind, "")
+        if parameter.kind is parameter.KEYWORD_ONLY and not starred:
+            parts, starred = [*parts, "*"], True
+        default = parameter.default
+        given = "" if default is parameter.empty else f" = {_value(default)}"
+        parts.append(f"{mark}{parameter.name}: {_kind(parameter.annotation)}{given}")
+    return f"({', '.join(parts)}) -> {_kind(signature.return_annotation)}"
+
+
+def _class_lines(name: str, kind: type) -> list[str]:
+    lines = [f"class {name}({', '.join(base.__name__ for base in kind.__bases__)})"]
+    if dataclasses.is_dataclass(kind):
+        for field in dataclasses.fields(kind):
+            has = field.default is not dataclasses.MISSING
+            made = field.default_factory is not dataclasses.MISSING
+            given = f" = {_value(field.default)}" if has else " = ..." if made else ""
+            lines.append(f"{name}.{field.name}: {_kind(field.type)}{given}")
+    fields = {line.split(":")[0].rpartition(".")[2] for line in lines[1:]}
+    for own, member in sorted(vars(kind).items()):
+        if (own.startswith("_") and own != "_repr_svg_") or own in fields:
+            continue
+        bound = getattr(kind, own)
+        if isinstance(member, property):
+            returned = inspect.signature(member.fget).return_annotation
+            lines.append(f"{name}.{own}: {_kind(returned)} (property)")
+        elif callable(bound) and not isinstance(member, kind):
+            lines.append(f"{name}.{own}{_signature(bound)}")
+        elif isinstance(member, kind):
+            lines.append(f"{name}.{own} = {member.value!r}")
+    return lines
+
+
+def surface() -> str:
+    """Return every public name with its signature, a line each."""
+    lines = []
+    for name in sorted(vf.__all__):
+        thing = getattr(vf, name)
+        if isinstance(thing, type):
+            lines += _class_lines(name, thing)
+        elif isinstance(thing, ModuleType) and not callable(thing):
+            lines += [f"{name}.{own}{_signature(getattr(thing, own))}" for own in thing.__all__]
+        else:
+            lines.append(f"{name}{_signature(thing)}")
+    return "\n".join(lines) + "\n"
+
+
+def test_the_public_names_and_signatures_are_those_of_the_list():
+    assert surface() == SNAPSHOT.read_text(), "intended? python tests/test_api.py"
+
+
+def test_editors_and_mypy_see_the_names_that_python_loads():
+    tree = ast.parse(Path(vf.__file__).read_text())
+    (block,) = [node for node in tree.body if isinstance(node, ast.If)]
+    seen = {alias.asname for node in block.body for alias in node.names}
+    assert seen == set(vf.__all__)
+    assert set(dir(vf)) == {*vf.__all__, "__version__"}
+    assert set(dir(vf.maps)) == set(vf.maps.__all__)
+
+
+def test_every_public_function_says_units_errors_and_an_example():
+    functions = [getattr(vf, name) for name in vf.__all__ if name.islower() and name != "maps"]
+    functions += [getattr(vf.maps, name) for name in vf.maps.__all__]
+    functions += [vf.Design.read, vf.Design.write, vf.Design.grow, vf.Map.read, vf.Map.write]
+    for function in functions:
+        text = inspect.getdoc(vf.api.rig if function is vf.rig else function)
+        assert ">>>" in text, function
+        if inspect.signature(function).parameters:
+            assert "Parameters\n---" in text, function
+            assert "Raises\n---" in text, function
+
+
+def test_every_environment_has_a_function():
+    assert set(ENVIRONMENTS) <= set(vf.maps.__all__)
+    assert all(callable(getattr(make_map, name)) for name in vf.maps.__all__)
+
+
+def _loaded_after(code: str) -> set[str]:
+    script = f"{code}; import sys; print(' '.join(sys.modules))"
+    ran = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
+    return set(ran.stdout.split())
+
+
+def test_the_import_loads_nothing_that_takes_time():
+    loaded = _loaded_after("import vinefab as vf; dir(vf); vf.maps")
+    assert not loaded & HEAVY
+    assert "vinefab.core.errors" not in loaded
+
+
+def test_a_check_and_a_picture_of_a_design_load_no_simulator():
+    code = "import vinefab as vf; vf.check('plain_vine'); vf.Design.read('plain_vine')._repr_svg_()"
+    loaded = _loaded_after(code)
+    assert "numba" not in loaded
+    assert "matplotlib.pyplot" not in loaded
+    assert not any(name.startswith(("vinefab.growth", "vinefab.search")) for name in loaded)
+
+
+def test_the_rig_is_a_function_and_a_room_whatever_was_loaded_before():
+    code = "import vinefab as vf; a = callable(vf.rig); import vinefab.rig.make as make"
+    _loaded_after(f"{code}; assert a and callable(vf.rig) and vf.rig.make is make")
+    _loaded_after("import vinefab.rig.make, vinefab as vf; assert callable(vf.rig)")
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'gorw'"):
+        _ = vf.gorw
+    with pytest.raises(AttributeError, match="no attribute 'moon'"):
+        _ = vf.maps.moon
+
+
+# --- the happy paths, with a name, a path and an object
+
+
+@pytest.fixture(scope="module")
+def world():
+    return vf.maps.pegs(seed=1, columns=6, rows=6)
+
+
+@pytest.fixture(scope="module")
+def map_file(world, tmp_path_factory):
+    return world.write(tmp_path_factory.mktemp("maps") / "pegs.geojson")
+
+
+@pytest.fixture(scope="module")
+def vine():
+    return vf.Design.read("plain_vine")
+
+
+def command(line):
+    assert main([*line.split(), "--quiet"]) == 0
+
+
+def same_map(one, other):
+    return one.name == other.name and one.bounds.equals(other.bounds) and one.starts == other.starts
+
+
+def test_a_design_is_read_by_name_and_path_and_written_as_it_was(tmp_path):
+    design = vf.Design.read("grid_explorer")
+    assert design == read_design("grid_explorer")
+    path = design.write(tmp_path / "own" / "copy.toml")
+    assert vf.Design.read(path) == vf.Design.read(str(path)) == design
+
+
+def test_a_map_is_generated_as_by_the_command_and_read_back(tmp_path):
+    world = vf.maps.grid(seed=3, columns=4, rows=4)
+    command(f"map grid --seed 3 --columns 4 --rows 4 --out {tmp_path / 'command.geojson'}")
+    path = world.write(tmp_path / "library.geojson")
+    assert path.read_bytes() == (tmp_path / "command.geojson").read_bytes()
+    for read in (vf.maps.read, vf.Map.read):
+        assert same_map(read(path), world)
+        assert same_map(read(str(path)), world)
+    assert same_map(vf.maps.generate("grid", 3), grid_map(3))
+
+
+def test_a_foreign_map_is_imported_with_scale_and_start(tmp_path):
+    source = tmp_path / "room.svg"
+    source.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg"><rect id="a" width="40" height="30"/></svg>'
+    )
+    world = vf.maps.import_(str(source), scale_mm_per_unit=10.0, start=(100, -50, 90))
+    assert world.size_mm == pytest.approx((400.0, 300.0))
+    assert world.starts[0].pose.heading_deg == 90.0
+
+
+def test_a_growth_is_that_of_the_command(world, map_file, tmp_path):
+    design = vf.Design.read("three_level_tree")
+    grown = design.grow(world, pose=(150, 20, 80), body="inflated", children_of_stuck="deploy")
+    out = tmp_path / "command.json"
+    options = "--pose 150,20,80 --body inflated --children-of-stuck deploy"
+    command(f"grow three_level_tree --map {map_file} {options} --json {out}")
+    assert grown.write(tmp_path / "library.json").read_bytes() == out.read_bytes()
+    assert sum(grown.stops.values()) == len(grown.tree) == len(grown.grown_mm) == 10
+    assert grown.stops == json.loads(out.read_text())["metrics"]["stops"]
+
+
+def test_a_growth_takes_a_map_or_a_path_and_a_pose_of_any_form(vine, world, map_file):
+    start = world.starts[0].pose
+    wanted = grow(vine, Terrain.of(world), start).tips_mm
+    degrees = (start.x_mm, start.y_mm, start.heading_deg)
+    for place in (world, map_file, str(map_file)):
+        for pose in (None, start, degrees, np.array(degrees)):
+            assert np.array_equal(vine.grow(place, pose).tips_mm, wanted)
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".png", ".gif"])
+def test_a_deployment_is_written_as_a_picture(suffix, vine, world, tmp_path):
+    data = vine.grow(world).write(tmp_path / f"grown{suffix}").read_bytes()
+    assert data.startswith({".svg": b"<?xml", ".png": b"\x89PNG", ".gif": b"GIF8"}[suffix])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Height:
+    """A task of a user: how high the highest tip gets, in metres."""
+
+    name: str = "height"
+    lowest: float = 0.0
+
+    def evaluate(self, deployment, _ground):
+        height_m = float(deployment.tips_mm[:, 1].max()) / 1000.0
+        return height_m, {"height_m": height_m}
+
+
+def test_a_score_is_that_of_the_command(map_file, world, tmp_path):
+    out = tmp_path / "score.json"
+    options = "--poses 3 --seed 5 --set radius_mm=60"
+    command(f"score plain_vine --map {map_file} --map {map_file} {options} --json {out}")
+    wanted = json.loads(out.read_text())
+    found = vf.score("plain_vine", maps=[world, map_file], poses=3, seed=5, radius_mm=60)
+    assert [evaluation.score for evaluation in found.evaluations] == [
+        evaluation["score"] for evaluation in wanted["evaluations"]
+    ]
+    assert dict(found.composite) == wanted["composite"]
+
+
+def test_a_score_takes_one_map_and_a_task_object(vine, world):
+    found = vf.score(vine, Height(), maps=world, poses=2)
+    assert found.task == "height"
+    assert found.evaluations[0].terms["height_m"] == found.scores[0]
+
+
+def run_settings(**more):
+    return vf.RunSettings(
+        name="short",
+        maps=vf.MapSettings(environment="pegs", count=1),
+        search=vf.SearchSettings(population=4, generations=2),
+        evaluation=vf.EvaluationSettings(fabricable=False, finalists=2, final_poses_per_map=1),
+        **more,
+    )
+
+
+def test_a_run_is_the_same_in_memory_on_disk_and_from_a_file(tmp_path):
+    settings, told = run_settings(), []
+    result = vf.optimize(settings, progress=told.append)
+    kept = vf.optimize(settings, out=tmp_path / "run", workers=2)
+    assert len(told) == 2
+    assert kept.best == result.best == vf.Design.read(tmp_path / "run" / "best.toml")
+    assert vf.optimize(settings, out=str(tmp_path / "run"), resume=True).best == result.best
+    run_file = tmp_path / "short.toml"
+    run_file.write_text(
+        'schema = "vinefab/run-1"\n[maps]\nenvironment = "pegs"\ncount = 1\n'
+        "[optimizer]\npopulation = 4\ngenerations = 2\n"
+        "[evaluation]\nfabricable = false\nfinalists = 2\nfinal_poses_per_map = 1\n"
+    )
+    assert vf.optimize(run_file).best == result.best
+
+
+def test_a_run_takes_another_task_by_name_or_as_an_object():
+    assert vf.optimize(run_settings(), task="reach").score.task == "reach"
+    assert vf.optimize(run_settings(), task=Height()).score.task == "height"
+
+
+def test_a_run_of_several_objectives_writes_its_front(tmp_path):
+    settings = run_settings(
+        objectives=("coverage", "film_length"), optimizer=vf.PartSettings(name="nsga2")
+    )
+    vf.optimize(settings, out=tmp_path / "run")
+    names = {path.name for path in (tmp_path / "run").iterdir()}
+    assert {"best.toml", "front.json", "front.svg", "front.png", "run.sqlite"} <= names
+
+
+def test_a_check_takes_names_paths_objects_and_maps(vine, map_file, world, tmp_path):
+    path = vine.write(tmp_path / "vine.toml")
+    reports = [
+        vf.check(vine, read_profile(DEFAULT_RECIPE)),
+        vf.check(str(path)),
+        vf.check("plain_vine", DEFAULT_RECIPE),
+    ]
+    assert reports[0] == reports[1] == reports[2]
+    more = vf.check(vine, maps=[map_file, world])
+    assert len(more.run) > len(reports[0].run)
+    limited = vf.check(vine, limits={"VF-C01": {"warning": 6.0}})
+    assert [limit.rule for limit in limited.limits] == ["VF-C01"]
+
+
+def test_a_package_is_that_of_the_command(vine, tmp_path):
+    made = vf.fabricate(vine, out=tmp_path / "library", allow_uncalibrated=True, make_zip=True)
+    command(f"fabricate plain_vine --allow-uncalibrated --out {tmp_path / 'command'}")
+    for name in made.files:
+        assert (made.path / name).read_bytes() == (tmp_path / "command" / name).read_bytes()
+    assert not made.report.blocking
+    assert (tmp_path / "library.zip").is_file()
+
+
+def test_a_refused_package_is_an_error_that_carries_the_report(vine, tmp_path):
+    with pytest.raises(vf.ExportRefusedError, match="; allow_uncalibrated writes") as caught:
+        vf.fabricate(vine, out=tmp_path / "package")
+    assert caught.value.report.design == "plain_vine"
+    assert not (tmp_path / "package").exists()
+
+
+def test_a_rig_is_that_of_the_command_and_a_check_reads_it(map_file, world, vine, tmp_path):
+    made = vf.rig(
+        world, read_printer("generic_220"), out=tmp_path / "rig", fit_mm=200, pictures=False
+    )
+    command(f"rig {map_file} --fit-mm 200 --no-pictures --out {tmp_path / 'command'}")
+    for name in made.files:
+        assert (made.path / name).read_bytes() == (tmp_path / "command" / name).read_bytes()
+    assert not made.report.blocking
+    plain = vf.check(vine)
+    for folder in (made, made.path, str(made.path)):
+        assert len(vf.check(vine, rig=folder).run) > len(plain.run)
+
+
+def test_a_report_says_what_the_command_says(map_file, world, tmp_path):
+    out = tmp_path / "numbers.json"
+    found = vf.report("plain_vine", maps=world, poses=1, out=tmp_path / "page.html")
+    page = tmp_path / "command.html"
+    command(f"report plain_vine --map {map_file} --poses 1 --json {out} --out {page}")
+    wanted = json.loads(out.read_text())
+    assert "maps=[<Map pegs_1>]" in found.numbers["reproduce"]["command"]
+    assert {**found.numbers, "reproduce": 0} == {**wanted, "reproduce": 0}
+    assert "<html" in found.path.read_text()
+    assert found.summary[0] == wanted["verdict"]
+
+
+def test_the_names_of_what_is_shipped_are_listed():
+    assert {"grid_explorer", "plain_vine"} <= set(vf.designs())
+    assert DEFAULT_RECIPE in vf.recipes()
+    assert "generic_220" in vf.printers()
+
+
+# --- pictures for notebooks
+
+
+@pytest.fixture(scope="module")
+def nouns(vine, world):
+    grown = vf.Design.read("three_level_tree").grow(world)
+    bare = dataclasses.replace(grown, design=None, world=None)
+    square = vf.Contour.polyline(np.array([[0.0, 0], [9, 0], [9, 9]]), closed=True)
+    line = vf.Contour.polyline(np.array([[0.0, 0], [9, 0]]), closed=False)
+    return {"design": vine, "map": world, "grown": grown, "bare": bare, "square": square,
+            "line": line}  # fmt: skip
+
+
+def parsed(svg):
+    return ElementTree.fromstring(svg)  # noqa: S314  our own
+
+
+@pytest.mark.parametrize("name", ["design", "map", "grown", "bare", "square", "line"])
+def test_a_noun_shows_itself_in_a_notebook(name, nouns):
+    root = parsed(nouns[name]._repr_svg_())
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+    assert len(list(root.iter("{http://www.w3.org/2000/svg}path"))) > 5
+
+
+def test_a_robot_that_never_emerged_has_a_picture_too(world):
+    design = vf.Design.read("six_branch_anchor")
+    grown = design.grow(world, pose=(150, 1, 90), body="inflated")
+    assert grown.stops["not_deployed"] == len(grown.tree)
+    for deployment in (grown, dataclasses.replace(grown, design=None, world=None)):
+        parsed(deployment._repr_svg_())
+
+
+# --- wrong things
+
+
+ROOM = vf.Map(name="room", bounds=box(0, 0, 100, 100))  # without a start
+VINE = vf.Design.read("plain_vine")
+
+WRONG = {
+    "a map as a design": (lambda _: vf.check(ROOM), "design"),
+    "a map as a name": (lambda _: vf.Design.read(ROOM), "design"),
+    "a number as a path": (lambda _: VINE.write(5), "path"),
+    "a design as a map": (lambda _: VINE.grow(VINE), "map"),
+    "a design as a map file": (lambda _: vf.Map.read(VINE), "map"),
+    "a map to import": (lambda _: vf.maps.import_(ROOM), "path"),
+    "an environment that is none": (lambda _: vf.maps.generate("moon"), "environment"),
+    "an environment that is no name": (lambda _: vf.maps.generate(3), "environment"),
+    "an unknown option": (lambda _: vf.maps.grid(seed=1, sise_mm=3), "size_mm"),
+    "a text as a number": (lambda _: vf.maps.grid(seed=1, size_mm="3"), "size_mm"),
+    "a text as a seed": (lambda _: vf.maps.grid(seed="3"), "seed"),
+    "an unknown option of import": (
+        lambda out: vf.maps.import_(out / "a.svg", scale=2),
+        "scale_mm_per_unit",
+    ),
+    "no start": (lambda _: VINE.grow(ROOM), "pose is missing; allowed: (x_mm"),
+    "a pose of two": (lambda _: VINE.grow(ROOM, pose=(1, 2)), "heading_deg"),
+    "a pose of words": (lambda _: VINE.grow(ROOM, pose=("a", 2, 3)), "pose.x_mm"),
+    "a pose in a wall": (lambda _: VINE.grow(ROOM, pose=(-5, 2, 3)), "(-5, 2)"),
+    "an unknown body": (lambda _: VINE.grow(ROOM, pose=(5, 5, 0), body="thick"), "body"),
+    "an angle of words": (
+        lambda _: VINE.grow(ROOM, (5, 5, 0), head_on_half_angle_deg="x"),
+        "head_on_half_angle_deg",
+    ),
+    "an unknown ending": (lambda out: VINE.grow(ROOM, (5, 5, 0)).write(out / "a.bmp"), ".gif"),
+    "no maps": (lambda _: vf.score(VINE, maps=[]), "maps"),
+    "a number as maps": (lambda _: vf.score(VINE, maps=3), "maps"),
+    "a design among maps": (lambda _: vf.score(VINE, maps=[ROOM, VINE]), "maps"),
+    "an unknown task": (lambda _: vf.score(VINE, "covrage", maps=ROOM), "coverage"),
+    "a class as a task": (lambda _: vf.score(VINE, Height, maps=ROOM), "task"),
+    "a number as a task": (lambda _: vf.score(VINE, 3, maps=ROOM), "task"),
+    "an unknown parameter": (lambda _: vf.score(VINE, maps=ROOM, radius=3), "radius_mm"),
+    "parameters of an object": (lambda _: vf.score(VINE, Height(), maps=ROOM, a=3), "a is 3"),
+    "poses of words": (lambda _: vf.score(VINE, maps=ROOM, poses="3"), "poses"),
+    "no start to score from": (lambda _: vf.score(VINE, maps=ROOM), "start"),
+    "a design as a run": (lambda _: vf.optimize(VINE), "run"),
+    "no run file": (lambda out: vf.optimize(out / "none.toml"), "no such file"),
+    "workers of words": (lambda _: vf.optimize(run_settings(), workers="2"), "workers"),
+    "resumed without a folder": (lambda _: vf.optimize(run_settings(), resume=True), "resume"),
+    "a task no record holds": (
+        lambda out: vf.optimize(run_settings(), out=out / "run", task=Height()),
+        "task",
+    ),
+    "an unknown design": (lambda _: vf.check("grid_exploror"), "grid_explorer"),
+    "an unknown recipe": (lambda _: vf.check(VINE, "co2"), "recipe"),
+    "a design as a recipe": (lambda _: vf.check(VINE, VINE), "recipe"),
+    "an unknown rule": (lambda _: vf.check(VINE, limits={"VF-X": {"a": 1}}), "VF-X"),
+    "limits of words": (lambda _: vf.check(VINE, limits="VF-C01.warning=6"), "limits"),
+    "limits without names": (lambda _: vf.check(VINE, limits={"VF-C01": 6}), "limits.VF-C01"),
+    "no rig": (lambda out: vf.check(VINE, rig=out), "rig.json"),
+    "copies of words": (lambda out: vf.fabricate(VINE, out=out / "p", copies="2"), "copies"),
+    "a map beside": (lambda out: vf.fabricate(VINE, out=out / "p", beside=[ROOM]), "beside"),
+    "an unknown printer": (lambda out: vf.rig(ROOM, "generic", out=out / "r"), "generic_220"),
+    "a map as a printer": (lambda out: vf.rig(ROOM, ROOM, out=out / "r"), "printer"),
+    "an unknown size": (lambda out: vf.rig(ROOM, out=out / "r", hight_mm=3), "height_mm"),
+    "a size of words": (lambda out: vf.rig(ROOM, out=out / "r", height_mm="3"), "height_mm"),
+    "too small a fit": (lambda out: vf.rig(ROOM, out=out / "r", fit_mm=1, allow_empty=True),
+                        "fit_mm is 1"),
+    "an empty rig": (lambda out: vf.rig(ROOM, out=out / "r"), "; allow_empty makes"),
+    "nowhere to predict": (lambda out: vf.report(VINE, out=out / "p.html"), "maps is missing"),
+    "no unseen maps": (
+        lambda out: vf.report(VINE, out=out / "p.html", environment="grid", count=0),
+        "count is 0",
+    ),
+    "a map as an environment": (
+        lambda out: vf.report(VINE, out=out / "p.html", environment=ROOM),
+        "environment",
+    ),
+    "options of words": (
+        lambda out: vf.report(VINE, out=out / "p.html", environment="grid", options="a=3"),
+        "options",
+    ),
+    "no path for a report": (lambda _: vf.report(VINE, out=None, maps=ROOM), "out"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_thing_is_one_line_that_names_it(name, tmp_path):
+    call, named = WRONG[name]
+    with pytest.raises(vf.VinefabError) as caught:
+        call(tmp_path)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert named in message
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_file_of_somebody_else_is_kept(tmp_path, vine):
+    path = tmp_path / "vine.toml"
+    path.write_text("mine")
+    with pytest.raises(vf.VinefabError, match="not written by vinefab"):
+        vine.write(path)
+    assert vine.write(path, force=True) == path
+
+
+if __name__ == "__main__":
+    SNAPSHOT.write_text(surface())

@@ -1,0 +1,645 @@
+"""The public functions of vinefab over its rooms; users find them in ``import vinefab as vf``.
+
+Each takes what a user has (a name, a path, an object), calls the functions that the command of its
+name calls, and imports them when it is called: checking a design must not wait for the simulator.
+Degrees and millimetres throughout.
+"""
+# ruff: noqa: PLC0415, PLR0913  imports as said above; the options of a function are its parameters
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vinefab.core.atomic import (
+    ensure_own_folder,
+    ensure_writable,
+    write_bytes,
+    write_folder,
+    write_text,
+)
+from vinefab.core.errors import BadInputError, ExportRefusedError
+from vinefab.core.validation import number, whole
+from vinefab.inputs import (
+    DesignLike,
+    MapLike,
+    RecipeLike,
+    all_names,
+    as_parameters,
+    call_text,
+    design_given,
+    map_given,
+    mapping_given,
+    maps_given,
+    name_given,
+    name_or_path,
+    options_given,
+    python_words,
+    recipe_given,
+    run_given,
+    several_given,
+    task_given,
+)
+from vinefab.model.deployment import Deployment
+from vinefab.model.design import Design
+from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE, path_given
+from vinefab.model.finding import CheckReport
+from vinefab.model.map import Map
+
+if TYPE_CHECKING:
+    from vinefab.model.score import Score
+    from vinefab.rig.options import Printer
+    from vinefab.search.record.result import Progress, RunResult
+    from vinefab.search.settings import RunSettings
+    from vinefab.tasks.task import Task
+
+_MOST_SEED = 2**31
+_MOST_POSES = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrittenFolder:
+    """A folder of files that `fabricate` or `rig` wrote.
+
+    Parameters
+    ----------
+    path
+        The folder.
+    files
+        Names of the files in it.
+    report
+        What the design rules say.
+    """
+
+    path: Path
+    files: tuple[str, ...]
+    report: CheckReport
+
+    def __fspath__(self) -> str:
+        """Return the path: the folder can be passed where one is expected."""
+        return str(self.path)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrittenReport:
+    """A page that `report` wrote.
+
+    Parameters
+    ----------
+    path
+        The page (HTML).
+    summary
+        The verdict and the numbers to take away, a line each.
+    numbers
+        Every number of the page as plain values, schema ``vinefab/prediction-1``.
+    """
+
+    path: Path
+    summary: tuple[str, ...]
+    numbers: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        return "\n".join([f"<WrittenReport {self.path}>", *self.summary])
+
+
+def designs() -> tuple[str, ...]:
+    """Return the names of the shipped designs and of the user's own.
+
+    Examples
+    --------
+    >>> "grid_explorer" in designs()
+    True
+    """
+    return all_names("design")
+
+
+def recipes() -> tuple[str, ...]:
+    """Return the names of the shipped recipes (laser, film, settings) and of the user's own.
+
+    Examples
+    --------
+    >>> recipes()[0]
+    'co2_40w__stretchlon_200'
+    """
+    return all_names("recipe")
+
+
+def printers() -> tuple[str, ...]:
+    """Return the names of the shipped 3-D printers and of the user's own.
+
+    Examples
+    --------
+    >>> printers()
+    ('generic_220', 'generic_256', 'generic_large')
+    """
+    return all_names("printer")
+
+
+def score(
+    design: DesignLike,
+    task: str | Task = "coverage",
+    *,
+    maps: MapLike | Iterable[MapLike],
+    poses: int = 1,
+    seed: int = 0,
+    body: str = "centerline",
+    **parameters: object,
+) -> Score:
+    """Score a design on a task over maps and poses (simulated).
+
+    Parameters
+    ----------
+    design
+        A design, its path or its name.
+    task
+        ``coverage``, ``reach``, ``anchoring``, the name of a plug-in's task, or a task of your own:
+        an object with ``name``, ``lowest`` and ``evaluate``.
+    maps
+        Maps or paths of map files, at least one; poses are drawn around their starts.
+    poses
+        Poses drawn per map.
+    seed
+        Seed of the poses; map ``i`` gets ``seed + i``.
+    body
+        ``centerline`` or ``inflated``, as in ``Design.grow``.
+    **parameters
+        Parameters of a task that is named, such as ``radius_mm=60``.
+
+    Returns
+    -------
+    Score
+        One evaluation per map and pose, and composites such as ``composite["mean"]``.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used.
+    UnknownNameError
+        If there is no such design or task.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> from vinefab import maps
+    >>> found = score("plain_vine", "reach", maps=maps.pegs(seed=1), poses=2)
+    >>> found.scores.shape
+    (2,)
+    """
+    from vinefab.prediction.deploy import growth_options
+    from vinefab.prediction.scoring import ScorePlan, score_design_on_task
+
+    worlds = maps_given(maps)
+    if not worlds:
+        raise BadInputError("maps", "none", "at least one map")
+    plan = ScorePlan(
+        task=task_given(task, parameters),
+        poses=whole("poses", poses, 1, _MOST_POSES),
+        seed=whole("seed", seed, 0, _MOST_SEED),
+    )
+    return score_design_on_task(design_given(design), worlds, plan, growth_options(body))
+
+
+def optimize(
+    run: RunSettings | str | PathLike[str],
+    *,
+    out: str | PathLike[str] | None = None,
+    workers: int = 1,
+    task: str | Task | None = None,
+    resume: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+    force: bool = False,
+) -> RunResult:
+    """Search for the best design of a run.
+
+    Parameters
+    ----------
+    run
+        The path of a run file (TOML, ``vinefab/run-1``), or settings.
+    out
+        A folder for the record (``run.sqlite``), ``best.toml`` and, for several objectives, the
+        front; None keeps the result in memory.
+    workers
+        Threads; no result depends on it.
+    task
+        A task in place of the run's: its name, or a task of your own.
+    resume
+        Go on with the run in ``out``.
+    progress
+        Called after every generation.
+    force
+        Overwrite files that vinefab did not write.
+
+    Returns
+    -------
+    RunResult
+        The winner is ``best``; ``history`` holds every generation, ``score`` the winner's score on
+        fresh poses.
+
+    Raises
+    ------
+    BadInputError
+        If a setting cannot be used, or no design of the space can be made.
+    ForeignFileError
+        If ``out`` holds something else, or a run and ``resume`` is not set.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings
+    >>> from vinefab.search.settings import SearchSettings
+    >>> found = optimize(
+    ...     RunSettings(
+    ...         maps=MapSettings(environment="pegs", count=1),
+    ...         search=SearchSettings(population=4, generations=2),
+    ...         evaluation=EvaluationSettings(fabricable=False),
+    ...     )
+    ... )
+    >>> len(found.history)
+    2
+    """
+    from vinefab.search.run import run_search
+
+    settings, source = run_given(run)
+    whole("workers", workers, 1, 1024)
+    own_task = None if task is None or isinstance(task, str) else task_given(task, {})
+    if isinstance(task, str):
+        from vinefab.search.settings import PartSettings
+
+        settings = replace(settings, task=PartSettings(name=task))
+    if out is None:
+        if resume:
+            raise BadInputError("resume", resume, "together with out, the folder of the run")
+        return _searched(settings, own_task, workers, progress)
+    folder = path_given("out", out)
+    ensure_writable(folder / "best.toml", force=force)
+    result = run_search(
+        settings,
+        folder,
+        resume=resume,
+        workers=workers,
+        progress=progress,
+        source=source,
+        task=own_task,
+    )
+    result.best.write(folder / "best.toml", force=force)
+    if settings.objectives:
+        from vinefab.search.front_files import write_front
+
+        write_front(result, settings, folder, force=force)
+    return result
+
+
+def check(
+    design: DesignLike,
+    recipe: RecipeLike = DEFAULT_RECIPE,
+    *,
+    maps: MapLike | Iterable[MapLike] = (),
+    rig: str | PathLike[str] | None = None,
+    limits: Mapping[str, Mapping[str, float]] | None = None,
+) -> CheckReport:
+    """Check a design against the rules of making and deploying it.
+
+    Parameters
+    ----------
+    design
+        A design, its path or its name.
+    recipe
+        A recipe's name or path, or a laser profile.
+    maps
+        Maps or paths of map files; the design is deployed from their starts first (simulated).
+    rig
+        A folder that `rig` or ``vinefab rig`` wrote.
+    limits
+        Limits in place of the rules' own: ``{"VF-C01": {"warning": 6.0}}``.
+
+    Returns
+    -------
+    CheckReport
+        All findings; ``blocking`` are those that stand in the way of cutting.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used.
+    UnknownNameError
+        If there is no such design, recipe or rule.
+    UnreadableFileError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> check("plain_vine").blocking
+    ()
+    """
+    from vinefab.fabrication.checking import check_design
+
+    robot, profile, worlds = design_given(design), recipe_given(recipe), maps_given(maps)
+    changed = mapping_given("limits", limits)
+    changed = {rule: mapping_given(f"limits.{rule}", named) for rule, named in changed.items()}
+    facts, deployed = None, tuple[tuple[str, Deployment], ...]()
+    if rig is not None:
+        from vinefab.rig.rig_json import read_rig
+
+        facts = read_rig(path_given("rig", rig, "a folder that vinefab rig wrote"))
+    if worlds:
+        from vinefab.prediction.deploy import deploy_from_starts
+
+        with python_words():
+            deployed = deploy_from_starts(robot, worlds)
+    return check_design(robot, profile, changed, deployed, worlds, facts)
+
+
+def fabricate(
+    design: DesignLike,
+    recipe: RecipeLike = DEFAULT_RECIPE,
+    *,
+    out: str | PathLike[str],
+    allow_uncalibrated: bool = False,
+    copies: int = 1,
+    beside: DesignLike | Iterable[DesignLike] = (),
+    process: str = "auto",
+    pass_through: bool = False,
+    r12: bool = False,
+    make_zip: bool = False,
+    force: bool = False,
+) -> WrittenFolder:
+    """Write the fabrication package of a design: laser files, checks, report, instructions.
+
+    Parameters
+    ----------
+    design
+        A design, its path or its name.
+    recipe
+        A recipe's name or path, or a laser profile.
+    out
+        The folder to write; one of an earlier package is replaced.
+    allow_uncalibrated
+        Write files for a recipe that no coupon has confirmed.
+    copies
+        How many robots to nest on one bed.
+    beside
+        Further designs for the same sheet.
+    process
+        ``weldcut`` (one pass), ``weld+cut``, or ``auto``: what the recipe has.
+    pass_through
+        Whether the film may be fed along the bed's width, and be longer than the bed.
+    r12
+        Also write a DXF of release 12.
+    make_zip
+        Also write the folder as ``OUT.zip``.
+    force
+        Overwrite what vinefab did not write.
+
+    Returns
+    -------
+    WrittenFolder
+        Its ``path``, its ``files`` and the ``report`` of the check.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used.
+    ExportRefusedError
+        If a rule forbids the design, or the recipe is not calibrated; it carries the report.
+    ForeignFileError
+        If ``out`` holds something else.
+    UnknownNameError
+        If there is no such design or recipe.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     made = fabricate("plain_vine", out=f"{folder}/vine", allow_uncalibrated=True)
+    >>> "outline.dxf" in made.files
+    True
+    """
+    from vinefab.fabrication.job.placement import SheetOptions
+    from vinefab.fabrication.package.prepare import PACKAGE_MARK, package, prepare, zip_bytes
+
+    folder = path_given("out", out)
+    archive = folder.with_name(f"{folder.name}.zip")
+    ensure_own_folder(folder, PACKAGE_MARK, force=force)
+    if make_zip:
+        ensure_writable(archive, force=force)
+    others = tuple(design_given(other, "beside") for other in several_given(beside, Design))
+    sheet = SheetOptions(copies=copies, beside=others, process=process, pass_through=pass_through)
+    prepared = prepare(design_given(design), recipe_given(recipe), sheet=sheet, r12=r12)
+    if why := prepared.refusal(allow_uncalibrated=allow_uncalibrated):
+        raise ExportRefusedError(prepared.design.name, as_parameters(why), prepared.report)
+    files = package(prepared)
+    write_folder(folder, files, PACKAGE_MARK, force=force)
+    if make_zip:
+        write_bytes(archive, zip_bytes(files, prepared.design.name), force=force)
+    return WrittenFolder(path=folder, files=tuple(files), report=prepared.report)
+
+
+def rig(
+    world: MapLike,
+    printer: Printer | str | PathLike[str] = DEFAULT_PRINTER,
+    *,
+    out: str | PathLike[str],
+    design: DesignLike | None = None,
+    fit_mm: float | None = None,
+    lid: bool = False,
+    allow_empty: bool = False,
+    pictures: bool = True,
+    progress: Callable[[float, str], None] | None = None,
+    force: bool = False,
+    **sizes: Any,  # noqa: ANN401  each has its own type, see `RigOptions`
+) -> WrittenFolder:
+    """Write a map as a test rig: printable solids, sheets for the laser, pictures, ``rig.json``.
+
+    Parameters
+    ----------
+    world
+        A map, or the path of a map file.
+    printer
+        A printer's name or path, or a printer.
+    out
+        The folder to write; one of an earlier rig is replaced.
+    design
+        The robot that will be tried on it: its corridors and heights are checked too.
+    fit_mm
+        Length of the rig's longer side; sets the scale.
+    lid
+        Add a transparent lid (DXF).
+    allow_empty
+        Make a bare tray of a map without anything to steer around.
+    pictures
+        Draw the rig and its beds, and write a page about them.
+    progress
+        Called with the share of the work that is done and a few words.
+    force
+        Overwrite what vinefab did not write.
+    **sizes
+        Such as ``style="board"``, ``height_mm``, ``plate_mm``, ``scale``; all of them:
+        `vinefab.rig.options.RigOptions`.
+
+    Returns
+    -------
+    WrittenFolder
+        Its ``path``, its ``files`` and the ``report`` of the rules about rigs.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used.
+    ExportRefusedError
+        If a rule forbids the rig; it carries the report.
+    ForeignFileError
+        If ``out`` holds something else.
+    UnknownNameError
+        If there is no such printer or design.
+
+    Examples
+    --------
+    >>> from vinefab import maps
+    >>> made = rig(maps.pegs(seed=4), "generic_220", out="rig", fit_mm=300)  # doctest: +SKIP
+    """
+    from vinefab.rig.make import RIG_MARK, RigRequest, make_rig
+    from vinefab.rig.options import Printer, RigOptions, read_printer
+
+    folder = path_given("out", out)
+    ensure_own_folder(folder, RIG_MARK, force=force)
+    place, machine = map_given(world), printer
+    if not isinstance(machine, Printer):
+        allowed = f"a Printer, a path, or one of {', '.join(printers())}"
+        machine = read_printer(name_or_path("printer", machine, allowed))
+    options = RigOptions(**options_given(RigOptions, "rig", sizes))
+    wishes = RigRequest(
+        design=None if design is None else design_given(design),
+        allow_empty=allow_empty,
+        pictures=pictures,
+        lid=lid,
+    )
+    with python_words():
+        if fit_mm is not None:
+            options = options.fitted(place, number("fit_mm", fit_mm, 0.0, 1e6, "mm"))
+        made = make_rig(place, machine, options, wishes, progress=progress)
+    if made.report.blocking:
+        rules = ", ".join(sorted({finding.rule for finding in made.report.blocking}))
+        raise ExportRefusedError(f"rig of {place.name}", f"{rules} forbid it", made.report)
+    write_folder(folder, made.files, RIG_MARK, force=force)
+    return WrittenFolder(path=folder, files=tuple(made.files), report=made.report)
+
+
+def report(
+    design: DesignLike,
+    recipe: RecipeLike = DEFAULT_RECIPE,
+    *,
+    out: str | PathLike[str],
+    maps: MapLike | Iterable[MapLike] = (),
+    environment: str | None = None,
+    count: int = 100,
+    options: Mapping[str, object] | None = None,
+    poses: int = 3,
+    seed: int = 0,
+    body: str = "inflated",
+    progress: Callable[[float, str], None] | None = None,
+    force: bool = False,
+) -> WrittenReport:
+    """Write predictions (simulated), rules and materials of a design as one HTML page.
+
+    Parameters
+    ----------
+    design
+        A design, its path or its name.
+    recipe
+        A recipe's name or path, or a laser profile.
+    out
+        The page to write.
+    maps
+        Maps or paths of map files to predict for.
+    environment
+        Predict for unseen maps of this environment too: ``grid``, ``cave``, ...
+    count
+        How many unseen maps.
+    options
+        The environment's options, such as ``{"size_mm": 300}``.
+    poses
+        Poses drawn per map.
+    seed
+        Seed of unseen maps and poses.
+    body
+        ``inflated`` or ``centerline``, as in ``Design.grow``.
+    progress
+        Called with the share of the work that is done and a few words.
+    force
+        Overwrite a file that vinefab did not write.
+
+    Returns
+    -------
+    WrittenReport
+        The page's ``path``, a ``summary`` in lines, and all ``numbers``.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used, or there are neither maps nor an environment.
+    ForeignFileError
+        If ``out`` is something else.
+    UnknownNameError
+        If there is no such design, recipe or environment.
+
+    Examples
+    --------
+    >>> page = report("grid_explorer", environment="grid", out="page.html")  # doctest: +SKIP
+    >>> print(page.summary[0])  # doctest: +SKIP
+    """
+    from vinefab.prediction.deploy import growth_options
+    from vinefab.prediction.family_deployments import (
+        PredictionPlan,
+        map_families,
+        no_progress,
+        unseen_maps,
+    )
+    from vinefab.prediction.predict import part_of, predict
+    from vinefab.prediction.prediction_json import prediction_text, summary_lines
+    from vinefab.prediction.provenance import origin_of
+
+    path, tell = path_given("out", out), progress or no_progress
+    ensure_writable(path, force=force)
+    robot, profile, worlds = design_given(design), recipe_given(recipe), maps_given(maps)
+    plan = PredictionPlan(
+        poses=whole("poses", poses, 1, _MOST_POSES),
+        seed=whole("seed", seed, 0, _MOST_SEED),
+        options=growth_options(body),
+    )
+    with python_words():
+        chosen, unseen = mapping_given("options", options), None
+        if environment is not None:
+            unseen = unseen_maps(name_given("environment", environment), count, seed, chosen)
+        families = map_families(worlds, unseen)
+    found = predict(robot, profile, families, plan, part_of(tell, 0.0, 0.6))
+    places = ", ".join(call_text(place) for place in several_given(maps, Map))
+    call = f"vf.report({call_text(design)}, {call_text(recipe)}, out={str(path)!r}, maps=[{places}]"
+    if environment is not None:
+        call += f", {environment=}, {count=}, options={dict(chosen)}"
+    origin = origin_of(f"{call}, {poses=}, {seed=}, {body=})", [robot], profile, families)
+    write_text(path, found.page(origin, (), part_of(tell, 0.6, 1.0)), force=force)
+    return WrittenReport(
+        path=path,
+        summary=tuple(summary_lines(found)),
+        numbers=json.loads(prediction_text(found, origin)),
+    )
+
+
+def _searched(
+    settings: RunSettings,
+    task: Task | None,
+    workers: int,
+    progress: Callable[[Progress], None] | None,
+) -> RunResult:
+    """Return the result of a search that is not recorded."""
+    from vinefab.search.loop import Search
+    from vinefab.search.run import penalty_of, training_maps
+
+    search = Search.of(settings, training_maps(settings), penalty_of(settings), task=task)
+    return search.run(progress=progress, workers=workers)

@@ -1,0 +1,151 @@
+"""What callers of the public functions pass, turned into nouns; anything else is a BadInputError.
+
+A design, map, recipe or printer may be an object, a path or a name.
+"""
+# ruff: noqa: PLC0415  the rooms of tasks and runs are loaded when a task or a run is given
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import fields
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vinefab.core.errors import BadInputError, nearest
+from vinefab.model.design import Design
+from vinefab.model.files.design_toml import read_design
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import names, path_given, user_names
+from vinefab.model.laser import LaserProfile
+from vinefab.model.map import Map, Pose
+
+if TYPE_CHECKING:
+    from vinefab.search.settings import RunSettings
+    from vinefab.tasks.task import Task
+
+DesignLike = Design | str | PathLike[str]
+MapLike = Map | str | PathLike[str]
+PoseLike = Pose | tuple[float, float, float]
+RecipeLike = LaserProfile | str | PathLike[str]
+
+
+def all_names(kind: str) -> tuple[str, ...]:
+    """Return the names of the shipped files of a kind and of the user's own."""
+    return tuple(sorted({*names(kind), *user_names(kind)}))
+
+
+def name_or_path(key: str, given: object, allowed: str) -> str | Path:
+    """Return what a file is looked up by, or raise BadInputError for anything else."""
+    return given if isinstance(given, str) else path_given(key, given, allowed)
+
+
+def design_given(given: DesignLike, key: str = "design") -> Design:
+    """Return a design, given as such, by its path or by its name."""
+    if isinstance(given, Design):
+        return given
+    allowed = f"a Design, a path, or one of {', '.join(all_names('design'))}"
+    return read_design(name_or_path(key, given, allowed))
+
+
+def recipe_given(given: RecipeLike) -> LaserProfile:
+    """Return a laser profile, given as such, or by its recipe's path or name."""
+    if isinstance(given, LaserProfile):
+        return given
+    allowed = f"a LaserProfile, a path, or one of {', '.join(all_names('recipe'))}"
+    return read_profile(name_or_path("recipe", given, allowed))
+
+
+def map_given(given: MapLike, key: str = "map") -> Map:
+    """Return a map, given as such or by the path of its file."""
+    if isinstance(given, Map):
+        return given
+    return Map.read(path_given(key, given, "a Map, or the path of a map file (GeoJSON)"))
+
+
+def maps_given(given: MapLike | Iterable[MapLike]) -> list[Map]:
+    """Return one or several maps, each as in `map_given`."""
+    return [map_given(one, "maps") for one in several_given(given, Map)]
+
+
+def several_given(given: Any, kind: type) -> Sequence[Any]:  # noqa: ANN401  judged one by one
+    """Return one thing, or an iterable of them, as a sequence."""
+    alone = isinstance(given, kind | str | PathLike) or not isinstance(given, Iterable)
+    return (given,) if alone else tuple(given)
+
+
+def name_given(key: str, given: object) -> str:
+    """Return a name, or raise BadInputError for what is no text."""
+    if not isinstance(given, str):
+        raise BadInputError(key, given, "a name")
+    return given
+
+
+def mapping_given(key: str, given: object) -> Mapping[str, Any]:
+    """Return names with values; none for None."""
+    if given is not None and not isinstance(given, Mapping):
+        raise BadInputError(key, given, "names with their values, a dict")
+    return given or {}
+
+
+def task_given(task: str | Task, parameters: Mapping[str, object]) -> Task:
+    """Return a task by its name, or the one given."""
+    from vinefab.tasks.shipped_tasks import TASKS, make_task
+
+    if isinstance(task, str):
+        return make_task(task, parameters)
+    if isinstance(task, type) or not all(hasattr(task, n) for n in ("name", "lowest", "evaluate")):
+        allowed = f"{', '.join(TASKS)}, or an object with name, lowest and evaluate"
+        raise BadInputError("task", task, allowed)
+    for name, value in parameters.items():
+        raise BadInputError(name, value, "a parameter of a task that is named, not of an object")
+    return task
+
+
+def run_given(given: RunSettings | str | PathLike[str]) -> tuple[RunSettings, Path | None]:
+    """Return the settings of a run, and the file that they come from."""
+    from vinefab.search.run_file import read_run
+    from vinefab.search.settings import RunSettings
+
+    if isinstance(given, RunSettings):
+        return given, None
+    path = path_given("run", given, "RunSettings, or the path of a run file (TOML)")
+    return read_run(path), path
+
+
+def options_given(options: type, key: str, given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return options by name, all of which a dataclass has."""
+    known = [field.name for field in fields(options)]
+    for name, value in given.items():
+        if name not in known:
+            allowed = f"one of {', '.join(known)}{nearest(name, known)}"
+            raise BadInputError(f"{key}.{name}", value, allowed)
+    return given
+
+
+def call_text(given: object) -> str:
+    """Return how a call names something: a text that can be passed again, if it was one."""
+    if isinstance(given, LaserProfile):
+        return f"<LaserProfile {given.recipe.name}>"
+    if isinstance(given, Design | Map):
+        return f"<{type(given).__name__} {given.name}>"
+    return repr(str(given))
+
+
+@contextmanager
+def python_words() -> Iterator[None]:
+    """Name parameters as they are called here, where a room names the options of its command."""
+    try:
+        yield
+    except BadInputError as error:
+        key, allowed = as_parameters(error.key), as_parameters(error.allowed)
+        if (key, allowed) == (error.key, error.allowed):
+            raise
+        raise BadInputError(key, error.value, allowed, error.source) from error
+
+
+def as_parameters(words: str) -> str:
+    """Return a text in which ``--allow-empty`` is called ``allow_empty``."""
+    return re.sub(r"--([a-z][a-z0-9-]*)", lambda option: option[1].replace("-", "_"), words)

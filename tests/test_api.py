@@ -29,7 +29,7 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.rig.options import read_printer
+from vinefab.rig.rig_options import read_printer
 
 SNAPSHOT = Path(__file__).with_name("public_api.txt")
 HEAVY = {"numpy", "numba", "shapely", "scipy", "matplotlib", "pydantic", "typer", "pymoo"}
@@ -301,9 +301,12 @@ def test_a_run_is_the_same_in_memory_on_disk_and_from_a_file(tmp_path):
     assert vf.optimize(run_file).best == result.best
 
 
-def test_a_run_takes_another_task_by_name_or_as_an_object():
+def test_a_run_takes_another_task_by_name_or_as_an_object(tmp_path):
     assert vf.optimize(run_settings(), task="reach").score.task == "reach"
     assert vf.optimize(run_settings(), task=Height()).score.task == "height"
+    recorded = vf.optimize(run_settings(), out=tmp_path / "run", task=Height())
+    assert recorded.score.task == "height"
+    assert recorded.best == vf.Design.read(tmp_path / "run" / "best.toml")
 
 
 def test_a_run_of_several_objectives_writes_its_front(tmp_path):
@@ -454,10 +457,6 @@ WRONG = {
     "no run file": (lambda out: vf.optimize(out / "none.toml"), "no such file"),
     "workers of words": (lambda _: vf.optimize(run_settings(), workers="2"), "workers"),
     "resumed without a folder": (lambda _: vf.optimize(run_settings(), resume=True), "resume"),
-    "a task no record holds": (
-        lambda out: vf.optimize(run_settings(), out=out / "run", task=Height()),
-        "task",
-    ),
     "an unknown design": (lambda _: vf.check("grid_exploror"), "grid_explorer"),
     "an unknown recipe": (lambda _: vf.check(VINE, "co2"), "recipe"),
     "a design as a recipe": (lambda _: vf.check(VINE, VINE), "recipe"),

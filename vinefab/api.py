@@ -52,7 +52,7 @@ from vinefab.model.map import Map
 
 if TYPE_CHECKING:
     from vinefab.model.score import Score
-    from vinefab.rig.options import Printer
+    from vinefab.rig.rig_options import Printer
     from vinefab.search.record.result import Progress, RunResult
     from vinefab.search.settings import RunSettings
     from vinefab.tasks.task import Task
@@ -480,7 +480,7 @@ def rig(
         Overwrite what vinefab did not write.
     **sizes
         Such as ``style="board"``, ``height_mm``, ``plate_mm``, ``scale``; all of them:
-        `vinefab.rig.options.RigOptions`.
+        `vinefab.rig.rig_options.RigOptions`.
 
     Returns
     -------
@@ -504,7 +504,7 @@ def rig(
     >>> made = rig(maps.pegs(seed=4), "generic_220", out="rig", fit_mm=300)  # doctest: +SKIP
     """
     from vinefab.rig.make import RIG_MARK, RigRequest, make_rig
-    from vinefab.rig.options import Printer, RigOptions, read_printer
+    from vinefab.rig.rig_options import Printer, RigOptions, read_printer
 
     folder = path_given("out", out)
     ensure_own_folder(folder, RIG_MARK, force=force)

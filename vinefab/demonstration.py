@@ -26,7 +26,7 @@ from vinefab.prediction.predict import Predicted, predict
 from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 from vinefab.rig.make import RigFiles, make_rig
-from vinefab.rig.options import RigOptions, read_printer
+from vinefab.rig.rig_options import RigOptions, read_printer
 from vinefab.search.record.result import Progress, RunResult
 from vinefab.search.run import progress_line, run_search, training_maps
 from vinefab.search.run_pages import search_section, unseen_section

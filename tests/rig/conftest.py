@@ -6,9 +6,9 @@ import shapely
 from shapely import Polygon, box
 
 from vinefab.model.map import Map, Pose, Start
-from vinefab.rig.options import Printer
 from vinefab.rig.part import PartItem
 from vinefab.rig.part_files import read_back_problems
+from vinefab.rig.rig_options import Printer
 from vinefab.rig.stl_format import STL
 
 

@@ -10,7 +10,7 @@ from shapely import Point, box
 from vinefab.core.errors import BadInputError
 from vinefab.rig.board import PEG_RECESS_MM, RIM_MM, build_board, pegs_in
 from vinefab.rig.comparison_with_map import compare_with_map
-from vinefab.rig.options import RigOptions
+from vinefab.rig.rig_options import RigOptions
 
 BOARD = RigOptions(style="board", most_parts=200)
 

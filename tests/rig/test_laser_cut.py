@@ -20,7 +20,7 @@ from vinefab.rig.laser_cut import (
     material_left,
     sheet_file,
 )
-from vinefab.rig.options import RigOptions
+from vinefab.rig.rig_options import RigOptions
 
 BOARD = RigOptions(style="board", most_parts=200)
 SHEET = RigOptions(style="sheet", most_parts=200)

@@ -16,7 +16,7 @@ from vinefab.rig import plate as build
 from vinefab.rig.board import build_board
 from vinefab.rig.laser_cut import compare_layers, laser_cut_files
 from vinefab.rig.make import RigRequest, make_rig
-from vinefab.rig.options import Printer, RigOptions
+from vinefab.rig.rig_options import Printer, RigOptions
 
 PRINTER = Printer(name="bench", bed_width_mm=220, bed_depth_mm=220, height_mm=100)
 START = Start(pose=Pose(x_mm=90.0, y_mm=10.0, heading_rad=math.pi / 2))

@@ -16,7 +16,6 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import sha256_of
 from vinefab.model.map import Map, Pose, Start
 from vinefab.rig.make import RigRequest, make_rig
-from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.part import PartItem
 from vinefab.rig.part_files import (
     PART_FORMATS,
@@ -26,6 +25,7 @@ from vinefab.rig.part_files import (
     stl_name,
 )
 from vinefab.rig.printing import printing_of
+from vinefab.rig.rig_options import Printer, RigOptions
 
 
 def _make():

@@ -9,10 +9,10 @@ from shapely import Point, Polygon, box
 
 from vinefab.core.errors import BadInputError
 from vinefab.rig.comparison_with_map import compare_with_map
-from vinefab.rig.options import RigOptions
 from vinefab.rig.part import PartItem
 from vinefab.rig.part_files import read_back_problems
 from vinefab.rig.plate import build_rig
+from vinefab.rig.rig_options import RigOptions
 from vinefab.rig.solid import engraved_marks, manifold_of
 from vinefab.rig.stl_format import STL
 

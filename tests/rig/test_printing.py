@@ -3,9 +3,9 @@ import pytest
 import shapely
 from shapely import box
 
-from vinefab.rig.options import RigOptions
 from vinefab.rig.plate import build_rig
 from vinefab.rig.printing import packed_on_beds, print_estimate, printing_of
+from vinefab.rig.rig_options import RigOptions
 
 
 @pytest.mark.parametrize("seed", range(5))

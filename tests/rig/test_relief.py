@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 from shapely import Polygon, box
 
-from vinefab.rig.plan import polygon_parts
 from vinefab.rig.relief import Label, Prism, relief_png
+from vinefab.rig.rig_plan import polygon_parts
 from vinefab.rig.solid import stacked
 
 RED, BLUE, GREEN = (200, 0, 0), (0, 0, 200), (0, 160, 0)

@@ -5,8 +5,8 @@ import pytest
 import shapely
 from shapely import LineString, Polygon, box
 
-from vinefab.rig.options import RigOptions
-from vinefab.rig.plan import polygon_parts
+from vinefab.rig.rig_options import RigOptions
+from vinefab.rig.rig_plan import polygon_parts
 from vinefab.rig.split import Edges, TileSeam, cuts_of, tabs_of
 
 

@@ -6,7 +6,7 @@ from shapely import Polygon, box
 from vinefab.core.atomic import is_ours
 from vinefab.rig.part import PartItem, RigPart
 from vinefab.rig.part_files import read_back_problems
-from vinefab.rig.plan import polygon_parts
+from vinefab.rig.rig_plan import polygon_parts
 from vinefab.rig.solid import stacked
 from vinefab.rig.stl_format import STL, stl_bytes
 

@@ -9,7 +9,7 @@ from shapely import Polygon, box
 
 from vinefab.core.errors import UnreadableFileError
 from vinefab.rig.part import PartItem, RigPart
-from vinefab.rig.plan import polygon_parts
+from vinefab.rig.rig_plan import polygon_parts
 from vinefab.rig.solid import stacked
 from vinefab.rig.threemf_format import read_threemf, threemf_bytes
 

@@ -12,7 +12,7 @@ from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.shipped import DEFAULT_PRINTER
 from vinefab.rig.make import RIG_MARK, RigRequest, make_rig
-from vinefab.rig.options import RigOptions, read_printer
+from vinefab.rig.rig_options import RigOptions, read_printer
 
 
 def rig_command(

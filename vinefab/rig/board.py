@@ -11,9 +11,9 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map
-from vinefab.rig.options import GRID_MM, Printer, RigOptions
 from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.plan import (
+from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
+from vinefab.rig.rig_plan import (
     Polygons,
     RigPlan,
     plan_of,

@@ -11,7 +11,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map
 from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.plan import polygon_parts
+from vinefab.rig.rig_plan import polygon_parts
 from vinefab.rig.solid import manifold_of, outlines_at
 
 _HEIGHTS = (0.02, 0.98)

@@ -18,10 +18,10 @@ from vinefab.model.map import Map
 from vinefab.model.outline import Contour, Part
 from vinefab.rig.board import LoosePiece, Peg
 from vinefab.rig.comparison_with_map import RigComparison, compare_walls, footprints
-from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.part import Rig
-from vinefab.rig.plan import Polygons, polygon_parts
 from vinefab.rig.printing import packed_on_beds
+from vinefab.rig.rig_options import Printer, RigOptions
+from vinefab.rig.rig_plan import Polygons, polygon_parts
 from vinefab.rig.solid import arrow, centred, strokes
 from vinefab.rig.split import cuts_of
 

@@ -17,13 +17,13 @@ from vinefab.pages.html import Section
 from vinefab.rig.board import LoosePiece, build_board
 from vinefab.rig.comparison_with_map import RigComparison, compare_with_map
 from vinefab.rig.laser_cut import compare_layers, laser_cut_files, outlines_of, standing_mm
-from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.page import ProgressCallback, rig_page, rig_pictures, rig_section, sheet_pictures
 from vinefab.rig.part import Rig
 from vinefab.rig.part_files import part_files, part_problems
 from vinefab.rig.plate import build_rig
 from vinefab.rig.printing import PrintEstimate, printing_of
 from vinefab.rig.rig_json import RigRecord, parts_text, rig_text
+from vinefab.rig.rig_options import Printer, RigOptions
 from vinefab.rig.split import usable_mm
 
 RIG_MARK = "rig.json"

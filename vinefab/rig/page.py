@@ -35,9 +35,9 @@ from vinefab.pages.html import Picture, Report, Section, Table, page_html
 from vinefab.pages.map_view import UNSEEN
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.plan import polygon_parts
 from vinefab.rig.printing import BASIS, Bed, Printing
 from vinefab.rig.relief import Colour, Label, Prism, relief_png
+from vinefab.rig.rig_plan import polygon_parts
 from vinefab.rig.solid import stacked
 
 _TINTS: tuple[Colour, ...] = ((120, 164, 190), (196, 168, 118), (142, 176, 140), (186, 146, 160))

@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints, positive
-from vinefab.rig.options import Printer, RigOptions
+from vinefab.rig.rig_options import Printer, RigOptions
 
 VOLUME_SHARE = 1e-4
 """Largest relative error of a volume that is read from a file."""
@@ -88,7 +88,7 @@ class Rig:
     parts: tuple[RigPart, ...]  # row by row from the map's lower left
     printer: Printer
     options: RigOptions
-    style: str = "plate"  # one of `vinefab.rig.options.STYLES`
+    style: str = "plate"  # one of `vinefab.rig.rig_options.STYLES`
     # what is printed and stands beside the rig: scale cube, north arrow
     extras: tuple[RigPart, ...] = ()
     # outline of the base plate, in map coordinates

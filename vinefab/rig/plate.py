@@ -9,9 +9,9 @@ from shapely import Polygon
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map
-from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.part import Rig, RigPart
-from vinefab.rig.plan import RigPlan, plan_of, polygon_parts
+from vinefab.rig.rig_options import Printer, RigOptions
+from vinefab.rig.rig_plan import RigPlan, plan_of, polygon_parts
 from vinefab.rig.solid import Pocket, engraved_marks, extra_parts, stacked
 from vinefab.rig.split import Cuts, Dovetails, RigTile, cuts_of, dovetails_of, grid_of, rig_tiles
 
@@ -22,7 +22,7 @@ def build_rig(world: Map, printer: Printer, options: RigOptions | None = None) -
     """Make the printable test rig of a map.
 
     A base plate carries the obstacles, and a wall around the bounds with an opening where a start
-    is near it (see `vinefab.rig.plan`). What is larger than the bed is divided by straight cuts
+    is near it (see `vinefab.rig.rig_plan`). What is larger than the bed is divided by straight cuts
     into tiles that dovetails in the plate hold together. Every part is one solid that prints
     without supports.
 

@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.part import Rig, RigPart
+from vinefab.rig.rig_options import Printer, RigOptions
 from vinefab.rig.split import usable_mm
 
 BASIS = (

@@ -23,10 +23,10 @@ from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
 from vinefab.rig.comparison_with_map import RigComparison
 from vinefab.rig.laser_cut import LayerCopy
-from vinefab.rig.options import Printer, RigOptions
 from vinefab.rig.part import BOX_MM, VOLUME_SHARE, Rig, RigPart, ThinPlace
 from vinefab.rig.part_files import bed_name, stl_name
 from vinefab.rig.printing import BASIS, PrintEstimate, Printing
+from vinefab.rig.rig_options import Printer, RigOptions
 from vinefab.rig.stl_format import read_stl
 
 SCHEMA = "vinefab/rig-1"

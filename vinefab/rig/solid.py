@@ -11,9 +11,9 @@ from shapely.affinity import scale, translate
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats, Ints
-from vinefab.rig.options import GRID_MM
 from vinefab.rig.part import RigPart
-from vinefab.rig.plan import Polygons, polygon_parts
+from vinefab.rig.rig_options import GRID_MM
+from vinefab.rig.rig_plan import Polygons, polygon_parts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

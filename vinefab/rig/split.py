@@ -12,8 +12,8 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
-from vinefab.rig.options import GRID_MM, Printer, RigOptions
-from vinefab.rig.plan import (
+from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
+from vinefab.rig.rig_plan import (
     Polygons,
     RigPlan,
     bridged,

@@ -6,8 +6,9 @@ import shapely
 from shapely import LineString, MultiPolygon, Point, Polygon, box
 
 from vinefab.model.map import Pose, Start
-from vinefab.rig.options import RigOptions
-from vinefab.rig.plan import (
+from vinefab.rig.plate import build_rig
+from vinefab.rig.rig_options import RigOptions
+from vinefab.rig.rig_plan import (
     bridged,
     patches_for,
     polygon_parts,
@@ -15,7 +16,6 @@ from vinefab.rig.plan import (
     thin_parts,
     touching_points,
 )
-from vinefab.rig.plate import build_rig
 
 
 @pytest.fixture

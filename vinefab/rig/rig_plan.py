@@ -17,8 +17,8 @@ from shapely.ops import nearest_points
 
 from vinefab.core.validation import Floats
 from vinefab.model.map import Map, Pose, Start
-from vinefab.rig.options import GRID_MM, Printer, RigOptions
 from vinefab.rig.part import ThinPlace
+from vinefab.rig.rig_options import GRID_MM, Printer, RigOptions
 
 Polygons = NDArray[np.object_]
 """Polygons that do not overlap, shape (n,)."""

@@ -118,7 +118,7 @@ def test_a_folder_that_cannot_be_put_in_place_leaves_the_old_one(tmp_path, monke
     replace = Path.replace
 
     def refuse(path, target):
-        if Path(target) == out and path.name != "old":
+        if Path(target) == out / "job.json" and path.parent.name == "new":
             raise OSError(28, "No space left on device")
         return replace(path, target)
 

@@ -9,7 +9,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from vinefab.core.errors import CannotWriteError, ForeignFileError, VinefabError
-from vinefab.core.hashing import MANIFEST_NAME, digests_in, manifest_text, names_in, sha256_of_file
+from vinefab.core.hashing import MANIFEST_NAME, digests_in, manifest_text, sha256_of_file
+from vinefab.core.lock import lock_folder
+from vinefab.core.replacement import NEW, is_incomplete, replace_files, staging_folder
 
 OWN_MARK = b"written by vinefab"
 _LOOK_BYTES = 8192
@@ -82,14 +84,22 @@ def write_text(path: Path, text: str, *, force: bool = False) -> Path:
 
 @contextmanager
 def new_folder(path: Path, mark: str, *, force: bool = False) -> Iterator[Path]:
-    """Fill a folder under a temporary name and put it in place when the block ends well.
+    """Fill a folder under a temporary name; its files are put in place when the block ends well.
 
-    A folder that vinefab filled before with the same kind of content is replaced; everything in
-    it that is not in its manifest is kept, links and empty folders too. Any other folder that is
-    not empty needs ``force``, and keeps what is in it as well. If the block raises, nothing has
-    changed.
+    A folder that vinefab filled before with the same kind of content gets the new files in place
+    of the old ones; everything in it that is not in its manifest stays where it is. Any other
+    folder that is not empty needs ``force``, and keeps what is in it as well. If the block or
+    what follows it raises, nothing has changed (`replacement.replace_files`).
     """
     ensure_own_folder(path, mark, force=force)
+    fill = _filled_in_place if path.is_dir() else _filled_beside
+    with fill(path, force=force) as folder:
+        yield folder
+
+
+@contextmanager
+def _filled_beside(path: Path, *, force: bool) -> Iterator[Path]:
+    """Fill a folder that is not there yet: all of it appears in one step."""
     with folder_to_fill(path.parent):
         with _system_errors(path):
             temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
@@ -97,7 +107,10 @@ def new_folder(path: Path, mark: str, *, force: bool = False) -> Iterator[Path]:
             yield temporary
             with _system_errors(path):
                 _add_manifest(temporary)
-                _put_in_place(temporary, path)
+                temporary.chmod(0o777 & ~_umask())
+                if force and os.path.lexists(path):
+                    path.unlink()
+                temporary.replace(path)
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
 
@@ -107,6 +120,27 @@ def write_folder(path: Path, files: Mapping[str, bytes], mark: str, *, force: bo
     with new_folder(path, mark, force=force) as folder:
         for name, data in files.items():
             write_bytes(folder / name, data)
+
+
+@contextmanager
+def _filled_in_place(path: Path, *, force: bool) -> Iterator[Path]:
+    """Fill a folder that is there, file by file."""
+    handle = lock_folder(path, "another process is writing it")
+    try:
+        with _system_errors(path):
+            staging = staging_folder(path)
+        try:
+            yield staging / NEW
+            with _system_errors(path):
+                _add_manifest(staging / NEW)
+                replace_files(path, staging, force=force)
+        finally:
+            # If a replacement could not be undone, its files are still needed.
+            if not is_incomplete(path):
+                shutil.rmtree(staging, ignore_errors=True)
+    finally:
+        if handle is not None:
+            os.close(handle)
 
 
 @contextmanager
@@ -154,7 +188,8 @@ def ensure_own_folder(path: Path, mark: str, *, force: bool = False) -> None:
         if not path.is_dir():
             raise ForeignFileError(path)
         marked = (path / mark).is_file() and is_ours(path / mark)
-        if any(path.iterdir()) and not (marked and (path / MANIFEST_NAME).is_file()):
+        whole = marked and (path / MANIFEST_NAME).is_file()
+        if any(path.iterdir()) and not whole and not is_incomplete(path):
             raise ForeignFileError(path)
 
 
@@ -174,47 +209,6 @@ def _add_manifest(folder: Path) -> None:
         paths = sorted(path for path in folder.rglob("*") if path.is_file())
         digests = {path.relative_to(folder).as_posix(): sha256_of_file(path) for path in paths}
         manifest.write_text(manifest_text(digests))
-
-
-def _listed(folder: Path) -> set[str]:
-    """Return the names in a folder's manifest, and its own."""
-    manifest = folder / MANIFEST_NAME
-    if not manifest.is_file() or not is_ours(manifest):
-        return set()
-    return {MANIFEST_NAME, *names_in(manifest.read_text())}
-
-
-def _put_in_place(temporary: Path, path: Path) -> None:
-    temporary.chmod(0o777 & ~_umask())
-    if not path.is_dir():
-        path.unlink(missing_ok=True)
-        temporary.replace(path)
-        return
-    aside = Path(tempfile.mkdtemp(prefix=f".{path.name}.old.", dir=path.parent))
-    try:
-        path.replace(aside / "old")
-        try:
-            temporary.replace(path)
-        except BaseException:
-            (aside / "old").replace(path)
-            raise
-        _keep_others(aside / "old", path)
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
-
-
-def _keep_others(old: Path, new: Path) -> None:
-    """Carry over all that the old folder's manifest does not list and the new one has not."""
-    ours = _listed(old)
-    for path in sorted(old.rglob("*"), key=lambda path: len(path.parts)):
-        name = path.relative_to(old)
-        if name.as_posix() in ours or os.path.lexists(new / name):
-            continue
-        if path.is_symlink() or not path.is_dir():
-            (new / name).parent.mkdir(parents=True, exist_ok=True)
-            path.rename(new / name)
-        elif not any(listed.startswith(f"{name.as_posix()}/") for listed in ours):
-            (new / name).mkdir()
 
 
 def _ends(path: Path) -> bytes:

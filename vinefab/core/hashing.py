@@ -43,12 +43,12 @@ def manifest_text(digests: Mapping[str, str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def names_in(text: str) -> set[str]:
-    """Return the file names in a manifest."""
-    return set(digests_in(text))
+def listed_in(text: str) -> list[tuple[str, str]]:
+    """Return the file names in a manifest, each with its SHA-256 digest."""
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    return [(line[_HASH_AND_GAP:], line[: _HASH_AND_GAP - 2]) for line in lines]
 
 
 def digests_in(text: str) -> dict[str, str]:
     """Return the SHA-256 digests in a manifest, by file name."""
-    lines = [line for line in text.splitlines() if not line.startswith("#")]
-    return {line[_HASH_AND_GAP:]: line[: _HASH_AND_GAP - 2] for line in lines}
+    return dict(listed_in(text))

@@ -2,9 +2,12 @@
 
 import importlib
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from tempfile import NamedTemporaryFile
+from traceback import format_exception
 from typing import Annotated, cast
 
 import typer
@@ -89,6 +92,7 @@ COMMANDS = {
 """Every command, in the order of ``--help``."""
 
 EXIT_BAD_INPUT = 2
+EXIT_UNFORESEEN = 3
 EXIT_INTERRUPTED = 130
 INTERRUPTED = "interrupted; what was being written was left as it was"
 EXIT_BROKEN_PIPE = 141
@@ -149,19 +153,12 @@ def main(arguments: Sequence[str]) -> int:
         app = build_app(named[0] if named and named[0] in COMMANDS else None)
         result = app(list(arguments) or ["--help"], prog_name="vinefab", standalone_mode=False)
         sys.stdout.flush()
-    except UsageProblem as error:
-        return _print_error(cast("typer.BadParameter", error).format_message(), EXIT_BAD_INPUT)
-    except VinefabError as error:
-        stopped = isinstance(error, InterruptedRunError)
-        return _print_error(str(error), EXIT_INTERRUPTED if stopped else EXIT_BAD_INPUT)
     except BrokenPipeError:
         # The reader has closed the pipe; nothing more can be written to it.
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  stays open until the end
         return EXIT_BROKEN_PIPE
-    except OSError as error:
-        return _print_error(f"{error.filename or 'output'}: {error.strerror}", EXIT_BAD_INPUT)
-    except (KeyboardInterrupt, typer.Abort):
-        return _print_error(INTERRUPTED, EXIT_INTERRUPTED)
+    except (Exception, KeyboardInterrupt) as error:  # the last net of the project, the only one
+        return _print_error(*_explained(error, arguments))
     code = result if isinstance(result, int) else 0
     # Some versions of typer return it instead of raising.
     return _print_error(INTERRUPTED, code) if code == EXIT_INTERRUPTED else code
@@ -170,6 +167,37 @@ def main(arguments: Sequence[str]) -> int:
 def run() -> None:
     """Run the program: the entry point of the installed command."""
     sys.exit(main(sys.argv[1:]))
+
+
+def _explained(error: BaseException, arguments: Sequence[str]) -> tuple[str, int]:
+    """Return what to print of an error, and the exit code."""
+    match error:
+        case UsageProblem():
+            return cast("typer.BadParameter", error).format_message(), EXIT_BAD_INPUT
+        case InterruptedRunError():
+            return str(error), EXIT_INTERRUPTED
+        case VinefabError():
+            return str(error), EXIT_BAD_INPUT
+        case OSError():
+            return f"{error.filename or 'output'}: {error.strerror}", EXIT_BAD_INPUT
+        case KeyboardInterrupt() | typer.Abort():
+            return INTERRUPTED, EXIT_INTERRUPTED
+    return _unforeseen(error, arguments), EXIT_UNFORESEEN
+
+
+def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:
+    """Write a log of an error that no one foresaw, and return the line that asks for a report."""
+    about = f"vinefab {__version__}, Python {sys.version}, {sys.platform}"
+    log = f"{about}\n{shlex.join(['vinefab', *arguments])}\n\n{''.join(format_exception(error))}"
+    try:
+        with NamedTemporaryFile(
+            "w", prefix="vinefab-error-", suffix=".log", delete=False, encoding="utf-8"
+        ) as stream:
+            stream.write(log)
+        where = f"please report it with the log {stream.name}"
+    except OSError:
+        where = "please report it; no log could be written"
+    return f"this is a fault of vinefab, not of your input ({type(error).__name__}); {where}"
 
 
 def _print_error(message: str, code: int) -> int:

@@ -97,6 +97,13 @@ def new_folder(path: Path, mark: str, *, force: bool = False) -> Iterator[Path]:
         yield folder
 
 
+def write_folder(path: Path, files: Mapping[str, bytes], mark: str, *, force: bool = False) -> None:
+    """Write files by name into a folder, all or none, as `new_folder` does."""
+    with new_folder(path, mark, force=force) as folder:
+        for name, data in files.items():
+            write_bytes(folder / name, data)
+
+
 @contextmanager
 def _filled_beside(path: Path, *, force: bool) -> Iterator[Path]:
     """Fill a folder that is not there yet: all of it appears in one step."""
@@ -113,13 +120,6 @@ def _filled_beside(path: Path, *, force: bool) -> Iterator[Path]:
                 temporary.replace(path)
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
-
-
-def write_folder(path: Path, files: Mapping[str, bytes], mark: str, *, force: bool = False) -> None:
-    """Write files by name into a folder, all or none, as `new_folder` does."""
-    with new_folder(path, mark, force=force) as folder:
-        for name, data in files.items():
-            write_bytes(folder / name, data)
 
 
 @contextmanager

@@ -1,0 +1,50 @@
+"""The last net of the command line: what nobody foresaw is one line, a log and exit code 3."""
+
+import re
+from pathlib import Path
+
+import vinefab
+from vinefab.cli.main import main
+
+SOURCES = Path(vinefab.__file__).parent
+
+
+def test_an_unforeseen_error_is_one_line_and_a_log(monkeypatch, capsys, tmp_path):
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("a secret of the inside")
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr("vinefab.cli.profiles.profile_list", broken)
+    assert main(["profiles"]) == 3
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    (line,) = printed.err.splitlines()
+    assert "fault of vinefab" in line
+    assert "ZeroDivisionError" in line
+    (log,) = tmp_path.glob("vinefab-error-*.log")
+    assert str(log) in line
+    text = log.read_text()
+    assert "a secret of the inside" in text
+    assert "vinefab profiles" in text
+    assert vinefab.__version__ in text
+
+
+def test_a_log_that_cannot_be_written_is_said(monkeypatch, capsys, tmp_path):
+    def broken(*_: object) -> None:
+        raise RecursionError
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
+    monkeypatch.setattr("vinefab.cli.profiles.profile_list", broken)
+    assert main(["profiles"]) == 3
+    assert "no log could be written" in capsys.readouterr().err
+
+
+def test_there_is_no_other_net():
+    nets = re.compile(r"except\s*:|except\s+\(?[^:]*\bException\b")
+    found = [
+        path.relative_to(SOURCES).as_posix()
+        for path in SOURCES.rglob("*.py")
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if nets.search(line)
+    ]
+    assert found == ["cli/main.py"]

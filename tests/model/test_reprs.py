@@ -91,7 +91,7 @@ def report(name: str = "fork", findings: int = 2) -> CheckReport:
     ("noun", "shown"),
     [
         (design(), "<Design 'fork': 2 levels of 100 + 50 mm, 3 branches, trunk 40 mm wide>"),
-        (world(), "<Map 'room': 500 x 400.5 mm, 2 obstacles, 12 walls, 1 starts>"),
+        (world(), "<Map 'room': 500 x 400.5 mm, 2 obstacles, 12 walls, 1 start>"),
         (branch_tree(design()), "<BranchTree: 3 branches on 2 levels, 200 mm>"),
         (
             deployment(design()),

@@ -149,10 +149,15 @@ class CheckReport:
     limits: tuple[ChangedLimit, ...] = ()
 
     def __repr__(self) -> str:
-        counts = ", ".join(f"{self.count(severity)} {severity}" for severity in Severity)
-        names = f"{reprlib.repr(self.design)} with {reprlib.repr(self.recipe)}"
+        names = " with ".join(reprlib.repr(name) for name in (self.design, self.recipe) if name)
+        counts = ", ".join(self._counted(severity) for severity in Severity)
         rules = f"{len(self.run)} rules applied, {len(self.skipped)} skipped"
-        return f"<CheckReport {names}: {counts}; {rules}>"
+        return f"<{' '.join(('CheckReport', names)).rstrip()}: {counts}; {rules}>"
+
+    def _counted(self, severity: Severity) -> str:
+        count = self.count(severity)
+        plural = "s" if count != 1 and severity is not Severity.INFO else ""
+        return f"{count} {severity}{plural}"
 
     @property
     def blocking(self) -> tuple[Finding, ...]:

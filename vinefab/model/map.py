@@ -140,10 +140,13 @@ class Map:
 
     def __repr__(self) -> str:
         width_mm, height_mm = self.size_mm
-        return (
-            f"<Map {reprlib.repr(self.name)}: {width_mm:.5g} x {height_mm:.5g} mm, "
-            f"{len(self.obstacles)} obstacles, {self.wall_count} walls, {len(self.starts)} starts>"
+        counts = (
+            (len(self.obstacles), "obstacle"),
+            (self.wall_count, "wall"),
+            (len(self.starts), "start"),
         )
+        words = ", ".join(f"{count} {word}{'s' * (count != 1)}" for count, word in counts)
+        return f"<Map {reprlib.repr(self.name)}: {width_mm:.5g} x {height_mm:.5g} mm, {words}>"
 
     @property
     def free_space(self) -> BaseGeometry:

@@ -78,7 +78,7 @@ def test_concave_cuts_too_sharp_for_an_arc_are_corners(
     probes = shapely.points(cut.contour.flattened_mm(1e-3))
     probes = probes[shapely.get_x(probes) > -200.0 + 5.0]
     away = shapely.distance(probes, LineString(weld.contour.flattened_mm(1e-3))).min()
-    assert away > 1.5 + WEB_MM + 0.1 - 0.3
+    assert away >= 1.5 + WEB_MM + 0.1 - 0.3 - 1e-3
 
 
 def test_cut_around_is_closed_starts_on_the_tail_and_runs_past_its_start(tree, sealing):

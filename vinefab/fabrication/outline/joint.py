@@ -22,8 +22,11 @@ from vinefab.fabrication.outline.gap import (
 from vinefab.model.design import Design, Level
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 
-DEEPEST_CORNER_MM = 1.0
-"""A corner in place of a small fillet lies at most this much deeper in its crotch (assumed)."""
+DEEPEST_CORNER_MM = 1.5
+"""A corner in place of a small fillet lies at most this much deeper in its crotch (assumed).
+
+A cut that goes 2 mm outside a seam then still keeps off it.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

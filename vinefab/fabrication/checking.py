@@ -44,8 +44,11 @@ def corridors_in(name: str, free: BaseGeometry, scale: float = 1.0) -> MapCorrid
     )
 
 
-_PEN_MM = 0.4
-"""Stroke width of pictures for people; a laser's hairline is hard to see on a screen."""
+_PEN_SHARE = 1.0 / 800.0
+"""Stroke width of pictures for people, in sheet sizes: about a pixel where one fills a screen."""
+
+_THICKEST_PEN_MM = 1.25
+"""Thicker strokes would fill the letters of such a picture."""
 
 _SIGNS = {Severity.ERROR: "ERROR", Severity.WARNING: "warn ", Severity.INFO: "info "}
 
@@ -99,12 +102,17 @@ def drawing_text(drawing: Job, path: Path) -> str:
     from vinefab.fabrication.formats.svg_format import SVG  # noqa: PLC0415
 
     laser_format = SVG if path.suffix.lower() == ".svg" else DXF
-    spec = LaserFileSpec(job=drawing, hairline_mm=_PEN_MM)
+    spec = LaserFileSpec(job=drawing, hairline_mm=_pen_mm(drawing))
     text = laser_format.write(spec)
     problems = file_problems(laser_format, text.encode(), spec)
     if problems:
         raise ReadBackError(path, problems[0])
     return text
+
+
+def _pen_mm(drawing: Job) -> float:
+    pen = max(drawing.sheet_width_mm, drawing.sheet_height_mm) * _PEN_SHARE
+    return min(pen, _THICKEST_PEN_MM)
 
 
 def deployed_lines(deployed: Deployed) -> list[str]:

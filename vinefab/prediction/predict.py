@@ -7,10 +7,16 @@ import numpy as np
 
 from vinefab.fabrication.package.bom import bill_of_materials
 from vinefab.fabrication.package.package_page import assumption_section, pressure_section
-from vinefab.fabrication.package.prepare import Prepared, design_facts, making_sections, prepare
+from vinefab.fabrication.package.prepare import (
+    Prepared,
+    design_facts,
+    making_sections,
+    prepare,
+    recipe_cautions,
+)
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Severity
-from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
+from vinefab.model.laser import LaserProfile, Standing
 from vinefab.pages.html import Headline, Report, Section, Tone, page_html
 from vinefab.physics.anchoring import ASSUMED_FRICTION
 from vinefab.prediction.anchoring_prediction import (
@@ -271,11 +277,9 @@ def cautions(
     prepared: Prepared, window: PressureWindow | None, outcomes: MeasureTable
 ) -> tuple[str, ...]:
     """Return the reservations to the verdict, a sentence each."""
-    sentences = []
+    sentences = [*recipe_cautions(prepared.profile)]
     warnings = prepared.report.count(Severity.WARNING)
     skipped = len(prepared.report.skipped)
-    if prepared.profile.recipe.status is RecipeStatus.UNVERIFIED:
-        sentences.append("No coupon has confirmed the laser recipe: cut and burst one first.")
     sentences += _about_pressure(window) if window else []
     for measure in (STUCK, UNDEPLOYED):
         spread = outcomes.spread(measure)

@@ -13,12 +13,13 @@ from vinefab.fabrication.job.passes import (
     body_paths,
     closed_cut,
     closes,
+    cut_offset_mm,
     in_order,
     weld_offset_mm,
 )
 from vinefab.fabrication.job.placement import SheetOptions
 from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.model.design import Collar
+from vinefab.model.design import Collar, Pouch
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.outline import Contour, Part
 
@@ -55,6 +56,29 @@ def test_weld_runs_in_the_middle_of_the_seam_and_the_cut_around_it(tree, sealing
     probes = probes[shapely.get_x(probes) > -200.0 + 5.0]
     away = shapely.distance(probes, seam)
     assert np.abs(away - (1.5 + WEB_MM + 0.1)).max() < 1e-3
+
+
+@pytest.mark.parametrize("pouch", [None, Pouch(shape="round", radius_mm=16.0)])
+@pytest.mark.parametrize(("left_mm", "rounded"), [(0.3, False), (0.0, False), (0.6, True)])
+def test_concave_cuts_too_sharp_for_an_arc_are_corners(
+    make_plan, make_fan, sealing, pouch, left_mm, rounded
+):
+    fillet = cut_offset_mm(sealing) + left_mm
+    levels = [make_fan(3, 110, 120)]
+    design = make_plan((40.0, 20.0), (fillet,), levels, tail=200.0, pouch=pouch)
+    paths = body_paths(design, sealing, separate=True)
+    weld, cut = paths.paths
+    assert paths.outline.problems == ()
+    assert (Part.FILLET in [part.part for part in cut.contour.segments]) is rounded
+    assert min(part.radius_mm for part in cut.contour.segments) >= 0.5
+    # The seam keeps its fillets, and the web all but what a corner takes of it.
+    seam = [part.radius_mm for part in weld.contour.segments if part.part is Part.FILLET]
+    assert seam == pytest.approx([fillet - 1.5] * len(seam))
+    assert seam
+    probes = shapely.points(cut.contour.flattened_mm(1e-3))
+    probes = probes[shapely.get_x(probes) > -200.0 + 5.0]
+    away = shapely.distance(probes, LineString(weld.contour.flattened_mm(1e-3))).min()
+    assert away >= 1.5 + WEB_MM + 0.1 - 0.3 - 1e-3
 
 
 def test_cut_around_is_closed_starts_on_the_tail_and_runs_past_its_start(tree, sealing):

@@ -21,6 +21,7 @@ import numpy as np
 import shapely
 
 from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.fabrication.outline.stroke import LEAST_CUT_MM
 from vinefab.model.design import Build, Collar, Design, Level, Pouch
 from vinefab.model.outline import Part
 
@@ -151,9 +152,9 @@ def details(design, contour):
     for before, after in pairwise(segments):
         turn = after.direction_rad() - before.direction_rad(at_end=True)
         corner = abs(math.remainder(turn, math.tau))
-        # Where the trunk begins to taper, an arc shorter than the least segment is a corner.
+        # Where the trunk begins to taper, an arc too short to cut is a corner.
         bend = {before.part, after.part} == {Part.TAIL, Part.SIDE}
-        if not (bend and corner * half < LIMITS["shortest_mm"]):
+        if not (bend and corner * half < LEAST_CUT_MM):
             sharp = max(sharp, corner)
     if min(design.build.fillet_mm, default=1.0) < 1.0:
         sharp = 0.0

@@ -8,7 +8,9 @@ from shapely import LineString, Polygon
 
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.exactness import ProblemKind
+from vinefab.fabrication.outline.joint import level_tapers_rad
 from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.outline.stroke import LEAST_CUT_MM, LEAST_SEGMENT_MM
 from vinefab.model.design import Collar, Pouch
 from vinefab.model.outline import Part
 
@@ -72,7 +74,11 @@ def test_all_joins_are_tangent_where_the_design_is(sound_design):
     sharp = sum(jump > 1e-6 for jump in jumps)
     # Without fillets, three children meet the disc of their joint in six bare corners; the two
     # between child and child lie so that each side meets the disc, not the other side.
-    assert sharp == (6 if sound_design.build.fillet_mm == (0.0,) else 0)
+    bare = 6 if sound_design.build.fillet_mm == (0.0,) else 0
+    # Where an arc at the base of a tapered trunk would be too short to cut, its sides meet.
+    (lean,) = set(level_tapers_rad(sound_design, 1))
+    bend = sound_design.build.widths_mm[0] / 2 * lean
+    assert sharp == bare + (2 if 0.0 < bend < LEAST_CUT_MM else 0)
 
 
 def test_segments_are_long_enough_and_arcs_turn_less_than_175_degrees(sound_design):
@@ -132,7 +138,8 @@ def test_segments_lie_on_the_branch_that_they_name(sound_design):
         if segment.part in (Part.TIP, Part.POUCH) and sound_design.build.pouch is None:
             assert segment.center_mm == pytest.approx(layout.end_mm[branch], abs=1e-6)
         if segment.part is Part.TAIL:
-            assert max(segment.start_mm[0], segment.end_mm[0]) <= 0.0
+            # The corner of a tapered trunk lies past its base by half the arc that it stands for.
+            assert max(segment.start_mm[0], segment.end_mm[0]) <= LEAST_CUT_MM / 2
 
 
 def test_walk_meets_the_branches_in_the_order_of_a_depth_first_tour(make_plan, make_fan):
@@ -200,6 +207,38 @@ def test_tapered_sides_touch_the_discs_at_both_ends(make_plan):
     assert [abs(s.direction_rad()) for s in sides] == pytest.approx([lean, math.pi - lean])
     tips = [s for s in contour.segments if s.part is Part.TIP]
     assert sum(s.turn_rad for s in tips) == pytest.approx(math.pi - 2 * lean)
+
+
+@pytest.mark.parametrize("offset_mm", [0.0, 0.55])
+@pytest.mark.parametrize(
+    ("width", "ratio", "trunk"),
+    [(40.0, 0.95, 120.0), (40.0, 0.9, 400.0), (20.0, 0.8, 120.0), (6.0, 0.5, 40.0)],
+)
+def test_a_tapered_trunk_has_a_corner_where_an_arc_would_be_too_short_to_cut(
+    make_plan, twin, width, ratio, trunk, offset_mm
+):
+    design = make_plan((width,), trunk=trunk, taper=(ratio,))
+    lean = math.asin(width / 2 * (1 - ratio) / trunk)
+    assert LEAST_SEGMENT_MM < width / 2 * lean < LEAST_CUT_MM
+    outline = body_outline(design, offset_mm)
+    assert outline.problems == ()
+    assert Part.JOINT not in [segment.part for segment in outline.contour.segments]
+    assert min(segment.length_mm for segment in outline.contour.segments) >= LEAST_CUT_MM
+    body = twin(design, FINE_MM).body(beyond_mm=50.0).buffer(offset_mm, quad_segs=512)
+    body = body.intersection(shapely.box(-design.build.tail_mm, -1e3, 1e3, 1e3))
+    assert hausdorff_mm(flat(outline.contour), body) <= 0.0025
+
+
+def test_a_longer_bend_of_a_tapered_trunk_stays_an_arc(make_plan):
+    contour = body_outline(make_plan((40.0,), taper=(0.85,))).contour
+    bends = [segment for segment in contour.segments if segment.part is Part.JOINT]
+    assert [bend.radius_mm for bend in bends] == pytest.approx([20.0] * 2)
+    assert bends[0].length_mm >= LEAST_CUT_MM
+
+
+def test_a_tail_too_short_to_cut_joins_the_side_of_an_even_trunk(make_plan):
+    contour = body_outline(make_plan((40.0,), tail=0.15)).contour
+    assert [s.part for s in contour.segments] == [Part.SIDE, Part.TIP, Part.TIP, Part.SIDE]
 
 
 def test_outward_offset_beyond_the_fillet_leaves_an_exact_corner(make_plan, make_fan):

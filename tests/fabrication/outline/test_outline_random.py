@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from shapely import LineString, Polygon
 
 from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.fabrication.outline.stroke import LEAST_CUT_MM
 from vinefab.model.design import Build, Collar, Design, Level, Pouch
 
 FINE_MM = 1e-4
@@ -102,7 +103,7 @@ def bare_corners_mm2(design):
     half, length = build.widths_mm[0] / 2, design.trunk_length_mm
     lean = math.asin(min(0.99, (build.widths_mm[0] - build.end_widths_mm[0]) / 2 / length))
     bare = build.tail_mm < half * math.tan(lean / 2)
-    return half * (1 / math.cos(lean) - 1) * length if bare and half * lean < 0.05 else 0.0
+    return half * (1 / math.cos(lean) - 1) * length if bare and half * lean < LEAST_CUT_MM else 0.0
 
 
 def check(design, twin):

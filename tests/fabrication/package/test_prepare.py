@@ -18,10 +18,26 @@ from vinefab.fabrication.formats.laser_drawing import PRESETS, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import formats_for, laser_files
 from vinefab.fabrication.formats.readback import file_problems
 from vinefab.fabrication.formats.svg_format import SVG
+from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.package.job_json import fluence_mj_mm2, operation_energy_mj_mm
-from vinefab.fabrication.package.prepare import PackageContent, package_files, zip_bytes
-from vinefab.model.job import Job
-from vinefab.model.laser import LaserProfile, OperationSettings, RecipeStatus, Standing
+from vinefab.fabrication.package.prepare import (
+    PackageContent,
+    Prepared,
+    package_files,
+    page_content,
+    zip_bytes,
+)
+from vinefab.model.design import Design
+from vinefab.model.finding import CheckReport
+from vinefab.model.job import Job, Operation
+from vinefab.model.laser import (
+    LaserProfile,
+    OperationSettings,
+    Quantity,
+    RecipeStatus,
+    Standing,
+)
+from vinefab.pages.html import page_html
 
 NAMES = [
     "README.txt",
@@ -176,6 +192,32 @@ def test_the_readme_warns_of_an_untried_recipe_and_keeps_standings(
     assert layers == sorted(layers)
 
 
+def test_the_readme_names_no_offset_of_an_operation_that_the_files_do_not_hold(
+    content: PackageContent,
+) -> None:
+    one = tuple(path for path in content.job.paths if path.operation is not Operation.WELD)
+    text = words(replace(content, job=replace(content.job, paths=one)))
+    assert "The weldcut paths are offset for a kerf of 0.3 mm (assumed) and a seam of" in text
+    assert "The weld paths" not in text
+    two = tuple(path for path in content.job.paths if path.operation is not Operation.WELDCUT)
+    text = words(replace(content, job=replace(content.job, paths=two)))
+    assert "The weldcut paths" not in text
+    assert "The weld paths are offset for a seam of 0.4 mm (measured)." in text
+    assert "The cut paths are offset for that seam and a kerf of 0.3 mm (assumed)." in text
+
+
+def test_the_readme_says_where_the_focus_changes(content: PackageContent) -> None:
+    assert "change it by hand" not in words(content)
+    operations = dict(content.profile.recipe.operations)
+    focus = Quantity(value=0.0, standing=Standing.MEASURED, source="a test")
+    operations[Operation.CUT] = replace(operations[Operation.CUT], focus_offset_mm=focus)
+    recipe = replace(content.profile.recipe, operations=operations)
+    text = words(replace(content, profile=replace(content.profile, recipe=recipe)))
+    assert "Set the focus offset to 6 mm for VF_10_MARK, then change it by hand" in text
+    assert "from 6 to 0 mm between VF_30_WELDCUT and VF_40_CUT:" in text
+    assert text.count(" to 0 mm between") == 1
+
+
 def test_the_readme_says_so_when_the_recipe_was_tested(content: PackageContent) -> None:
     recipe = replace(content.profile.recipe, status=RecipeStatus.BURST_TESTED)
     profile = replace(content.profile, recipe=recipe)
@@ -225,6 +267,23 @@ def test_the_readme_says_where_the_film_of_tiles_lies(content: PackageContent) -
     assert "Check after import: the film is 150 x 80 mm" in text
     # the fixture marks an arrow, but no targets
     assert "mark them on the film by hand" in text
+    # half of the fixture's seam of 0.4 mm
+    assert "must lie within 0.2 mm (half the seam, computed)" in text
+
+
+def test_the_page_is_no_good_news_while_no_coupon_confirmed_the_recipe(
+    design: Design, profile: LaserProfile
+) -> None:
+    calm = CheckReport(
+        design=design.name, recipe=profile.recipe.name, run=(), skipped=(), findings=()
+    )
+    prepared = Prepared(design=design, profile=profile, job=laser_job(design, profile), report=calm)
+    page = page_content(prepared)
+    assert page.tone == "caution"
+    assert "No coupon has confirmed the laser recipe" in page_html(page)
+    tried = replace(profile, recipe=replace(profile.recipe, status=RecipeStatus.COUPON_OK))
+    page = page_content(replace(prepared, profile=tried))
+    assert (page.tone, page.cautions) == ("good", ())
 
 
 def check_in(folder: Path, command: list[str]) -> subprocess.CompletedProcess[str]:

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from vinefab.fabrication.outline.body_outline import BodyOutline, body_outline
+from vinefab.fabrication.outline.stroke import LEAST_ARC_RADIUS_MM
 from vinefab.model.design import Design
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile
@@ -134,7 +135,7 @@ def _two_passes(design: Design, profile: LaserProfile) -> BodyPaths:
     weld, cut = profile.settings(Operation.WELD), profile.settings(Operation.CUT)
     overcut = cut.overcut_mm.value
     outline = body_outline(design, weld_offset_mm(profile))
-    around = body_outline(design, cut_offset_mm(profile))
+    around = body_outline(design, cut_offset_mm(profile), least_fillet_mm=LEAST_ARC_RADIUS_MM)
     name = design.name
     paths = (
         _path(Operation.WELD, outline.contour, f"seam of {name}", name),

@@ -18,7 +18,14 @@ from vinefab.fabrication.outline.exactness import (
 )
 from vinefab.fabrication.outline.joint import Joint
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
-from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM, LocalFrame, Pen, Point, placed
+from vinefab.fabrication.outline.stroke import (
+    LEAST_CUT_MM,
+    LEAST_SEGMENT_MM,
+    LocalFrame,
+    Pen,
+    Point,
+    placed,
+)
 from vinefab.model.design import Design
 from vinefab.model.outline import Contour, Part
 
@@ -33,7 +40,9 @@ class BodyOutline:
     problems: tuple[OutlineProblem, ...]  # why the contour is not exact; empty if it is
 
 
-def body_outline(design: Design, offset_mm: float = 0.0) -> BodyOutline:
+def body_outline(
+    design: Design, offset_mm: float = 0.0, *, least_fillet_mm: float = 0.0
+) -> BodyOutline:
     """Return the outline of a design in the coordinates of its flat layout.
 
     Parameters
@@ -41,6 +50,8 @@ def body_outline(design: Design, offset_mm: float = 0.0) -> BodyOutline:
     offset_mm
         How far outside the lumen's edge the outline runs: half widths and convex radii grow by
         it, fillet radii shrink by it. The mouth stays at the tail's end.
+    least_fillet_mm
+        Fillets that the offset leaves smaller than this are corners.
 
     Examples
     --------
@@ -53,7 +64,7 @@ def body_outline(design: Design, offset_mm: float = 0.0) -> BodyOutline:
     [-200.0, -20.0, 120.0, 20.0]
     """
     layout = flat_layout(design)
-    pattern = pattern_of(design, offset_mm)
+    pattern = pattern_of(design, offset_mm, least_fillet_mm)
     problems = pattern_problems(design, layout, pattern)
     if any(problem.kind is ProblemKind.VANISHED for problem in problems):
         pattern = pattern_of(design, 0.0)
@@ -142,7 +153,9 @@ class _Walk:
         if (here[0] < base[0]) == (point[0] < base[0]):
             return []
         nearest = min(math.dist(here, base), math.dist(way[-1][0], point))
-        return way if nearest >= LEAST_SEGMENT_MM else []
+        # Leaving out the corner of a tapered trunk moves its side.
+        least = LEAST_SEGMENT_MM if base[0] else LEAST_CUT_MM
+        return way if nearest >= least else []
 
     def _trunk_part(self, point: Point) -> Part:
         """Return the part of the straight side that leads to a point of the trunk."""

@@ -15,7 +15,9 @@ from vinefab.fabrication.outline.gap import Neck, neck
 from vinefab.fabrication.outline.joint import level_tapers_rad
 from vinefab.fabrication.outline.layout import level_fillets_mm
 from vinefab.fabrication.outline.stroke import (
+    LEAST_CUT_MM,
     LEAST_SEGMENT_MM,
+    WORST_ERROR_MM,
     Point,
     StrokeRun,
     StrokeSegment,
@@ -63,8 +65,14 @@ def tail_of(design: Design, offset_mm: float) -> Tail:
 
 
 def _bend(half_mm: float, lean_rad: float) -> tuple[Point, tuple[StrokeSegment, ...]]:
-    """Return where the tail's side ends, and the pieces from there to the trunk's side."""
-    if half_mm * lean_rad < LEAST_SEGMENT_MM:
+    """Return where the tail's side ends, and the pieces from there to the trunk's side.
+
+    An arc too short for a laser is drawn as the corner of the two sides, outside it by
+    r (1 / cos(t / 2) - 1), as long as that is nothing: for a length r t of 0.2 mm at most 0.002 mm
+    where the trunk is 5 mm wide or wider.
+    """
+    length, lost = half_mm * lean_rad, half_mm * (1.0 / math.cos(lean_rad / 2) - 1.0)
+    if length < LEAST_SEGMENT_MM or (length < LEAST_CUT_MM and lost <= WORST_ERROR_MM):
         return (half_mm * math.tan(lean_rad / 2), -half_mm), ()
     end = turned((0.0, -half_mm), lean_rad)
     return (0.0, -half_mm), (StrokeSegment(end, math.tan(lean_rad / 4), Part.JOINT),)
@@ -122,13 +130,15 @@ class TipStroke:
     used_mm: float  # how far before the end of the branch its straight sides end
 
 
-def tip_of(design: Design, offset_mm: float, lean_rad: float = 0.0) -> TipStroke:
-    """Return the far end of a leaf of a design."""
+def tip_of(
+    design: Design, offset_mm: float, lean_rad: float = 0.0, least_fillet_mm: float = 0.0
+) -> TipStroke:
+    """Return the far end of a leaf of a design; smaller fillets at a pouch's neck are corners."""
     half, pouch = design.build.end_widths_mm[-1] / 2, design.build.pouch
     # A pouch no wider than its branch is a named problem; the bare tip is what can be drawn.
     if pouch is None or pouch.flat_width_mm <= 2.0 * half:
         return round_tip(half + offset_mm, lean_rad)
-    return pouch_tip(pouch, leaf_of(design, lean_rad), offset_mm)
+    return pouch_tip(pouch, leaf_of(design, lean_rad), offset_mm, least_fillet_mm)
 
 
 def leaf_of(design: Design, lean_rad: float) -> Leaf:
@@ -147,11 +157,21 @@ def round_tip(half_mm: float, lean_rad: float = 0.0) -> TipStroke:
     return TipStroke(run=StrokeRun(start, tuple(pieces)), used_mm=0.0)
 
 
-def pouch_tip(pouch: Pouch, leaf: Leaf, offset_mm: float) -> TipStroke:
+def pouch_tip(
+    pouch: Pouch, leaf: Leaf, offset_mm: float, least_fillet_mm: float = 0.0
+) -> TipStroke:
     """Return a pouch on the end of a branch."""
-    if pouch.shape == "round":
-        return _round_pouch((pouch.radius_mm or 0.0) + offset_mm, leaf, offset_mm)
-    return _rectangle(pouch, leaf, offset_mm)
+    round_pouch = pouch.shape == "round"
+    fillet = leaf.fillet_mm if round_pouch else corner_radii_mm(pouch, leaf)[0]
+    fillet = max(0.0, fillet - offset_mm)
+    drawn = Leaf(
+        half_mm=leaf.half_mm + offset_mm,
+        lean_rad=leaf.lean_rad,
+        fillet_mm=fillet if fillet >= least_fillet_mm else 0.0,
+    )
+    if round_pouch:
+        return _round_pouch((pouch.radius_mm or 0.0) + offset_mm, drawn)
+    return _rectangle(pouch, corner_radii_mm(pouch, leaf)[1], drawn, offset_mm)
 
 
 def _mirrored(
@@ -168,9 +188,9 @@ def _mirrored(
     )
 
 
-def _round_pouch(pouch_mm: float, leaf: Leaf, offset_mm: float) -> TipStroke:
-    half, lean = leaf.half_mm + offset_mm, leaf.lean_rad
-    found = neck(half, pouch_mm, max(0.0, leaf.fillet_mm - offset_mm))
+def _round_pouch(pouch_mm: float, drawn: Leaf) -> TipStroke:
+    half, lean = drawn.half_mm, drawn.lean_rad
+    found = neck(half, pouch_mm, drawn.fillet_mm)
     start = turned((-found.used_mm, -half), lean)
     enter = polar(pouch_mm, found.angle_rad - math.pi + lean)
     right = _neck_fillet(found, enter)
@@ -215,23 +235,17 @@ def least_convex_radius_mm(design: Design) -> float:
     return min(corner_radii_mm(pouch, leaf_of(design, lean))[1] for lean in leans)
 
 
-def _rectangle(pouch: Pouch, leaf: Leaf, offset_mm: float) -> TipStroke:
-    inner, outer = corner_radii_mm(pouch, leaf)
+def _rectangle(pouch: Pouch, outer_mm: float, drawn: Leaf, offset_mm: float) -> TipStroke:
     front = (pouch.length_mm or 0.0) / 2 + offset_mm
     side = (pouch.width_mm or 0.0) / 2 + offset_mm
     # Inward beyond its radius, a rounded corner becomes a sharp one.
-    radius = max(0.0, outer + offset_mm)
+    radius = max(0.0, outer_mm + offset_mm)
     axis = (radius - front, radius - side)
-    drawn = Leaf(
-        half_mm=leaf.half_mm + offset_mm,
-        lean_rad=leaf.lean_rad,
-        fillet_mm=max(0.0, inner - offset_mm),
-    )
     right, start = _shoulder(drawn, axis, radius)
     right += [StrokeSegment((-axis[0], -side), 0.0, Part.POUCH)]
     right += arc((-axis[0], axis[1]), (-axis[0], -side), math.pi / 2, Part.POUCH)
     middle = [StrokeSegment((-axis[0] + radius, -axis[1]), 0.0, Part.POUCH)]
-    return _mirrored(right, start, middle, leaf.lean_rad)
+    return _mirrored(right, start, middle, drawn.lean_rad)
 
 
 def _shoulder(leaf: Leaf, axis: Point, radius_mm: float) -> tuple[list[StrokeSegment], Point]:

@@ -24,7 +24,7 @@ from vinefab.fabrication.outline.joint import (
     level_tapers_rad,
 )
 from vinefab.fabrication.outline.layout import FlatLayout
-from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
+from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM, WORST_ERROR_MM
 from vinefab.model.design import Design
 from vinefab.model.outline import Contour
 
@@ -92,20 +92,20 @@ class Pattern:
         return self.tips[sibling % len(self.tips)]
 
 
-def pattern_of(design: Design, offset_mm: float) -> Pattern:
-    """Return the pieces of a design's outline at an offset."""
+def pattern_of(design: Design, offset_mm: float, least_fillet_mm: float = 0.0) -> Pattern:
+    """Return the pieces of a design's outline at an offset; smaller fillets there are corners."""
     return Pattern(
         offset_mm=offset_mm,
         tail=tail_of(design, offset_mm),
         joints=tuple(
             tuple(
-                joint_of(design, level, offset_mm, sibling)
+                joint_of(design, level, offset_mm, sibling, least_fillet_mm=least_fillet_mm)
                 for sibling in range(_kinds(design, level))
             )
             for level in range(1, design.depth)
         ),
         tips=tuple(
-            tip_of(design, offset_mm, lean)
+            tip_of(design, offset_mm, lean, least_fillet_mm)
             for lean in level_tapers_rad(design, design.depth)[: _kinds(design, design.depth)]
         ),
     )
@@ -122,9 +122,6 @@ LEAST_STEP_MM = 0.1
 
 LEAST_COLLAR_RADIUS_MM = 1.0
 """The arcs that lead from a collar to the trunk's width keep at least this radius (assumed)."""
-
-WORST_ERROR_MM = 0.002
-"""An arc too short to draw may become a corner that is this far from the exact shape."""
 
 
 class _Places:

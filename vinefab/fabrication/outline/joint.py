@@ -22,6 +22,12 @@ from vinefab.fabrication.outline.gap import (
 from vinefab.model.design import Design, Level
 from vinefab.model.tree import child_lengths_mm, fan_offsets_rad
 
+DEEPEST_CORNER_MM = 1.5
+"""A corner in place of a small fillet lies at most this much deeper in its crotch (assumed).
+
+A cut that goes 2 mm outside a seam then still keeps off it.
+"""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joint:
@@ -38,10 +44,13 @@ class Joint:
     allowed_mm: tuple[float, ...]
 
 
-def joint_of(design: Design, level: int, offset_mm: float, sibling: int = 0) -> Joint:
+def joint_of(
+    design: Design, level: int, offset_mm: float, sibling: int = 0, *, least_fillet_mm: float = 0.0
+) -> Joint:
     """Return the joint at the ends of the branches of one level.
 
     Fillet radii are capped on the lumen itself, so that every offset has the same fillet centres.
+    Fillets that the offset leaves smaller than ``least_fillet_mm`` are corners.
     """
     around = _around(design, level, sibling)
     # The joint's disc is the parent's. A wider child is a problem of its own; the larger disc at
@@ -58,6 +67,8 @@ def joint_of(design: Design, level: int, offset_mm: float, sibling: int = 0) -> 
         # Beyond its own radius an outward offset turns a fillet into a corner: exactly what
         # rolling a ball around the body gives.
         drawn = max(0.0, radius - offset_mm)
+        if drawn < least_fillet_mm and drawn / math.sin(angle / 2) - drawn < DEEPEST_CORNER_MM:
+            drawn = 0.0
         core = Core(radius_mm=disc + offset_mm, tilt_rad=tilt)
         gaps.append(solve_gap(_wider(first, offset_mm), _wider(second, offset_mm), core, drawn))
         allowed.append(most)

@@ -11,6 +11,15 @@ from vinefab.model.outline import Contour, Part
 LEAST_SEGMENT_MM = 0.05
 """Length of the shortest segment of an outline."""
 
+LEAST_CUT_MM = 0.2
+"""Length of the shortest segment that a laser draws well: rule VF-L02 refuses shorter ones."""
+
+LEAST_ARC_RADIUS_MM = 0.5
+"""Radius of the smallest arc that a laser draws well: rule VF-L02 refuses smaller ones."""
+
+WORST_ERROR_MM = 0.002
+"""An arc too short to draw may become a corner that is this far from the exact shape."""
+
 MOST_TURN_RAD = math.radians(174.9)
 """Largest turn of an arc, longer ones are split: readers fail near half a circle."""
 

@@ -40,7 +40,7 @@ from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile, RecipeStatus
 from vinefab.model.tree import branch_tree
 from vinefab.pages.figure import png_bytes
-from vinefab.pages.html import Report, Section, page_html
+from vinefab.pages.html import Report, Section, Tone, page_html
 
 ANIMATION_NAME = "animation.svg"
 
@@ -252,7 +252,8 @@ def page_content(prepared: Prepared) -> Report:
     return Report(
         title=f"{design.name}: fabrication",
         verdict=verdict(prepared.report),
-        tone="bad" if prepared.report.blocking else "good",
+        tone=_tone(prepared),
+        cautions=recipe_cautions(profile),
         facts=design_facts(prepared),
         sections=(
             *making_sections(prepared),
@@ -261,6 +262,20 @@ def page_content(prepared: Prepared) -> Report:
             _no_predictions(),
         ),
     )
+
+
+def _tone(prepared: Prepared) -> Tone:
+    """Return what kind of news the rules and the recipe are together."""
+    if any(report.blocking for report in (prepared.report, *prepared.beside)):
+        return "bad"
+    return "caution" if recipe_cautions(prepared.profile) else "good"
+
+
+def recipe_cautions(profile: LaserProfile) -> tuple[str, ...]:
+    """Return the reservations about a recipe, a sentence each."""
+    if profile.recipe.status is RecipeStatus.UNVERIFIED:
+        return ("No coupon has confirmed the laser recipe: cut and burst one first.",)
+    return ()
 
 
 def making_sections(prepared: Prepared) -> tuple[Section, ...]:

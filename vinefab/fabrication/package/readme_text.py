@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from textwrap import fill
 
 from vinefab.core.jsontext import GENERATOR
@@ -35,6 +36,11 @@ _MEANING = {
     Operation.DOC: "dimensions and notes: never cut, switch the layer off",
 }
 
+_OFFSET_ADVICE = (
+    "If yours differ by more than 0.1 mm, put them in the recipe and export again; do not correct"
+    " it at the machine."
+)
+
 _STATUS = {
     RecipeStatus.UNVERIFIED: (
         "UNVERIFIED RECIPE. Nobody has reported a good seam with these settings. They are a place"
@@ -54,9 +60,9 @@ def readme_text(design: Design, job: Job, profile: LaserProfile, colours: Colour
         f"{title}\n{'=' * len(title)}",
         _paragraph("!! ", _STATUS[profile.recipe.status]),
         readme_section("1. Film", _film(job, profile)),
-        readme_section("2. Coupon first", _coupon(profile)),
+        readme_section("2. Coupon first", _coupon(job, profile, colours)),
         readme_section("3. The file", _file(job, colours)),
-        *([readme_section("3a. In tiles", _tiles(job))] if job.tiles else []),
+        *([readme_section("3a. In tiles", _tiles(job, profile))] if job.tiles else []),
         readme_section(
             "4. Layers, in the order in which they must run", _layers(job, profile, colours)
         ),
@@ -85,7 +91,7 @@ def _film(job: Job, profile: LaserProfile) -> list[str]:
     ]
 
 
-def _coupon(profile: LaserProfile) -> list[str]:
+def _coupon(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
     steps = [
         "Cut a small closed test piece in the same film with the settings of section 4, at least a"
         " straight seam and one round end.",
@@ -93,14 +99,26 @@ def _coupon(profile: LaserProfile) -> list[str]:
         " Seam peels: more energy (slower) or more defocus. Rim burns or gapes: less energy.",
         "Measure the kerf (width of the gap) and the width of the fused rim.",
     ]
-    named = (Operation.WELD, Operation.WELDCUT)
-    for name in (op for op in named if op in profile.recipe.operations):
-        settings = profile.settings(name)
-        steps.append(
-            f"The {name} paths are offset for a kerf of {_value(settings.kerf_mm, 'mm')} and a seam"
-            f" of {_value(settings.seam_width_mm, 'mm')}. If yours differ by more than 0.1 mm, put"
-            " them in the recipe and export again; do not correct it at the machine."
-        )
+    return [*steps, *_offsets(profile, _written(job, colours))]
+
+
+def _written(job: Job, colours: Colours) -> tuple[Operation, ...]:
+    """Return the operations that a package's files hold, in process order."""
+    return tuple(op for op in Operation if op in colours.styles and job.along(op))
+
+
+def _offsets(profile: LaserProfile, written: Sequence[Operation]) -> list[str]:
+    """Return the offsets that are in the paths, for the operations whose paths have any."""
+    steps = []
+    for operation in (op for op in written if op in (Operation.WELD, Operation.WELDCUT)):
+        settings = profile.settings(operation)
+        offsets = f"a seam of {_value(settings.seam_width_mm, 'mm')}"
+        if operation is Operation.WELDCUT:
+            offsets = f"a kerf of {_value(settings.kerf_mm, 'mm')} and {offsets}"
+        steps.append(f"The {operation} paths are offset for {offsets}. {_OFFSET_ADVICE}")
+    if Operation.CUT in written and Operation.WELDCUT not in written:
+        kerf = _value(profile.settings(Operation.CUT).kerf_mm, "mm")
+        steps.append(f"The cut paths are offset for that seam and a kerf of {kerf}.")
     return steps
 
 
@@ -133,7 +151,7 @@ def _file(job: Job, colours: Colours) -> list[str]:
     return steps
 
 
-def _tiles(job: Job) -> list[str]:
+def _tiles(job: Job, profile: LaserProfile) -> list[str]:
     by_laser = any(path.label == TARGET for path in job.along(Operation.MARK))
     makes = "Each tile marks crosses on the film for later tiles."
     if not by_laser:
@@ -148,6 +166,7 @@ def _tiles(job: Job) -> list[str]:
         f"{makes} Move the film on without letting the plies slide, then align: the two crosses"
         " drawn on the REG layer of a tile (never cut) must lie on the two marked on the film"
         " (print-and-cut alignment, or by the pointer).",
+        _alignment(job, profile),
         "Paths run twice over 12 mm where tiles meet: that is meant.",
     ]
     for tile in job.tiles[1:]:
@@ -157,6 +176,21 @@ def _tiles(job: Job) -> list[str]:
             f" the film's lower left corner is then {_corner(tile)}."
         )
     return steps
+
+
+def _alignment(job: Job, profile: LaserProfile) -> str:
+    """Return how well a tile must be aligned, and how that is verified before it is run."""
+    seam = min(
+        profile.settings(operation).seam_width_mm.value
+        for operation in (Operation.WELD, Operation.WELDCUT)
+        if job.along(operation)
+    )
+    return (
+        f"Tolerance: both crosses, and the ends of the paths of the tile before, must lie within"
+        f" {seam / 2.0:.2g} mm (half the seam, computed) of where the file has them, or the seam"
+        " may leak where the tiles meet. Verify it before a tile is run: let the pointer go along"
+        " the two crosses and along the last 12 mm of the paths that are there already."
+    )
 
 
 def _corner(tile: Job) -> str:
@@ -218,6 +252,7 @@ def _machine(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
         "Keep the order of section 4 and switch off any sorting of paths: once the sheet is cut"
         " free, the film moves.",
         *_repeats(job, profile),
+        *_focus_changes(job, profile, colours),
     ]
     steps.extend(
         f"WARNING: {' and '.join(group)} have the same layer and colour here and run with one"
@@ -248,6 +283,27 @@ def _repeats(job: Job, profile: LaserProfile) -> list[str]:
     return [
         "Every path is in the DXF and SVG files once; let the program run"
         f" {' and '.join(several)} ({_PROJECT} says so already)."
+    ]
+
+
+def _focus_changes(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
+    """Return between which layers the focus must be changed, if it must."""
+    written = _written(job, colours)
+    layers = [
+        (colours.styles[operation].layer, settings.focus_offset_mm.value)
+        for operation in written
+        if operation.is_machined and (settings := profile.settings(operation)).by_laser
+    ]
+    changes = [
+        f"from {before:g} to {after:g} mm between {one} and {two}"
+        for (one, before), (two, after) in pairwise(layers)
+        if before != after
+    ]
+    if not changes:
+        return []
+    return [
+        f"Set the focus offset to {layers[0][1]:g} mm for {layers[0][0]}, then change it by hand"
+        f" {', '.join(changes)}: run these layers one at a time, and do not move the film."
     ]
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.passes import frees
 from vinefab.fabrication.outline.exactness import ProblemKind
+from vinefab.fabrication.outline.stroke import LEAST_ARC_RADIUS_MM, LEAST_CUT_MM
 from vinefab.fabrication.rules.rule import (
     Limits,
     Rule,
@@ -114,8 +115,8 @@ def _small_segments(path: LaserPath, limits: Limits) -> list[Violation]:
     short = min(segments, key=lambda segment: segment.length_mm)
     sharp = min(segments, key=lambda segment: segment.radius_mm)
     found = (
-        ("segment", "line or arc", short, short.length_mm),
-        ("radius", "arc's radius", sharp, sharp.radius_mm),
+        ("segment", "a line or arc", short, short.length_mm),
+        ("radius", "the radius of an arc", sharp, sharp.radius_mm),
     )
     violations = []
     for name, what, segment, size_mm in found:
@@ -123,7 +124,7 @@ def _small_segments(path: LaserPath, limits: Limits) -> list[Violation]:
         if broken:
             violations.append(
                 Violation(
-                    message=f"a {what} of {path.label!r} is too small to be run",
+                    message=f"{what} of {path.label!r} is too small to be run",
                     severity=broken.severity,
                     measured=size_mm,
                     limit=broken.limit,
@@ -183,7 +184,11 @@ PATHS = Rule(
     id="VF-L02",
     title="no overlapping paths, no piece too small",
     unit="mm",
-    limits={"segment_error": 0.2, "radius_error": 0.5, "shared_error": 0.2},
+    limits={
+        "segment_error": LEAST_CUT_MM,
+        "radius_error": LEAST_ARC_RADIUS_MM,
+        "shared_error": 0.2,
+    },
     reason="a path run twice cuts through the weld; tiny pieces stop the head and burn",
     check=check_paths,
 )

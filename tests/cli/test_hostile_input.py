@@ -242,3 +242,14 @@ def test_a_value_is_never_printed_whole():
     whole = [[["x" * 100] * 1000] * 1000] * 1000
     assert len(str(BadInputError("key", whole, "less"))) < 100
     assert "digits" in str(BadInputError("key", 10**5000, "less"))
+
+
+def test_thousands_of_obstacles_are_imported(vinefab, tmp_path):
+    path = tmp_path / "m.svg"
+    places = [(2 * column, 2 * row) for column in range(1, 51) for row in range(1, 41)]
+    path.write_text(
+        SVG % "".join(f'<rect x="{x}" y="{y}" width="1" height="1"/>' for x, y in places)
+    )
+    code, output, _ = vinefab("map", "import", path, "--out", tmp_path / "m.geojson")
+    assert code == 0
+    assert "2000 obstacles, 8004 walls, free area 0.158 m2" in output

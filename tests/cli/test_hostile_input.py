@@ -89,6 +89,7 @@ REFUSED = {
         "trunk.k0 is 1; allowed: no such key",
     ),
     "deep origin": ("d.toml", lambda: PLAIN + "[origin]\nx = " + "[" * 60 + "]" * 60, "nested"),
+    "NaN in origin": ("d.toml", lambda: PLAIN + "[origin]\nx = nan", "origin.x is nan"),
     "date in origin": ("d.toml", lambda: PLAIN + "[origin]\nx = 2001-01-01", "origin.x is"),
     "wide body": (
         "d.toml",

@@ -42,11 +42,12 @@ DEEPEST_NESTING = 32
 _MOST_BITS = 63
 
 
-def check_plain(content: object) -> None:
+def check_plain(content: object, *, finite: bool = True) -> None:
     """Raise BadInputError where nested tables and lists hold what no file of ours may hold.
 
-    That is NaN, infinity, whole numbers above 64 bits, dates, and nesting that later functions,
-    which call themselves, would not survive.
+    That is whole numbers above 64 bits, dates, nesting that later functions, which call
+    themselves, would not survive, and, unless the reader's schema refuses them with the range that
+    it allows, NaN and infinity.
     """
     open_values: list[tuple[str, int, object]] = [("", 0, content)]
     while open_values:
@@ -58,14 +59,14 @@ def check_plain(content: object) -> None:
         elif isinstance(value, list):
             children = [(f"{key}[{number}]", part) for number, part in enumerate(value, start=1)]
         else:
-            _check_plain_value(key, value)
+            _check_plain_value(key, value, finite=finite)
             continue
         # Reversed: the first in the file is the first that is reported.
         open_values += [(name, depth + 1, part) for name, part in reversed(children)]
 
 
-def _check_plain_value(key: str, value: object) -> None:
-    if isinstance(value, float) and not math.isfinite(value):
+def _check_plain_value(key: str, value: object, *, finite: bool) -> None:
+    if finite and isinstance(value, float) and not math.isfinite(value):
         raise BadInputError(_shortened(key), value, "a finite number")
     if isinstance(value, int) and value.bit_length() > _MOST_BITS:
         raise BadInputError(_shortened(key), value, "whole numbers of at most 64 bits")

@@ -9,7 +9,7 @@ from pydantic import Field
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.units import deg, rad
-from vinefab.core.validation import LARGEST_MM
+from vinefab.core.validation import LARGEST_MM, check_plain
 from vinefab.model.design import (
     DEFAULT_FILLET_RATIO,
     DEFAULT_PRESSURE_KPA,
@@ -113,6 +113,7 @@ def read_design(name_or_path: str | PathLike[str]) -> Design:
     path = locate("design", name_or_path)
     form = validated(DesignForm, read_toml(path), path)
     with located(path):
+        check_plain({"origin": form.origin})
         return _design(form)
 
 

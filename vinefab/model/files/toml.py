@@ -47,7 +47,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     except RecursionError as error:
         raise UnreadableFileError(path, "is not readable TOML: nested too deep") from error
     with located(path):
-        check_plain(content)
+        check_plain(content, finite=False)
     return content
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
+from reprlib import Repr
 
 
 class VinefabError(Exception):
@@ -195,6 +196,27 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {matches[0]!r}?" if matches else ""
 
 
+class _Beginning(Repr):
+    """Writes only the beginning of a value: a whole one may be gigabytes, or not printable."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel = 4
+        self.maxlist = self.maxtuple = self.maxdict = self.maxset = self.maxfrozenset = 24
+        self.maxstring = 200
+        self.maxother = 1 << 16
+
+    def repr_int(self, x: int, level: int) -> str:  # noqa: ARG002  reprlib passes it
+        if abs(x) < _MOST_PRINTED:
+            return repr(x)
+        return f"a whole number of about {int(x.bit_length() * _DIGITS_PER_BIT)} digits"
+
+
+_MOST_PRINTED = 10**60
+_DIGITS_PER_BIT = 0.30103
+_BEGINNING = _Beginning()
+
+
 def _brief(value: object) -> str:
-    text = " ".join(repr(value).split())
+    text = " ".join(_BEGINNING.repr(value).split())
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -2,6 +2,7 @@
 
 import io
 import re
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -40,13 +41,16 @@ _STYLE: dict[Any, Any] = {
     "xtick.color": SOFT,
     "ytick.color": SOFT,
     "legend.frameon": False,
+    "text.parse_math": False,  # names of maps and designs may hold dollars
 }
 
 
 @contextmanager
 def house_style() -> Iterator[None]:
     """Draw and save in the house's style, without changing global settings."""
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(_STYLE), warnings.catch_warnings():
+        # A name with a letter that no font has is drawn with boxes; that is no news to a user.
+        warnings.filterwarnings("ignore", message=r"Glyph \d+")
         yield
 
 

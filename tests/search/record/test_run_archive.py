@@ -1,4 +1,5 @@
 import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -55,6 +56,16 @@ def test_a_record_gives_the_result_of_its_run(
     summary = plain_summary(archive)
     assert summary["evaluations"] == 30
     assert summary["winner_score"] == result.score.composite
+
+
+def test_a_record_without_its_session_is_damaged(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    recorded(tmp_path, small, maps)
+    with closing(sqlite3.connect(tmp_path / RECORD_FILE)) as connection, connection:
+        connection.execute("DELETE FROM session")
+    with pytest.raises(UnreadableFileError, match="its session is missing"):
+        RunArchive.read(tmp_path / RECORD_FILE).result()
 
 
 def test_all_settings_read_back_the_same(small: RunSettings) -> None:

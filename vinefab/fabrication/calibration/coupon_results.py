@@ -179,7 +179,7 @@ def _readings(lines: list[str], path: Path) -> Iterator[Reading]:
         if not line.strip() or line.startswith("#"):
             continue
         place = f"{path}, line {number}"
-        cells = [cell.strip() for cell in next(csv.reader([line]))]
+        cells = _cells(line, place)
         if not header:
             header = _header(cells, place)
             continue
@@ -189,6 +189,13 @@ def _readings(lines: list[str], path: Path) -> Iterator[Reading]:
         row = dict(zip(header, cells, strict=False))
         if row.get("value"):
             yield _reading(row, place)
+
+
+def _cells(line: str, place: str) -> list[str]:
+    try:
+        return [cell.strip() for cell in next(csv.reader([line]))]
+    except csv.Error as error:
+        raise BadInputError("line", line, f"comma-separated cells ({error})", place) from error
 
 
 def _header(cells: list[str], place: str) -> list[str]:

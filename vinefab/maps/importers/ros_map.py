@@ -76,7 +76,7 @@ def _open(path: Path, data: bytes) -> Image.Image:
     return image
 
 
-_LARGEST_YAML_BYTES = 1 << 20
+_LARGEST_YAML_BYTES = 1 << 16
 _LARGEST_IMAGE_BYTES = 1 << 30
 _FULL_SIZE = 1000.0
 _MODES = ("trinary", "scale", "raw")
@@ -195,11 +195,37 @@ def _classified(values: Values, opacity: Values | None, source: _RosMap) -> tupl
     return (occupancy > source.occupied_thresh) & known, (occupancy < source.free_thresh) & known
 
 
+class _PlainLoader(yaml.SafeLoader):
+    """Reads YAML without aliases: a few of them make a file of 1 kB a value of gigabytes."""
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        event: yaml.NodeEvent = self.peek_event()  # type: ignore[no-untyped-call]
+        if isinstance(event, yaml.AliasEvent) or event.anchor:
+            raise yaml.composer.ComposerError(
+                problem="anchors (&) and aliases (*) are not read; write values out",
+                problem_mark=event.start_mark,  # type: ignore[arg-type]
+            )
+        return super().compose_node(parent, index)
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:  # noqa: ANN401, FBT001, FBT002  as in PyYAML
+        try:
+            return super().construct_object(node, deep)
+        except (ValueError, OverflowError, LookupError, TypeError) as error:
+            kind = node.tag.rpartition(":")[2]
+            problem = f"{str(node.value)[:30]!r} is no {kind}"
+            raise yaml.constructor.ConstructorError(
+                problem=problem, problem_mark=node.start_mark
+            ) from error
+
+
 def _read_ros_yaml(path: Path) -> _RosMap:
     """Return the metadata in a map_server's YAML file."""
     text = read_text(path, _LARGEST_YAML_BYTES)
     try:
-        data = yaml.safe_load(text)
+        data = yaml.load(text, _PlainLoader)  # noqa: S506  a SafeLoader
+    except yaml.MarkedYAMLError as error:
+        where = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
+        raise UnreadableFileError(path, f"is not YAML: {where}{error.problem}") from error
     except (yaml.YAMLError, RecursionError) as error:
         raise UnreadableFileError(path, f"is not YAML: {error}") from error
     if not isinstance(data, dict):

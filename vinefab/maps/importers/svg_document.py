@@ -15,6 +15,10 @@ from vinefab.model.files.shipped import read_bytes
 _LARGEST_BYTES = 256 << 20
 _DEEPEST = 256
 _LONGEST_ENTITY = 500
+LARGEST_NUMBER = 1e12
+"""Of a coordinate, length or factor: products of a few stay finite, and no drawing needs more."""
+_LONGEST_LENGTH = 100
+_MOST_TRANSFORMS = 1000
 
 
 @dataclass(slots=True)
@@ -131,9 +135,13 @@ def length_px(node: Node, name: str, default: float = 0.0) -> float:
     text = node.attributes.get(name)
     if text is None or text.strip() == "auto":
         return default
-    match = _LENGTH.fullmatch(text)
-    if match is None or match[2].lower() not in _UNITS_PX or not math.isfinite(float(match[1])):
-        allowed = "a number, perhaps with px, mm, cm, in, pt or pc"
+    match = _LENGTH.fullmatch(text) if len(text) <= _LONGEST_LENGTH else None
+    if (
+        match is None
+        or match[2].lower() not in _UNITS_PX
+        or not abs(float(match[1])) <= LARGEST_NUMBER
+    ):
+        allowed = "a number up to 1e12, perhaps with px, mm, cm, in, pt or pc"
         raise BadInputError(f"{node.where}: {name}", text, allowed)
     return float(match[1]) * _UNITS_PX[match[2].lower()]
 
@@ -195,8 +203,13 @@ def viewport(node: Node) -> Floats:
 def transform(node: Node) -> Floats:
     """Return the affine map in a node's ``transform``, shape (2, 3)."""
     text = node.attributes.get("transform", "")
-    matrix, at = IDENTITY, 0
-    while at < len(text.rstrip()):
+    matrix, at, read = IDENTITY, 0, 0
+    end = len(text.rstrip())
+    while at < end:
+        read += 1
+        if read > _MOST_TRANSFORMS:
+            key = f"{node.where}: transform"
+            raise BadInputError(key, f"over {_MOST_TRANSFORMS} operations", "fewer")
         match = _TRANSFORM.match(text, at)
         if match is None:
             raise _bad_transform(node, text)
@@ -255,8 +268,8 @@ def _numbers(text: str, key: str) -> list[float]:
         values = [float(word) for word in words]
     except ValueError as error:
         raise BadInputError(key, text, "numbers") from error
-    if not np.isfinite(values).all():
-        raise BadInputError(key, text, "finite numbers")
+    if not all(abs(value) <= LARGEST_NUMBER for value in values):
+        raise BadInputError(key, text, f"numbers up to {LARGEST_NUMBER:g}")
     return values
 
 

@@ -28,6 +28,7 @@ from vinefab.maps.importers.source_drawing import (
 )
 from vinefab.maps.importers.svg_document import (
     IDENTITY,
+    LARGEST_NUMBER,
     Node,
     after,
     length_px,
@@ -39,6 +40,7 @@ from vinefab.maps.importers.svg_document import (
 )
 from vinefab.model.map import Map
 
+_PATH_DATA = f"path data such as M 0 0 L 9 9 Z, numbers up to {LARGEST_NUMBER:g}"
 _NUMBER = re.compile(r"[\s,]*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)")
 _FLAG = re.compile(r"[\s,]*([01])")
 _END = re.compile(r"[\s,]*\Z")
@@ -158,8 +160,10 @@ class _PathReader:
         self.now = end
 
     def _value(self, kind: str, index: int) -> float:
+        before = self.at
         text = self._match(_FLAG if kind == "A" and index in (3, 4) else _NUMBER)
-        if text is None or not math.isfinite(float(text)):
+        if text is None or not abs(float(text)) <= LARGEST_NUMBER:
+            self.at = before
             raise self._syntax_error()
         return float(text)
 
@@ -172,7 +176,11 @@ class _PathReader:
 
     def _syntax_error(self) -> BadInputError:
         rest = " ".join(self.data[self.at :].split())[:30]
-        return BadInputError(f"d, character {self.at + 1}", rest, "path data such as M 0 0 L 9 9 Z")
+        return BadInputError(f"d, character {self.at + 1}", rest, _PATH_DATA)
+
+
+_LEAST_RADIUS = 1e-12
+"""Of an arc, and of its chord in radii: below, it is a straight line."""
 
 
 def _end_point_arc(
@@ -183,12 +191,14 @@ def _end_point_arc(
     wide, high, turn = shape
     if not (end - start).any():
         return None
-    if wide == 0.0 or high == 0.0:
+    if min(wide, high) < _LEAST_RADIUS:
         return Straight(np.array([start, end]))
     turned = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
     # In units of the radii the ellipse is a circle of radius 1.
     half = (turned.T @ (0.5 * (start - end))) / (wide, high)
     squared = float(half @ half)
+    if squared < _LEAST_RADIUS**2:
+        return Straight(np.array([start, end]))
     grown = max(1.0, math.sqrt(squared))
     aside = math.sqrt(max(0.0, 1.0 / squared - 1.0)) * (-1.0 if large == sweep else 1.0)
     middle = aside * np.array([half[1], -half[0]]) if grown == 1.0 else np.zeros(2)
@@ -261,9 +271,11 @@ _SILENT = {
     "defs", "title", "desc", "metadata", "style", "script", "namedview", "clipPath", "mask",
     "marker", "pattern", "linearGradient", "radialGradient", "filter", "symbol",
 }  # fmt: skip
-_MOST_ELEMENTS = 500_000
+_MOST_ELEMENTS = 200_000
+_MOST_COPIED = 50_000
 _DEEPEST_USE = 32
-_RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
+_DEEPEST = 256
+_PROPERTIES = {"clip-path", "display", "fill", "stroke", "visibility"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -274,6 +286,7 @@ class _Place:
     layers: tuple[str, ...]
     filled: bool
     uses: int = 0
+    depth: int = 0
 
 
 def import_svg(path: Path, options: ImportOptions) -> Map:
@@ -284,7 +297,8 @@ def import_svg(path: Path, options: ImportOptions) -> Map:
     map's origin.
     """
     root = read_nodes(path)
-    with located(path):
+    # What overflows in nested transforms is found, and named, by `drawing_map`.
+    with located(path), np.errstate(over="ignore", invalid="ignore"):
         drawing = _drawing(root, options)
     return replace(drawing_map(path, drawing, options), environment="svg")
 
@@ -325,6 +339,7 @@ class _Walk:
     styles: dict[str, dict[str, str]] = field(default_factory=dict)
     backgrounds: list[DrawingItem] = field(default_factory=list)
     seen: int = 0
+    copied: int = 0
 
     def items(self) -> list[DrawingItem]:
         for node in _all(self.root):
@@ -339,6 +354,11 @@ class _Walk:
         self.seen += 1
         if self.seen > _MOST_ELEMENTS:
             raise BadInputError("elements", f"more than {_MOST_ELEMENTS}", "fewer, in uses too")
+        self.copied += place.uses > 0
+        if self.copied > _MOST_COPIED:
+            raise BadInputError(node.where, f"over {_MOST_COPIED} elements in uses", "fewer")
+        if place.depth > _DEEPEST:
+            raise BadInputError(node.where, "nested deeper", f"{_DEEPEST} levels, in uses too")
         style = self._style(node)
         if self._left_out(node, style, place):
             return
@@ -385,7 +405,7 @@ class _Walk:
             layers = (*layers, *names)
         fill = style.get("fill", "inherit").strip()
         filled = place.filled if fill == "inherit" else fill not in ("none", "transparent")
-        return _Place(matrix, layers, filled, place.uses)
+        return _Place(matrix, layers, filled, place.uses, place.depth + 1)
 
     def _used(self, node: Node, place: _Place) -> Iterator[DrawingItem]:
         name = node.attributes.get("href", "")
@@ -494,12 +514,27 @@ def _all(root: Node) -> Iterator[Node]:
 def _rules(sheet: str) -> dict[str, dict[str, str]]:
     """Return the declarations of a style sheet's simple selectors: tag, .class and #id."""
     found: dict[str, dict[str, str]] = {}
-    for selectors, body in _RULE.findall(re.sub(r"/\*.*?\*/", "", sheet, flags=re.DOTALL)):
-        for selector in selectors.split(","):
-            found.setdefault(selector.strip(), {}).update(_declarations(body))
+    for block in _without_comments(sheet).split("}"):
+        head, brace, body = block.rpartition("{")
+        declared = _declarations(body) if brace else {}
+        # Of `@media print { rect` the selectors stand after the other brace.
+        for selector in head.rpartition("{")[2].split(",") if declared else ():
+            found.setdefault(selector.strip(), {}).update(declared)
     return found
+
+
+def _without_comments(sheet: str) -> str:
+    """Return a style sheet without comments; one that is not closed reaches to the end."""
+    first, *others = sheet.split("/*")
+    kept, inside = [first], False
+    for part in others:
+        _, closed, rest = part.partition("*/")
+        inside = not closed
+        kept.append(rest if not inside else "")
+    return "".join(kept)
 
 
 def _declarations(text: str) -> dict[str, str]:
     pairs = (part.partition(":") for part in text.split(";"))
-    return {name.strip(): value.strip() for name, colon, value in pairs if colon}
+    named = ((name.strip(), value.strip()) for name, colon, value in pairs if colon)
+    return {name: value for name, value in named if name in _PROPERTIES}

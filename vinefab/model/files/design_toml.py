@@ -9,7 +9,7 @@ from pydantic import Field
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.units import deg, rad
-from vinefab.core.validation import LARGEST_MM
+from vinefab.core.validation import LARGEST_MM, check_plain
 from vinefab.model.design import (
     DEFAULT_FILLET_RATIO,
     DEFAULT_PRESSURE_KPA,
@@ -27,8 +27,11 @@ from vinefab.model.design import (
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import Form, read_toml, validated
 
+WIDEST_BODY_MM = 1e4
+"""Wider ones are a mixed-up unit, and their outlines would take gigabytes."""
 SCHEMA = "vinefab/design-1"
 Positive = Annotated[float, Field(gt=0, le=LARGEST_MM)]
+Width = Annotated[float, Field(gt=0, le=WIDEST_BODY_MM)]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST_MM)]
 Taper = Annotated[float, Field(ge=0.01, le=1)]
 
@@ -60,16 +63,16 @@ class PouchForm(Form):
 class CollarForm(Form):
     """Inline table ``collar``."""
 
-    clamp_diameter_mm: Positive
-    length_mm: NotNegative = 30.0
-    flare_mm: Positive = 40.0
+    clamp_diameter_mm: Width
+    length_mm: Annotated[float, Field(ge=0, le=WIDEST_BODY_MM)] = 30.0
+    flare_mm: Width = 40.0
 
 
 class BuildForm(Form):
     """Table ``[build]``: every key may be left out."""
 
-    widths_mm: list[Positive] | None = None
-    trunk_width_mm: Positive | None = None
+    widths_mm: list[Width] | None = None
+    trunk_width_mm: Width | None = None
     width_ratio: Annotated[float, Field(gt=0, le=1)] | None = None
     taper: list[Taper] | None = None
     fillet_mm: list[NotNegative] | None = None
@@ -110,6 +113,7 @@ def read_design(name_or_path: str | PathLike[str]) -> Design:
     path = locate("design", name_or_path)
     form = validated(DesignForm, read_toml(path), path)
     with located(path):
+        check_plain({"origin": form.origin})
         return _design(form)
 
 

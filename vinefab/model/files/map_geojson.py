@@ -13,7 +13,7 @@ from shapely import Point, Polygon
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.jsontext import GENERATOR, plain
 from vinefab.core.units import deg, rad
-from vinefab.core.validation import LARGEST_MM, Floats
+from vinefab.core.validation import LARGEST_MM, Floats, check_plain
 from vinefab.model.files.shipped import read_text
 from vinefab.model.map import Map, Pose, Start
 
@@ -231,6 +231,7 @@ def _about(document: dict[str, Any]) -> dict[str, Any]:
         value = about.get(key)
         if value is not None and type(value) is not kind:
             raise BadInputError(f"vinefab.{key}", value, kind.__name__)
+    check_plain({"vinefab": {key: about.get(key) for key in kinds}})
     return about
 
 

@@ -1,5 +1,6 @@
 """Reading TOML files against a schema; every error is one line with file, key and value."""
 
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,12 +9,16 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
-from vinefab.core.errors import BadInputError, UnreadableFileError, nearest
+from vinefab.core.errors import BadInputError, UnreadableFileError, located, nearest
+from vinefab.core.validation import check_plain
 from vinefab.model.files.shipped import read_text
 
 M = TypeVar("M", bound=BaseModel)
 
-LARGEST_TOML_BYTES = 16 << 20
+LARGEST_TOML_BYTES = 1 << 20
+"""A hundred times the largest that is shipped; all keys of it are looked at in two seconds."""
+_LONG_INTEGER = re.compile(r"[0-9][0-9_]{4299}")
+_LONG_KEY = re.compile(r"""(?<![\w"'-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){64}""")
 
 
 class Form(BaseModel):
@@ -24,12 +29,26 @@ class Form(BaseModel):
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file."""
+    text = read_text(path, LARGEST_TOML_BYTES)
+    if long_key := _LONG_KEY.search(text):
+        # tomllib would need time that grows with the square of the parts.
+        line = text.count("\n", 0, long_key.start()) + 1
+        raise UnreadableFileError(path, f"line {line}: a key of over 64 parts; allowed: fewer")
     try:
-        return tomllib.loads(read_text(path, LARGEST_TOML_BYTES))
+        content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise UnreadableFileError(path, f"is not TOML: {error}") from error
+    except ValueError as error:
+        # Python refuses to read integers of so many digits.
+        found = _LONG_INTEGER.search(text)
+        line = text.count("\n", 0, found.start() if found else 0) + 1
+        problem = f"line {line}: an integer of over 4300 digits; allowed: at most 64 bits"
+        raise UnreadableFileError(path, problem) from error
     except RecursionError as error:
         raise UnreadableFileError(path, "is not readable TOML: nested too deep") from error
+    with located(path):
+        check_plain(content, finite=False)
+    return content
 
 
 def validated(model: type[M], data: Mapping[str, Any], source: str | Path) -> M:

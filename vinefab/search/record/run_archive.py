@@ -334,6 +334,8 @@ class RunArchive:
         """Return the result of a run that has ended."""
         if not self.finalists:
             raise BadInputError(str(self.path), "a run that has not ended", "one that has")
+        if not self.sessions:
+            raise UnreadableFileError(self.path, "is damaged: the row of its session is missing")
         run_id = self.identity.run_id
         return RunResult(
             run_id=run_id,

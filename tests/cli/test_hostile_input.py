@@ -1,0 +1,256 @@
+"""Files made to break a reader: one clear line and exit code 2, in bounded time and memory."""
+
+import json
+import subprocess
+import sys
+import textwrap
+import time
+
+import pytest
+
+from vinefab.core.errors import BadInputError
+from vinefab.fabrication.calibration.coupon_results import read_results
+from vinefab.pages.figure import blank, house_style, svg_bytes
+
+LONGEST_S = 10.0  # of one refusal, with the start of Python on a busy computer
+MOST_BYTES = 2 << 30
+
+PLAIN = 'schema = "vinefab/design-1"\nname = "d"\n[trunk]\nlength = 120.0\n'
+SVG = (
+    '<svg xmlns="http://www.w3.org/2000/svg" width="500mm" height="500mm" viewBox="0 0 500 500">'
+    '%s<rect width="400" height="400"/></svg>'
+)
+ROS = "image: x.pgm\nresolution: %s\norigin: [0, 0, 0]\n"
+
+
+def alias_bomb():
+    """A list of ten lists of ten lists: 10^9 entries in half a kilobyte."""
+    levels = [f"k{n}: &k{n} [{', '.join([f'*k{n - 1}'] * 10)}]" for n in range(1, 9)]
+    return "\n".join(["k0: &k0 [x, x, x]", *levels, "image: *k8", "resolution: 0.05"])
+
+
+def merge_chain():
+    levels = [f"k{n}: &k{n} {{<<: [{', '.join([f'*k{n - 1}'] * 10)}]}}" for n in range(1, 9)]
+    return "\n".join(["k0: &k0 {x: 1}", *levels, "resolution: 0.05"])
+
+
+def nested_uses(content):
+    """A drawing of 10^11 copies of something."""
+    groups = "".join(
+        f'<g id="g{n}">' + f'<use href="#g{n - 1}"/>' * 10 + "</g>" for n in range(1, 12)
+    )
+    return f'<defs><g id="g0">{content}</g>{groups}</defs><use href="#g11"/>'
+
+
+def deep_uses():
+    """Groups 200 deep, each in the use of the one before."""
+    return "".join(
+        f'<g id="g{n}">{"<g>" * 200}<use href="#g{n + 1}"/>{"</g>" * 200}</g>' for n in range(20)
+    )
+
+
+def geojson(facts="{}", name='"d"'):
+    """A square map with its facts as they stand in the file."""
+    ring = "[[0, 0], [300, 0], [300, 300], [0, 300]]"
+    start = '{"role": "start", "heading_deg": 90}'
+    return (
+        '{"type": "FeatureCollection", "vinefab": {"schema": "vinefab/map-1", '
+        f'"name": {name}, "facts": {facts}}}, "features": ['
+        '{"type": "Feature", "properties": {"role": "bounds"}, '
+        f'"geometry": {{"type": "Polygon", "coordinates": [{ring}]}}}}, '
+        f'{{"type": "Feature", "properties": {start}, '
+        '"geometry": {"type": "Point", "coordinates": [150, 20]}}]}'
+    )
+
+
+REFUSED = {
+    "alias bomb": ("m.yaml", alias_bomb, "anchors (&) and aliases (*)"),
+    "merge chain": ("m.yaml", merge_chain, "anchors (&) and aliases (*)"),
+    "int of letters": ("m.yaml", lambda: ROS % "!!int abc", "line 2: 'abc' is no int"),
+    "no such day": ("m.yaml", lambda: ROS % "2001-99-99", "line 2: '2001-99-99' is no timestamp"),
+    "date": ("m.yaml", lambda: ROS % "2001-01-01", "resolution is datetime.date"),
+    "long YAML integer": ("m.yaml", lambda: ROS % ("9" * 5000), "line 2: '9999"),
+    "long integer": ("d.toml", lambda: PLAIN + "x = " + "9" * 5000, "line 5: an integer of over"),
+    "long hexadecimal": (
+        "d.toml",
+        lambda: PLAIN.replace("120.0", "0x" + "f" * 4000),
+        "trunk.length is a whole number of about 4816 digits",
+    ),
+    "dotted key": ("d.toml", lambda: PLAIN + ".".join(["a"] * 20_000) + " = 1", "line 5: a key"),
+    "dotted table": ("d.toml", lambda: PLAIN + f"[{'.'.join(['a'] * 20_000)}]", "line 5: a key"),
+    "million keys": (
+        "d.toml",
+        lambda: PLAIN + "".join(f"k{n} = 1\n" for n in range(1_000_000)),
+        "is larger than",
+    ),
+    "keys of a megabyte": (
+        "d.toml",
+        lambda: PLAIN + "".join(f"k{n} = 1\n" for n in range(80_000)),
+        "trunk.k0 is 1; allowed: no such key",
+    ),
+    "deep origin": ("d.toml", lambda: PLAIN + "[origin]\nx = " + "[" * 60 + "]" * 60, "nested"),
+    "NaN in origin": ("d.toml", lambda: PLAIN + "[origin]\nx = nan", "origin.x is nan"),
+    "date in origin": ("d.toml", lambda: PLAIN + "[origin]\nx = 2001-01-01", "origin.x is"),
+    "wide body": (
+        "d.toml",
+        lambda: PLAIN + "[build]\nwidths_mm = [1e7]",
+        "build.widths_mm[1] is 10000000.0; allowed: less than or equal to 10000",
+    ),
+    "half a letter": ("m.geojson", lambda: geojson(name='"x\\ud800"'), "vinefab.name is 'x"),
+    "NaN facts": ("m.geojson", lambda: geojson('{"a": [1, NaN]}'), "vinefab.facts.a[2] is nan"),
+    "infinite facts": ("m.geojson", lambda: geojson('{"a": 1e999}'), "vinefab.facts.a is inf"),
+    "huge arc": ("m.svg", lambda: SVG % '<path d="M0 0A1e308 1e308 0 0 1 9 9"/>', "1e308 1e308"),
+    "huge circle": ("m.svg", lambda: SVG % '<circle r="1e308"/>', "r is '1e308'"),
+    "long length": ("m.svg", lambda: SVG % f'<circle r="{"9" * 300_000}!"/>', "r is '9999"),
+    "huge scale": ("m.svg", lambda: SVG % '<g transform="scale(1e200)"/>', "transform is '1e200'"),
+    "overflow in groups": (
+        "m.svg",
+        lambda: (
+            SVG % ('<g transform="scale(1e12)">' * 40 + '<path d="M1 1L9 9V1z"/>' + "</g>" * 40)
+        ),
+        "not finite",
+    ),
+    "many transforms": (
+        "m.svg",
+        lambda: SVG % f'<g transform="{"scale(1) " * 100_000}"/>',
+        "over 1000 operations",
+    ),
+    "nested uses": (
+        "m.svg",
+        lambda: SVG % nested_uses('<path d="M0 0h1v1z"/>'),
+        "over 50000 elements in uses",
+    ),
+    "nested empty uses": ("m.svg", lambda: SVG % nested_uses(""), "over 50000 elements in uses"),
+    "deep uses": ("m.svg", lambda: SVG % deep_uses(), "nested deeper"),
+}
+
+
+def command_for(path):
+    if path.suffix == ".toml":
+        return ["check", str(path)]
+    if path.suffix == ".geojson":
+        return ["map", "info", str(path)]
+    return ["map", "import", str(path), "--out", str(path.with_name("out.geojson"))]
+
+
+@pytest.fixture(scope="module")
+def refusals(tmp_path_factory):
+    """Every file of the table in one process whose memory is limited: (code, words, seconds)."""
+    folder = tmp_path_factory.mktemp("hostile")
+    commands = {}
+    for number, (case, (name, content, _)) in enumerate(REFUSED.items()):
+        path = folder / str(number) / name
+        path.parent.mkdir()
+        path.write_text(content())
+        commands[case] = command_for(path)
+    program = textwrap.dedent(
+        """
+        import contextlib, io, json, resource, sys, time
+        from vinefab.cli.main import main
+        resource.setrlimit(resource.RLIMIT_DATA, (int(sys.argv[1]),) * 2)
+        for case, command in json.loads(sys.stdin.read()).items():
+            words, begin = io.StringIO(), time.monotonic()
+            with contextlib.redirect_stderr(words):
+                code = main(command)
+            print(json.dumps([case, code, words.getvalue(), time.monotonic() - begin]), flush=True)
+        """
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(MOST_BYTES)],
+        input=json.dumps(commands),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    lines = [json.loads(line) for line in done.stdout.splitlines() if line.startswith('["')]
+    assert done.stderr == ""
+    return {case: result for case, *result in lines}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_hostile_files_are_refused_in_one_line(refusals, case):
+    code, words, seconds = refusals[case]
+    assert code == 2, words
+    assert words.startswith("error: ")
+    assert words.count("\n") == 1
+    assert len(words) < 600
+    name, _, expected = REFUSED[case]
+    assert f"/{name}: " in words
+    assert expected in words
+    assert seconds < LONGEST_S
+
+
+STYLES = {
+    "no braces": "a " * 150_000,
+    "open comments": "rect {fill: none} " + "/* " * 200_000,
+    "open braces": "a{" * 200_000,
+    "many selectors": ",".join(f"s{n}" for n in range(20_000))
+    + "{"
+    + "".join(f"p{n}: 1;" for n in range(20_000))
+    + "}",
+}
+
+
+@pytest.mark.parametrize("sheet", STYLES.values(), ids=STYLES)
+def test_style_sheets_are_read_in_time_that_grows_with_their_length(vinefab, tmp_path, sheet):
+    path = tmp_path / "m.svg"
+    path.write_text(SVG % f"<style>{sheet}</style>")
+    begin = time.monotonic()
+    assert vinefab("map", "import", path, "--out", tmp_path / "m.geojson")[0] == 0
+    assert time.monotonic() - begin < LONGEST_S
+
+
+def test_a_sheet_with_comments_and_media_still_hides(vinefab, tmp_path):
+    path = tmp_path / "m.svg"
+    sheet = "/* } */ @media print { .a {fill: red} .b, .c /* x */ {display: none} } .d{}"
+    path.write_text(SVG % f'<style>{sheet}</style><rect class="c" width="9" height="9"/>')
+    _, output, _ = vinefab("map", "import", path, "--out", tmp_path / "m.geojson")
+    assert "'display:none': 1" in output
+
+
+NAMES = ["cost $\\foo$ map", "map \U0010ffff \u4e2d\u6587 \U0001f600"]
+
+
+@pytest.mark.parametrize("name", NAMES, ids=["dollars", "no glyph"])
+def test_names_are_drawn_as_they_are(recwarn, name):
+    with house_style():
+        figure, axes = blank()
+        axes.set_title(name)
+        axes.plot([0.0, 1.0], label=name)
+        axes.legend()
+    assert svg_bytes(figure).startswith(b"<?xml")
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize("name", NAMES, ids=["dollars", "no glyph"])
+def test_maps_of_such_names_are_described(vinefab, tmp_path, name):
+    path = tmp_path / "m.geojson"
+    path.write_text(geojson(name=json.dumps(name)))
+    code, _, words = vinefab("map", "info", path, "--svg", tmp_path / "m.svg")
+    assert (code, words) == (0, "")
+
+
+def test_a_cell_longer_than_the_csv_reader_allows(tmp_path):
+    path = tmp_path / "results.csv"
+    path.write_text(f"measure,setting,value,unit\n{'a' * 140_000},1,1,mm\n")
+    with pytest.raises(BadInputError, match=r"line 2: line is 'aaa.*field larger") as refused:
+        read_results(path)
+    assert len(str(refused.value)) < 300
+
+
+def test_a_value_is_never_printed_whole():
+    whole = [[["x" * 100] * 1000] * 1000] * 1000
+    assert len(str(BadInputError("key", whole, "less"))) < 100
+    assert "digits" in str(BadInputError("key", 10**5000, "less"))
+
+
+def test_thousands_of_obstacles_are_imported(vinefab, tmp_path):
+    path = tmp_path / "m.svg"
+    places = [(2 * column, 2 * row) for column in range(1, 51) for row in range(1, 41)]
+    path.write_text(
+        SVG % "".join(f'<rect x="{x}" y="{y}" width="1" height="1"/>' for x, y in places)
+    )
+    code, output, _ = vinefab("map", "import", path, "--out", tmp_path / "m.geojson")
+    assert code == 0
+    assert "2000 obstacles, 8004 walls, free area 0.158 m2" in output

@@ -34,7 +34,11 @@ def optimize_command(
     workers: Annotated[int, typer.Option(min=1, help="Threads; results do not depend on it.")] = 1,
     cluster: Annotated[
         str | None,
-        typer.Option(help="local:N, or a dask scheduler's address, in place of --workers."),
+        typer.Option(
+            help="local:N, or the address of a dask scheduler that you trust, in place of "
+            "--workers. For tls:// dask takes PEM files from DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
+            "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and ..._TLS__CLIENT__KEY."
+        ),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue the run in --out.")] = False,
     json_out: JsonOut = None,

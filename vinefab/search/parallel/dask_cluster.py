@@ -14,10 +14,11 @@ import pickle
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any
 
@@ -78,6 +79,17 @@ MOST_RETRIES = 20
 """Retries of work that killed several workers, before the run gives up."""
 
 
+NEEDED = ("distributed", "cryptography")
+"""What the extra installs: the cluster, and what makes the certificates of a local one."""
+
+TLS_FILES = {
+    "DASK_DISTRIBUTED__COMM__TLS__CA_FILE": "tls_ca_file",
+    "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT": "tls_client_cert",
+    "DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY": "tls_client_key",
+}
+"""Environment variables of dask that name the files for ``tls://``."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkerPayload:
     """What every worker is sent once."""
@@ -108,7 +120,7 @@ class DaskEvaluator:
     ----------
     address
         ``local:N`` for N processes on this computer, else a scheduler's address
-        (``tcp://host:8786``) or its file (``scheduler.json``).
+        (``tcp://host:8786``, ``tls://host:8786``) or its file (``scheduler.json``).
     patience_s
         How long to wait without any worker.
     """
@@ -118,7 +130,7 @@ class DaskEvaluator:
         self.count = self._local_count()
         self._patience_s = patience_s
         self._restart: Callable[[], object] | None = None
-        if importlib.util.find_spec("distributed") is None:
+        if any(importlib.util.find_spec(name) is None for name in NEEDED):
             allowed = "only with the extra: pip install 'vinefab[cluster]'"
             raise BadInputError("--cluster", address, allowed)
 
@@ -203,27 +215,20 @@ class DaskEvaluator:
 
     @contextmanager
     def _client(self) -> Iterator[Any]:
-        from distributed import Client, LocalCluster  # noqa: PLC0415 - optional
-
         if self.address.startswith("local:"):
-            with (
-                LocalCluster(  # type: ignore[no-untyped-call]
-                    n_workers=self.count,
-                    threads_per_worker=1,
-                    dashboard_address=None,
-                    memory_limit=0,
-                    silence_logs="CRITICAL",
-                ) as cluster,
-                Client(cluster) as client,  # type: ignore[no-untyped-call]
-            ):
-                self._restart = lambda: (cluster.scale(0), cluster.scale(self.count))
+            with self._local_client() as client:
                 yield client
             return
+        from distributed import Client  # noqa: PLC0415 - optional
+
         file = self.address.endswith(".json")
-        if file and not _names_scheduler(Path(self.address)):
+        scheduler = _address_in(Path(self.address)) if file else self.address
+        if scheduler is None:
             # dask would wait until it appears, or end in a traceback
             allowed = "a file that a running dask scheduler wrote, tcp://HOST:PORT, or local:N"
             raise BadInputError("--cluster", self.address, allowed)
+        if scheduler.startswith("tls:"):
+            _check_tls_files(self.address)
         where = {"scheduler_file": self.address} if file else {"address": self.address}
         try:
             client = Client(**where, timeout=CONNECT_S)  # type: ignore[no-untyped-call]
@@ -231,6 +236,34 @@ class DaskEvaluator:
             allowed = f"a running dask scheduler ({' '.join(str(error).split())[:80]})"
             raise BadInputError("--cluster", self.address, allowed) from error
         with client:
+            yield client
+
+    @contextmanager
+    def _local_client(self) -> Iterator[Any]:
+        """Start workers on this computer that only this run can use, and connect to them."""
+        import dask  # noqa: PLC0415 - optional
+        from distributed import Client, LocalCluster  # noqa: PLC0415 - optional
+        from distributed.security import Security  # noqa: PLC0415 - optional
+
+        with ExitStack() as stack:
+            # Private, because workers import from it: dask's own is shared by all users.
+            folder = TemporaryDirectory(prefix="vinefab-", ignore_cleanup_errors=True)
+            private = stack.enter_context(folder)
+            stack.enter_context(dask.config.set(_without_http()))  # also for later workers
+            cluster = stack.enter_context(
+                LocalCluster(  # type: ignore[no-untyped-call]
+                    n_workers=self.count,
+                    threads_per_worker=1,
+                    security=Security.temporary(),  # type: ignore[no-untyped-call]
+                    # A fixed port would be taken, and a warning given, beside another cluster.
+                    scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+                    local_directory=private,
+                    memory_limit=0,
+                    silence_logs="CRITICAL",
+                )
+            )
+            client = stack.enter_context(Client(cluster))  # type: ignore[no-untyped-call]
+            self._restart = lambda: (cluster.scale(0), cluster.scale(self.count))
             yield client
 
     def _count_workers(self, client: Any) -> int:  # noqa: ANN401 - as above
@@ -243,13 +276,51 @@ class DaskEvaluator:
         return sum(client.nthreads().values())
 
 
-def _names_scheduler(path: Path) -> bool:
-    """Return whether a file exists and holds the address of a scheduler."""
+def _address_in(path: Path) -> str | None:
+    """Return the address of a scheduler that a file holds, or None."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return False
-    return isinstance(document, dict) and isinstance(document.get("address"), str)
+        return None
+    address = document.get("address") if isinstance(document, dict) else None
+    return address if isinstance(address, str) else None
+
+
+def _check_tls_files(address: str) -> None:
+    """Refuse a ``tls://`` address without the files that it needs."""
+    from distributed.security import Security  # noqa: PLC0415 - optional
+
+    allowed = f"tls://HOST:PORT with PEM files named in {', '.join(TLS_FILES)}"
+    try:
+        security = Security()  # type: ignore[no-untyped-call]
+        given = [(name, getattr(security, field)) for name, field in TLS_FILES.items()]
+        for _, file in given:
+            if file is not None and "\n" not in file:  # else the content itself
+                Path(file).read_bytes()
+        security.get_connection_args("client")  # type: ignore[no-untyped-call]
+    except (OSError, ValueError, TypeError) as error:  # an SSLError is an OSError
+        raise BadInputError("--cluster", address, f"{allowed} ({error})") from error
+    for name, file in given[:2]:  # the key may be part of the certificate's file
+        if file is None:
+            raise BadInputError("--cluster", address, f"{allowed} ({name} is not set)")
+
+
+def _without_http() -> dict[str, list[str]]:
+    """Return settings of dask with which its servers answer only to TLS certificates."""
+    import dask  # noqa: PLC0415 - optional
+
+    settings: dict[str, list[str]] = {}
+    for server in ("scheduler", "worker"):
+        preload = f"distributed.{server}.preload"
+        # Modules whose `dask_setup` is called with every server: the user's and this one.
+        settings[preload] = [*dask.config.get(preload), __name__]
+        settings[f"distributed.{server}.http.routes"] = []
+    return settings
+
+
+def dask_setup(server: Any) -> None:  # noqa: ANN401 - distributed has no types
+    """Close the HTTP server that dask starts also without a dashboard; dask calls this by name."""
+    server.http_server.stop()
 
 
 def _wait(unfinished: Sequence[Any]) -> None:

@@ -513,7 +513,7 @@ def rig(
         allowed = f"a Printer, a path, or one of {', '.join(printers())}"
         machine = read_printer(name_or_path("printer", machine, allowed))
     options = RigOptions(**options_given(RigOptions, "rig", sizes))
-    wishes = RigRequest(
+    request = RigRequest(
         design=None if design is None else design_given(design),
         allow_empty=allow_empty,
         pictures=pictures,
@@ -522,7 +522,7 @@ def rig(
     with python_words():
         if fit_mm is not None:
             options = options.fitted(place, number("fit_mm", fit_mm, 0.0, 1e6, "mm"))
-        made = make_rig(place, machine, options, wishes, progress=progress)
+        made = make_rig(place, machine, options, request, progress=progress)
     if made.report.blocking:
         rules = ", ".join(sorted({finding.rule for finding in made.report.blocking}))
         raise ExportRefusedError(f"rig of {place.name}", f"{rules} forbid it", made.report)

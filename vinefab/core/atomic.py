@@ -10,10 +10,10 @@ from pathlib import Path
 
 from vinefab.core.errors import CannotWriteError, ForeignFileError, VinefabError
 from vinefab.core.hashing import MANIFEST_NAME, digests_in, manifest_text, sha256_of_file
+from vinefab.core.jsontext import OWN_MARK
 from vinefab.core.lock import lock_folder
 from vinefab.core.replacement import NEW, is_incomplete, replace_files, staging_folder
 
-OWN_MARK = b"written by vinefab"
 _LOOK_BYTES = 8192
 _SCHEMA = re.compile(rb"vinefab/([a-z-]+)-\d")
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from vinefab.core.version import __version__
 
-GENERATOR = f"written by vinefab {__version__}"
+OWN_MARK = b"written by vinefab"
+GENERATOR = f"{OWN_MARK.decode()} {__version__}"
 """The mark of files that vinefab wrote (see `vinefab.core.atomic`)."""
 
 

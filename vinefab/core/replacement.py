@@ -16,7 +16,7 @@ from pathlib import Path
 
 from vinefab.core.errors import CannotWriteError, ForeignFileError
 from vinefab.core.hashing import MANIFEST_NAME, listed_in, sha256_of_file
-from vinefab.core.jsontext import GENERATOR
+from vinefab.core.jsontext import GENERATOR, OWN_MARK
 
 INCOMPLETE_NAME = "INCOMPLETE.txt"
 """Stands in a folder while, and only while, files of two runs may lie in it side by side."""
@@ -25,7 +25,6 @@ NEW, OLD = "new", "old"
 """Parts of the staging folder: files to be put in place, and those that they replace."""
 
 _PREFIX = ".vinefab-new."
-_MARK = b"written by vinefab"
 _ADVICE = f"""\
 # {GENERATOR}
 # A run was stopped while it replaced the files of this folder. Those listed below may be of an
@@ -69,7 +68,7 @@ def replace_files(folder: Path, staging: Path, *, force: bool) -> None:
         name for name in sorted(owned) if name not in names and _is_as_written(folder, name, owned)
     ]
     _refuse_conflicts(folder, names, stale, owned, force=force)
-    _write_mark(folder, staging, owned)
+    _write_mark(folder, staging, names, owned)
     undo: list[Callable[[], object]] = []
     try:
         for name in stale:
@@ -95,7 +94,7 @@ def _owned(folder: Path) -> Owned:
     """Return what the manifest, and the mark of a run that was killed, say of a folder."""
     owned: Owned = {}
     for path in (folder / MANIFEST_NAME, folder / INCOMPLETE_NAME):
-        if not path.is_file() or _MARK not in path.read_bytes()[:200]:
+        if not path.is_file() or OWN_MARK not in path.read_bytes()[:200]:
             continue
         for name, digest in listed_in(path.read_text(encoding="utf-8", errors="replace")):
             if ".." not in Path(name).parts and not Path(name).is_absolute():
@@ -138,18 +137,14 @@ def _refuse_conflicts(
 
 def _will_be_empty(path: Path, gone: set[Path]) -> bool:
     """Tell whether all that a folder holds is removed as stale."""
-    inside = list(path.rglob("*"))
-    return (
-        bool(inside)
-        and all(place.is_dir() or place in gone for place in inside)
-        and any(place in gone for place in inside)
-    )
+    files = [place for place in path.rglob("*") if not place.is_dir()]
+    return bool(files) and gone.issuperset(files)
 
 
-def _write_mark(folder: Path, staging: Path, owned: Owned) -> None:
+def _write_mark(folder: Path, staging: Path, names: list[str], owned: Owned) -> None:
     """Write, in one step, which files may be of two runs from now on."""
     listed = [(digest, name) for name in sorted(owned) for digest in sorted(owned[name])]
-    listed += [(sha256_of_file(staging / NEW / n), n) for n in _new_names(staging / NEW)]
+    listed += [(sha256_of_file(staging / NEW / name), name) for name in names]
     text = _ADVICE + "".join(f"{digest}  {name}\n" for digest, name in listed)
     mark = staging / INCOMPLETE_NAME
     with mark.open("w", encoding="utf-8") as stream:

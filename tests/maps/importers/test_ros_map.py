@@ -303,7 +303,7 @@ def test_noise_is_refused_at_once_and_can_be_left_out(
     monkeypatch.setattr(raster, "MOST_OBSTACLES", 100)
     with monkeypatch.context() as patch:
         patch.setattr(raster, "straighten", None)
-        with pytest.raises(BadInputError, match="obstacles with .* as of noise.*least-obstacle"):
+        with pytest.raises(BadInputError, match=r"obstacles with .* as of noise.*least-obstacle"):
             importing(noisy_room(100, 0.3))
     world = importing(noisy_room(100, 0.3), ImportOptions(least_obstacle_mm2=40 * 50.0**2))
     assert 0 < len(world.obstacles) < 100

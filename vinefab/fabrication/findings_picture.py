@@ -147,24 +147,56 @@ def _values(finding: Finding) -> str:
     return f"is {finding.measured:.4g}, limit {finding.limit:.4g} {finding.unit}".strip() + "; "
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FindingsPage:
+    """Where everything lies on the page, in points from its lower left corner."""
+
+    lines: tuple[Listed, ...]
+    robot: "_Robot"
+    view: "_View"
+    below_pt: float  # height of key and list
+    high_pt: float  # height of the page
+    marked: dict[Severity, BaseGeometry]  # highlighted areas
+    tags: tuple[Tag, ...]
+
+    @classmethod
+    def of(cls, design: Design, profile: LaserProfile, report: CheckReport) -> "FindingsPage":
+        """Return the page of a check."""
+        lines, robot = listed(report.findings), _Robot.of(design, profile)
+        rows = max(1, min(len(lines), MOST_RULES))
+        below_pt = _KEY_PT + _ROW_PT * rows + _FOOT_PT
+        view, high_pt = _view(robot, lines, below_pt)
+        marked = _marked(lines, robot, view)
+        inked = [shapely.boundary(view.geometry(robot.lumen)), *marked.values()]
+        return cls(
+            lines=lines,
+            robot=robot,
+            view=view,
+            below_pt=below_pt,
+            high_pt=high_pt,
+            marked=marked,
+            tags=_tags(lines, view, shapely.union_all(inked)),
+        )
+
+
 def findings_picture(design: Design, profile: LaserProfile, report: CheckReport) -> Figure:
     """Return the picture of a check: the robot with its lines, findings, scale and list."""
-    lines, robot = listed(report.findings), _Robot.of(design, profile)
-    rows = lines if len(lines) <= MOST_RULES else lines[: MOST_RULES - 1]
-    below_pt = _KEY_PT + _ROW_PT * (max(1, len(rows)) + (len(rows) < len(lines))) + _FOOT_PT
-    view, high_pt = _view(robot, lines, below_pt)
+    page = FindingsPage.of(design, profile, report)
     with house_style():
-        figure = Figure(figsize=(_WIDE_PT / 72.0, high_pt / 72.0))
-        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, _WIDE_PT), ylim=(0.0, high_pt))
+        figure = Figure(figsize=(_WIDE_PT / 72.0, page.high_pt / 72.0))
+        limits = (0.0, _WIDE_PT), (0.0, page.high_pt)
+        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=limits[0], ylim=limits[1])
         axes.axis("off")
-        axes.add_patch(Rectangle((0.0, 0.0), _WIDE_PT, high_pt, fc="white", ec="none", zorder=0))
-        robot.draw(axes, view)
-        _draw_places(axes, lines, robot, view)
-        for tag in tags(lines, view, view.geometry(robot.lumen)):
+        axes.add_patch(Rectangle((0.0, 0.0), _WIDE_PT, page.high_pt, fc="white", ec="none"))
+        page.robot.draw(axes, page.view)
+        for severity, band in page.marked.items():
+            colour = SEVERITY_COLOURS[severity]
+            fill_geometry(axes, [band], face=colour, edge="none", alpha=0.45, rank=3)
+        for tag in page.tags:
             _draw_tag(axes, tag)
-        _draw_head(axes, high_pt, design, profile, report)
-        _draw_key(axes, below_pt - 4.0, robot, view, lines)
-        _draw_list(axes, below_pt - _KEY_PT, rows, len(lines))
+        _draw_head(axes, page.high_pt, design, profile, report)
+        _draw_key(axes, page)
+        _draw_list(axes, page)
     return figure
 
 
@@ -250,12 +282,12 @@ def _place(finding: Finding) -> tuple[float, float] | None:
     return (marks[0].centroid.x, marks[0].centroid.y) if marks else None
 
 
-def tags(lines: Sequence[Listed], view: _View, body: BaseGeometry) -> tuple[Tag, ...]:
+def _tags(lines: Sequence[Listed], view: _View, inked: BaseGeometry) -> tuple[Tag, ...]:
     """Return the markers with their tags: none lies on another."""
     placed: tuple[Tag, ...] = ()
     for near_pt in _NEAR_PT:
         spots = _spots(lines, view, near_pt)
-        placed = tuple(_laid_out(spots, view.box_pt, body))
+        placed = tuple(_laid_out(spots, view.box_pt, inked))
         if len(placed) == len(spots):
             break
     return placed
@@ -302,23 +334,22 @@ def _numbers(inside: Sequence[Listed]) -> str:
 def _laid_out(
     spots: Sequence[tuple[tuple[float, float], Severity, str]],
     box_pt: tuple[float, float, float, float],
-    body: BaseGeometry,
+    inked: BaseGeometry,
 ) -> Iterator[Tag]:
     """Yield every spot with the best free place for its tag; a spot without one is left out."""
     half = _SIGN_PT / 2.0
     taken = [shapely.box(x - half, y - half, x + half, y + half) for (x, y), _, _ in spots]
     leaders: list[BaseGeometry] = []
-    outline, page = shapely.boundary(body), shapely.box(*box_pt)
+    shapely.prepare(inked)
+    page, around = shapely.box(*box_pt), shapely.convex_hull(inked)
     for row, ((x, y), severity, text) in enumerate(spots):
         boxes, lines, lengths = _candidates((x, y), text)
-        others = shapely.union_all([*taken[:row], *taken[row + 1 :]])
-        ways = shapely.union_all(leaders)
-        free = shapely.covers(page, boxes) & ~shapely.dwithin(boxes, others, 2.0)
-        free &= ~shapely.intersects(boxes, ways) & ~shapely.dwithin(lines, others, 1.0)
-        free &= ~shapely.intersects(lines, ways) & ~shapely.intersects(boxes, taken[row])
+        free = shapely.covers(page, boxes) & ~shapely.intersects(boxes, taken[row])
+        free &= ~_meet(boxes, taken, 2.0, but=row) & ~_meet(boxes, leaders, 1.0)
+        free &= ~_meet(lines, taken, 1.0, but=row) & ~_meet(lines, leaders, 1.0)
         # On the robot a tag hides lines; outside, at the end of a short leader, it hides nothing.
-        cost = lengths + 60.0 * shapely.intersects(boxes, outline)
-        cost += 12.0 * shapely.intersects(boxes, shapely.convex_hull(body))
+        cost = lengths + 12.0 * shapely.intersects(boxes, around)
+        cost[free] += 60.0 * shapely.intersects(boxes[free], inked)
         if not free.any():
             continue
         best = int(np.where(free, cost, np.inf).argmin())
@@ -326,6 +357,16 @@ def _laid_out(
         leaders.append(lines[best])
         x0, y0, x1, y1 = shapely.bounds(boxes[best]).tolist()
         yield Tag(at_pt=(x, y), severity=severity, text=text, box_pt=(x0, y0, x1, y1))
+
+
+def _meet(
+    shapes: NDArray[np.object_], taken: Sequence[BaseGeometry], near_pt: float, but: int = -1
+) -> NDArray[np.bool_]:
+    """Return which shapes come near anything of a list, one entry of it apart."""
+    inputs, met = shapely.STRtree(taken).query(shapes, predicate="dwithin", distance=near_pt)
+    found = np.zeros(len(shapes), dtype=np.bool_)
+    found[inputs[met != but]] = True
+    return found
 
 
 def _candidates(
@@ -356,25 +397,26 @@ def text_width_pt(text: str, size_pt: float, *, bold: bool = False) -> float:
     with house_style():
         font = FontProperties(weight="bold" if bold else "normal")
         drawn = TextPath((0.0, 0.0), text, size=size_pt, prop=font)
-        return _HINTED * float(drawn.get_extents().width)
+        return _HINTED * float(np.ptp(drawn.vertices[:, 0]))
 
 
-def fitted(text: str, room_pt: float, size_pt: float) -> str:
+def fitted(text: str, room_pt: float, size_pt: float, *, bold: bool = False) -> str:
     """Return a text in one line, cut to a width."""
     line = "".join(c if c.isprintable() else " " for c in text[:400])
-    if len(line) == len(text) and text_width_pt(line, size_pt) <= room_pt:
+    if len(line) == len(text) and text_width_pt(line, size_pt, bold=bold) <= room_pt:
         return line
     low, high = 0, len(line)
     while low < high:
         middle = (low + high + 1) // 2
-        fits = text_width_pt(f"{line[:middle]}…", size_pt) <= room_pt
+        fits = text_width_pt(f"{line[:middle]}…", size_pt, bold=bold) <= room_pt
         low, high = (middle, high) if fits else (low, middle - 1)
     return f"{line[:low].rstrip()}…"
 
 
-def _draw_places(axes: Axes, lines: Sequence[Listed], robot: _Robot, view: _View) -> None:
-    """Highlight what findings mark: branches, gaps, and the outline around a point."""
+def _marked(lines: Sequence[Listed], robot: "_Robot", view: _View) -> dict[Severity, BaseGeometry]:
+    """Return what is highlighted: marked branches and gaps, and the outline around a point."""
     outlines = [view.geometry(_line_of(path)) for path in robot.paths]
+    bands = {}
     for severity in reversed(Severity):
         found = [f for line in lines if line.severity is severity for f in line.findings]
         marks = [mark for finding in found for mark in _marks(finding) if mark.length > 0.0]
@@ -382,9 +424,10 @@ def _draw_places(axes: Axes, lines: Sequence[Listed], robot: _Robot, view: _View
         for x, y in {place for finding in found if (place := _place(finding)) is not None}:
             strokes += _outline_near(view.points(np.array([[x, y]]))[0], outlines)
         # One shape: where many lines cross, each of them would darken the others.
-        band = shapely.union_all(shapely.buffer([shapely.LineString(s) for s in strokes], 1.8))
-        colour = SEVERITY_COLOURS[severity]
-        fill_geometry(axes, [band], face=colour, edge="none", alpha=0.45, rank=3)
+        bands[severity] = shapely.union_all(
+            shapely.buffer([shapely.LineString(s) for s in strokes], 1.8, quad_segs=4)
+        )
+    return bands
 
 
 def _outline_near(at_pt: Floats, outlines: Sequence[BaseGeometry]) -> list[Floats]:
@@ -431,7 +474,7 @@ def _draw_sign(axes: Axes, at_pt: tuple[float, float], severity: Severity) -> No
 def _draw_head(
     axes: Axes, top_pt: float, design: Design, profile: LaserProfile, report: CheckReport
 ) -> None:
-    name = fitted(design.name, 0.55 * _WIDE_PT, 14.0)
+    name = fitted(design.name, 0.55 * _WIDE_PT, 14.0, bold=True)
     axes.text(_EDGE_PT, top_pt - 24.0, name, fontsize=14.0, fontweight="bold", color=INK)
     words, severity = _outcome(profile, report)
     axes.text(
@@ -466,12 +509,10 @@ def _counted(report: CheckReport) -> str:
     return ", ".join([*counts, *more, f"{len(report.skipped)} rules skipped"])
 
 
-def _draw_key(
-    axes: Axes, top_pt: float, robot: _Robot, view: _View, lines: Sequence[Listed]
-) -> None:
+def _draw_key(axes: Axes, page: FindingsPage) -> None:
     """Draw the scale bar and what the lines and signs mean, in one row."""
-    y = top_pt - 14.0
-    x = _draw_scale(axes, (_EDGE_PT, y), view.pt_per_mm)
+    robot, y = page.robot, page.below_pt - 18.0
+    x = _draw_scale(axes, (_EDGE_PT, y), page.view.pt_per_mm)
     axes.plot([x, x + 16.0], [y + 3.0] * 2, color=_SEAM, lw=6.0, solid_capstyle="butt")
     x = _written(axes, (x + 20.0, y), f"seam, {robot.seam_mm:g} mm to scale")
     for operation in dict.fromkeys(path.operation for path in robot.paths):
@@ -479,7 +520,7 @@ def _draw_key(
             colour, words = _LINES[operation]
             axes.plot([x, x + 16.0], [y + 3.0] * 2, color=colour, lw=1.4)
             x = _written(axes, (x + 20.0, y), words)
-    for severity in dict.fromkeys(line.severity for line in lines):
+    for severity in dict.fromkeys(line.severity for line in page.lines):
         _draw_sign(axes, (x + 4.0, y + 3.0), severity)
         x = _written(axes, (x + 12.0, y), _WORDS[severity][0])
 
@@ -500,7 +541,9 @@ def _draw_scale(axes: Axes, at_pt: tuple[float, float], pt_per_mm: float) -> flo
     return _written(axes, (end + 6.0, y), f"{length_mm:g} mm")
 
 
-def _draw_list(axes: Axes, top_pt: float, rows: Sequence[Listed], count: int) -> None:
+def _draw_list(axes: Axes, page: FindingsPage) -> None:
+    lines, top_pt = page.lines, page.below_pt - _KEY_PT
+    rows = lines if len(lines) <= MOST_RULES else lines[: MOST_RULES - 1]
     axes.plot([_EDGE_PT, _WIDE_PT - _EDGE_PT], [top_pt + 6.0] * 2, color=SOFT, lw=0.5, alpha=0.6)
     y = top_pt - _ROW_PT + 6.0
     if not rows:
@@ -520,9 +563,9 @@ def _draw_list(axes: Axes, top_pt: float, rows: Sequence[Listed], count: int) ->
         words = fitted(row.words, _WIDE_PT - _EDGE_PT - x - 14.0, _LIST_PT)
         axes.text(x + 14.0, y, words, fontsize=_LIST_PT, color=INK)
         y -= _ROW_PT
-    if count > len(rows):
+    if len(lines) > len(rows):
         axes.text(
-            _EDGE_PT + 14.0, y, f"and {count - len(rows)} more", fontsize=_LIST_PT, color=SOFT
+            _EDGE_PT + 14.0, y, f"and {len(lines) - len(rows)} more", fontsize=_LIST_PT, color=SOFT
         )
 
 

@@ -105,8 +105,8 @@ NESTED = {
     "many plain": ((40.0,), (), 100.0, 60.0, 6),
     "few plain": ((40.0,), (), 100.0, 60.0, 3),
     "narrow": ((16.0,), (), 140.0, 40.0, 8),
-    "trees": ((40.0, 24.0), ((3, 120.0, 2.0),), 120.0, 60.0, 3),
-    "thin trees": ((24.0, 14.0, 9.0), ((2, 110.0, 1.4), (2, 80.0, 1.2)), 120.0, 60.0, 3),
+    "trees": ((40.0, 24.0), ((3, 90.0, 1.6),), 100.0, 60.0, 3),
+    "thin trees": ((24.0, 14.0, 9.0), ((2, 80.0, 1.4), (2, 60.0, 1.2)), 80.0, 50.0, 3),
 }
 
 
@@ -114,7 +114,7 @@ def nested(make_plan, make_fan, marking, case):
     widths, fans, trunk, tail, copies = NESTED[case]
     levels = tuple(make_fan(count, length, np.degrees(angle)) for count, length, angle in fans)
     design = make_plan(widths, levels=levels, trunk=trunk, tail=tail)
-    return laser_job(design, bed_of(marking, 420.0, 300.0), SheetOptions(copies=copies))
+    return laser_job(design, bed_of(marking, 600.0, 300.0), SheetOptions(copies=copies))
 
 
 def bodies_of(job):

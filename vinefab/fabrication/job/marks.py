@@ -150,6 +150,10 @@ LEADER_MM = 80.0
 """Longest leader."""
 
 
+_NEARER_MM = 1.0
+"""By so much a label is nearer to its own robot than to any other."""
+
+
 class FreeRoom:
     """The area of a sheet that no path occupies.
 
@@ -163,6 +167,7 @@ class FreeRoom:
         self.bodies = shapely.STRtree(list(bodies))
         self.taken = shapely.union_all([region(path.contour) for path in paths])
         shapely.prepare(self.taken)
+        shapely.prepare(self.bodies.geometries)
 
     def has(self, contour: Contour) -> bool:
         """Whether a mark lies on the sheet, clear of everything else."""
@@ -179,7 +184,7 @@ class FreeRoom:
         self, size_mm: tuple[float, float], to_mm: tuple[float, float], own: int = 0
     ) -> Box | None:
         """Return the free box of a size at a robot whose middle is nearest to a point, or None."""
-        for boxes in self._free_boxes(size_mm, to_mm):
+        for boxes in self._free_boxes(size_mm, to_mm, self._around(own, BESIDE_MM)):
             beside = boxes[self._beside(boxes, own)]
             if len(beside):
                 return _bounds(beside[0])
@@ -190,27 +195,37 @@ class FreeRoom:
     ) -> tuple[Box, Contour] | None:
         """Return the free box nearest to a point with a clear leader to a robot, or None."""
         body = self.bodies.geometries[own]
-        for boxes in self._free_boxes(size_mm, to_mm):
+        for boxes in self._free_boxes(size_mm, to_mm, self._around(own, LEADER_MM)):
             near = boxes[shapely.dwithin(body, boxes, LEADER_MM)]
             near = near[~shapely.dwithin(body, near, 2.0 * CLEAR_MM)]
             ends = shapely.get_coordinates(shapely.shortest_line(near, body)).reshape(-1, 2, 2)
             share = 1.0 - CLEAR_MM / np.hypot(*(ends[:, 1] - ends[:, 0]).T)
             ends[:, 1] = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
-            clear = ~shapely.dwithin(self.taken, shapely.linestrings(ends), CLEAR_MM - 1e-6)
-            rows, nearest = self.bodies.query_nearest(shapely.points(ends[:, 1]))
-            clear[rows[nearest != own]] = False  # it must not seem to lead to another robot
+            lines = shapely.linestrings(ends)
+            clear = np.asarray(~shapely.dwithin(self.taken, lines, CLEAR_MM - 1e-6))
+            # It must not seem to lead to another robot.
+            clear &= self._alone(np.asarray(shapely.points(ends[:, 1])), own)
             if clear.any():
                 row = int(clear.argmax())
                 return _bounds(near[row]), Contour.polyline(ends[row], closed=False)
         return None
 
+    def _around(self, own: int, far_mm: float) -> Box:
+        """Return where a label of a robot may lie; anywhere if there is but one robot."""
+        if len(self.bodies) < 2:
+            return self.within
+        x0, y0, x1, y1 = _bounds(self.bodies.geometries[own])
+        return x0 - far_mm, y0 - far_mm, x1 + far_mm, y1 + far_mm
+
     def _free_boxes(
-        self, size_mm: tuple[float, float], to_mm: tuple[float, float]
+        self, size_mm: tuple[float, float], to_mm: tuple[float, float], around: Box
     ) -> Iterator[NDArray[np.object_]]:
-        """Yield the free boxes of a size in parts, those nearest to a point first."""
+        """Yield the free boxes of a size in a part of the sheet, those nearest to a point first."""
         x0, y0, x1, y1 = self.within
         across = np.arange(x0, x1 - size_mm[0] + 1e-9, _STEP_MM)
         up = np.arange(y0, y1 - size_mm[1] + 1e-9, _STEP_MM)
+        across = across[(across + size_mm[0] >= around[0]) & (across <= around[2])]
+        up = up[(up + size_mm[1] >= around[1]) & (up <= around[3])]
         x, y = (grid.ravel() for grid in np.meshgrid(across, up))
         away = np.hypot(x + size_mm[0] / 2 - to_mm[0], y + size_mm[1] / 2 - to_mm[1])
         for rows in np.array_split(np.argsort(away, kind="stable"), max(1, len(x) // 500)):
@@ -221,11 +236,18 @@ class FreeRoom:
         """Return which boxes lie beside a robot, and nearer to it than to any other."""
         if len(self.bodies) < 2:
             return np.ones(len(boxes), dtype=np.bool_)
-        mine = shapely.distance(boxes, self.bodies.geometries[own])
-        rows, nearest = self.bodies.query_nearest(boxes)
-        beside = mine <= BESIDE_MM
-        beside[rows[nearest != own]] = False  # also where another robot is just as near
-        return np.asarray(beside)
+        beside = np.asarray(shapely.dwithin(self.bodies.geometries[own], boxes, BESIDE_MM))
+        beside[beside] = self._alone(boxes[beside], own)
+        return beside
+
+    def _alone(self, shapes: NDArray[np.object_], own: int) -> NDArray[np.bool_]:
+        """Return which shapes are clearly nearer to a robot than to any other."""
+        mine = shapely.distance(shapes, self.bodies.geometries[own])
+        reach = np.asarray(mine + _NEARER_MM)
+        rows, met = self.bodies.query(shapes, predicate="dwithin", distance=reach)
+        alone = np.ones(len(shapes), dtype=np.bool_)
+        alone[rows[met != own]] = False
+        return alone
 
 
 def _bounds(box: shapely.Geometry) -> Box:
@@ -344,7 +366,7 @@ def marks_of(
     if Operation.MARK not in profile.recipe.operations:
         return Marking()
     placed = [robot for robot in robots if robot.placement]
-    areas = [shapely.union_all([region(p.contour) for p in robot.paths]) for robot in placed]
+    areas = [max((region(p.contour) for p in robot.paths), key=shapely.area) for robot in placed]
     free = FreeRoom(bodies, within, areas)
     folds = [_fold(robot, free) for robot in placed]
     for path in (path for fold in folds for path in fold.paths):

@@ -280,10 +280,12 @@ def test_the_page_is_no_good_news_while_no_coupon_confirmed_the_recipe(
     prepared = Prepared(design=design, profile=profile, job=laser_job(design, profile), report=calm)
     page = page_content(prepared)
     assert page.tone == "caution"
+    assert page.verdict.endswith("; laser recipe unverified")
     assert "No coupon has confirmed the laser recipe" in page_html(page)
     tried = replace(profile, recipe=replace(profile.recipe, status=RecipeStatus.COUPON_OK))
     page = page_content(replace(prepared, profile=tried))
     assert (page.tone, page.cautions) == ("good", ())
+    assert "unverified" not in page.verdict
 
 
 def check_in(folder: Path, command: list[str]) -> subprocess.CompletedProcess[str]:

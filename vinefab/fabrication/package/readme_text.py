@@ -219,7 +219,14 @@ def _layers(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
         style = colours.styles.get(operation)
         if style is None or not job.along(operation):
             continue
-        count, length = len(job.along(operation)), job.length_mm(operation)
+        paths = [path for path in job.along(operation) if path.label != VERIFICATION]
+        verifying = len(job.along(operation)) - len(paths)
+        if verifying:
+            lines.append(
+                f"{style.layer}_{VERIFY}, a colour of its own: diagonal crosses of {verifying}"
+                f" lines that verify where a tile lies (section 3a). Settings of {style.layer}."
+            )
+        count, length = len(paths), sum(path.contour.length_mm for path in paths)
         text = f"{style.layer}, colour {style.rgb} (DXF {style.aci}): {_MEANING[operation]}."
         text += f" {count} path{'s' if count > 1 else ''}, {length:.0f} mm."
         if operation.is_machined:

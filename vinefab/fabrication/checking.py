@@ -48,12 +48,6 @@ def corridors_in(name: str, free: BaseGeometry, scale: float = 1.0) -> MapCorrid
     )
 
 
-_PEN_SHARE = 1.0 / 800.0
-"""Stroke width of pictures for people, in sheet sizes: about a pixel where one fills a screen."""
-
-_THICKEST_PEN_MM = 1.25
-"""Thicker strokes would fill the letters of such a picture."""
-
 _SIGNS = {Severity.ERROR: "ERROR", Severity.WARNING: "warn ", Severity.INFO: "info "}
 
 Deployed = tuple[tuple[str, Deployment], ...]
@@ -124,26 +118,31 @@ def findings_drawing(design: Design, profile: LaserProfile, report: CheckReport)
     return annotated_job(laser_job(design, profile), report.findings)
 
 
-def drawing_text(drawing: Job, path: Path) -> str:
-    """Return a drawing as the text of an SVG or a DXF, by the end of a path's name."""
-    # ezdxf takes long to load, which a check without a picture has no use for.
+def findings_file(design: Design, profile: LaserProfile, report: CheckReport, path: Path) -> bytes:
+    """Return the findings in place, as the DXF, SVG or PNG that a path's name asks for."""
+    if path.suffix.lower() == ".dxf":
+        return _drawing_dxf(findings_drawing(design, profile, report), path).encode()
+    # Plotting takes long to load, which a check without a picture has no use for.
+    from vinefab.fabrication.findings_picture import findings_picture  # noqa: PLC0415
+    from vinefab.pages.figure import png_bytes, svg_bytes  # noqa: PLC0415
+
+    picture = findings_picture(design, profile, report)
+    return svg_bytes(picture) if path.suffix.lower() == ".svg" else png_bytes(picture)
+
+
+def _drawing_dxf(drawing: Job, path: Path) -> str:
+    """Return a drawing as the text of a DXF, read back and compared."""
+    # ezdxf takes long to load too.
     from vinefab.fabrication.formats.dxf_format import DXF  # noqa: PLC0415
     from vinefab.fabrication.formats.laser_drawing import LaserFileSpec  # noqa: PLC0415
     from vinefab.fabrication.formats.readback import file_problems  # noqa: PLC0415
-    from vinefab.fabrication.formats.svg_format import SVG  # noqa: PLC0415
 
-    laser_format = SVG if path.suffix.lower() == ".svg" else DXF
-    spec = LaserFileSpec(job=drawing, hairline_mm=_pen_mm(drawing))
-    text = laser_format.write(spec)
-    problems = file_problems(laser_format, text.encode(), spec)
+    spec = LaserFileSpec(job=drawing)
+    text = DXF.write(spec)
+    problems = file_problems(DXF, text.encode(), spec)
     if problems:
         raise ReadBackError(path, problems[0])
     return text
-
-
-def _pen_mm(drawing: Job) -> float:
-    pen = max(drawing.sheet_width_mm, drawing.sheet_height_mm) * _PEN_SHARE
-    return min(pen, _THICKEST_PEN_MM)
 
 
 def deployed_lines(deployed: Deployed) -> list[str]:

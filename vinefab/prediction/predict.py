@@ -16,7 +16,7 @@ from vinefab.fabrication.package.prepare import (
 )
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Severity
-from vinefab.model.laser import LaserProfile, Standing
+from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
 from vinefab.pages.html import Headline, Report, Section, Tone, page_html
 from vinefab.physics.anchoring import ASSUMED_FRICTION
 from vinefab.prediction.anchoring_prediction import (
@@ -124,7 +124,9 @@ class Predicted:
         self, origin: Origin, more: Sequence[Section] = (), progress: ProgressCallback = no_progress
     ) -> Report:
         """Return the whole report."""
-        words, tone = verdict_on(self.prepared.report, self.window)
+        words, tone = verdict_on(
+            self.prepared.report, self.window, self.prepared.profile.recipe.status
+        )
         return Report(
             title=f"{self.prepared.design.name}: predictions and fabrication",
             verdict=words,
@@ -244,9 +246,14 @@ FEW_MAPS = 10
 """With fewer maps, bootstrap intervals are too narrow to be trusted."""
 
 
-def verdict_on(report: CheckReport, window: PressureWindow | None) -> tuple[str, Tone]:
+def verdict_on(
+    report: CheckReport, window: PressureWindow | None, status: RecipeStatus
+) -> tuple[str, Tone]:
     """Return in one sentence whether a robot is manufacturable and deployable, and the tone."""
-    name = report.design
+    verified = status is not RecipeStatus.UNVERIFIED
+    name, made = report.design, "is manufacturable"
+    if not verified:
+        made += " by the rules (laser recipe unverified)"
     if report.blocking:
         broken = ", ".join(sorted({finding.rule for finding in report.blocking}))
         return (
@@ -254,10 +261,10 @@ def verdict_on(report: CheckReport, window: PressureWindow | None) -> tuple[str,
             "bad",
         )
     if window is None:
-        return f"{name} is manufacturable, but has no room to emerge from any of the poses.", "bad"
+        return f"{name} {made}, but has no room to emerge from any of the poses.", "bad"
     if not window.is_open:
         return (
-            f"{name} is manufacturable, but hardly deployable: growth to the worst tip needs "
+            f"{name} {made}, but hardly deployable: growth to the worst tip needs "
             f"{window.needed_kpa:.1f} kPa even with film stored loosely, and its widest part is "
             f"limited to {window.allowed_kpa:.1f} kPa.",
             "bad",
@@ -265,12 +272,12 @@ def verdict_on(report: CheckReport, window: PressureWindow | None) -> tuple[str,
     room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
     if not window.holds_working:
         return (
-            f"{name} is manufacturable, and deployable at {room}; its working pressure of "
+            f"{name} {made}, and deployable at {room}; its working pressure of "
             f"{window.working_kpa:g} kPa is outside this window.",
             "caution",
         )
-    tone: Tone = "good" if window.is_open_tight else "caution"
-    return f"{name} is manufacturable, and deployable at {room} with film stored loosely.", tone
+    tone: Tone = "good" if window.is_open_tight and verified else "caution"
+    return f"{name} {made}, and deployable at {room} with film stored loosely.", tone
 
 
 def cautions(

@@ -251,7 +251,7 @@ def page_content(prepared: Prepared) -> Report:
     design, profile = prepared.design, prepared.profile
     return Report(
         title=f"{design.name}: fabrication",
-        verdict=verdict(prepared.report),
+        verdict=_verdict(prepared),
         tone=_tone(prepared),
         cautions=recipe_cautions(profile),
         facts=design_facts(prepared),
@@ -262,6 +262,12 @@ def page_content(prepared: Prepared) -> Report:
             _no_predictions(),
         ),
     )
+
+
+def _verdict(prepared: Prepared) -> str:
+    """Return what rules and recipe say together, in one line."""
+    words = verdict(prepared.report)
+    return f"{words}; laser recipe unverified" if recipe_cautions(prepared.profile) else words
 
 
 def _tone(prepared: Prepared) -> Tone:

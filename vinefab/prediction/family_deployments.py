@@ -122,7 +122,7 @@ class FamilyDeployments:
     """A design's deployments on one family of maps."""
 
     prepared: PreparedFamily
-    deployments: tuple[Deployment, ...]  # map by map, pose by pose
+    deployments: Sequence[Deployment]  # map by map, pose by pose; grown again when asked for
     outcomes: MeasureTable  # one row of measures for each
 
     def prepared_map(self, index: int) -> PreparedMap:
@@ -140,7 +140,7 @@ def deploy_family(
     progress(0.0, f"{design.name}: growing")
     launches = prepared.launches()
     batch = Batch(Plans.of([design], plan.options), launches, plan.options)
-    deployments = tuple(batch.deployments())
+    deployments = batch.regrown()
     columns = np.empty((len(deployments), len(MEASURES)))
     terrain = launches.terrain.tolist()
     for index, deployment in enumerate(deployments):

@@ -1,7 +1,8 @@
 """Predictions for a design over maps and unseen environments, and its report."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from vinefab.fabrication.package.prepare import (
     prepare,
     recipe_cautions,
 )
+from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Severity
 from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
@@ -211,8 +213,7 @@ def predict(
     progress(0.92, "where it goes on one map")
     heat = heat_map_of(design, prepared_families[0].maps[0], plan)
     progress(0.94, "design rules")
-    deployments = [deployment for result in results for deployment in result.deployments]
-    prepared = prepare(design, profile, deployments)
+    prepared = prepare(design, profile, _AllDeployments(results))
     mass_g = _mass_g(prepared)
     return Predicted(
         prepared=prepared,
@@ -226,6 +227,22 @@ def predict(
         effects=effects,
         tolerance=scatter,
     )
+
+
+class _AllDeployments(Collection[Deployment]):
+    """The deployments of all families, none of which is kept."""
+
+    def __init__(self, results: Sequence[FamilyDeployments]) -> None:
+        self._parts = [result.deployments for result in results]
+
+    def __len__(self) -> int:
+        return sum(len(part) for part in self._parts)
+
+    def __iter__(self) -> Iterator[Deployment]:
+        return chain.from_iterable(self._parts)
+
+    def __contains__(self, deployment: object) -> bool:
+        return any(deployment is one for one in self)
 
 
 def part_of(progress: ProgressCallback, start: float, end: float) -> ProgressCallback:

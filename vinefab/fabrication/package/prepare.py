@@ -2,7 +2,7 @@
 
 import io
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 from vinefab.core.hashing import MANIFEST_NAME, manifest_text, sha256_of
@@ -85,7 +85,7 @@ class Prepared:
 def prepare(
     design: Design,
     profile: LaserProfile,
-    deployments: Sequence[Deployment] = (),
+    deployments: Collection[Deployment] = (),
     *,
     sheet: SheetOptions = ONE,
     r12: bool = False,
@@ -110,7 +110,7 @@ def prepare(
         If the sheet cannot hold the designs, or the recipe lacks an operation.
     """
     job = laser_job(design, profile, sheet)
-    subject = replace(Subject.on_sheet(design, profile, job), deployments=tuple(deployments))
+    subject = replace(Subject.on_sheet(design, profile, job), deployments=deployments)
     report = run_checks(subject)
     others = _others(design, sheet)
     beside = tuple(_beside(other, profile, job) for other in others)

@@ -110,6 +110,7 @@ def judged(attempts: Iterator[Attempt], program: str = "vinefab.cli.main:main") 
             stderr=subprocess.DEVNULL,
             text=True,
             start_new_session=True,
+            env=os.environ | {"PYTHONIOENCODING": "utf-8:strict", "COLUMNS": "100"},
         ) as process:
             assert process.stdin is not None
             assert process.stdout is not None
@@ -258,11 +259,7 @@ def _reason(attempt: Attempt, code: int | str, words: str, output: str) -> str:
         if not words.startswith("error: ") or words.count("\n") != 1:
             return f"{words.count(chr(10))} lines of complaint"
         return f"a line of {len(words)} characters" if len(words) > LONGEST_LINE else ""
-    return "" if not words or code == 1 and _is_one_line(words) else "complaints of a success"
-
-
-def _is_one_line(words: str) -> bool:
-    return words.startswith("error: ") and words.count("\n") == 1
+    return "complaints of a success" if words.count("\n") > code else ""
 
 
 def _reason_of_files(attempt: Attempt, code: int | str, before: dict[str, bytes]) -> str:

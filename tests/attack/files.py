@@ -6,6 +6,7 @@ in `attempts`.
 """
 
 import random
+import re
 import shutil
 import sys
 import tempfile
@@ -13,6 +14,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
+
+import ezdxf
+from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
@@ -124,7 +128,7 @@ KINDS: dict[str, Kind] = {
         (ON_GRID,),
     ),
     "run": Kind(
-        ("tiny.toml", "examples/*.toml"),
+        ("tiny.toml", "short/*.toml"),
         ("optimize {file} --out out -q",),
         endless=True,
         cpu_s=6.0,
@@ -170,12 +174,15 @@ KINDS: dict[str, Kind] = {
         ("grid.geojson",), ("rig {file} --out out --no-pictures -q",), cpu_s=WIDE_CPU_S
     ),
     "geojson": Kind(("plan.geojson",), IMPORT),
-    "svg": Kind(("plan.svg", "pkg/outline.svg"), IMPORT),
-    "dxf": Kind(("pkg/outline.dxf", "pkg/outline_r12.dxf"), IMPORT),
+    "svg": Kind(("plan.svg",), IMPORT),
+    "dxf": Kind(
+        ("plan.dxf", "plan.dxf", "pkg/outline_r12.dxf"),
+        (*IMPORT, "map import {file} --out out.geojson -q --open drop"),
+    ),
     "csv": Kind(("plan.csv",), IMPORT),
     "ros": Kind(("*.yaml",), IMPORT, ("*.pgm", "*.png")),
     "ros image": Kind(
-        ("cells.pgm", "plain.pgm", "cells.png"),
+        ("cells.pgm", "plain.pgm", "picture.png"),
         ("map import {stem}.yaml --out out.geojson -q",),
         ("*.yaml",),
     ),
@@ -232,16 +239,25 @@ MAKE = (
 
 def stock(folder: Path, make: Sequence[str] = MAKE) -> Path:
     """Fill a folder with a good file of every kind."""
-    for name in ("designs", "laser_profiles", "examples"):
-        for path in (ROOT / name).rglob("*.toml"):
-            target = folder / path.relative_to(ROOT)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_bytes(path.read_bytes())
+    for name in ("designs", "laser_profiles"):
+        shutil.copytree(ROOT / name, folder / name)
+    (folder / "short").mkdir()
+    for path in (ROOT / "examples").glob("*.toml"):
+        text = re.sub(r"(generations|population) = \d+", r"\1 = 3", path.read_text())
+        if 'schema = "vinefab/run' in text:
+            (folder / "short" / path.name).write_text(text)
     texts = {"tiny.toml": RUN, "plan.svg": SVG, "plan.csv": CSV, "plan.geojson": GEOJSON}
     for name, text in (texts | {"results.csv": RESULTS, "mine.txt": "mine"}).items():
         (folder / name).write_text(text)
-    for name in ("cells", "plain"):
-        (folder / f"{name}.yaml").write_text(ROS.format(image=f"{name}.pgm"))
+    for image in ("cells.pgm", "plain.pgm", "picture.png"):
+        (folder / image).with_suffix(".yaml").write_text(ROS.format(image=image))
+    Image.frombytes("L", (10, 6), IMAGE[-60:]).save(folder / "picture.png")
+    drawing = ezdxf.new("R2010")
+    for ring in ([(0, 0), (100, 0), (100, 60), (0, 60)], [(20, 20), (40, 20), (40, 40, 0.3)]):
+        drawing.modelspace().add_lwpolyline(ring, close=True)
+    drawing.blocks.new("PILLAR").add_circle((0, 0), 3)
+    drawing.modelspace().add_blockref("PILLAR", (70, 30))
+    drawing.saveas(folder / "plan.dxf")
     (folder / "cells.pgm").write_bytes(IMAGE)
     (folder / "plain.pgm").write_bytes(PLAIN_IMAGE)
     commands = (

@@ -17,6 +17,14 @@ def test_bad_input_keeps_to_one_short_line():
     assert len(text) < 100
 
 
+@pytest.mark.parametrize(
+    "error",
+    [BadInputError("k" * 10_000, 1, "less"), UnknownNameError("key", "k" * 10_000, ["colour"])],
+)
+def test_long_names_are_shortened(error):
+    assert len(str(error)) < 300
+
+
 def test_missing_value_is_called_missing():
     assert str(BadInputError("trunk", None, "a table")) == "trunk is missing; allowed: a table"
 

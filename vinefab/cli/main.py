@@ -12,7 +12,7 @@ from typing import Annotated, cast
 
 import typer
 
-from vinefab.core.errors import InterruptedRunError, VinefabError
+from vinefab.core.errors import InterruptedRunError, VinefabError, shortened
 from vinefab.core.version import __version__
 
 
@@ -91,6 +91,7 @@ COMMANDS = {
 }
 """Every command, in the order of ``--help``."""
 
+MOST_LETTERS = 2_000  # of a line that names an error
 EXIT_BAD_INPUT = 2
 EXIT_UNFORESEEN = 3
 EXIT_INTERRUPTED = 130
@@ -201,5 +202,6 @@ def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:
 
 
 def _print_error(message: str, code: int) -> int:
-    typer.echo(f"error: {' '.join(message.split())}", err=True)
+    line = shortened(" ".join(message.split()), MOST_LETTERS)
+    typer.echo(f"error: {line}", err=True)
     return code

@@ -209,10 +209,15 @@ def test_a_sheet_with_comments_and_media_still_hides(vinefab, tmp_path):
     assert "'display:none': 1" in output
 
 
-NAMES = ["cost $\\foo$ map", "map \U0010ffff \u4e2d\u6587 \U0001f600"]
+NAMES = {
+    "dollars": "cost $\\foo$ map",
+    "no glyph": "map \U0010ffff \u4e2d\u6587 \U0001f600",
+    "long": "x" * 100_000,
+    "many lines": "x\n" * 1_000,
+}
 
 
-@pytest.mark.parametrize("name", NAMES, ids=["dollars", "no glyph"])
+@pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
 def test_names_are_drawn_as_they_are(recwarn, name):
     with house_style():
         figure, axes = blank()
@@ -223,7 +228,7 @@ def test_names_are_drawn_as_they_are(recwarn, name):
     assert not recwarn.list
 
 
-@pytest.mark.parametrize("name", NAMES, ids=["dollars", "no glyph"])
+@pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
 def test_maps_of_such_names_are_described(vinefab, tmp_path, name):
     path = tmp_path / "m.geojson"
     path.write_text(geojson(name=json.dumps(name)))

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+VINEFAB = "vinefab.cli.main:main"
 MOST_BYTES = 2 << 30
 MOST_CPU_S = 10.0
 MOST_WALL_S = 120.0
@@ -90,8 +91,10 @@ class Tally:
                 f"{kind:12s}{counts.total():8d}"
                 + "".join(f"{counts[outcome]:10d}" for outcome in OUTCOMES)
             )
-        for one in self.failures:
-            lines.append(f"python {script} {one.name}   {one.reason}: {one.words[-300:]!r}")
+        lines.extend(
+            f"python {script} {one.name}   {one.reason}: {one.words[-300:]!r}"
+            for one in self.failures
+        )
         if self.slowest_refused is not None:
             slow = self.slowest_refused
             lines.append(f"slowest refusal {slow.cpu_s:.1f} s ({slow.name})")
@@ -99,7 +102,7 @@ class Tally:
         return "\n".join(lines) + "\n"
 
 
-def judged(attempts: Iterator[Attempt], program: str = "vinefab.cli.main:main") -> Iterator[Verdict]:
+def judged(attempts: Iterator[Attempt], program: str = VINEFAB) -> Iterator[Verdict]:
     """Yield the verdict on each attempt; a process that dies is replaced by another."""
     waiting = next(attempts, None)
     while waiting is not None:
@@ -214,7 +217,7 @@ def _tried(attempt: Attempt, main: Callable[[list[str]], int]) -> Verdict:
     signal.setitimer(signal.ITIMER_REAL, MOST_WALL_S)
     try:
         code = main(list(attempt.arguments))
-    except BaseException as error:  # noqa: BLE001  whatever it is, it should not come here
+    except BaseException as error:  # whatever it is, it should not come here
         code = f"{type(error).__name__} left the program: {error}"
     signal.setitimer(signal.ITIMER_PROF, 0.0)
     signal.setitimer(signal.ITIMER_REAL, 0.0)
@@ -370,7 +373,7 @@ def problem_of(name: str, data: bytes) -> str:
         SOUND.get(Path(name).suffix, len)(data)
     except (ValueError, OSError, SyntaxError, sqlite3.Error, zipfile.BadZipFile) as error:
         return f"{type(error).__name__}: {error}"[:300]
-    except Exception as error:  # noqa: BLE001  ezdxf raises its own errors
+    except Exception as error:  # ezdxf raises its own errors
         return f"{type(error).__name__}: {error}"[:300]
     return ""
 

@@ -20,7 +20,7 @@ from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from attempts import READ_BACK, Attempt, Tally, judged
+from attempts import READ_BACK, VINEFAB, Attempt, Tally, judged
 from mutations import mutated
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -56,7 +56,9 @@ finalists = 2
 final_poses_per_map = 1
 """
 IMAGE = b"P5 10 6 255\n" + bytes([254] * 24 + [0] * 2 + [254] * 34)
-PLAIN_IMAGE = b"P2\n# cells\n4 4\n255\n" + b"254 254 254 254\n" * 2 + b"254 0 0 254\n254 254 254 254\n"
+PLAIN_IMAGE = (
+    b"P2\n# cells\n4 4\n255\n" + b"254 254 254 254\n" * 2 + b"254 0 0 254\n254 254 254 254\n"
+)
 ROS = """image: {image}
 resolution: 0.05
 origin: [0.0, 0.0, 0.0]
@@ -237,15 +239,8 @@ MAKE = (
 )
 
 
-def stock(folder: Path, make: Sequence[str] = MAKE) -> Path:
-    """Fill a folder with a good file of every kind."""
-    for name in ("designs", "laser_profiles"):
-        shutil.copytree(ROOT / name, folder / name)
-    (folder / "short").mkdir()
-    for path in (ROOT / "examples").glob("*.toml"):
-        text = re.sub(r"(generations|population) = \d+", r"\1 = 3", path.read_text())
-        if 'schema = "vinefab/run' in text:
-            (folder / "short" / path.name).write_text(text)
+def _write_drawings(folder: Path) -> None:
+    """Write the sources of maps, and other small files."""
     texts = {"tiny.toml": RUN, "plan.svg": SVG, "plan.csv": CSV, "plan.geojson": GEOJSON}
     for name, text in (texts | {"results.csv": RESULTS, "mine.txt": "mine"}).items():
         (folder / name).write_text(text)
@@ -260,8 +255,22 @@ def stock(folder: Path, make: Sequence[str] = MAKE) -> Path:
     drawing.saveas(folder / "plan.dxf")
     (folder / "cells.pgm").write_bytes(IMAGE)
     (folder / "plain.pgm").write_bytes(PLAIN_IMAGE)
+
+
+def stock(folder: Path, make: Sequence[str] = MAKE) -> Path:
+    """Fill a folder with a good file of every kind."""
+    for name in ("designs", "laser_profiles"):
+        shutil.copytree(ROOT / name, folder / name)
+    (folder / "short").mkdir()
+    for path in (ROOT / "examples").glob("*.toml"):
+        text = re.sub(r"(generations|population) = \d+", r"\1 = 3", path.read_text())
+        if 'schema = "vinefab/run' in text:
+            (folder / "short" / path.name).write_text(text)
+    _write_drawings(folder)
     commands = (
-        Attempt(name=line, arguments=tuple(line.split()), folder=str(folder), rewrites=True, cpu_s=99)
+        Attempt(
+            name=line, arguments=tuple(line.split()), folder=str(folder), rewrites=True, cpu_s=99
+        )
         for line in make
     )
     for verdict in judged(commands):
@@ -302,9 +311,7 @@ def attempts(plan: Sequence[tuple[str, int]], good: Path, folder: Path) -> Itera
         shutil.rmtree(own, ignore_errors=True)
 
 
-def attack(
-    plan: Sequence[tuple[str, int]], good: Path, program: str = "vinefab.cli.main:main"
-) -> Tally:
+def attack(plan: Sequence[tuple[str, int]], good: Path, program: str = VINEFAB) -> Tally:
     """Try damaged files, and count."""
     tally = Tally()
     with tempfile.TemporaryDirectory() as folder:

@@ -1,10 +1,10 @@
 """Growth on nasty maps, by the thousand: ``make fuzz``, or ``python tests/attack/growth.py 20000``.
 
 Counts are printed for every kind of map. Every growth must end, stay in free space, and be the
-same by the compiled kernel and by its readable twin. As many again are grown twice, the second time after the
-whole world was mirrored, turned, scaled or shifted, its obstacles reordered, or its walls refined:
-lengths and stops must be the same within `SAME`. Growths that a start or obstacles moved by
-`NUDGE` change as well are ties, which rounding may settle either way; they are counted.
+same by the compiled kernel and by its readable twin. As many again are grown twice, the second time
+after the whole world was mirrored, turned, scaled or shifted, its obstacles reordered, or its walls
+refined: lengths and stops must be the same within `SAME`. Growths that starts, obstacles or bounds
+moved by `NUDGE` change as well are ties, which rounding may settle either way; they are counted.
 """
 
 import math

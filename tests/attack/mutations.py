@@ -102,7 +102,7 @@ def _replace(
 
 def replace_number(rng: random.Random, text: str) -> str:
     value = rng.choice(NUMBERS)
-    return _replace(rng, text, _NUMBER, lambda old: value)
+    return _replace(rng, text, _NUMBER, lambda _: value)
 
 
 def scale_number(rng: random.Random, text: str) -> str:
@@ -113,7 +113,7 @@ def scale_number(rng: random.Random, text: str) -> str:
 def replace_string(rng: random.Random, text: str) -> str:
     value = rng.choice(STRINGS)
     quoted = rng.choice((f'"{value}"', json.dumps(value)))
-    return _replace(rng, text, _STRING, lambda old: quoted)
+    return _replace(rng, text, _STRING, lambda _: quoted)
 
 
 def rename_key(rng: random.Random, text: str) -> str:
@@ -194,9 +194,19 @@ def change_tree(rng: random.Random, text: str) -> str:
     place = rng.choice(places)
     if not place:
         return json.dumps(rng.choice((document, [document], {"x": document}, *HOSTILE_VALUES)))
-    holder = document
-    for key in place[:-1]:
-        holder = holder[key]
+    _change_place(rng, document, place, _at(document, rng.choice(places)))
+    return json.dumps(document)
+
+
+def _at(document: Any, place: tuple[Any, ...]) -> Any:
+    for key in place:
+        document = document[key]
+    return document
+
+
+def _change_place(rng: random.Random, document: Any, place: tuple[Any, ...], other: Any) -> None:
+    """Change what stands at a place of a document; ``other`` is what stands elsewhere."""
+    holder = _at(document, place[:-1])
     key, action = place[-1], rng.choice(("replace", "remove", "double", "rename", "exchange"))
     if action == "remove":
         del holder[key]
@@ -205,13 +215,9 @@ def change_tree(rng: random.Random, text: str) -> str:
     elif action == "rename" and isinstance(holder, dict):
         holder[rng.choice(("x", "", "a" * 1000))] = holder.pop(key)
     elif action == "exchange":
-        other: Any = document
-        for step in rng.choice(places):
-            other = other[step]
         holder[key] = json.loads(json.dumps(other))
     else:
         holder[key] = rng.choice(HOSTILE_VALUES)
-    return json.dumps(document)
 
 
 BYTE_MUTATORS: tuple[Mutator, ...] = (

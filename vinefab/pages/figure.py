@@ -5,7 +5,7 @@ import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, cast
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -52,8 +52,7 @@ MOST_LETTERS, MOST_LINES = 120, 8  # of one text in a figure; longer ones leave 
 
 def _shorten_texts(figure: Figure) -> None:
     """Leave out the middle of the long texts of a figure: names may have any length."""
-    for text in figure.findobj(Text):
-        assert isinstance(text, Text)
+    for text in cast("list[Text]", figure.findobj(Text)):
         lines = text.get_text().split("\n")[:MOST_LINES]
         text.set_text("\n".join(shortened(line, MOST_LETTERS) for line in lines))
 

@@ -32,7 +32,7 @@ MOST_CPU_S = 10.0
 MOST_WALL_S = 120.0
 LONGEST_LINE = 3_000
 ATTEMPTS_PER_PROCESS = 300
-MAY_FIND = ("check", "fabricate", "rig", "coupon", "optimize")
+MAY_FIND = ("check", "fabricate", "rig", "coupon", "optimize", "runs")
 READ_BACK = "@read-back"  # in place of a command: read a file as our own are read back
 OUTCOMES = ("accepted", "findings", "refused", "failed")
 

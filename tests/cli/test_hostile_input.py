@@ -247,6 +247,26 @@ def test_a_cell_longer_than_the_csv_reader_allows(tmp_path):
     assert len(str(refused.value)) < 300
 
 
+def test_equal_outlines_by_the_thousand_are_one(vinefab, tmp_path):
+    path = tmp_path / "m.svg"
+    path.write_text(SVG % ('<circle cx="200" cy="200" r="80"/>' * 4_000))
+    begin = time.process_time()
+    code, output, words = vinefab("map", "import", path, "--out", tmp_path / "m.geojson")
+    assert (code, words) == (0, "")
+    assert "repeated_outlines_removed: 3999" in output
+    assert time.process_time() - begin < LONGEST_S
+
+
+def test_sizes_at_the_limit_of_floats_bring_no_warning(vinefab, tmp_path, recwarn):
+    path = tmp_path / "m.csv"
+    room = "r,0,0\nr,100,0\nr,100,60\nr,0,1e-308\n"
+    path.write_text(room + "p,40,20\np,60,20\np,60,40\np,40,40\n")
+    code, _, words = vinefab("map", "import", path, "--out", tmp_path / "m.geojson")
+    assert code == 2
+    assert words.count("\n") == 1
+    assert not recwarn.list
+
+
 def test_a_value_is_never_printed_whole():
     whole = [[["x" * 100] * 1000] * 1000] * 1000
     assert len(str(BadInputError("key", whole, "less"))) < 100

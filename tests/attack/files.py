@@ -88,7 +88,7 @@ GEOJSON = (
     "[0, 0]], [[40, 20], [60, 20], [60, 40], [40, 20]]]}}]}"
 )
 RESULTS = """measure,setting,value,unit,uncertainty,note
-kerf_piece,weldcut,49.74,mm,0.02,side
+kerf_piece,weldcut,49.74,mm,,side
 kerf_piece,cut,49.83,mm,,side
 seam,weldcut,0.50,mm,,rim
 seam,weldcut,0.52,mm,,rim
@@ -98,7 +98,7 @@ burst,20,82,kPa,,seam
 burst,20,84,kPa,,seam
 burst,20,80,kPa,,seam
 friction_incline,,15,deg,,
-growth,300 90 300,12,kPa,20,
+friction_incline,,16,deg,,
 """
 
 

@@ -26,7 +26,7 @@ from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.map import Map, Pose
+from vinefab.model.map import LARGEST_MM, Map, Pose
 
 UNIT = 100.0
 GROWTHS_PER_MAP = 40
@@ -301,7 +301,7 @@ def refined(shape: Polygon, rng: np.random.Generator) -> Polygon:
     return Polygon(corners)
 
 
-def random_move(rng: np.random.Generator, name: str) -> Move:
+def random_move(rng: np.random.Generator, name: str, world: Map) -> Move:
     """Return a move of one of the `MOVES`."""
     if name == "turn":
         angle = rng.choice([rng.uniform(-np.pi, np.pi), np.pi / 2.0, math.asin(0.6)])
@@ -309,6 +309,8 @@ def random_move(rng: np.random.Generator, name: str) -> Move:
         return Move(matrix=(c, -s, s, c))
     if name == "scale":
         scale = float(rng.choice([0.013, 0.7, 3.0, 170.0]))
+        if scale * max(map(abs, world.bounds.bounds)) > LARGEST_MM:
+            scale = 1.0 / scale
         return Move(matrix=(scale, 0.0, 0.0, scale))
     if name == "shift":
         return Move(shift=tuple(rng.uniform(-3.0, 3.0, 2).tolist()))
@@ -398,7 +400,7 @@ def move_map(counts: MoveCounts, name: str, kind: str, seed: int) -> None:
     terrain = Terrain.of(nasty_map(rng, kind))
     if len(terrain.walls().wall) == 0:
         return
-    size_mm, move = max(terrain.world.size_mm), random_move(rng, name)
+    size_mm, move = max(terrain.world.size_mm), random_move(rng, name, terrain.world)
     moved = Terrain.of(move.world(terrain.world, rng))
     options = GrowthOptions(
         head_on_half_angle_rad=math.radians(float(rng.choice([0.0, 1.0, 15.0]))),

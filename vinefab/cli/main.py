@@ -6,6 +6,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import TextIOWrapper
 from tempfile import NamedTemporaryFile
 from traceback import format_exception
 from typing import Annotated, cast
@@ -149,6 +150,9 @@ def _not_loaded() -> None:
 
 def main(arguments: Sequence[str]) -> int:
     """Run one command line and return its exit code."""
+    if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
+        # Names of files and designs may hold letters that the terminal cannot show.
+        sys.stdout.reconfigure(errors="backslashreplace")
     named = [argument for argument in arguments if not argument.startswith("-")]
     try:
         app = build_app(named[0] if named and named[0] in COMMANDS else None)
@@ -192,7 +196,12 @@ def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:
     log = f"{about}\n{shlex.join(['vinefab', *arguments])}\n\n{''.join(format_exception(error))}"
     try:
         with NamedTemporaryFile(
-            "w", prefix="vinefab-error-", suffix=".log", delete=False, encoding="utf-8"
+            "w",
+            prefix="vinefab-error-",
+            suffix=".log",
+            delete=False,
+            encoding="utf-8",
+            errors="backslashreplace",
         ) as stream:
             stream.write(log)
         where = f"please report it with the log {stream.name}"

@@ -53,7 +53,7 @@ class UnreadableFileError(VinefabError, OSError):
         super().__init__(source, problem)
 
     def __str__(self) -> str:
-        return f"{self.source}: {self.problem}"
+        return f"{self.source}: {shortened(self.problem, MOST_LETTERS)}"
 
 
 class UnknownNameError(VinefabError, KeyError):
@@ -216,6 +216,10 @@ class _Beginning(Repr):
 _MOST_PRINTED = 10**60
 _DIGITS_PER_BIT = 0.30103
 _BEGINNING = _Beginning()
+
+
+MOST_LETTERS = 1_000
+"""Of the words of other programs in one line."""
 
 
 def shortened(text: str, most: int = 200) -> str:

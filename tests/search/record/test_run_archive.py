@@ -87,7 +87,9 @@ def test_a_record_of_infinite_times_is_listed_as_unreadable(
     recorded(tmp_path, small, maps)
     with closing(sqlite3.connect(tmp_path / RECORD_FILE)) as connection, connection:
         connection.execute("UPDATE generation SET seconds = 1e308")
-        connection.execute("UPDATE session SET seconds = replace(seconds, '0.', '1e999, \"x\": 0.')")
+        connection.execute(
+            "UPDATE session SET seconds = replace(seconds, '0.', '1e999, \"x\": 0.')"
+        )
         connection.execute("UPDATE finalist SET fitness = 9e999")
     listing = list_runs(tmp_path)
     assert not listing.rows

@@ -309,7 +309,7 @@ def random_move(rng: np.random.Generator, name: str, world: Map) -> Move:
         return Move(matrix=(c, -s, s, c))
     if name == "scale":
         scale = float(rng.choice([0.013, 0.7, 3.0, 170.0]))
-        if scale * max(map(abs, world.bounds.bounds)) > LARGEST_MM:
+        if scale * max(map(abs, world.bounds.bounds)) > LARGEST_MM / 10.0:
             scale = 1.0 / scale
         return Move(matrix=(scale, 0.0, 0.0, scale))
     if name == "shift":

@@ -1,13 +1,17 @@
 """The last net of the command line: what nobody foresaw is one line, a log and exit code 3."""
 
+import logging
 import os
 import re
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
+import pytest
+
 import vinefab
-from vinefab.cli.main import main
+from vinefab.cli.main import main, run
 
 SOURCES = Path(vinefab.__file__).parent
 
@@ -76,3 +80,19 @@ def test_there_is_no_other_net():
         if nets.search(line)
     ]
     assert found == ["cli/main.py"]
+
+
+def test_warnings_of_packages_are_shown_to_developers_alone(monkeypatch, capsys):
+    def noisy(_: object) -> int:
+        warnings.warn("overflow encountered in exp", RuntimeWarning, stacklevel=1)
+        logging.getLogger("matplotlib.font_manager").warning("findfont: not found")
+        return 0
+
+    monkeypatch.setattr("vinefab.cli.main.main", noisy)
+    monkeypatch.setattr("sys.warnoptions", [])
+    with pytest.raises(SystemExit):
+        run()
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr("sys.warnoptions", ["error"])
+    with pytest.raises(RuntimeWarning, match="overflow"):
+        run()

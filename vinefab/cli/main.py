@@ -1,9 +1,11 @@
 """The program ``vinefab``: finds the command, and turns errors into one line and an exit code."""
 
 import importlib
+import logging
 import os
 import shlex
 import sys
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import TextIOWrapper
@@ -170,8 +172,16 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def run() -> None:
-    """Run the program: the entry point of the installed command."""
-    sys.exit(main(sys.argv[1:]))
+    """Run the program: the entry point of the installed command.
+
+    Warnings and log messages of the packages below are for developers: ``python -W default -m
+    vinefab`` shows the warnings.
+    """
+    logging.getLogger().addHandler(logging.NullHandler())
+    with warnings.catch_warnings():
+        if not sys.warnoptions:
+            warnings.simplefilter("ignore")
+        sys.exit(main(sys.argv[1:]))
 
 
 def _explained(error: BaseException, arguments: Sequence[str]) -> tuple[str, int]:

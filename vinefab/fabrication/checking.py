@@ -9,16 +9,20 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import ReadBackError
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.rules.annotation import annotated_job
+from vinefab.fabrication.rules.catalog import FLAT_RULES, RULES
 from vinefab.fabrication.rules.rule import LimitChanges
-from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Corridor, MapCorridors, RigFacts, Subject
 from vinefab.maps.passages import narrow_passages
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
-from vinefab.model.finding import CheckReport, Finding, Severity
+from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
+
+MANY_BRANCHES = 1500
+"""The paths of larger designs take long: they are made only where nothing else forbids cutting."""
 
 MOST_CORRIDORS = 50
 """Most corridors of a map that are checked, narrowest first."""
@@ -78,11 +82,38 @@ def check_design(
         A test rig, for the rules about its parts.
     """
     corridors = tuple(map_corridors(world) for world in maps)
+    if design.branch_count > MANY_BRANCHES:
+        flat = replace(subject_of(design, None, deployed), profile=profile)
+        return _check_in_steps(replace(flat, corridors=corridors, rig=rig), profile, limits)
     subject = replace(subject_of(design, profile, deployed), corridors=corridors, rig=rig)
     return run_checks(subject, limits)
 
 
-def subject_of(design: Design, profile: LaserProfile, deployed: Deployed = ()) -> Subject:
+def _check_in_steps(
+    flat: Subject, profile: LaserProfile, limits: LimitChanges | None
+) -> CheckReport:
+    """Return the report of a large design, whose paths are made only if nothing else blocks it.
+
+    Parameters
+    ----------
+    flat
+        The design without the paths of the laser.
+    """
+    report = run_checks(flat, limits, only=FLAT_RULES)
+    others = [rule for rule in (*RULES, *RULES.broken) if rule not in FLAT_RULES]
+    if not report.blocking:
+        subject = replace(flat, job=laser_job(flat.design, profile))
+        return merged_reports(report, run_checks(subject, limits, only=others))
+    reason = (
+        f"not looked at: the paths of {flat.design.branch_count} branches take long, and "
+        "what was found forbids cutting them"
+    )
+    skipped = (*report.skipped, *(RuleSkipped(rule=rule, reason=reason) for rule in others))
+    # A waiver may be of a finding that was not looked for.
+    return replace(report, skipped=skipped, stale_waivers=())
+
+
+def subject_of(design: Design, profile: LaserProfile | None, deployed: Deployed = ()) -> Subject:
     """Return what the rules check, deployments with the names of their maps included."""
     map_names, deployments = tuple(name for name, _ in deployed), tuple(d for _, d in deployed)
     return Subject.of(design, profile, deployments=deployments, map_names=map_names)

@@ -1,7 +1,10 @@
 """The last net of the command line: what nobody foresaw is one line, a log and exit code 3."""
 
 import logging
+import os
 import re
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -31,6 +34,31 @@ def test_an_unforeseen_error_is_one_line_and_a_log(monkeypatch, capsys, tmp_path
     assert "a secret of the inside" in text
     assert "vinefab profiles" in text
     assert vinefab.__version__ in text
+
+
+def test_the_log_holds_arguments_that_are_no_text(monkeypatch, capsys, tmp_path):
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr("vinefab.cli.profiles.profile_list", broken)
+    assert main(["profiles", "--json", "\udcff.json"]) == 3
+    assert "fault of vinefab" in capsys.readouterr().err
+    (log,) = tmp_path.glob("vinefab-error-*.log")
+    assert "\\udcff.json" in log.read_text()
+
+
+def test_letters_that_a_terminal_cannot_show_are_escaped(tmp_path):
+    path = tmp_path / "\udcff.geojson"
+    done = subprocess.run(
+        [sys.executable, "-m", "vinefab", "map", "grid", "--out", path],
+        env=os.environ | {"PYTHONIOENCODING": "ascii:strict"},
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"\\udcff.geojson" in done.stdout
+    assert path.is_file()
 
 
 def test_a_log_that_cannot_be_written_is_said(monkeypatch, capsys, tmp_path):

@@ -8,13 +8,14 @@ import sys
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import TextIOWrapper
 from tempfile import NamedTemporaryFile
 from traceback import format_exception
 from typing import Annotated, cast
 
 import typer
 
-from vinefab.core.errors import InterruptedRunError, VinefabError
+from vinefab.core.errors import InterruptedRunError, VinefabError, shortened
 from vinefab.core.version import __version__
 
 
@@ -93,6 +94,7 @@ COMMANDS = {
 }
 """Every command, in the order of ``--help``."""
 
+MOST_LETTERS = 2_000  # of a line that names an error
 EXIT_BAD_INPUT = 2
 EXIT_UNFORESEEN = 3
 EXIT_INTERRUPTED = 130
@@ -150,6 +152,9 @@ def _not_loaded() -> None:
 
 def main(arguments: Sequence[str]) -> int:
     """Run one command line and return its exit code."""
+    if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
+        # Names of files and designs may hold letters that the terminal cannot show.
+        sys.stdout.reconfigure(errors="backslashreplace")
     named = [argument for argument in arguments if not argument.startswith("-")]
     try:
         app = build_app(named[0] if named and named[0] in COMMANDS else None)
@@ -201,7 +206,12 @@ def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:
     log = f"{about}\n{shlex.join(['vinefab', *arguments])}\n\n{''.join(format_exception(error))}"
     try:
         with NamedTemporaryFile(
-            "w", prefix="vinefab-error-", suffix=".log", delete=False, encoding="utf-8"
+            "w",
+            prefix="vinefab-error-",
+            suffix=".log",
+            delete=False,
+            encoding="utf-8",
+            errors="backslashreplace",
         ) as stream:
             stream.write(log)
         where = f"please report it with the log {stream.name}"
@@ -211,5 +221,6 @@ def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:
 
 
 def _print_error(message: str, code: int) -> int:
-    typer.echo(f"error: {' '.join(message.split())}", err=True)
+    line = shortened(" ".join(message.split()), MOST_LETTERS)
+    typer.echo(f"error: {line}", err=True)
     return code

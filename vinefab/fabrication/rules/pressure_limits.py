@@ -4,6 +4,7 @@ Narrow leaves at the end of long, winding paths need much pressure to grow; the 
 at the least. Whether anything is left between the two decides whether a robot can be deployed.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from vinefab.fabrication.rules.rule import (

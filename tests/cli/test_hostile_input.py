@@ -49,6 +49,31 @@ def deep_uses():
     )
 
 
+def dxf(*entities):
+    """A drawing of release 12: (type, group codes and values) per entity, blocks among them."""
+    plain = [("SECTION", {2: "BLOCKS"})] if entities[0][0] == "BLOCK" else []
+    tags = [*plain, *entities, ("ENDSEC", {}), ("EOF", {})]
+    return "".join(
+        f"0\n{kind}\n" + "".join(f"{code}\n{value}\n" for code, value in values.items())
+        for kind, values in tags
+    )
+
+
+def dxf_blocks(levels, insert):
+    """Blocks of ten copies of the block before; the last one is inserted."""
+    entities = [("BLOCK", {8: 0, 2: "B0"}), ("LINE", {8: 0, 11: 9, 21: 9}), ("ENDBLK", {8: 0})]
+    for level in range(1, levels + 1):
+        copy = ("INSERT", {8: 0, 2: f"B{level - 1}"})
+        entities += [("BLOCK", {8: 0, 2: f"B{level}"}), *[copy] * 10, ("ENDBLK", {8: 0})]
+    entities += [("ENDSEC", {}), ("SECTION", {2: "ENTITIES"})]
+    return dxf(*entities, ("INSERT", {8: 0, 2: f"B{levels}", **insert}))
+
+
+def long_polyline():
+    marks = "100\nAcDbEntity\n8\n0\n100\nAcDbPolyline\n"
+    return f"0\nLWPOLYLINE\n{marks}" + "10\n1\n20\n1\n" * 40_000
+
+
 def geojson(facts="{}", name='"d"'):
     """A square map with its facts as they stand in the file."""
     ring = "[[0, 0], [300, 0], [300, 300], [0, 300]]"
@@ -122,6 +147,17 @@ REFUSED = {
     ),
     "nested empty uses": ("m.svg", lambda: SVG % nested_uses(""), "over 50000 elements in uses"),
     "deep uses": ("m.svg", lambda: SVG % deep_uses(), "nested deeper"),
+    "array of blocks": (
+        "m.dxf",
+        lambda: dxf_blocks(0, {70: 10**9, 71: 10**9, 44: 1, 45: 1}),
+        "over 50000 entities in blocks, every copy counted",
+    ),
+    "blocks of blocks": ("m.dxf", lambda: dxf_blocks(12, {}), "over 50000 entities in blocks"),
+    "polyline in blocks": (
+        "m.dxf",
+        lambda: dxf_blocks(0, {}).replace("0\nLINE\n", f"{long_polyline()}0\nLINE\n"),
+        "over 50000 entities in blocks",
+    ),
 }
 
 

@@ -13,6 +13,7 @@ from typing import Annotated, cast
 import typer
 
 from vinefab.core.errors import InterruptedRunError, VinefabError
+from vinefab.core.plain_text import visible
 from vinefab.core.version import __version__
 
 
@@ -201,5 +202,5 @@ def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:
 
 
 def _print_error(message: str, code: int) -> int:
-    typer.echo(f"error: {' '.join(message.split())}", err=True)
+    typer.echo(f"error: {visible(' '.join(message.split()))}", err=True)
     return code

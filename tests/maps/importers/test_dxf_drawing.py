@@ -1,3 +1,4 @@
+import io
 import math
 import subprocess
 from itertools import pairwise
@@ -318,6 +319,36 @@ def test_files_that_are_no_dxf(tmp_path, data):
     with pytest.raises((UnreadableFileError, BadInputError)) as caught:
         import_map(path, ImportOptions())
     assert "\n" not in str(caught.value)
+
+
+def binary(version):
+    """A binary drawing of a square with a circular block in it."""
+    document = ezdxf.new(version)
+    document.header["$INSUNITS"] = 4
+    document.modelspace().add_polyline2d(BOX, close=True)
+    document.blocks.new("B").add_circle((0, 0), 10)
+    document.modelspace().add_blockref("B", (150, 100), dxfattribs={"xscale": 2, "yscale": 2})
+    stream = io.BytesIO()
+    document.write(stream, fmt="bin")
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_binary_drawings(tmp_path, version):
+    path = tmp_path / "binary.dxf"
+    path.write_bytes(binary(version))
+    world = import_map(path, FINE)
+    assert world.bounds.area == 200_000
+    assert world.obstacles[0].area == pytest.approx(400 * math.pi, rel=1e-4)
+
+
+@pytest.mark.parametrize("share", [0.001, 0.01, 0.3, 0.6, 0.9, 0.95, 0.99, 0.999])
+def test_truncated_binary_drawings(tmp_path, share):
+    path = tmp_path / "broken.dxf"
+    data = binary("R2010")
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(UnreadableFileError, match=r"not a DXF file|damaged"):
+        import_map(path, ImportOptions())
 
 
 def test_a_number_that_can_only_be_guessed_is_refused(drawn, tmp_path):

@@ -3,6 +3,7 @@
 import io
 import logging
 import math
+import struct
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -336,6 +337,8 @@ if TYPE_CHECKING:
 _LARGEST_BYTES = 512 << 20
 _MOST_ENTITIES = 500_000
 _DEEPEST_BLOCK = 16
+_MOST_COPIED = 50_000
+"""Entities that come out of blocks, every copy counted: each takes about 50 us."""
 _MM = {
     1: ("inches", 25.4),
     2: ("feet", 304.8),
@@ -367,6 +370,7 @@ _BROKEN = (
     ArithmeticError,
     RecursionError,
     StopIteration,
+    struct.error,
 )
 """What ezdxf raises on files with damage that it does not expect."""
 
@@ -454,6 +458,26 @@ def _layer(entity: DXFGraphic) -> str:
     return str(entity.dxf.layer) if entity.dxf.hasattr("layer") else "0"
 
 
+def _size(entity: DXFGraphic) -> int:
+    """Return how many simple entities take as long to copy."""
+    match entity.dxftype():
+        case "LWPOLYLINE":
+            points = len(entity)  # type: ignore[arg-type]
+        case "POLYLINE":
+            points = len(entity.vertices)  # type: ignore[attr-defined]
+        case "SPLINE" | "HELIX":
+            points = entity.control_point_count() + entity.fit_point_count()  # type: ignore[attr-defined]
+        case "HATCH" | "MPOLYGON":
+            points = sum(
+                len(path.edges if isinstance(path, EdgePath) else path.vertices)
+                for path in entity.paths  # type: ignore[attr-defined]
+            )
+        case _:
+            points = 0
+    # ezdxf copies a polyline vertex by vertex, all that came before with each.
+    return 1 + points // 2 + points**2 // 25_000
+
+
 @dataclass(slots=True)
 class _Walk:
     """Traversal of model space and the blocks inserted in it."""
@@ -463,10 +487,12 @@ class _Walk:
     read: Counter[str] = field(default_factory=Counter)
     ignored: Counter[str] = field(default_factory=Counter)
     seen: int = 0
+    copied: int = 0
+    sizes: dict[str, int] = field(default_factory=dict)  # of blocks, with all that is in them
 
     def items(self, space: Iterable[DXFGraphic]) -> list[DrawingItem]:
         found: list[DrawingItem] = []
-        for entity, layer, where in self._leaves(space, None, "", 0):
+        for entity, layer, where in self._leaves(space, None, ""):
             kind = entity.dxftype()
             hidden = self._hidden(entity, layer)
             if hidden is not None:
@@ -493,7 +519,7 @@ class _Walk:
         return None
 
     def _leaves(
-        self, space: Iterable[DXFGraphic], outer: str | None, inside: str, depth: int
+        self, space: Iterable[DXFGraphic], outer: str | None, inside: str
     ) -> Iterator[tuple[DXFGraphic, str, str]]:
         """Yield entities other than blocks, with their layer and their name in messages."""
         for entity in space:
@@ -507,7 +533,7 @@ class _Walk:
             layer = outer if outer is not None and layer == "0" else layer
             where = f"{kind} {inside}" if inside else f"{kind} (handle {entity.dxf.handle})"
             if isinstance(entity, Insert):
-                yield from self._of_block(entity, layer, inside, depth)
+                yield from self._of_block(entity, layer, inside)
             elif kind == "MLINE":
                 parts = entity.virtual_entities()  # type: ignore[attr-defined]
                 yield from ((part, layer, where) for part in parts)
@@ -515,23 +541,41 @@ class _Walk:
                 yield entity, layer, where
 
     def _of_block(
-        self, insert: Insert, layer: str, inside: str, depth: int
+        self, insert: Insert, layer: str, inside: str
     ) -> Iterator[tuple[DXFGraphic, str, str]]:
         name = insert.dxf.name
-        inside = inside or f"in block {name} (INSERT handle {insert.dxf.handle})"
-        if depth >= _DEEPEST_BLOCK:
-            raise BadInputError(inside, f"blocks {depth} deep", f"at most {_DEEPEST_BLOCK}")
+        if not inside:
+            inside = f"in block {name} (INSERT handle {insert.dxf.handle})"
+            self._count_copies(insert, inside)
         if insert.block() is None:
             self.ignored[f"INSERT of the missing block {name}"] += 1
             return
-        if insert.mcount > _MOST_ENTITIES:
-            raise BadInputError(inside, f"{insert.mcount} copies", f"at most {_MOST_ENTITIES}")
         if layer in self.document.layers and self.document.layers.get(layer).is_frozen():
             self.ignored[f"on layer {layer}, which is frozen"] += 1
             return
         for single in insert.multi_insert() if insert.mcount > 1 else [insert]:
             parts = single.virtual_entities(skipped_entity_callback=self._skipped)
-            yield from self._leaves(parts, layer, inside, depth + 1)
+            yield from self._leaves(parts, layer, inside)
+
+    def _count_copies(self, insert: Insert, inside: str) -> None:
+        """Refuse copies of blocks before they are made: a small file can ask for 10^18."""
+        self.copied += self._copied_by(insert, inside, 0)
+        if self.copied > _MOST_COPIED:
+            value = f"over {_MOST_COPIED} entities in blocks, every copy counted"
+            raise BadInputError(inside, value, "fewer; explode large blocks in the drawing program")
+
+    def _copied_by(self, insert: Insert, inside: str, depth: int) -> int:
+        name = insert.dxf.name
+        if depth >= _DEEPEST_BLOCK:
+            raise BadInputError(inside, f"blocks {depth} deep", f"at most {_DEEPEST_BLOCK}")
+        if name not in self.sizes:
+            self.sizes[name] = 1 + sum(
+                self._copied_by(part, inside, depth + 1)
+                if isinstance(part, Insert)
+                else _size(part)
+                for part in insert.block() or ()
+            )
+        return insert.mcount * self.sizes[name]
 
     def _skipped(self, entity: DXFGraphic, reason: str) -> None:
         if entity.dxftype() in _READERS:

@@ -5,9 +5,13 @@ import subprocess
 import sys
 import textwrap
 import time
+from xml.etree import ElementTree
+from zipfile import ZipFile
 
 import pytest
+from rich.table import Table
 
+from vinefab.cli.common_options import CommandOutput
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.calibration.coupon_results import read_results
 from vinefab.pages.figure import blank, house_style, svg_bytes
@@ -257,6 +261,46 @@ def test_names_are_drawn_as_they_are(recwarn, name):
         axes.legend()
     assert svg_bytes(figure).startswith(b"<?xml")
     assert not recwarn.list
+
+
+OBEYED = "a\0b\x1b]0;own\x07\x9b2J\u202e\ufffe[/red]<script>"
+"""What terminals, XML and rich's markup do not take as text."""
+
+
+def test_no_name_is_obeyed_by_xml_or_a_terminal(vinefab, tmp_path):
+    path, picture = tmp_path / "m.geojson", tmp_path / "m.svg"
+    path.write_text(geojson(name=json.dumps(OBEYED)))
+    code, said, words = vinefab("map", "info", path, "--svg", picture)
+    assert (code, words) == (0, "")
+    assert "[/red]<script>" in said
+    assert all(letter.isprintable() or letter == "\n" for letter in said)
+    assert ElementTree.fromstring(picture.read_bytes()).tag.endswith("svg")  # noqa: S314  our own
+
+
+def test_no_path_in_an_error_is_obeyed_by_a_terminal(vinefab, tmp_path):
+    code, _, words = vinefab("map", "info", tmp_path / "a\x1b]0;own\x07.geojson")
+    assert code == 2
+    assert words.strip().isprintable()
+
+
+def test_cells_of_tables_are_no_markup(capsys):
+    table = Table(OBEYED)
+    table.add_row(OBEYED)
+    CommandOutput().show(table)
+    said = capsys.readouterr().out
+    assert said.count("[/red]<script>") == 2
+    assert all(letter.isprintable() or letter == "\n" for letter in said)
+
+
+def test_a_rig_of_such_a_name_is_made(vinefab, tmp_path):
+    path, rig = tmp_path / "m.geojson", tmp_path / "rig"
+    path.write_text(geojson(name=json.dumps(OBEYED)))
+    options = ("--fit-mm", 100, "--allow-empty", "--no-pictures")
+    code, said, words = vinefab("rig", path, "--out", rig, *options)
+    assert (code, words) == (0, ""), said
+    with ZipFile(rig / "bed_01.3mf") as archive:
+        root = ElementTree.fromstring(archive.read("3D/3dmodel.model"))  # noqa: S314  our own
+    assert "[/red]<script>" in root[0].text
 
 
 @pytest.mark.parametrize("name", NAMES, ids=["dollars", "no glyph"])

@@ -319,6 +319,38 @@ def test_a_cell_longer_than_the_csv_reader_allows(tmp_path):
     assert len(str(refused.value)) < 300
 
 
+@pytest.mark.parametrize("value", ["1e308", "-1", "nan", "inf", "9" * 5000])
+def test_readings_are_numbers_that_can_be_fitted(tmp_path, value):
+    path = tmp_path / "results.csv"
+    path.write_text(f"measure,setting,value,unit\nseam,weldcut,{value},m\n")
+    with pytest.raises(BadInputError, match="0 or more, at most 1e"):
+        read_results(path)
+
+
+def test_a_quote_that_does_not_end_hides_no_reading(tmp_path):
+    path = tmp_path / "results.csv"
+    path.write_text('measure,setting,value,unit\nseam,"weldcut,0.4,mm\n')
+    with pytest.raises(BadInputError, match=r"line 2: line is 'seam,.*comma-separated cells"):
+        read_results(path)
+
+
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [
+        ("m.dxf", "there is no such file"),
+        ("/dev/zero", "no such file"),
+        ("/proc/self/mem", "read:"),
+    ],
+)
+def test_links_to_what_is_no_file(vinefab, tmp_path, target, words):
+    path = tmp_path / "m.dxf"
+    path.symlink_to(target)
+    code, _, said = vinefab("map", "import", path, "--out", tmp_path / "m.geojson")
+    assert code == 2
+    assert said.startswith(f"error: {path}: ")
+    assert words in said
+
+
 def test_a_value_is_never_printed_whole():
     whole = [[["x" * 100] * 1000] * 1000] * 1000
     assert len(str(BadInputError("key", whole, "less"))) < 100

@@ -1,6 +1,7 @@
 """Options that commands share, and `CommandOutput`: messages, results and progress."""
 
 import math
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -117,7 +118,9 @@ def ensure_kind(option: str, path: Path | None, endings: tuple[str, ...], *, for
 
 def ensure_apart(option: str, path: Path, source: Path, what: str) -> None:
     """Check that what is to be written is another file than what is read."""
-    if path.resolve() == source.resolve() or (path.exists() and path.samefile(source)):
+    # Unlike Path.resolve, realpath takes a link that leads to itself.
+    same = os.path.realpath(path) == os.path.realpath(source)
+    if same or (path.exists() and source.exists() and path.samefile(source)):
         raise BadInputError(option, str(path), f"another file than {what}")
 
 

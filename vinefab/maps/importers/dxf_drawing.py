@@ -334,7 +334,13 @@ _READERS: dict[str, Callable[[DXFGraphic, str], list[DrawingItem]]] = {
 if TYPE_CHECKING:
     from ezdxf.document import Drawing as Document
 
-_LARGEST_BYTES = 512 << 20
+_LARGEST_BYTES = 128 << 20
+_MOST_TAGS = 2_000_000
+"""Pairs of group code and value: ezdxf takes 3 us and 270 bytes for each."""
+_MOST_MENDED_TAGS = 1_000_000
+"""In a damaged file, which is read twice."""
+_BINARY = b"AutoCAD Binary DXF"
+_BYTES_PER_BINARY_TAG = 8
 _MOST_ENTITIES = 500_000
 _DEEPEST_BLOCK = 16
 _MOST_COPIED = 50_000
@@ -379,6 +385,7 @@ _GUESSED = (AuditError.INVALID_INTEGER_VALUE, AuditError.INVALID_FLOATING_POINT_
 _NO_OUTPUT = logging.NullHandler()
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what becomes infinite is refused by its place
 def import_dxf(path: Path, options: ImportOptions) -> Map:
     """Return the map in a DXF drawing.
 
@@ -403,11 +410,17 @@ def _document(path: Path) -> tuple["Document", int]:
     data = read_bytes(path, _LARGEST_BYTES)
     if not data.strip():
         raise UnreadableFileError(path, "is empty")
+    tags = _tag_count(data)
+    if tags > _MOST_TAGS:
+        problem = f"is a drawing of about {tags} values; at most {_MOST_TAGS} can be read"
+        raise UnreadableFileError(path, f"{problem}: save only the layers that are walls")
     # Its warnings are not printed beside the one line that a user gets.
     logging.getLogger("ezdxf").addHandler(_NO_OUTPUT)
     try:
         document, repaired = readfile(path), 0
-    except (OSError, *_BROKEN):
+    except (OSError, *_BROKEN) as error:
+        if tags > _MOST_MENDED_TAGS:
+            raise _not_dxf(path, error) from error
         document, repaired = _recovered(path, data)
     if b"$INSUNITS" not in data:
         # ezdxf assumes metres then; the file names no unit.
@@ -415,13 +428,23 @@ def _document(path: Path) -> tuple["Document", int]:
     return document, repaired
 
 
+def _tag_count(data: bytes) -> int:
+    if data.startswith(_BINARY):
+        return len(data) // _BYTES_PER_BINARY_TAG
+    return max(data.count(b"\n"), data.count(b"\r")) // 2
+
+
+def _not_dxf(path: Path, error: Exception) -> UnreadableFileError:
+    problem = " ".join(str(error).split()) or type(error).__name__
+    return UnreadableFileError(path, f"is not a DXF file: {problem[:120]}")
+
+
 def _recovered(path: Path, data: bytes) -> tuple["Document", int]:
     """Return a damaged document, if only its structure had to be repaired."""
     try:
         document, auditor = recover.read(io.BytesIO(data))
     except (OSError, *_BROKEN) as error:
-        problem = " ".join(str(error).split()) or type(error).__name__
-        raise UnreadableFileError(path, f"is not a DXF file: {problem[:120]}") from error
+        raise _not_dxf(path, error) from error
     for fix in (*auditor.fixes, *auditor.errors):
         if fix.code in _GUESSED:
             raise UnreadableFileError(path, f"is a damaged DXF file: {fix.message}")
@@ -460,6 +483,7 @@ def _layer(entity: DXFGraphic) -> str:
 
 def _size(entity: DXFGraphic) -> int:
     """Return how many simple entities take as long to copy."""
+    points: int
     match entity.dxftype():
         case "LWPOLYLINE":
             points = len(entity)  # type: ignore[arg-type]
@@ -469,7 +493,7 @@ def _size(entity: DXFGraphic) -> int:
             points = entity.control_point_count() + entity.fit_point_count()  # type: ignore[attr-defined]
         case "HATCH" | "MPOLYGON":
             points = sum(
-                len(path.edges if isinstance(path, EdgePath) else path.vertices)
+                len(path.edges) if isinstance(path, EdgePath) else len(path.vertices)
                 for path in entity.paths  # type: ignore[attr-defined]
             )
         case _:

@@ -239,5 +239,5 @@ def _number(text: str, key: str, place: str) -> float:
     except ValueError as error:
         raise BadInputError(key, text, "a number", place) from error
     if not 0.0 <= value <= _LARGEST:
-        raise BadInputError(key, text, f"a number, 0 or more, at most {_LARGEST:g}", place)
+        raise BadInputError(key, text, f"a finite number, 0 or more, at most {_LARGEST:g}", place)
     return value

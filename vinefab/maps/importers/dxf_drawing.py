@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from ezdxf import recover
@@ -492,10 +492,9 @@ def _size(entity: DXFGraphic) -> int:
         case "SPLINE" | "HELIX":
             points = entity.control_point_count() + entity.fit_point_count()  # type: ignore[attr-defined]
         case "HATCH" | "MPOLYGON":
-            points = sum(
-                len(path.edges) if isinstance(path, EdgePath) else len(path.vertices)
-                for path in entity.paths  # type: ignore[attr-defined]
-            )
+            paths: list[Any] = entity.paths  # type: ignore[attr-defined]
+            held = [path.edges if isinstance(path, EdgePath) else path.vertices for path in paths]
+            points = sum(map(len, held))
         case _:
             points = 0
     # ezdxf copies a polyline vertex by vertex, all that came before with each.

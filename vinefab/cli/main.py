@@ -16,6 +16,7 @@ from typing import Annotated, cast
 import typer
 
 from vinefab.core.errors import InterruptedRunError, VinefabError, shortened
+from vinefab.core.plain_text import visible
 from vinefab.core.version import __version__
 
 
@@ -221,6 +222,6 @@ def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:
 
 
 def _print_error(message: str, code: int) -> int:
-    line = shortened(" ".join(message.split()), MOST_LETTERS)
+    line = shortened(visible(" ".join(message.split())), MOST_LETTERS)
     typer.echo(f"error: {line}", err=True)
     return code

@@ -99,7 +99,12 @@ def svg_bytes(figure: Figure) -> bytes:
         figure.savefig(
             stream, format="svg", bbox_inches="tight", metadata={"Date": None, "Creator": GENERATOR}
         )
-    return re.sub(rb' d="[^"]*"', _shortened, stream.getvalue())
+    # matplotlib repeats every text in a comment, with characters that XML forbids.
+    valid = _NOT_XML.sub(b"?", stream.getvalue())
+    return re.sub(rb' d="[^"]*"', _shortened, valid)
+
+
+_NOT_XML = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f]|\xef\xbf[\xbe\xbf]")
 
 
 def _shortened(path: re.Match[bytes]) -> bytes:

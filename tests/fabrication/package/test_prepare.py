@@ -1,3 +1,4 @@
+import csv
 import hashlib
 import io
 import json
@@ -233,6 +234,17 @@ def test_the_readme_warns_where_colours_are_not_enough(content: PackageContent) 
     text = words(replace(content, colours=PRESETS["shop_single"]))
     assert "WARNING: weldcut and cut have the same layer and colour" in text
     assert "does not write: mark, weld, reg, doc" in text
+
+
+def test_titles_are_text_in_readme_and_bill(content: PackageContent) -> None:
+    profile = content.profile
+    titled = replace(profile, material=replace(profile.material, title="=1+1\x1b[2J\0\n0\nLINE"))
+    files = package_files(replace(content, profile=titled))
+    readme, bill = files["README.txt"].decode(), files["bom.csv"].decode()
+    assert all(letter.isprintable() or letter == "\n" for letter in readme)
+    assert "\n0\n" not in readme
+    cells = [cell for row in csv.reader(io.StringIO(bill)) for cell in row]
+    assert not [cell for cell in cells if cell.startswith(tuple("=+-@\t\r"))]
 
 
 def test_the_readme_warns_of_a_robot_larger_than_the_bed(content: PackageContent) -> None:

@@ -6,6 +6,7 @@ from itertools import pairwise
 from textwrap import fill
 
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import one_line
 from vinefab.fabrication.formats.dxf_format import DXF, DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import (
     Colours,
@@ -367,7 +368,7 @@ def readme_section(title: str, items: Sequence[str]) -> str:
 
 def _paragraph(lead: str, text: str) -> str:
     return fill(
-        text,
+        one_line(text),
         width=_WIDTH,
         initial_indent=lead,
         subsequent_indent=" " * len(lead),

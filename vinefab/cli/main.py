@@ -3,6 +3,7 @@
 import importlib
 import os
 import shlex
+import signal
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from typing import Annotated, cast
 import typer
 
 from vinefab.core.errors import InterruptedRunError, VinefabError
+from vinefab.core.interruption import StopRequest, stop_requests
 from vinefab.core.version import __version__
 
 
@@ -93,7 +95,6 @@ COMMANDS = {
 
 EXIT_BAD_INPUT = 2
 EXIT_UNFORESEEN = 3
-EXIT_INTERRUPTED = 130
 INTERRUPTED = "interrupted; what was being written was left as it was"
 EXIT_BROKEN_PIPE = 141
 
@@ -148,6 +149,11 @@ def _not_loaded() -> None:
 
 def main(arguments: Sequence[str]) -> int:
     """Run one command line and return its exit code."""
+    with stop_requests() as request:
+        return _run_command(arguments, request)
+
+
+def _run_command(arguments: Sequence[str], request: StopRequest) -> int:
     named = [argument for argument in arguments if not argument.startswith("-")]
     try:
         app = build_app(named[0] if named and named[0] in COMMANDS else None)
@@ -158,30 +164,37 @@ def main(arguments: Sequence[str]) -> int:
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  stays open until the end
         return EXIT_BROKEN_PIPE
     except (Exception, KeyboardInterrupt) as error:  # the last net of the project, the only one
-        return _print_error(*_explained(error, arguments))
+        return _print_error(*_explained(error, arguments, request))
     code = result if isinstance(result, int) else 0
     # Some versions of typer return it instead of raising.
-    return _print_error(INTERRUPTED, code) if code == EXIT_INTERRUPTED else code
+    return _print_error(INTERRUPTED, request.exit_code) if request.number else code
 
 
 def run() -> None:
     """Run the program: the entry point of the installed command."""
-    sys.exit(main(sys.argv[1:]))
+    code = main(sys.argv[1:])
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        # All is done; what is left could only end in a traceback.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    sys.exit(code)
 
 
-def _explained(error: BaseException, arguments: Sequence[str]) -> tuple[str, int]:
+def _explained(
+    error: BaseException, arguments: Sequence[str], request: StopRequest
+) -> tuple[str, int]:
     """Return what to print of an error, and the exit code."""
+    if isinstance(error, InterruptedRunError):
+        return str(error), request.exit_code
+    # A request may have come where other code made another error of it.
+    if request.number or isinstance(error, KeyboardInterrupt | typer.Abort):
+        return INTERRUPTED, request.exit_code
     match error:
         case UsageProblem():
             return cast("typer.BadParameter", error).format_message(), EXIT_BAD_INPUT
-        case InterruptedRunError():
-            return str(error), EXIT_INTERRUPTED
         case VinefabError():
             return str(error), EXIT_BAD_INPUT
         case OSError():
             return f"{error.filename or 'output'}: {error.strerror}", EXIT_BAD_INPUT
-        case KeyboardInterrupt() | typer.Abort():
-            return INTERRUPTED, EXIT_INTERRUPTED
     return _unforeseen(error, arguments), EXIT_UNFORESEEN
 
 

@@ -36,6 +36,7 @@ def test_a_deferred_request_is_raised_after_the_block(number):
         with stops_deferred():
             os.kill(os.getpid(), number)
             done.append("rest of the block")
+            raise OSError("a process got the request too")
 
     with stop_requests() as request:
         with pytest.raises(KeyboardInterrupt):

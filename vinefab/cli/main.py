@@ -6,6 +6,7 @@ import shlex
 import signal
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from tempfile import NamedTemporaryFile
 from traceback import format_exception
@@ -158,8 +159,9 @@ def _run_command(arguments: Sequence[str], request: StopRequest) -> int:
     try:
         app = build_app(named[0] if named and named[0] in COMMANDS else None)
         result = app(list(arguments) or ["--help"], prog_name="vinefab", standalone_mode=False)
-        sys.stdout.flush()
-    except BrokenPipeError:
+        if sys.stdout is not None:  # as with >&- in a shell
+            sys.stdout.flush()
+    except (BrokenPipeError, SystemExit):  # typer makes the second of the first
         # The reader has closed the pipe; nothing more can be written to it.
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  stays open until the end
         return EXIT_BROKEN_PIPE
@@ -214,5 +216,6 @@ def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:
 
 
 def _print_error(message: str, code: int) -> int:
-    typer.echo(f"error: {' '.join(message.split())}", err=True)
+    with suppress(OSError):  # a terminal that was closed, or a full disk; the code still tells
+        typer.echo(f"error: {' '.join(message.split())}", err=True)
     return code

@@ -65,10 +65,12 @@ def stops_deferred() -> Iterator[None]:
     the middle would leave half done.
     """
     noted: list[int] = []
-    with _handled(lambda number, _: noted.append(number)), _hidden_from_children():
-        yield
-    if noted:
-        signal.raise_signal(noted[0])
+    try:
+        with _handled(lambda number, _: noted.append(number)), _hidden_from_children():
+            yield
+    finally:
+        if noted:  # an error of the block may come from processes that got the same request
+            signal.raise_signal(noted[0])
 
 
 @contextmanager

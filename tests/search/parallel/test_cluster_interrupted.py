@@ -6,6 +6,11 @@ import subprocess
 import sys
 import time
 
+import pytest
+
+from vinefab.core.errors import WorkersLostError
+from vinefab.search.parallel.dask_cluster import DaskEvaluator
+
 RUN = """schema = "vinefab/run-1"
 name = "long"
 [maps]
@@ -39,3 +44,15 @@ def test_ctrl_c_while_the_cluster_starts_is_one_line(tmp_path):
     assert words.count("\n") == 1, words
     assert "to resume: vinefab optimize" in words
     assert list(temporary.iterdir()) == []
+
+
+def test_a_worker_that_ends_while_it_starts_is_one_error(monkeypatch):
+    def failing(**_):
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr("distributed.LocalCluster", failing)
+    with (
+        pytest.raises(WorkersLostError, match="a worker ended while it started"),
+        DaskEvaluator("local:1")._client(),
+    ):
+        pass

@@ -243,8 +243,7 @@ class DaskEvaluator:
     def _local_client(self) -> Iterator[Any]:
         """Start workers on this computer that only this run can use, and connect to them."""
         import dask  # noqa: PLC0415 - optional
-        from distributed import Client, LocalCluster  # noqa: PLC0415 - optional
-        from distributed.security import Security  # noqa: PLC0415 - optional
+        from distributed import Client  # noqa: PLC0415 - optional
 
         stack = ExitStack()
         try:
@@ -255,24 +254,32 @@ class DaskEvaluator:
                 private = stack.enter_context(folder)
                 stack.enter_context(dask.config.set(_without_http()))  # also for later workers
                 stack.enter_context(dask.config.set({"temporary-directory": private}))
-                cluster = stack.enter_context(
-                    LocalCluster(  # type: ignore[no-untyped-call]
-                        n_workers=self.count,
-                        threads_per_worker=1,
-                        security=Security.temporary(),  # type: ignore[no-untyped-call]
-                        # A fixed port would be taken, and a warning given, beside another cluster.
-                        scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
-                        local_directory=private,
-                        memory_limit=0,
-                        silence_logs="CRITICAL",
-                    )
-                )
+                cluster = stack.enter_context(self._local_cluster(private))
                 client = stack.enter_context(Client(cluster))  # type: ignore[no-untyped-call]
                 self._restart = lambda: (cluster.scale(0), cluster.scale(self.count))
             yield client
         finally:
             with stops_deferred():
                 stack.close()
+
+    def _local_cluster(self, folder: str) -> Any:  # noqa: ANN401 - as above
+        from distributed import LocalCluster  # noqa: PLC0415 - optional
+        from distributed.security import Security  # noqa: PLC0415 - optional
+
+        try:
+            return LocalCluster(  # type: ignore[no-untyped-call]
+                n_workers=self.count,
+                threads_per_worker=1,
+                security=Security.temporary(),  # type: ignore[no-untyped-call]
+                # A fixed port would be taken, and a warning given, beside another cluster.
+                scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+                local_directory=folder,
+                memory_limit=0,
+                silence_logs="CRITICAL",
+            )
+        except RuntimeError as error:
+            problem = f"a worker ended while it started ({error})"
+            raise WorkersLostError(f"cluster {self.address}", problem) from error
 
     def _count_workers(self, client: Any) -> int:  # noqa: ANN401 - as above
         """Return the number of worker threads, waiting for the first worker."""

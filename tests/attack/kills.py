@@ -95,7 +95,8 @@ def prepare_inputs(folder: Path) -> None:
         (folder / f"plain{n}.toml").write_text(design)
         long = design.replace(f"{length_mm}", f"{10 * length_mm}")
         (folder / f"long{n}.toml").write_text(long)
-        (folder / f"broken{n}.toml").write_text(design.replace(f"{length_mm}", f"1{n}0.0"))
+        build = f"[build]\ntail_mm = 100.0\npressure_kpa = 3{n}.0\n"
+        (folder / f"broken{n}.toml").write_text(f"{design}{build}")
         box = f'<rect width="300" height="{length_mm}"/><circle cx="99" cy="99" r="30"/>'
         drawing = f'<svg xmlns="http://www.w3.org/2000/svg" width="300mm" height="{length_mm}mm" '
         text = f'{drawing}viewBox="0 0 300 {length_mm}">{box}</svg>'

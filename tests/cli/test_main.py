@@ -3,6 +3,7 @@
 import logging
 import os
 import re
+import shlex
 import subprocess
 import sys
 import warnings
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import vinefab
+from vinefab.cli.common_options import CommandOutput
 from vinefab.cli.main import main, run
 
 SOURCES = Path(vinefab.__file__).parent
@@ -96,3 +98,37 @@ def test_warnings_of_packages_are_shown_to_developers_alone(monkeypatch, capsys)
     monkeypatch.setattr("sys.warnoptions", ["error"])
     with pytest.raises(RuntimeWarning, match="overflow"):
         run()
+
+
+@pytest.mark.parametrize(
+    ("redirection", "code"),
+    [
+        ("profiles >&-", 0),
+        ("profiles >/dev/full", 2),
+        ("profiles <&- >/dev/null", 0),
+        ("profiles nothing 2>/dev/full", 2),
+        ("profiles nothing >&- 2>&-", 2),
+    ],
+)
+def test_closed_and_full_outputs_are_no_fault(redirection, code):
+    script = f"{shlex.quote(sys.executable)} -m vinefab {redirection}"
+    ended = subprocess.run(["sh", "-c", script], capture_output=True, text=True, check=False)
+    assert (ended.returncode, "fault" in ended.stderr) == (code, False), ended.stderr
+
+
+def test_a_reader_that_closes_the_pipe_is_told_by_the_exit_code():
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-m", "vinefab", "profiles"]
+    ended = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, check=False)
+    os.close(writing)
+    assert (ended.returncode, ended.stderr) == (141, b"")
+
+
+def test_what_an_earlier_version_moved_aside_is_named_and_kept(tmp_path, capsys):
+    aside = tmp_path / ".coupons.old.abc"
+    aside.mkdir()
+    (aside / "notes.txt").write_text("mine")
+    CommandOutput().ensure_folder(tmp_path / "coupons", "coupon.json")
+    assert f"note: {aside} has files of" in capsys.readouterr().out
+    assert (aside / "notes.txt").read_text() == "mine"

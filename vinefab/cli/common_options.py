@@ -15,9 +15,10 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_text
 from vinefab.core.errors import BadInputError
 from vinefab.core.plain_text import visible
+from vinefab.core.replacement import moved_aside
 from vinefab.core.units import rad
 from vinefab.model.map import Pose
 
@@ -77,6 +78,15 @@ class CommandOutput:
     def show(self, table: Table) -> None:
         """Print a table for the user."""
         self.console.print(table)
+
+    def ensure_folder(self, path: Path, mark: str) -> None:
+        """Check, before any long work, that a folder may be filled; name what lies beside it."""
+        ensure_own_folder(path, mark, force=self.force)
+        for aside in moved_aside(path):
+            self.say(
+                f"note: {aside} has files of {path} from before a run was killed; vinefab leaves "
+                "it alone: move out what you miss, then remove it"
+            )
 
     def ensure_json(self) -> None:
         """Check, before work that takes long, that `give_json` will be able to write."""

@@ -117,13 +117,16 @@ class CannotWriteError(VinefabError, OSError):
 class WorkersLostError(VinefabError, ConnectionError):
     """All workers are lost; finished work is kept."""
 
-    def __init__(self, where: str, problem: str) -> None:
+    def __init__(
+        self, where: str, problem: str, advice: str = "--resume continues the recorded run"
+    ) -> None:
         self.where = where
         self.problem = problem
-        super().__init__(where, problem)
+        self.advice = advice
+        super().__init__(where, problem, advice)
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.problem}; --resume continues the recorded run"
+        return f"{self.where}: {self.problem}; {self.advice}"
 
 
 class InterruptedRunError(VinefabError, InterruptedError):

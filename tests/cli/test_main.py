@@ -59,7 +59,7 @@ def test_letters_that_a_terminal_cannot_show_are_escaped(tmp_path):
         check=False,
     )
     assert (done.returncode, done.stderr) == (0, b"")
-    assert b"\\udcff.geojson" in done.stdout
+    assert b"\\ufffd.geojson" in done.stdout
     assert path.is_file()
 
 

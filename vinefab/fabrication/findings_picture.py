@@ -227,8 +227,9 @@ class _Robot:
                 band: BaseGeometry = _line_of(path).buffer(
                     half, join_style="mitre", cap_style="flat"
                 )
-                if path.operation is Operation.WELDCUT:  # only inward of the beam is seam
-                    around = shapely.make_valid(shapely.Polygon(path.contour.flattened_mm(0.05)))
+                around = shapely.Polygon(path.contour.flattened_mm(0.05))
+                # Only inward of the beam is seam; a body that lies on itself has no one inside.
+                if path.operation is Operation.WELDCUT and around.is_valid:
                     band = band.intersection(around)
                 axes.fill(
                     *view.points(np.array(self.lumen.exterior.coords)).T, fc=_LUMEN, ec="none"
@@ -340,16 +341,17 @@ def _laid_out(
     half = _SIGN_PT / 2.0
     taken = [shapely.box(x - half, y - half, x + half, y + half) for (x, y), _, _ in spots]
     leaders: list[BaseGeometry] = []
-    shapely.prepare(inked)
     page, around = shapely.box(*box_pt), shapely.convex_hull(inked)
+    for shape in (inked, page, around):  # the first of the two in a predicate may be prepared
+        shapely.prepare(shape)
     for row, ((x, y), severity, text) in enumerate(spots):
         boxes, lines, lengths = _candidates((x, y), text)
         free = shapely.covers(page, boxes) & ~shapely.intersects(boxes, taken[row])
         free &= ~_meet(boxes, taken, 2.0, but=row) & ~_meet(boxes, leaders, 1.0)
         free &= ~_meet(lines, taken, 1.0, but=row) & ~_meet(lines, leaders, 1.0)
         # On the robot a tag hides lines; outside, at the end of a short leader, it hides nothing.
-        cost = lengths + 12.0 * shapely.intersects(boxes, around)
-        cost[free] += 60.0 * shapely.intersects(boxes[free], inked)
+        cost = lengths + 12.0 * shapely.intersects(around, boxes)
+        cost[free] += 60.0 * shapely.intersects(inked, boxes[free])
         if not free.any():
             continue
         best = int(np.where(free, cost, np.inf).argmin())

@@ -16,6 +16,7 @@ from ezdxf.audit import AuditError
 from ezdxf.entities.boundary_paths import ArcEdge, EdgePath, EllipseEdge, LineEdge, SplineEdge
 from ezdxf.entities.dxfgfx import DXFGraphic
 from ezdxf.entities.insert import Insert
+from ezdxf.entities.spline import Spline
 from ezdxf.filemanagement import readfile
 from ezdxf.lldxf.const import DXFError
 from ezdxf.math import BSpline, ConstructionEllipse, Vec2, Vec3
@@ -41,7 +42,7 @@ from vinefab.model.map import Map
 _FLAT = "flat drawings: equal z all along an entity, seen from straight above or below"
 _SPLINE_FRAME = 16
 _FINEST_SPAN = 4096
-_MANY_SPANS = 1000
+_MANY_SPANS = 10_000
 """Of a spline: each is short already, and begins with one chord instead of four."""
 _MOST_SAMPLES = 1_000_000
 """On a spline, chords and their middles."""
@@ -172,9 +173,11 @@ def _spline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
     return [DrawingItem(rings=(Ring(pieces=(curve,)),), where=where, closed=closed)]
 
 
-def _fitted(entity: Any) -> BSpline | None:
+def _fitted(entity: DXFGraphic) -> BSpline | None:
     """Return the spline of an entity that has points on its curve only."""
-    if entity.control_point_count() or not entity.fit_point_count():
+    if not isinstance(entity, Spline) or entity.control_point_count():
+        return None
+    if not entity.fit_point_count():
         return None
     ends = ("start_tangent", "end_tangent")
     given = all(entity.dxf.hasattr(end) for end in ends)
@@ -200,7 +203,8 @@ def _spline_through(points: Floats, tangents: Floats | None) -> BSpline:
         first, last = params[-1] * tangents / sizes[:, None]
         ends = ([(1, first)], [(1, last)])
     curve = make_interp_spline(params / params[-1], points, k=3, bc_type=ends)
-    return BSpline([Vec3(*place) for place in curve.c.tolist()], order=4, knots=curve.t.tolist())
+    controls: list[list[float]] = np.asarray(curve.c).tolist()
+    return BSpline([Vec3(place) for place in controls], order=4, knots=np.asarray(curve.t).tolist())
 
 
 def _lwpolyline(entity: DXFGraphic, where: str) -> list[DrawingItem]:

@@ -67,7 +67,9 @@ def solids(outlines: list[Polygon], changes: Changes) -> list[Polygon]:
     for hole in holes:
         inner.setdefault(int(nest.parent[hole]), []).append(outlines[hole])
     return [
-        Polygon(outlines[index].exterior, [hole.exterior for hole in inner.get(index, [])])
+        Polygon(outlines[index].exterior, [hole.exterior for hole in inner[index]])
+        if index in inner
+        else outlines[index]
         for index in np.flatnonzero(~nest.is_hole & ~nest.unclear).tolist()
     ]
 
@@ -196,7 +198,8 @@ class SolidRegion:
     @property
     def shell(self) -> Polygon:
         """What its outer ring encloses."""
-        return Polygon(self.polygon.exterior)
+        holed = shapely.get_num_interior_rings(self.polygon) > 0
+        return Polygon(self.polygon.exterior) if holed else self.polygon
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -298,9 +301,9 @@ def _inside(
 ) -> list[SolidRegion]:
     """Return the parts, or raise BadInputError if one lies outside the bounds."""
     shapely.prepare(shell)
-    for part in rest:
-        if shell.covers(part.polygon):
-            continue
+    polygons = np.array([part.polygon for part in rest], dtype=np.object_)
+    for index in np.flatnonzero(~shapely.covers(shell, polygons)):
+        part = rest[index]
         beyond = shapely.difference(part.polygon, shell)
         corners = shapely.points(shapely.get_coordinates(beyond))
         if float(np.max(shapely.distance(corners, shell), initial=0.0)) <= join_mm:

@@ -366,8 +366,10 @@ def test_a_quote_that_does_not_end_hides_no_reading(tmp_path):
     ("target", "words"),
     [
         ("m.dxf", "there is no such file"),
-        ("/dev/zero", "no such file"),
-        ("/proc/self/mem", "read:"),
+        ("/dev/zero", "is a device or a pipe"),
+        ("/dev/null", "is a device or a pipe"),
+        ("/proc/self/mem", "is part of the system (proc)"),
+        ("/proc/kmsg", "is part of the system (proc)"),
     ],
 )
 def test_links_to_what_is_no_file(vinefab, tmp_path, target, words):

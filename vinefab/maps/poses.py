@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import shapely
-from shapely import Polygon
+from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
@@ -67,12 +67,13 @@ def _pose_within(start: Start, rng: np.random.Generator) -> Pose:
     )
 
 
-def roomiest_start(free: Polygon, accuracy_mm: float) -> Start:
-    """Return the start with the largest clearance, launching in the longest free direction.
+def roomiest_start(free: Polygon, radius: LineString) -> Start:
+    """Return the start at the first point of a radius, launching in the longest free direction.
+
+    The radius is that of the largest circle in the free space.
 
     Poses drawn from it stay within a quarter of the clearance and 30 degrees.
     """
-    radius = shapely.maximum_inscribed_circle(free, accuracy_mm)
     x, y = (round(float(value), 3) for value in shapely.get_coordinates(radius)[0])
     clearance_mm = float(shapely.distance(free.boundary, shapely.points(x, y)))
     angles = np.arange(_RAYS) * 2.0 * math.pi / _RAYS

@@ -4,12 +4,15 @@ import subprocess
 from itertools import pairwise
 
 import ezdxf
+import numpy as np
 import pytest
 import shapely
+from ezdxf.math import fit_points_to_cad_cv
 from shapely import Polygon
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.maps.generators.grid import grid_map
+from vinefab.maps.importers import dxf_drawing
 from vinefab.maps.importers.importers import import_map
 from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text, read_map
@@ -290,6 +293,47 @@ def test_what_is_not_clear_is_refused_with_its_place(drawn, kind):
         drawn(add)
     assert "\n" not in str(caught.value)
     assert "drawing.dxf" in str(caught.value)
+
+
+@pytest.mark.parametrize("tangents", [None, [(1, 2, 0), (-3, 1, 0)]])
+@pytest.mark.parametrize("count", [2, 3, 4, 9])
+def test_a_spline_through_points_is_that_of_cad_programs(count, tangents):
+    points = np.random.default_rng(count).uniform(0.0, 100.0, (count, 3)) * (1, 1, 0)
+    expected = fit_points_to_cad_cv(points, tangents)
+    found = dxf_drawing._spline_through(points, None if tangents is None else np.array(tangents))
+    assert found.knots() == pytest.approx(expected.knots(), abs=1e-12)
+    assert np.allclose(found.control_points, expected.control_points, atol=1e-9)
+
+
+def circle_of(count):
+    turns = 2.0 * np.pi * np.arange(count + 1) / count
+    points = 200.0 + 100.0 * np.column_stack([np.cos(turns), np.sin(turns)])
+    return [*points[:-1], points[0]]
+
+
+@pytest.mark.parametrize("as_hatch", [False, True])
+def test_thousands_of_points_on_a_spline_are_read(drawn, as_hatch):
+    def add(space):
+        points = circle_of(5_000)
+        if as_hatch:
+            space.add_hatch().paths.add_edge_path().add_spline(fit_points=points)
+        else:
+            space.add_spline(points)
+
+    (disc,) = drawn(add).obstacles
+    assert disc.area == pytest.approx(1e4 * math.pi, rel=1e-4)
+
+
+def test_a_spline_that_takes_too_many_chords_is_refused(drawn):
+    ways = np.arange(100_000)
+    controls = np.column_stack([50 + ways % 7, 50 + ways % 11, 0 * ways]).tolist()
+    with pytest.raises(BadInputError, match=r"SPLINE \(handle .* spans .*--simplify-mm"):
+        drawn(lambda space: space.add_open_spline(controls))
+
+
+def test_equal_points_on_a_spline_are_refused(drawn):
+    with pytest.raises(BadInputError, match=r"SPLINE .*equal or infinite points"):
+        drawn(lambda space: space.add_spline([(50, 50), (50, 50), (90, 90), (50, 90)]))
 
 
 def test_only_text_is_no_drawing(drawn):

@@ -9,6 +9,7 @@ from shapely import Polygon
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.maps.cleanup import assemble
 from vinefab.maps.generators.grid import grid_map
+from vinefab.maps.importers import svg_document
 from vinefab.maps.importers import svg_drawing as svg_map
 from vinefab.maps.importers.importers import import_map
 from vinefab.maps.importers.source_drawing import ImportOptions, run_flat
@@ -270,8 +271,14 @@ def test_files_that_are_no_drawing(drawn, text, message):
         drawn(text, page=None)
 
 
+def test_too_many_elements_are_refused_while_they_are_read(drawn, monkeypatch):
+    monkeypatch.setattr(svg_document, "MOST_ELEMENTS", 100)
+    with pytest.raises(UnreadableFileError, match=r"more than 100 elements \(line .*only what are"):
+        drawn("<g/>" * 100)
+
+
 def test_uses_that_multiply_are_stopped(drawn, monkeypatch):
-    monkeypatch.setattr(svg_map, "_MOST_ELEMENTS", 5000)
+    monkeypatch.setattr(svg_map, "MOST_ELEMENTS", 5000)
     levels = [
         f'<g id="g{k + 1}">{"".join(f"<use href={q}#g{k}{q}/>" for q in chr(34) * 10)}</g>'
         for k in range(8)

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely import LinearRing, Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -161,7 +162,12 @@ def _rings_of(area: BaseGeometry) -> list[LinearRing]:
 
 def _shells(polygons: list[Polygon]) -> list[Polygon]:
     """Return every ring of some polygons as a polygon without holes."""
-    return [Polygon(ring) for polygon in polygons for ring in shapely.get_rings(polygon)]
+    holed = shapely.get_num_interior_rings(np.array(polygons, dtype=np.object_)) > 0
+    return [
+        shell
+        for polygon, with_holes in zip(polygons, holed, strict=True)
+        for shell in (map(Polygon, shapely.get_rings(polygon)) if with_holes else (polygon,))
+    ]
 
 
 def _outlines(
@@ -229,12 +235,17 @@ def _ring(
 
 def _on_grid(polygons: list[Polygon], sliver_mm2: float, changes: Changes) -> list[Polygon]:
     """Return polygons rounded to the precision of files, without slivers and pinholes."""
+    if not polygons:
+        return []
     rounded = shapely.set_precision(polygons, _GRID_MM)
-    parts = [part for item in rounded for part in shapely.get_parts(item)]
+    parts = shapely.get_parts(rounded)
+    large = shapely.area(parts) > sliver_mm2
+    changes.add("slivers_dropped", int((~large).sum()))
+    whole = shapely.get_num_interior_rings(parts) == 0
     kept = []
-    for part in parts:
-        if part.area <= sliver_mm2:
-            changes.add("slivers_dropped")
+    for part, plain in zip(parts[large], whole[large], strict=True):
+        if plain:
+            kept.append(part)
             continue
         holes = [ring for ring in part.interiors if Polygon(ring).area > sliver_mm2]
         changes.add("pinholes_filled", len(part.interiors) - len(holes))
@@ -244,22 +255,40 @@ def _on_grid(polygons: list[Polygon], sliver_mm2: float, changes: Changes) -> li
 
 def _roomiest(region: Polygon, size_mm: float) -> Start:
     accuracy_mm = max(1e-3 * size_mm, 1e-3)
-    clearance_mm = shapely.maximum_inscribed_circle(region, accuracy_mm).length
+    radius = shapely.maximum_inscribed_circle(region, accuracy_mm)
+    clearance_mm = radius.length
     if clearance_mm < _LEAST_CLEARANCE_MM:
         raise BadInputError(
             "drawing", f"free space {2.0 * clearance_mm:.2g} mm wide", "room for a start"
         )
-    return roomiest_start(region, accuracy_mm)
+    return roomiest_start(region, radius)
 
 
-def _start(world: Map, options: AssembleOptions) -> tuple[Start, dict[str, object]]:
+def _free_regions(world: Map) -> list[Polygon]:
     # Ten times faster than Map.free_space for scattered obstacles.
     obstacles = np.array(world.obstacles, dtype=np.object_)
     if len(obstacles) > _MANY_OBSTACLES:
+        if _scattered(world.bounds, obstacles):
+            return [shapely.polygons(world.bounds.exterior, shapely.get_exterior_ring(obstacles))]
         # Corners lie on the grid already; geometries that remember it take six times as long.
         obstacles = shapely.set_precision(obstacles, 0.0)
     solid = shapely.disjoint_subset_union_all(obstacles)
-    regions = polygons_of(shapely.difference(world.bounds, solid))
+    return polygons_of(shapely.difference(world.bounds, solid))
+
+
+def _scattered(bounds: Polygon, obstacles: NDArray[np.object_]) -> bool:
+    """Return whether obstacles have no holes and touch neither each other nor the bounds."""
+    if shapely.get_num_interior_rings(obstacles).any():
+        return False
+    shapely.prepare(bounds)
+    if not shapely.contains_properly(bounds, obstacles).all():
+        return False
+    met = shapely.STRtree(obstacles).query(obstacles, predicate="intersects")
+    return bool(met.shape[1] == len(obstacles))
+
+
+def _start(world: Map, options: AssembleOptions) -> tuple[Start, dict[str, object]]:
+    regions = _free_regions(world)
     if not regions:
         raise BadInputError("drawing", "no free space", "free space between the obstacles")
     areas = [region.area for region in regions]

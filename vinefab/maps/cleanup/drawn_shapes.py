@@ -19,6 +19,14 @@ SAME_POINT_MM = 1e-6
 """Points nearer than this are one point: map files hold no finer coordinates."""
 
 _LEAST_SIZE_MM = 0.01
+_MOST_PAIRS = 250_000
+"""Of outlines whose boxes overlap, beside two for each outline: 700 in each other."""
+_MOST_NEAR = 5_000_000
+"""Pairs of segments whose boxes overlap."""
+_MOST_CROSSINGS = 100_000
+_MOST_TURNS = 300_000_000
+"""Faces of a ring times its segments: what winding numbers take."""
+_AT_ONCE = 32
 _FAR = 10.0
 
 
@@ -114,6 +122,64 @@ class Changes:
         self.counts[what] = max(round(size, 6), before if isinstance(before, float) else 0.0)
 
 
+def refuse_crowd(outlines: NDArray[np.object_], near_mm: float = 0.0) -> None:
+    """Refuse outlines if so many pairs of boxes overlap, or nearly, that comparing takes minutes.
+
+    Only those pairs are counted here, and no more than are allowed.
+    """
+    count = len(outlines)
+    most = _MOST_PAIRS + 2 * count
+    if count**2 <= 2 * most:
+        return
+    low_x, low_y, high_x, high_y = shapely.bounds(outlines).T
+    tree = shapely.STRtree(outlines)
+    twice = -count  # each outline finds itself, and each pair is found from both sides
+    boxes = shapely.box(low_x - near_mm, low_y - near_mm, high_x + near_mm, high_y + near_mm)
+    for begin in range(0, count, _AT_ONCE):
+        twice += tree.query(boxes[begin : begin + _AT_ONCE]).shape[1]
+        if twice > 2 * most:
+            raise BadInputError(
+                "drawing",
+                f"{count} outlines, over {most} pairs overlap",
+                "fewer outlines in each other; leave out what is no wall, --layer to choose",
+            )
+
+
+def refuse_tangle(points_mm: Sequence[Floats], where: str) -> None:
+    """Refuse lines that cross each other or themselves so often that cutting them takes minutes."""
+    first = np.concatenate([line[:-1] for line in points_mm])
+    last = np.concatenate([line[1:] for line in points_mm])
+    if len(first) ** 2 <= 2 * _MOST_CROSSINGS:
+        return
+    segments = np.asarray(shapely.linestrings(np.stack([first, last], axis=1)))
+    tree = shapely.STRtree(segments)
+    near = crossings = 0
+    for begin in range(0, len(segments), _AT_ONCE):
+        one, other = tree.query(segments[begin : begin + _AT_ONCE])
+        one, other = one[other > one + begin] + begin, other[other > one + begin]
+        near += len(one)
+        if near <= _MOST_NEAR:
+            sides = _beside(first[one], last[one], first[other], last[other])
+            sides &= _beside(first[other], last[other], first[one], last[one])
+            crossings += int(sides.sum())
+        if near > _MOST_NEAR or crossings > _MOST_CROSSINGS:
+            raise BadInputError(
+                where,
+                f"{len(segments)} segments with over {_MOST_CROSSINGS} crossings",
+                "lines that rarely cross; leave out what is no wall, or clean the drawing",
+            )
+
+
+def _beside(first: Floats, last: Floats, one: Floats, other: Floats) -> NDArray[np.bool_]:
+    """Return whether two points lie on different sides of a line through two others."""
+    (x, y), (one_x, one_y), (other_x, other_y) = (
+        (last - first).T,
+        (one - first).T,
+        (other - first).T,
+    )
+    return np.asarray((x * one_y - y * one_x) * (x * other_y - y * other_x) < 0.0)
+
+
 def without_repeats(points: Floats, changes: Changes) -> Floats:
     """Return points without those that repeat the one before; a closed ring stays closed."""
     if len(points) < 2:
@@ -165,8 +231,15 @@ def _drop(points: Floats, where: str, sliver_mm2: float, changes: Changes) -> No
 
 def _by_winding(points: Floats, where: str, sliver_mm2: float, changes: Changes) -> list[Polygon]:
     ring = np.vstack([points, points[:1]])
+    refuse_tangle([ring], where)
     noded = shapely.union_all(shapely.linestrings(np.stack([ring[:-1], ring[1:]], axis=1)))
     faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(noded)))
+    if len(faces) * len(ring) > _MOST_TURNS:
+        raise BadInputError(
+            f"{where} at {changes.frame.place(points[0])}",
+            f"{len(ring)} corners, and crosses itself {len(faces)} times",
+            "outlines that rarely cross themselves; split it, or clean the drawing",
+        )
     turns = winding_numbers(shapely.point_on_surface(faces), ring)
     twice = faces[(turns != 0) & (turns % 2 == 0)]
     if float(shapely.area(twice).sum()) > sliver_mm2:

@@ -13,7 +13,12 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints
-from vinefab.maps.cleanup.drawn_shapes import SAME_POINT_MM, Changes, polygons_of
+from vinefab.maps.cleanup.drawn_shapes import (
+    SAME_POINT_MM,
+    Changes,
+    polygons_of,
+    refuse_tangle,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,10 +49,21 @@ def chained(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     return _chains(_bridged(exact, join_mm, changes))
 
 
+def _near_pairs(ends: Floats, near_mm: float) -> Ints:
+    """Return which pairs of ends are near each other, shape (n, 2); refuse millions."""
+    tree = cKDTree(ends)
+    count = (int(tree.count_neighbors(tree, near_mm)) - len(ends)) // 2
+    if count > _MOST_NEAR_ENDS:
+        value = f"{count} pairs of ends within {near_mm:.3g} mm"
+        allowed = "lines of which few meet at one place; leave out what is no wall"
+        raise BadInputError("drawing", value, f"{allowed}, or a smaller --join-mm")
+    return np.asarray(tree.query_pairs(near_mm, output_type="ndarray"), dtype=np.int64)
+
+
 def _end_nodes(lines: list[Line], same_mm: float) -> Ints:
     """Return which node each line begins and ends at, shape (n, 2); near ends share a node."""
     ends = np.array([line.points_mm[[0, -1]] for line in lines]).reshape(-1, 2)
-    pairs = cKDTree(ends).query_pairs(same_mm, output_type="ndarray")
+    pairs = _near_pairs(ends, same_mm)
     graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(ends), len(ends)))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64).reshape(-1, 2)
 
@@ -131,7 +147,7 @@ def _bridged(lines: list[Line], join_mm: float, changes: Changes) -> list[Line]:
     spots = np.array([_end(lines, end) for end in loose]).reshape(-1, 2)
     if len(spots) < 2:
         return lines
-    pairs = cKDTree(spots).query_pairs(join_mm, output_type="ndarray")
+    pairs = _near_pairs(spots, join_mm)
     gaps = np.hypot(*(spots[pairs[:, 0]] - spots[pairs[:, 1]]).T)
     points = [line.points_mm.copy() for line in lines]
     taken: set[int] = set()
@@ -188,6 +204,7 @@ def _end(lines: list[Line], end: int) -> Floats:
 
 
 _BEYOND = 1e-3
+_MOST_NEAR_ENDS = 5_000_000
 _MOST_NAMED = 5
 
 
@@ -218,6 +235,7 @@ def join(lines: list[Line], join_mm: float, changes: Changes) -> Joined:
 def _cut_at_crossings(
     lines: list[Line], join_mm: float, changes: Changes
 ) -> tuple[list[Line], list[Line]]:
+    refuse_tangle([line.points_mm for line in lines], "open lines")
     extended = _extended_onto_lines(lines, join_mm, changes)
     noded = shapely.union_all(_line_strings([line.points_mm for line in extended]))
     faces, cuts, dangles, _ = shapely.polygonize_full(shapely.get_parts(noded))
@@ -238,7 +256,7 @@ def _extended_onto_lines(lines: list[Line], join_mm: float, changes: Changes) ->
     points = [line.points_mm for line in lines]
     strings = _line_strings(points)
     tree = shapely.STRtree(strings)
-    for end in _loose_ends(lines):
+    for end in _ends_near_lines(lines, tree, join_mm):
         own, last = end // 2, end % 2 == 1
         spot = lines[own].points_mm[-1 if last else 0]
         near = tree.query(shapely.points(spot), predicate="dwithin", distance=join_mm)
@@ -255,6 +273,14 @@ def _extended_onto_lines(lines: list[Line], join_mm: float, changes: Changes) ->
         changes.add("ends_led_onto_lines")
         changes.most("largest_gap_joined_mm", gap_mm)
     return [Line(points_mm=new, where=line.where) for new, line in zip(points, lines, strict=True)]
+
+
+def _ends_near_lines(lines: list[Line], tree: shapely.STRtree, join_mm: float) -> list[int]:
+    """Return the loose ends that are near a line other than their own."""
+    loose = np.array(_loose_ends(lines), dtype=np.int64)
+    spots = shapely.points(np.array([_end(lines, end) for end in loose]).reshape(-1, 2))
+    end, line = tree.query(spots, predicate="dwithin", distance=join_mm)
+    return [int(index) for index in loose[np.unique(end[line != loose[end] // 2])]]
 
 
 def _direction(points: Floats, *, last: bool) -> Floats:
@@ -299,6 +325,8 @@ def walls_along(
     Walls end flat where a line ends; where three or more meet they fill the corner.
     """
     chains = chained(lines, join_mm, changes)
+    if chains:
+        refuse_tangle([line.points_mm for line in chains], "lines that are walls")
     meeting = _ends_at_corners(chains)
     walls: list[BaseGeometry] = []
     for index, line in enumerate(chains):

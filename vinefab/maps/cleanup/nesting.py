@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Ints
-from vinefab.maps.cleanup.drawn_shapes import Changes, Role, polygons_of
+from vinefab.maps.cleanup.drawn_shapes import Changes, Role, polygons_of, refuse_crowd
 
 _Geometries = NDArray[np.object_]
 
@@ -42,6 +42,7 @@ def _repeats_by_distance(rings: _Geometries, near_mm: float) -> NDArray[np.bool_
     """Return for every ring whether it repeats an earlier one."""
     boxes = shapely.bounds(rings).reshape(-1, 4)
     low = np.asarray(shapely.points(boxes[:, :2]), dtype=np.object_)
+    refuse_crowd(low, 2.0 * near_mm)
     later, earlier = shapely.STRtree(low).query(low, predicate="dwithin", distance=2 * near_mm)
     alike = (earlier < later) & (np.abs(boxes[later] - boxes[earlier]) <= near_mm).all(axis=1)
     later, earlier = later[alike], earlier[alike]
@@ -66,7 +67,9 @@ def solids(outlines: list[Polygon], changes: Changes) -> list[Polygon]:
     for hole in holes:
         inner.setdefault(int(nest.parent[hole]), []).append(outlines[hole])
     return [
-        Polygon(outlines[index].exterior, [hole.exterior for hole in inner.get(index, [])])
+        Polygon(outlines[index].exterior, [hole.exterior for hole in inner[index]])
+        if index in inner
+        else outlines[index]
         for index in np.flatnonzero(~nest.is_hole & ~nest.unclear).tolist()
     ]
 
@@ -81,6 +84,7 @@ def painted(rings: list[Polygon]) -> BaseGeometry:
         return rings[0]
     rings = [ring for ring, again in zip(rings, repeats(rings, 0.0), strict=True) if not again]
     items = np.array(rings, dtype=np.object_)
+    refuse_crowd(items)
     around, inside = shapely.STRtree(items).query(items, predicate="covers")
     depth = np.bincount(inside[around != inside], minlength=len(items))
     area = shapely.union_all(items[depth == 0])
@@ -115,13 +119,10 @@ class _Nest:
         order = np.argsort(-areas[around[proper]], kind="stable")
         # The last of several assignments stays: that of the smallest outline around.
         parent[inside[proper][order]] = around[proper][order]
-        nested = set(zip(around[proper].tolist(), inside[proper].tolist(), strict=True))
-        rest = [
-            (i, j)
-            for i, j in zip(around.tolist(), inside.tolist(), strict=True)
-            if i < j and (i, j) not in nested and (j, i) not in nested
-        ]
-        first, second = np.array(rest, dtype=np.int64).reshape(-1, 2).T
+        nested = around[proper] * count + inside[proper]
+        rest = (around < inside) & ~np.isin(around * count + inside, nested)
+        rest &= ~np.isin(inside * count + around, nested)
+        first, second = around[rest], inside[rest]
         mixed = np.zeros(count, dtype=np.bool_)
         # Also at a shared corner: the inner outline may be a hole or a notch.
         mixed[first] = mixed[second] = True
@@ -197,7 +198,8 @@ class SolidRegion:
     @property
     def shell(self) -> Polygon:
         """What its outer ring encloses."""
-        return Polygon(self.polygon.exterior)
+        holed = shapely.get_num_interior_rings(self.polygon) > 0
+        return Polygon(self.polygon.exterior) if holed else self.polygon
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,6 +223,7 @@ def enclose(
         source and walls made from lines take precedence.
     """
     parts = _without_repeats(parts, join_mm, changes)
+    refuse_crowd(np.array([part.polygon for part in parts], dtype=np.object_))
     named = [part for part in parts if part.role == "bounds"]
     if len(named) > 1:
         raise BadInputError("bounds", f"{len(named)} outlines", "exactly one")
@@ -298,9 +301,9 @@ def _inside(
 ) -> list[SolidRegion]:
     """Return the parts, or raise BadInputError if one lies outside the bounds."""
     shapely.prepare(shell)
-    for part in rest:
-        if shell.covers(part.polygon):
-            continue
+    polygons = np.array([part.polygon for part in rest], dtype=np.object_)
+    for index in np.flatnonzero(~shapely.covers(shell, polygons)):
+        part = rest[index]
         beyond = shapely.difference(part.polygon, shell)
         corners = shapely.points(shapely.get_coordinates(beyond))
         if float(np.max(shapely.distance(corners, shell), initial=0.0)) <= join_mm:

@@ -433,7 +433,7 @@ def _label_at(labels: NDArray[np.integer[Any]], placement: GridPlacement, start:
 
 def _start(free: Polygon, start: Pose | None, tolerance_mm: float) -> Start:
     if start is None:
-        return roomiest_start(free, tolerance_mm)
+        return roomiest_start(free, shapely.maximum_inscribed_circle(free, tolerance_mm))
     if not shapely.intersects_xy(free, start.x_mm, start.y_mm):
         raise BadInputError(
             "start",

@@ -68,6 +68,7 @@ def import_csv(path: Path, options: ImportOptions) -> Map:
 
 def _polygons(text: str) -> list[_Polygon]:
     polygons: list[_Polygon] = []
+    names: set[str] = set()
     columns: tuple[str, ...] = ()
     separator, fresh = "", True
     for number, raw in enumerate(text.splitlines(), start=1):
@@ -84,7 +85,7 @@ def _polygons(text: str) -> list[_Polygon]:
         if len(cells) != len(columns):
             raise BadInputError(f"line {number}", line, f"the columns {', '.join(columns)}")
         row = dict(zip(columns, cells, strict=True))
-        _add(polygons, number, row, fresh=fresh)
+        _add(polygons, names, number, row, fresh=fresh)
         fresh = False
     return polygons
 
@@ -101,17 +102,20 @@ def _columns(number: int, cells: list[str]) -> tuple[tuple[str, ...], bool]:
     return _ORDER[len(cells)], False
 
 
-def _add(polygons: list[_Polygon], number: int, row: dict[str, str], *, fresh: bool) -> None:
+def _add(
+    polygons: list[_Polygon], names: set[str], number: int, row: dict[str, str], *, fresh: bool
+) -> None:
     name, role = row.get("polygon", ""), row.get("role", "").lower()
     if role not in _ROLES:
         raise BadInputError(f"line {number}: role", role, "bounds, obstacle or nothing")
     changed = not polygons or (name != polygons[-1].name if "polygon" in row else fresh)
     if changed:
-        if name and any(polygon.name == name for polygon in polygons):
+        if name and name in names:
             raise BadInputError(
                 f"line {number}: polygon", name, "points of one polygon one after the other"
             )
         polygons.append(_Polygon(number, name or str(len(polygons) + 1), role))
+        names.add(polygons[-1].name)
     if role != polygons[-1].role:
         raise BadInputError(f"line {number}: role", role, "one role for each polygon")
     polygons[-1].points.append((_coordinate(number, row["x"]), _coordinate(number, row["y"])))

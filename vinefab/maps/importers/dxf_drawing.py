@@ -16,10 +16,12 @@ from ezdxf.audit import AuditError
 from ezdxf.entities.boundary_paths import ArcEdge, EdgePath, EllipseEdge, LineEdge, SplineEdge
 from ezdxf.entities.dxfgfx import DXFGraphic
 from ezdxf.entities.insert import Insert
+from ezdxf.entities.spline import Spline
 from ezdxf.filemanagement import readfile
 from ezdxf.lldxf.const import DXFError
-from ezdxf.math import BSpline, ConstructionEllipse, Vec2, Vec3, fit_points_to_cad_cv
+from ezdxf.math import BSpline, ConstructionEllipse, Vec2, Vec3
 from scipy.interpolate import BSpline as Interpolated
+from scipy.interpolate import make_interp_spline
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.core.validation import Floats
@@ -40,6 +42,10 @@ from vinefab.model.map import Map
 _FLAT = "flat drawings: equal z all along an entity, seen from straight above or below"
 _SPLINE_FRAME = 16
 _FINEST_SPAN = 4096
+_MANY_SPANS = 10_000
+"""Of a spline: each is short already, and begins with one chord instead of four."""
+_MOST_SAMPLES = 1_000_000
+"""On a spline, chords and their middles."""
 _LEAST_SLOPE = 1e-6
 _EXTRUSION_SLACK = 1e-6
 
@@ -63,8 +69,12 @@ class _SplineCurve:
         """Return points on the curve: spans between knots are halved until they are flat."""
         knots, order = np.array(self.spline.knots()), self.spline.order
         inner = np.unique(knots[order - 1 : len(knots) - order + 1])
-        parts = 4
+        parts = 4 if len(inner) <= _MANY_SPANS else 1
         while True:
+            if 2 * parts * len(inner) > _MOST_SAMPLES:
+                spans = f"{len(inner) - 1} spans with more than {parts // 2} chords each"
+                allowed = "a smoother curve, fewer points, or a larger --simplify-mm"
+                raise BadInputError("spline", spans, allowed)
             share = np.arange(2 * parts) / (2 * parts)
             params = (inner[:-1, None] + np.diff(inner)[:, None] * share).ravel()
             points = self._at(np.append(params, inner[-1]))
@@ -155,12 +165,46 @@ def _elliptic(middle: Floats, major: Floats, ratio: float, params: tuple[float, 
 
 
 def _spline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
-    spline = entity.construction_tool()  # type: ignore[attr-defined]
+    spline = _fitted(entity) or entity.construction_tool()  # type: ignore[attr-defined]
     _flat_points(where, list(spline.control_points))
     curve = _SplineCurve(spline)
     curve.flat(math.inf)  # finds wrong knots while the entity is known
     closed = bool(entity.closed)  # type: ignore[attr-defined]
     return [DrawingItem(rings=(Ring(pieces=(curve,)),), where=where, closed=closed)]
+
+
+def _fitted(entity: DXFGraphic) -> BSpline | None:
+    """Return the spline of an entity that has points on its curve only."""
+    if not isinstance(entity, Spline) or entity.control_point_count():
+        return None
+    if not entity.fit_point_count():
+        return None
+    ends = ("start_tangent", "end_tangent")
+    given = all(entity.dxf.hasattr(end) for end in ends)
+    tangents = np.array([Vec3(entity.dxf.get(end)).xyz for end in ends]) if given else None
+    return _spline_through(np.array([Vec3(point).xyz for point in entity.fit_points]), tangents)
+
+
+def _spline_through(points: Floats, tangents: Floats | None) -> BSpline:
+    """Return the cubic spline through points, parametrized by chord length.
+
+    It ends along the tangents, or without curvature, as CAD programs draw it. (ezdxf computes the
+    same one with full matrices: 20,000 points take 3 GB there.)
+    """
+    if len(points) < 2:
+        raise ValueError("fewer than two points on a spline")
+    steps = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1))
+    params = np.append(0.0, np.cumsum(steps))
+    if not steps.min() > 0.0 or not math.isfinite(params[-1]):
+        raise ValueError("equal or infinite points on a spline one after the other")
+    ends: Any = "natural"
+    if tangents is not None:
+        sizes = np.sqrt((tangents**2).sum(axis=1))
+        first, last = params[-1] * tangents / sizes[:, None]
+        ends = ([(1, first)], [(1, last)])
+    curve = make_interp_spline(params / params[-1], points, k=3, bc_type=ends)
+    controls: list[list[float]] = np.asarray(curve.c).tolist()
+    return BSpline([Vec3(place) for place in controls], order=4, knots=np.asarray(curve.t).tolist())
 
 
 def _lwpolyline(entity: DXFGraphic, where: str) -> list[DrawingItem]:
@@ -251,7 +295,8 @@ def _edge(edge: object, mirror: float) -> CurvePiece:
     if not isinstance(edge, SplineEdge):
         raise TypeError(f"an edge of the unknown kind {type(edge).__name__}")
     if not edge.control_points:
-        return _SplineCurve(fit_points_to_cad_cv(edge.fit_points), mirror)
+        points = np.array([Vec3(point).xyz for point in edge.fit_points])
+        return _SplineCurve(_spline_through(points, None), mirror)
     spline = BSpline(
         edge.control_points,
         order=edge.degree + 1,

@@ -236,10 +236,13 @@ class DrawingItem:
 
     def flat(self, tolerance: float) -> Shape:
         """Return it with chords for curves, within a tolerance in units of the source."""
-        rings, holes = (
-            tuple(run_flat(ring.pieces, tolerance) for ring in group)
-            for group in (self.rings, self.holes)
-        )
+        try:
+            rings, holes = (
+                tuple(run_flat(ring.pieces, tolerance) for ring in group)
+                for group in (self.rings, self.holes)
+            )
+        except BadInputError as error:
+            raise BadInputError(self.where, error.value, error.allowed) from error
         if not all(np.isfinite(ring).all() for ring in (*rings, *holes)):
             raise BadInputError(self.where, "a curve that is not finite", "finite numbers")
         return Shape(

@@ -14,6 +14,7 @@ from vinefab.model.files.shipped import read_bytes
 
 _LARGEST_BYTES = 256 << 20
 _DEEPEST = 256
+MOST_ELEMENTS = 200_000
 _LONGEST_ENTITY = 500
 LARGEST_NUMBER = 1e12
 """Of a coordinate, length or factor: products of a few stay finite, and no drawing needs more."""
@@ -68,6 +69,7 @@ class _Builder:
         self.parser: expat.XMLParserType | None = None
         self.root: Node | None = None
         self.open: list[Node] = []
+        self.seen = 0
 
     @property
     def line(self) -> int:
@@ -78,6 +80,10 @@ class _Builder:
             raise UnreadableFileError(
                 self.path, f"elements more than {_DEEPEST} deep (line {self.line})"
             )
+        self.seen += 1
+        if self.seen > MOST_ELEMENTS:
+            problem = f"has more than {MOST_ELEMENTS} elements (line {self.line})"
+            raise UnreadableFileError(self.path, f"{problem}: save only what are walls")
         plain: dict[str, str] = {}
         for key, value in attributes.items():
             # An attribute without namespace precedes one of the same name with.

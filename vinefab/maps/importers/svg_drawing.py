@@ -29,6 +29,7 @@ from vinefab.maps.importers.source_drawing import (
 from vinefab.maps.importers.svg_document import (
     IDENTITY,
     LARGEST_NUMBER,
+    MOST_ELEMENTS,
     Node,
     after,
     length_px,
@@ -271,7 +272,6 @@ _SILENT = {
     "defs", "title", "desc", "metadata", "style", "script", "namedview", "clipPath", "mask",
     "marker", "pattern", "linearGradient", "radialGradient", "filter", "symbol",
 }  # fmt: skip
-_MOST_ELEMENTS = 200_000
 _MOST_COPIED = 50_000
 _DEEPEST_USE = 32
 _DEEPEST = 256
@@ -352,8 +352,8 @@ class _Walk:
 
     def _items(self, node: Node, place: _Place) -> Iterator[DrawingItem]:
         self.seen += 1
-        if self.seen > _MOST_ELEMENTS:
-            raise BadInputError("elements", f"more than {_MOST_ELEMENTS}", "fewer, in uses too")
+        if self.seen > MOST_ELEMENTS:
+            raise BadInputError("elements", f"more than {MOST_ELEMENTS}", "fewer, in uses too")
         self.copied += place.uses > 0
         if self.copied > _MOST_COPIED:
             raise BadInputError(node.where, f"over {_MOST_COPIED} elements in uses", "fewer")

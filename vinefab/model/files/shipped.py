@@ -92,12 +92,21 @@ def locate(kind: str, name_or_path: str | PathLike[str]) -> Path:
     raise UnknownNameError(kind, given, {*names(kind), *user_names(kind)})
 
 
+_OF_THE_SYSTEM = (Path("/proc"), Path("/sys"))
+"""What lies here looks like files, may never end or block, and is not opened."""
+
+
 def existing_file(path: Path) -> Path:
     """Return a path that leads to a file, or raise UnreadableFileError."""
     if path.is_dir():
         raise UnreadableFileError(path, "is a folder, not a file")
+    if path.exists() and not path.is_file():
+        raise UnreadableFileError(path, "is a device or a pipe, not a file")
     if not path.is_file():
         raise UnreadableFileError(path, "there is no such file")
+    real = path.resolve()
+    if any(real.is_relative_to(place) for place in _OF_THE_SYSTEM):
+        raise UnreadableFileError(path, f"is part of the system ({real.parts[1]}), not a file")
     return path
 
 

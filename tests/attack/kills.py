@@ -10,6 +10,7 @@ commands after the count select some. Exits with 1 on any loss.
 """
 
 import argparse
+import io
 import os
 import random
 import shutil
@@ -21,11 +22,14 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import suppress
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NoReturn
 
 from vinefab.cli.main import COMMANDS
+from vinefab.cli.main import main as run_command
+from vinefab.cli.main import run as run_program
 from vinefab.core.hashing import MANIFEST_NAME, digests_in, sha256_of_file
 from vinefab.core.replacement import INCOMPLETE_NAME
 
@@ -33,7 +37,7 @@ SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal
 WRITES_NOTHING = {"profiles"}
 UNDISTURBED_EVERY = 7
 LONGEST_S = 600.0
-POLL_S = 0.001
+POLL_S = 0.002
 ANY, WRITING, REPLACING = "any", "writing", "replacing"
 PHASES = (ANY, ANY, ANY, WRITING, WRITING, REPLACING, REPLACING, REPLACING, REPLACING)
 """When a blow comes, as often as listed: at any moment; after the first file, hidden or not, came
@@ -92,20 +96,20 @@ final_poses_per_map = 1
 """
 
 
+WITH_PROCESSES = {"optimize cluster", "contest", "reproduce"}
+
 SMALL_BENCH = """
-import sys
 from vinefab.cli.main import run
 from vinefab.studies import benchmark
 benchmark.SIZES, benchmark.BATCH_SIZES, benchmark.MEMORY_AFTER = (300,), (1,), (100,)
 benchmark.SEARCHES, benchmark.GROWTHS, benchmark.GENERATIONS = ("cmaes",), 20, 3
-run()
 """
 """The benchmark in seconds: nothing but its sizes is changed."""
 
 
 def program(*words: object) -> list[str]:
     """Return the words that start a command."""
-    how = ["-c", SMALL_BENCH] if words[0] == "bench" else ["-m", "vinefab"]
+    how = ["-c", f"{SMALL_BENCH}run()"] if words[0] == "bench" else ["-m", "vinefab"]
     return [sys.executable, *how, *map(str, words)]
 
 
@@ -121,12 +125,54 @@ def entries(folder: Path, *, hidden: bool) -> set[tuple[str, int]]:
     return found
 
 
+class ForkedRun:
+    """A run in a copy of this process, which has loaded the command: most of a run is loading."""
+
+    def __init__(self, words: list[str], folder: Path) -> None:
+        self.returncode: int | None = None
+        self._complaints = tempfile.TemporaryFile("w+")  # noqa: SIM115  read when the run ended
+        self.pid = os.fork()
+        if self.pid == 0:
+            self._be(words, folder)
+
+    def _be(self, words: list[str], folder: Path) -> NoReturn:
+        code: object = 99
+        try:
+            os.setsid()
+            os.chdir(folder)
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            os.dup2(self._complaints.fileno(), 2)
+            sys.argv = ["vinefab", *words]
+            run_program()
+        except SystemExit as ended:
+            code = ended.code
+        finally:
+            os._exit(code if isinstance(code, int) else 0)
+
+    def poll(self) -> int | None:
+        """Return the exit code, or None before the end."""
+        if self.returncode is None:
+            ended, status = os.waitpid(self.pid, os.WNOHANG)
+            self.returncode = os.waitstatus_to_exitcode(status) if ended else None
+        return self.returncode
+
+    def communicate(self, timeout: float = LONGEST_S) -> tuple[str, str]:
+        """Wait for the end and return what was said, as a process of `subprocess` does."""
+        until_s = time.monotonic() + timeout
+        while self.poll() is None:
+            if time.monotonic() > until_s:
+                raise subprocess.TimeoutExpired("vinefab", timeout)
+            time.sleep(POLL_S)
+        self._complaints.seek(0)
+        return "", self._complaints.read()
+
+
 @dataclass
 class Watch:
     """When a run writes, by looking at its folder again and again."""
 
     folder: Path
-    process: "subprocess.Popen[str]"
+    process: "subprocess.Popen[str] | ForkedRun"
 
     def await_change(self, *, hidden: bool) -> bool:
         """Wait for the first file that comes or goes; tell whether one did before the end."""
@@ -250,13 +296,21 @@ class Campaign:
             start_new_session=True,
         )
 
+    def load(self) -> None:
+        """Run a version in this process, so that its copies need not load it."""
+        exec(SMALL_BENCH)  # noqa: S102  sizes of the benchmark
+        os.chdir(self.folder)
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            assert run_command(self.words(1)) == self.codes[1]
+
     def strike(self, n: int) -> None:
         """Run a version, stop it at a random moment, and look at what is left."""
         if self.name in RECORDS:
             self.begin_again()
         number, phase = self.rng.choice(SIGNALS), self.rng.choice(PHASES)
         delay_s = self.rng.uniform(0.0, 1.02 * self.spans_s.get(phase, 0.1))
-        process = self.start(n)
+        whole = phase == ANY or self.name in WITH_PROCESSES
+        process = self.start(n) if whole else ForkedRun(self.words(n), self.folder)
         if phase != ANY:
             Watch(self.folder, process).await_change(hidden=phase == WRITING)
         try:
@@ -277,7 +331,9 @@ class Campaign:
             for name in self.outputs:
                 (self.folder / name).unlink(missing_ok=True)
 
-    def await_end(self, process: "subprocess.Popen[str]", number: signal.Signals) -> None:
+    def await_end(
+        self, process: "subprocess.Popen[str] | ForkedRun", number: signal.Signals
+    ) -> None:
         """Wait for the end, and check what was said."""
         struck_s = time.monotonic()
         try:
@@ -335,6 +391,8 @@ class Campaign:
     def do(self, count: int) -> "Campaign":
         """Strike so often."""
         self.begin()
+        if self.name not in WITH_PROCESSES:
+            self.load()
         while self.blows.total() - self.blows["too late"] < count and not self.losses:
             if self.blows["too late"] > count:
                 break
@@ -363,33 +421,46 @@ def show(line: str) -> None:
     sys.stdout.flush()
 
 
+def campaign_line(name: str, inputs: Path, count: int, seed: int) -> tuple[str, bool]:
+    """Strike a command in this process; return its part of the table, and whether all was kept."""
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "work"
+        shutil.copytree(inputs, folder)
+        rng = random.Random(f"{seed} {name}")  # noqa: S311
+        done = Campaign(name, folder, rng).do(count)
+        os.chdir(inputs)
+    return "\n    ".join([done.line(), *done.losses]), not done.losses
+
+
 def main() -> int:
-    """Strike every command and print a table."""
+    """Strike every command, each from a process of its own, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("count", type=int, nargs="?", default=20)
     parser.add_argument("names", nargs="*", help="Some of the commands; default: all.")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--inputs", type=Path, help="Strike one command, in this process.")
     given = parser.parse_intermixed_args()
+    if given.inputs:
+        line, kept = campaign_line(given.names[0], given.inputs, given.count, given.seed)
+        show(line)
+        return 0 if kept else 1
     covered = {line.split()[0] for line in COMMAND_LINES.values()} | WRITES_NOTHING
     assert covered == set(COMMANDS), covered ^ set(COMMANDS)
     show("command          KILL INT TERM HUP         any/writing/replacing, and how long each is")
     failed = 0
-    with tempfile.TemporaryDirectory() as place, ThreadPoolExecutor(given.jobs) as pool:
-        inputs = Path(place) / "inputs"
-        inputs.mkdir()
-        prepare_inputs(inputs)
+    with tempfile.TemporaryDirectory() as inputs, ThreadPoolExecutor(given.jobs) as pool:
+        prepare_inputs(Path(inputs))
+        how = [sys.executable, __file__, "--seed", str(given.seed), "--inputs", inputs]
 
-        def campaign(name: str) -> Campaign:
-            folder = Path(place) / name.replace(" ", "_")
-            shutil.copytree(inputs, folder)
-            rng = random.Random(f"{given.seed} {name}")  # noqa: S311
-            return Campaign(name, folder, rng).do(given.count)
+        def campaign(name: str) -> "subprocess.CompletedProcess[str]":
+            words = [*how, str(given.count), name]
+            return subprocess.run(words, capture_output=True, text=True, check=False)
 
         begun = [pool.submit(campaign, name) for name in given.names or COMMAND_LINES]
         for done in (future.result() for future in as_completed(begun)):
-            show("\n    ".join([done.line(), *done.losses]))
-            failed += bool(done.losses)
+            show((done.stdout + done.stderr).rstrip())
+            failed += done.returncode != 0
     show(f"{failed} commands lost something")
     return 1 if failed else 0
 

@@ -441,6 +441,9 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--inputs", type=Path, help="Strike one command, in this process.")
     given = parser.parse_intermixed_args()
+    for number in set(SIGNALS) - {signal.SIGKILL}:
+        # Begun in the background of a shell or under nohup, the commands would ignore them.
+        signal.signal(number, signal.SIG_DFL)
     if given.inputs:
         line, kept = campaign_line(given.names[0], given.inputs, given.count, given.seed)
         show(line)

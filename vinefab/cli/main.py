@@ -219,9 +219,12 @@ def _explained(
             return str(error), EXIT_BAD_INPUT
         case OSError():
             return f"{error.filename or 'output'}: {error.strerror}", EXIT_BAD_INPUT
-    if isinstance(error, MemoryError) or any(words in str(error) for words in _WANT_OF_MEMORY):
-        return NO_MEMORY, EXIT_BAD_INPUT
-    return _unforeseen(error, arguments), EXIT_UNFORESEEN
+    wants_memory = any(words in str(error) for words in _WANT_OF_MEMORY)
+    if isinstance(error, MemoryError) or wants_memory:
+        message, code = NO_MEMORY, EXIT_BAD_INPUT
+    else:
+        message, code = _unforeseen(error, arguments), EXIT_UNFORESEEN
+    return message, code
 
 
 def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:

@@ -320,9 +320,10 @@ class Campaign:
                 self.spans_s[ANY] *= 0.9  # the computer may have been busy before
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, number)
-            self.blows[number.name] += 1
-            self.phases[phase] += 1
             self.await_end(process, number)
+            met = process.returncode not in self.codes.values()
+            self.blows[number.name if met else "too late"] += 1
+            self.phases[phase] += met
         self.look(f"{number.name} {delay_s:.3f} s into {phase}")
 
     def begin_again(self) -> None:
@@ -394,7 +395,7 @@ class Campaign:
         if self.name not in WITH_PROCESSES:
             self.load()
         while self.blows.total() - self.blows["too late"] < count and not self.losses:
-            if self.blows["too late"] > count:
+            if self.blows["too late"] > 3 * count:
                 break
             self.strike(self.rng.choice((1, 2)))
             if self.blows.total() % UNDISTURBED_EVERY == 0:

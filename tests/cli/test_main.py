@@ -87,7 +87,7 @@ def test_want_of_memory_is_no_fault(monkeypatch, capsys, error):
 
 @pytest.mark.skipif(os.name != "posix", reason="exit codes that tell a signal")
 @pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
-def test_a_signal_while_a_dataclass_is_made_gives_its_own_exit_code(name, code):
+def test_a_signal_while_a_dataclass_is_made_gives_its_own_exit_code(name, code, tmp_path):
     program = (
         "from vinefab.cli import main as program\n"
         "def interrupted(_):\n"
@@ -95,8 +95,14 @@ def test_a_signal_while_a_dataclass_is_made_gives_its_own_exit_code(name, code):
         "program.build_app = interrupted\n"
         "program.run()\n"
     )
+    (tmp_path / "interrupted_program.py").write_text(program)
+    search = os.pathsep.join([str(tmp_path), str(SOURCES.parent)])
     ended = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "interrupted_program"],
+        env=os.environ | {"PYTHONPATH": search},
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert (ended.returncode, ended.stderr.count("\n")) == (code, 1)
 

@@ -197,8 +197,8 @@ def run() -> None:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         # All is done; what is left could only end in a traceback.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    # Python ends itself by SIGINT if the last text that it ran was interrupted, such as that of
-    # which a dataclass is made, whatever became of that since: let another text be the last.
+    # `python -m` ends itself by SIGINT if the last text that it ran was interrupted, such as that
+    # of which a dataclass is made, whatever became of that since: let another text be the last.
     exec("")  # noqa: S102
     sys.exit(code)
 

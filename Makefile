@@ -29,6 +29,7 @@ fuzz: $(READY)
 	$(BIN)/python tests/attack/files.py 3000
 	$(BIN)/python tests/attack/names.py
 	$(BIN)/python tests/attack/kills.py 20
+	$(BIN)/python tests/attack/failing_system.py 2
 
 thorough: check fuzz outlines
 	$(BIN)/python tests/fabrication/rules/mutate.py

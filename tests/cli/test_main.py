@@ -73,6 +73,40 @@ def test_a_log_that_cannot_be_written_is_said(monkeypatch, capsys, tmp_path):
     assert "no log could be written" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "error", [MemoryError(), ImportError("lib.so: failed to map segment from shared object")]
+)
+def test_want_of_memory_is_no_fault(monkeypatch, capsys, error):
+    def greedy(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("vinefab.cli.profiles.profile_list", greedy)
+    assert main(["profiles"]) == 2
+    assert "not enough memory" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="exit codes that tell a signal")
+@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
+def test_a_signal_while_a_dataclass_is_made_gives_its_own_exit_code(name, code, tmp_path):
+    program = (
+        "from vinefab.cli import main as program\n"
+        "def interrupted(_):\n"
+        f"    exec('import signal; signal.raise_signal(signal.{name})')\n"
+        "program.build_app = interrupted\n"
+        "program.run()\n"
+    )
+    (tmp_path / "interrupted_program.py").write_text(program)
+    search = os.pathsep.join([str(tmp_path), str(SOURCES.parent)])
+    ended = subprocess.run(
+        [sys.executable, "-m", "interrupted_program"],
+        env=os.environ | {"PYTHONPATH": search},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (ended.returncode, ended.stderr.count("\n")) == (code, 1)
+
+
 def test_there_is_no_other_net():
     nets = re.compile(r"except\s*:|except\s+\(?[^:]*\bException\b")
     found = [

@@ -102,6 +102,9 @@ MOST_LETTERS = 2_000  # of a line that names an error
 EXIT_BAD_INPUT = 2
 EXIT_UNFORESEEN = 3
 INTERRUPTED = "interrupted; what was being written was left as it was"
+NO_MEMORY = "there is not enough memory; what was being written was left as it was"
+_WANT_OF_MEMORY = ("failed to map segment", "annot allocate memory", "can't start new thread")
+"""What the loader of libraries and of threads say of it, in errors of other kinds."""
 EXIT_BROKEN_PIPE = 141
 
 # typer carries its own click, whose usage errors have this public ancestor.
@@ -194,6 +197,9 @@ def run() -> None:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         # All is done; what is left could only end in a traceback.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # `python -m` ends itself by SIGINT if the last text that it ran was interrupted, such as that
+    # of which a dataclass is made, whatever became of that since: let another text be the last.
+    exec("")  # noqa: S102
     sys.exit(code)
 
 
@@ -213,7 +219,12 @@ def _explained(
             return str(error), EXIT_BAD_INPUT
         case OSError():
             return f"{error.filename or 'output'}: {error.strerror}", EXIT_BAD_INPUT
-    return _unforeseen(error, arguments), EXIT_UNFORESEEN
+    wants_memory = any(words in str(error) for words in _WANT_OF_MEMORY)
+    if isinstance(error, MemoryError) or wants_memory:
+        message, code = NO_MEMORY, EXIT_BAD_INPUT
+    else:
+        message, code = _unforeseen(error, arguments), EXIT_UNFORESEEN
+    return message, code
 
 
 def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:

@@ -141,6 +141,13 @@ def test_a_tile_verifies_its_place_before_anything_else(trees, small_bed, name):
             assert body.distance(LineString(one)) >= 3.0
 
 
+def test_the_layers_of_all_tiles_together_do_not_alternate(trees, small_bed):
+    job = laser_job(trees["vine"], small_bed)
+    assert len(job.tiles) > 2
+    layers = [(path.operation, path.variant) for path in job.paths]
+    assert len([*itertools.groupby(layers)]) == len(set(layers))
+
+
 def test_without_a_mark_nothing_is_marked_to_verify(trees, small_bed):
     operations = {k: v for k, v in small_bed.recipe.operations.items() if k != Operation.MARK}
     recipe = dataclasses.replace(small_bed.recipe, operations=operations)

@@ -84,6 +84,8 @@ def _tiled_job(design: Design, body: BodyPaths, profile: LaserProfile, parted: T
     first, room = parted.tiles[0], profile.machine.usable_mm
     within = (*first.low_mm, first.low_mm[0] + room[0], first.low_mm[1] + room[1])
     targets = [path for tile in parted.tiles for path in target_paths(tile, profile)]
+    # By layer, as in every file: each tile between two others has crosses of both kinds.
+    targets.sort(key=lambda path: path.variant)
     marks = marks_of([robot], [*robot.paths, *targets], profile, within)
     facts = {**_recipe_facts(profile), **body.facts, **_body_facts(robot), **marks.facts}
     # Targets and labels may lie beyond the robot: the film begins a margin below all of them.

@@ -180,7 +180,8 @@ def _run_command(arguments: Sequence[str], request: StopRequest) -> int:
         return _print_error(*_explained(error, arguments, request))
     code = result if isinstance(result, int) else 0
     # Some versions of typer return it instead of raising.
-    return _print_error(INTERRUPTED, request.exit_code) if request.number else code
+    interrupted = request.number or code == request.exit_code
+    return _print_error(INTERRUPTED, request.exit_code) if interrupted else code
 
 
 def run() -> None:

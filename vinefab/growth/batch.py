@@ -73,8 +73,12 @@ class Workspace:
             heading=held.heading[:branches],
             events=held.events[:branches],
             steep=held.steep[:branches],
+            gain=held.gain[:branches],
+            drawn=held.drawn[:branches],
             chain_length=held.chain_length[:room],
             chain_sense=held.chain_sense[:room],
+            chain_gain=held.chain_gain[:room],
+            chain_drawn=held.chain_drawn[:room],
         )
         for array in (
             part.first_point,
@@ -243,6 +247,7 @@ class Batch:
         self.plans = plans
         self.launches = launches
         self._rules = rules_of(options, 0.0)
+        self._half_angle = np.full(len(launches), options.head_on_half_angle_rad)
         self._walls = launches.atlas.arrays(plans.spans.radii_mm)
         self._page = launches.atlas.pages(plans.spans.radii_mm)
         # Appending and popping are safe between threads.
@@ -322,6 +327,7 @@ class Batch:
             tree=plan,
             page=np.zeros(len(plan), dtype=np.int64),
             start=self.launches.start[launch],
+            half_angle=self._half_angle[launch],
             fits=np.ones(branch[-1], dtype=np.bool_),
             branch=branch,
             room=room,

@@ -177,7 +177,7 @@ def _stop_table(label: str, deployments: Sequence[Deployment]) -> Table:
             tree.level.tolist(), deployment.stop.tolist(), part.tolist(), strict=True
         ):
             levels.setdefault(level, Counter())[stop] += 1
-            if stop in (Stop.HEAD_ON, Stop.CORNER):
+            if stop in STUCK_STOPS:
                 shares.setdefault(level, []).append(grown)
     rows = tuple(
         (
@@ -193,7 +193,7 @@ def _stop_table(label: str, deployments: Sequence[Deployment]) -> Table:
         "(simulated)",
         headings=(
             "level", "grown in full", "head-on", "in a corner", "never emerged",
-            "grown when stuck (median)",
+            "out of pressure", "grown when stuck (median)",
         ),
         rows=rows,
     )  # fmt: skip

@@ -294,7 +294,7 @@ class Evaluator:
     ) -> list[WorkUnit[tuple[TaskOutcomes, Work]]]:
         """Return the work of growing and scoring designs, in the order of a batch."""
         builds = {depth: self.space.build_of(depth) for depth in set(designs.depth.tolist())}
-        plans = planned_batch(designs, builds, self.radii_mm)
+        plans = planned_batch(designs, builds, self.radii_mm, self.growth)
         batch = Batch(plans, launches, self.growth, self.workspaces)
         grounds = [prepared.context for prepared in self.maps]
 

@@ -102,3 +102,16 @@ def test_an_atlas_keeps_what_it_has_put_together_but_not_for_ever():
         atlas.arrays((1.0 + step,))
     assert atlas.arrays((0.0,)) is not bare
     assert len(atlas._kept) <= MOST_KEPT
+
+
+def test_half_angles_of_a_range_are_spread_evenly_over_a_batch():
+    options = GrowthOptions(head_on_half_angle_rad=(0.1, 0.3))
+    angles = options.half_angles_rad(400)
+    assert ((angles >= 0.1) & (angles <= 0.3)).all()
+    counts, _ = np.histogram(angles, bins=10, range=(0.1, 0.3))
+    assert counts.min() >= 39
+    assert options.half_angle_text == "5.72958 to 17.1887 deg"
+    with pytest.raises(BadInputError, match="one number"):
+        options.only_half_angle_rad  # noqa: B018  the property raises
+    with pytest.raises(BadInputError, match="head_on_half_angle_deg"):
+        GrowthOptions(head_on_half_angle_rad=(0.3, 0.1))

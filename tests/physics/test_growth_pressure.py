@@ -171,7 +171,7 @@ def test_turns_on_a_map_are_those_that_the_simulator_counted(body: str) -> None:
                 above = int(tree.parent[above])
             assert path.turn_rad == pytest.approx(counted, abs=1e-6)
             assert path.length_mm == pytest.approx(length)
-            turned += counted > 1.5
+            turned += counted > 1.2
     assert turned > 5
 
 

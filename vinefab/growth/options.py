@@ -4,9 +4,11 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg
-from vinefab.core.validation import number
+from vinefab.core.validation import Floats, number
 from vinefab.physics.growth_pressure import FITTED_DIAMETER_MM
 
 DEFAULT_HEAD_ON_HALF_ANGLE_RAD = math.radians(1.0)
@@ -21,7 +23,8 @@ class GrowthOptions:
     head_on_half_angle_rad
         A tip that meets a wall with its heading within this angle of the wall's inward normal
         stops there; 0 to pi/2. Real robots slid at up to 75 degrees from the wall's tangent, so
-        the true value is at most about 15 degrees.
+        the true value is at most about 15 degrees. A range (low, high) gives every evaluation a
+        value of its own: the same for all designs that are compared.
     children_of_stuck
         Whether children of a branch that stopped early stay inside (``stop``: a tip that cannot
         move cannot evert them) or grow from where it stopped (``deploy``).
@@ -39,7 +42,7 @@ class GrowthOptions:
         was not published (assumed).
     """
 
-    head_on_half_angle_rad: float = DEFAULT_HEAD_ON_HALF_ANGLE_RAD
+    head_on_half_angle_rad: float | tuple[float, float] = DEFAULT_HEAD_ON_HALF_ANGLE_RAD
     children_of_stuck: Literal["stop", "deploy"] = "stop"
     body: Literal["centerline", "inflated"] = "centerline"
     pressure_stop: bool = False
@@ -47,13 +50,65 @@ class GrowthOptions:
     fitted_diameter_mm: float = FITTED_DIAMETER_MM.value
 
     def __post_init__(self) -> None:
-        number("head_on_half_angle_deg", deg(self.head_on_half_angle_rad), 0.0, 90.0, "deg")
+        low_rad, high_rad = self.half_angle_range_rad
+        number("head_on_half_angle_deg", deg(high_rad), 0.0, 90.0, "deg")
+        number("head_on_half_angle_deg", deg(low_rad), 0.0, deg(high_rad), "deg")
         if self.children_of_stuck not in ("stop", "deploy"):
             raise BadInputError("children_of_stuck", self.children_of_stuck, "'stop' or 'deploy'")
         if self.body not in ("centerline", "inflated"):
             raise BadInputError("body", self.body, "'centerline' or 'inflated'")
         number("storage_kpa", self.storage_kpa, 0.0, 1000.0, "kPa")
         number("fitted_diameter_mm", self.fitted_diameter_mm, 1.0, 1000.0, "mm")
+
+    @property
+    def half_angle_range_rad(self) -> tuple[float, float]:
+        """Least and greatest head-on half-angle."""
+        angle = self.head_on_half_angle_rad
+        return angle if isinstance(angle, tuple) else (angle, angle)
+
+    @property
+    def draws_half_angle(self) -> bool:
+        """Whether every evaluation has a head-on half-angle of its own."""
+        low_rad, high_rad = self.half_angle_range_rad
+        return low_rad < high_rad
+
+    def half_angles_rad(self, count: int) -> Floats:
+        """Return one head-on half-angle for each of some launches, shape (count,).
+
+        Of a range, they are spread evenly and in no order that a map or a pose could share: steps
+        of the golden section. The same count gives the same angles.
+        """
+        low_rad, high_rad = self.half_angle_range_rad
+        share = np.mod(0.5 + np.arange(count) * (math.sqrt(5.0) - 1.0) / 2.0, 1.0)
+        return np.asarray(low_rad + (high_rad - low_rad) * share)
+
+    @property
+    def only_half_angle_rad(self) -> float:
+        """The head-on half-angle of a single growth.
+
+        Raises
+        ------
+        BadInputError
+            If there is a range of them.
+        """
+        low_rad, high_rad = self.half_angle_range_rad
+        if low_rad < high_rad:
+            allowed = "one number: a range is for scores over many deployments"
+            raise BadInputError("head_on_half_angle_deg", self.half_angle_deg, allowed)
+        return low_rad
+
+    @property
+    def half_angle_deg(self) -> float | list[float]:
+        """The head-on half-angle in degrees, or its range, as files and reports have it."""
+        low, high = (deg(angle_rad) for angle_rad in self.half_angle_range_rad)
+        return low if low == high else [low, high]
+
+    @property
+    def half_angle_text(self) -> str:
+        """The head-on half-angle as it is shown: ``1 deg``, or ``1 to 15 deg``."""
+        low_rad, high_rad = self.half_angle_range_rad
+        low, high = f"{deg(low_rad):g}", f"{deg(high_rad):g}"
+        return f"{low} deg" if low == high else f"{low} to {high} deg"
 
     @property
     def deploys_stuck(self) -> bool:

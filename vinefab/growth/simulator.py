@@ -81,6 +81,7 @@ def grow(
     start = Launch(*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
     plan = plan or Plan.of(design, options)
     rules = rules_of(options, terrain.tolerance_mm)
+    rules = rules._replace(head_on_half_angle_rad=options.only_half_angle_rad)
     growth = _grown(plan, terrain, start, rules, grow_branches_of(engine))
     used = growth.first_point[-1]
     return Deployment(
@@ -135,9 +136,9 @@ def _grow_as_batch(  # noqa: PLR0913, PLR0917  as both engines are called
 
 
 def rules_of(options: GrowthOptions, tolerance_mm: float) -> Rules:
-    """Return the rules of growth for a map's tolerance."""
+    """Return the rules of growth for a map's tolerance; of a range of half-angles, the least."""
     return Rules(
-        head_on_half_angle_rad=options.head_on_half_angle_rad,
+        head_on_half_angle_rad=options.half_angle_range_rad[0],
         deploys_stuck=options.deploys_stuck,
         tolerance_mm=tolerance_mm,
         tolerance_rad=TOLERANCE_RAD,

@@ -242,7 +242,7 @@ class DeployedDesign:
             "planned_mm": tree.total_length_mm,
             "grown_mm": float(self.deployment.grown_mm.sum()),
             "stops": self.stops,
-            "head_on_half_angle_deg": deg(self.options.head_on_half_angle_rad),
+            "head_on_half_angle_deg": self.options.half_angle_deg,
             "body": self.options.body,
             "children_of_stuck": self.options.children_of_stuck,
             "tight_exits": int(np.count_nonzero(self.deployment.tight_exit)),
@@ -257,7 +257,7 @@ class DeployedDesign:
         return [
             f"{self.design.name} on {self.world.name} from {pose_text(self.deployment.pose)}",
             f"{len(tree)} branches: {stops} (simulated, {self.options.body} body, "
-            f"head-on half-angle {deg(self.options.head_on_half_angle_rad):g} deg, assumed)",
+            f"head-on half-angle {self.options.half_angle_text}, assumed)",
             f"grown {grown_mm:.1f} of {tree.total_length_mm:.1f} mm",
             *places_text("no room to start for branch", self.without_room),
             *places_text("wedged: branch", wedged(self.design, self.deployment)),

@@ -16,7 +16,7 @@ from vinefab.pages.charts import frame
 from vinefab.pages.drawing import deployment_plan
 from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, blank, house_style, png_bytes, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
-from vinefab.prediction.measures import MEASURES, Measure, MeasureTable, Spread
+from vinefab.prediction.measures import MEASURES, STUCK_STOPS, Measure, MeasureTable, Spread
 
 ENOUGH_FOR_BARS = 20
 """Fewer values are shown one by one."""

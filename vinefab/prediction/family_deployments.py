@@ -7,7 +7,6 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.registry import with_parameters
-from vinefab.core.units import deg
 from vinefab.core.validation import whole
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
@@ -85,7 +84,7 @@ def rules_text(options: GrowthOptions) -> str:
     """Return the growth model's choices in words."""
     children = "stay inside" if options.children_of_stuck == "stop" else "grow all the same"
     return (
-        f"{options.body} body, head-on half-angle {deg(options.head_on_half_angle_rad):g} degrees "
+        f"{options.body} body, head-on half-angle {options.half_angle_text} "
         f"(assumed), children of a stuck branch {children}"
     )
 

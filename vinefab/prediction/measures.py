@@ -110,8 +110,8 @@ STUCK = Measure(
     unit="%",
     digits=1,
     better="less",
-    meaning="share of the branches that stopped head-on, in a corner or for want of pressure before "
-    "their full length",
+    meaning="share of the branches that stopped before their full length: head-on, in a corner, or "
+    "for want of pressure",
 )
 
 UNDEPLOYED = Measure(
@@ -265,7 +265,7 @@ def _anchoring(pouch: Pouch | None) -> Anchoring:
 
 
 def shares_percent(deployment: Deployment) -> tuple[float, float, float]:
-    """Return length grown, branches stopped by walls and branches never emerged, in percent."""
+    """Return length grown, branches that got stuck and branches never emerged, in percent."""
     grown = deployment.grown_mm.sum() / deployment.tree.total_length_mm
     stuck = np.isin(deployment.stop, STUCK_STOPS).mean()
     return 100.0 * float(grown), 100.0 * float(stuck), 100.0 * float((~deployment.deployed).mean())

@@ -59,6 +59,10 @@ class Task(Protocol):
         ...
 
 
+HALF_ANGLE = "head_on_half_angle_deg"
+"""Term of every task where each evaluation has a head-on half-angle of its own."""
+
+
 def outcomes(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
     """Return a task's score and terms for every growth of a block.
 
@@ -70,7 +74,14 @@ def outcomes(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOu
     # Not a protocol check: this runs for every block, and `isinstance` would take longer.
     at_once: Callable[[Block, Sequence[MapContext]], TaskOutcomes] | None
     at_once = getattr(task, "evaluate_block", None)
-    return one_by_one(task, block, contexts) if at_once is None else at_once(block, contexts)
+    found = one_by_one(task, block, contexts) if at_once is None else at_once(block, contexts)
+    angle_rad = block.launches.half_angle_rad
+    if angle_rad is None:
+        return found
+    # Each evaluation has its own: it stands with the terms wherever these are recorded.
+    return TaskOutcomes(
+        found.score, {**found.terms, HALF_ANGLE: np.degrees(angle_rad[block.launch])}
+    )
 
 
 def one_by_one(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:

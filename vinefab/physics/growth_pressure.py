@@ -120,6 +120,9 @@ FITTED_DIAMETER_MM = Quantity(
 )
 """Inflated diameter of the tube that `FITTED` belongs to."""
 
+FITTED_DIAMETER_RANGE_MM = (15.0, 40.0)
+"""Least and greatest that it may well have been [assumed]."""
+
 NO_TENSION = Quantity(
     value=0.0, standing=Standing.ASSUMED, source="film crumpled loosely behind the base"
 )

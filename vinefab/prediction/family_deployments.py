@@ -1,7 +1,7 @@
 """A design deployed on families of maps from many poses, and what each deployment measures."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -138,13 +138,16 @@ def deploy_family(
     """Deploy a design from every pose on a family of maps and measure every deployment."""
     progress(0.0, f"{design.name}: growing")
     launches = prepared.launches()
-    batch = Batch(Plans.of([design], plan.options), launches, plan.options)
-    deployments = tuple(batch.deployments())
+    deployments = _grown(design, launches, plan.options)
+    # What growth to every tip needs is known only where no pressure stops it.
+    unpressed = deployments
+    if plan.options.pressure_stop:
+        unpressed = _grown(design, launches, replace(plan.options, pressure_stop=False))
     columns = np.empty((len(deployments), len(MEASURES)))
     terrain = launches.terrain.tolist()
     for index, deployment in enumerate(deployments):
         columns[index] = measure_deployment(
-            deployment, design, prepared.maps[terrain[index]].context
+            deployment, design, prepared.maps[terrain[index]].context, unpressed[index]
         )
         progress((index + 1) / len(deployments), f"{index + 1} of {len(deployments)} deployments")
     names = prepared.names
@@ -155,6 +158,10 @@ def deploy_family(
         values={m.key: columns[:, i].copy() for i, m in enumerate(MEASURES)},
     )
     return FamilyDeployments(prepared=prepared, deployments=deployments, outcomes=outcomes)
+
+
+def _grown(design: Design, launches: Launches, options: GrowthOptions) -> tuple[Deployment, ...]:
+    return tuple(Batch(Plans.of([design], options), launches, options).deployments())
 
 
 def typical(outcomes: MeasureTable, key: str, shares: Sequence[float]) -> list[int]:

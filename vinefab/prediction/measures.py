@@ -233,8 +233,16 @@ def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
 STUCK_STOPS = (Stop.HEAD_ON, Stop.CORNER, Stop.PRESSURE)
 
 
-def measure_deployment(deployment: Deployment, design: Design, ground: MapContext) -> Floats:
-    """Return the measures of a deployment, in the order of `MEASURES`."""
+def measure_deployment(
+    deployment: Deployment, design: Design, ground: MapContext, unpressed: Deployment
+) -> Floats:
+    """Return the measures of a deployment, in the order of `MEASURES`.
+
+    Parameters
+    ----------
+    unpressed
+        The same deployment where no pressure stops it: what growth to every tip needs.
+    """
     score, terms = Coverage().evaluate(deployment, ground)
     reached, _ = Reach().evaluate(deployment, ground)
     amplification, _ = _anchoring(design.build.pouch).evaluate(deployment, ground)
@@ -245,7 +253,7 @@ def measure_deployment(deployment: Deployment, design: Design, ground: MapContex
             100.0 * reached,
             amplification,
             *shares_percent(deployment),
-            *worst_pressures_kpa(deployment, design),
+            *worst_pressures_kpa(unpressed, design),
         ]
     )
 

@@ -1,17 +1,21 @@
 """Options of the growth model."""
 
 import math
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
 
 import numpy as np
 
-from vinefab.core.errors import BadInputError
-from vinefab.core.units import deg
+from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number
 from vinefab.physics.growth_pressure import FITTED_DIAMETER_MM
 
 DEFAULT_HEAD_ON_HALF_ANGLE_RAD = math.radians(1.0)
+
+
+HALF_ANGLE_DEG = "head_on_half_angle_deg"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +63,48 @@ class GrowthOptions:
             raise BadInputError("body", self.body, "'centerline' or 'inflated'")
         number("storage_kpa", self.storage_kpa, 0.0, 1000.0, "kPa")
         number("fitted_diameter_mm", self.fitted_diameter_mm, 1.0, 1000.0, "mm")
+
+    @classmethod
+    def published(cls, **changes: Any) -> "GrowthOptions":  # noqa: ANN401  as the class
+        """Return the published model: the body is a line, and no pressure stops it."""
+        return cls(**{"body": "centerline", "pressure_stop": False, **changes})
+
+    @classmethod
+    def of(
+        cls, given: Mapping[str, object], base: "GrowthOptions | None" = None
+    ) -> "GrowthOptions":
+        """Return options from names and values as files have them, angles in degrees.
+
+        Parameters
+        ----------
+        given
+            Any of the names in `content`; the head-on half-angle is a number or ``[low, high]``.
+        base
+            What the other options are; the defaults if None.
+
+        Raises
+        ------
+        BadInputError
+            If a value cannot be used.
+        UnknownNameError
+            If there is no such option.
+        """
+        base = base or cls()
+        for name in given:
+            if name not in base.content:
+                raise UnknownNameError("growth option", name, base.content)
+        values: dict[str, Any] = dict(given)
+        if HALF_ANGLE_DEG in values:
+            values["head_on_half_angle_rad"] = _half_angle_rad(values.pop(HALF_ANGLE_DEG))
+        if not isinstance(values.get("pressure_stop", True), bool):
+            raise BadInputError("pressure_stop", values["pressure_stop"], "true or false")
+        return replace(base, **values)
+
+    @property
+    def content(self) -> dict[str, object]:
+        """All options as files, records and pages have them."""
+        plain = {f.name: getattr(self, f.name) for f in fields(self)[1:]}
+        return {HALF_ANGLE_DEG: self.half_angle_deg, **plain}
 
     @property
     def half_angle_range_rad(self) -> tuple[float, float]:
@@ -114,3 +160,12 @@ class GrowthOptions:
     def deploys_stuck(self) -> bool:
         """Whether children of a stuck branch grow from where it stopped."""
         return self.children_of_stuck == "deploy"
+
+
+def _half_angle_rad(given: object) -> float | tuple[float, float]:
+    """Return a head-on half-angle, or its range, from degrees."""
+    ends: list[Any] = list(given) if isinstance(given, list | tuple) else [given, given]
+    if len(ends) != 2:
+        raise BadInputError(HALF_ANGLE_DEG, given, "a number, or a range [low, high]")
+    low_rad, high_rad = (rad(number(HALF_ANGLE_DEG, end, 0.0, 90.0, "deg")) for end in ends)
+    return low_rad if low_rad == high_rad else (low_rad, high_rad)

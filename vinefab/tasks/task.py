@@ -9,6 +9,7 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import Block
+from vinefab.growth.options import HALF_ANGLE_DEG
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.tasks.map_context import MapContext
 
@@ -59,10 +60,6 @@ class Task(Protocol):
         ...
 
 
-HALF_ANGLE = "head_on_half_angle_deg"
-"""Term of every task where each evaluation has a head-on half-angle of its own."""
-
-
 def outcomes(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
     """Return a task's score and terms for every growth of a block.
 
@@ -80,7 +77,7 @@ def outcomes(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOu
         return found
     # Each evaluation has its own: it stands with the terms wherever these are recorded.
     return TaskOutcomes(
-        found.score, {**found.terms, HALF_ANGLE: np.degrees(angle_rad[block.launch])}
+        found.score, {**found.terms, HALF_ANGLE_DEG: np.degrees(angle_rad[block.launch])}
     )
 
 

@@ -145,9 +145,9 @@ def deploy_family(
         unpressed = _grown(design, launches, replace(plan.options, pressure_stop=False))
     columns = np.empty((len(deployments), len(MEASURES)))
     terrain = launches.terrain.tolist()
-    for index, (deployment, whole) in enumerate(zip(deployments, unpressed, strict=True)):
+    for index, (deployment, unstopped) in enumerate(zip(deployments, unpressed, strict=True)):
         columns[index] = measure_deployment(
-            deployment, design, prepared.maps[terrain[index]].context, whole
+            deployment, design, prepared.maps[terrain[index]].context, unstopped
         )
         progress((index + 1) / len(deployments), f"{index + 1} of {len(deployments)} deployments")
     names = prepared.names

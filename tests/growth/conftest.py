@@ -9,6 +9,7 @@ import shapely
 from shapely import LineString, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.growth.arrays import TreeArrays
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
@@ -49,6 +50,23 @@ def tree() -> Callable[..., Design]:
         )
 
     return make
+
+
+def one_branch_tree(length_mm: float) -> TreeArrays:
+    """Return a trunk that no pressure stops, as the engines take it."""
+    return TreeArrays(
+        parent=np.array([-1]),
+        turn=np.array([[1.0, 0.0]]),
+        length=np.array([length_mm]),
+        fits=np.array([True]),
+        limit=np.array([np.inf]),
+        store=np.zeros(1),
+    )
+
+
+@pytest.fixture(scope="session")
+def trunk_arrays() -> Callable[[float], TreeArrays]:
+    return one_branch_tree
 
 
 @pytest.fixture(scope="session")

@@ -1,12 +1,13 @@
 """Batches give what single growths give, however they are cut and worked off."""
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 from shapely import box
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.growth import batch as batch_module
 from vinefab.growth.batch import MOST_KEPT, Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
@@ -102,3 +103,43 @@ def test_an_atlas_keeps_what_it_has_put_together_but_not_for_ever():
         atlas.arrays((1.0 + step,))
     assert atlas.arrays((0.0,)) is not bare
     assert len(atlas._kept) <= MOST_KEPT
+
+
+def test_half_angles_of_a_range_are_spread_evenly_over_a_batch():
+    options = GrowthOptions(head_on_half_angle_rad=(0.1, 0.3))
+    angles = options.half_angles_rad(400)
+    assert ((angles >= 0.1) & (angles <= 0.3)).all()
+    counts, _ = np.histogram(angles, bins=10, range=(0.1, 0.3))
+    assert counts.min() >= 39
+    assert options.half_angle_text == "5.72958 to 17.1887 deg"
+    with pytest.raises(BadInputError, match="one number"):
+        options.only_half_angle_rad  # noqa: B018  the property raises
+    with pytest.raises(BadInputError, match="head_on_half_angle_deg"):
+        GrowthOptions(head_on_half_angle_rad=(0.3, 0.1))
+
+
+def test_options_are_read_back_from_their_content():
+    wide = GrowthOptions(
+        head_on_half_angle_rad=(math.radians(1.0), math.radians(15.0)),
+        children_of_stuck="deploy",
+        body="inflated",
+        pressure_stop=True,
+        storage_kpa=2.0,
+    )
+    for options in (GrowthOptions(), GrowthOptions.published(), wide):
+        again = GrowthOptions.of(options.content)
+        assert again.content == options.content
+    changed = GrowthOptions.of({"storage_kpa": 1.0}, wide)
+    assert (changed.storage_kpa, changed.body) == (1.0, "inflated")
+    for name, value in (
+        ("head_on_half_angle_deg", [1.0, 2.0, 3.0]),
+        ("head_on_half_angle_deg", 91.0),
+        ("head_on_half_angle_deg", "x"),
+        ("body", "wide"),
+        ("pressure_stop", 1),
+        ("storage_kpa", -1.0),
+    ):
+        with pytest.raises(BadInputError, match=name):
+            GrowthOptions.of({name: value})
+    with pytest.raises(UnknownNameError, match="growth option"):
+        GrowthOptions.of({"bodi": "inflated"})

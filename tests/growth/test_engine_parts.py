@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from shapely import box
 
 from vinefab.growth import kernel, reference
-from vinefab.growth.arrays import Growth, Launch, Rules, TreeArrays
+from vinefab.growth.arrays import Growth, Launch, Rules
 from vinefab.growth.simulator import MOST_EVENTS, TOLERANCE_RAD, grow_branches_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
@@ -24,6 +24,8 @@ RULES = Rules(
     tolerance_mm=ROOM.tolerance_mm,
     tolerance_rad=TOLERANCE_RAD,
     most_events=MOST_EVENTS,
+    friction=0.0,
+    drag_kpa_mm=0.0,
 )
 RIGHT_WALL = int(np.flatnonzero(ROOM.walls().wall[:, 3] == 1.0)[0])
 
@@ -62,30 +64,30 @@ def test_release_in_the_twin():
     assert_allclose([branch.tip.real, branch.tip.imag], [150.0, 180.0], atol=1e-9)
 
 
-def _one_branch(engine, most_events, room=50):
+def _one_branch(engine, trunk_arrays, most_events, room=50):
     growth = Growth.empty(1, room)
-    plan = TreeArrays(np.array([-1]), np.array([[1.0, 0.0]]), np.array([1e5]), np.array([True]))
+    plan = trunk_arrays(1e5)
     start = Launch(0.0, 0.0, math.cos(0.5), math.sin(0.5))
     rules = RULES._replace(most_events=most_events)
     done = grow_branches_of(engine)(ROOM.walls(), plan, rules, start, growth, 0, 1)
     return growth, done
 
 
-def test_the_event_guard_ends_a_branch_as_corner(engine):
-    growth, done = _one_branch(engine, 1)
+def test_the_event_guard_ends_a_branch_as_corner(engine, trunk_arrays):
+    growth, done = _one_branch(engine, trunk_arrays, 1)
     assert done == 1
     assert growth.stop[0] == Stop.CORNER
     assert_allclose(growth.points[1], [150.0, 150.0 * math.tan(0.5)], atol=1e-9)
 
 
-def test_the_event_guard_is_far_away(engine, random_map, random_pose):
+def test_the_event_guard_is_far_away(engine, random_map, random_pose, trunk_arrays):
     most = 0
     for number in range(60):
         rng = np.random.default_rng([8, number])
         ground = Terrain.of(random_map(rng, ("convex", "star", "needles", "lattice")[number % 4]))
         pose = random_pose(rng, ground)
         growth = Growth.empty(1, 200)
-        plan = TreeArrays(np.array([-1]), np.array([[1.0, 0.0]]), np.array([5e3]), np.array([True]))
+        plan = trunk_arrays(5e3)
         start = Launch(
             *ground.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad)
         )
@@ -95,8 +97,8 @@ def test_the_event_guard_is_far_away(engine, random_map, random_pose):
     assert 5 < most < MOST_EVENTS / 100
 
 
-def test_too_little_room_is_reported_not_overrun(engine):
-    growth, done = _one_branch(engine, MOST_EVENTS, room=1)
+def test_too_little_room_is_reported_not_overrun(engine, trunk_arrays):
+    growth, done = _one_branch(engine, trunk_arrays, MOST_EVENTS, room=1)
     assert done == 0
     assert growth.first_point[1] == 0
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from shapely import affinity, box
 
-from vinefab.growth.arrays import Growth, Launch, Rules, TreeArrays
+from vinefab.growth.arrays import Growth, Launch, Rules
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import TOLERANCE_RAD, grow, grow_branches_of
 from vinefab.growth.terrain import Terrain
@@ -61,36 +61,36 @@ def test_contacts_are_vertices_of_the_map(engine, random_map, random_pose, vine,
 @quick
 @given(seed=seeds, kind=kinds, share=st.floats(0.02, 0.98))
 def test_shorter_and_longer_growths_share_their_history(
-    engine, random_map, random_pose, seed, kind, share
+    *, engine, random_map, random_pose, trunk_arrays, seed, kind, share
 ):
     rng = np.random.default_rng(seed)
     terrain = Terrain.of(random_map(rng, kind))
     pose = random_pose(rng, terrain)
-    short, events = _stopped_after(engine, terrain, pose, share * 1500.0, 1000)
+    short, events = _stopped_after(engine, trunk_arrays, terrain, pose, share * 1500.0, 1000)
     if short.stop[0] != Stop.FULL_LENGTH:
-        long, _ = _stopped_after(engine, terrain, pose, 1500.0, 1000)
+        long, _ = _stopped_after(engine, trunk_arrays, terrain, pose, 1500.0, 1000)
         assert long.stop[0] == short.stop[0]
     else:
         # The last event of the short one is running out of length; up to there both are one.
-        short, _ = _stopped_after(engine, terrain, pose, share * 1500.0, events - 1)
-        long, _ = _stopped_after(engine, terrain, pose, 1500.0, events - 1)
+        short, _ = _stopped_after(engine, trunk_arrays, terrain, pose, share * 1500.0, events - 1)
+        long, _ = _stopped_after(engine, trunk_arrays, terrain, pose, 1500.0, events - 1)
     used = short.first_point[1]
     assert long.first_point[1] == used
     assert_allclose(long.points[:used], short.points[:used], atol=1e-9)
 
 
-def _stopped_after(engine, terrain, pose, length_mm, most_events):
+def _stopped_after(engine, trunk_arrays, terrain, pose, length_mm, most_events):
     """Grow a vine for at most so many events."""
     growth = Growth.empty(1, 200)
-    plan = TreeArrays(
-        np.array([-1]), np.array([[1.0, 0.0]]), np.array([length_mm]), np.array([True])
-    )
+    plan = trunk_arrays(length_mm)
     rules = Rules(
         head_on_half_angle_rad=0.0,
         deploys_stuck=False,
         tolerance_mm=terrain.tolerance_mm,
         tolerance_rad=TOLERANCE_RAD,
         most_events=most_events,
+        friction=0.0,
+        drag_kpa_mm=0.0,
     )
     start = Launch(*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
     assert grow_branches_of(engine)(terrain.walls(), plan, rules, start, growth, 0, 1) == 1

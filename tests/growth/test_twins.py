@@ -87,5 +87,5 @@ def test_rules_agree_one_by_one(random_map):
 
 
 def test_stop_codes_are_those_of_the_model():
-    codes = [kernel.FULL_LENGTH, kernel.HEAD_ON, kernel.CORNER, kernel.NOT_DEPLOYED]
-    assert codes == [Stop.FULL_LENGTH, Stop.HEAD_ON, Stop.CORNER, Stop.NOT_DEPLOYED]
+    names = ("FULL_LENGTH", "HEAD_ON", "CORNER", "NOT_DEPLOYED", "PRESSURE")
+    assert {name: getattr(kernel, name) for name in names} == {s.name: s.value for s in Stop}

@@ -19,6 +19,16 @@ SMALL = {"columns": 4, "rows": 4, "size_mm": 350.0}
 PLAN = PredictionPlan(poses=2, seed=3)
 
 
+@pytest.fixture(scope="session")
+def small_maps():
+    return SMALL
+
+
+@pytest.fixture(scope="session")
+def few_poses():
+    return PLAN
+
+
 @pytest.fixture(scope="module")
 def explorer():
     return read_design("grid_explorer")

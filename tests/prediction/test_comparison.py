@@ -201,7 +201,9 @@ def test_designs_are_ranked_by_their_mean_and_shown_at_a_median_deployment():
         )
         for column in columns.values()
     )
-    comparison = DesignComparison(names=tuple(columns), designs=(), results=results, differences=())
+    comparison = DesignComparison(
+        names=tuple(columns), designs=(), results=results, differences=(), contacts=()
+    )
     assert comparison.ranked(SEEN) == [
         ("b", 6.0), ("a", 4.0), ("c", pytest.approx(7.0 / 3.0))
     ]  # fmt: skip

@@ -88,7 +88,7 @@ def test_summary_and_metrics_show_the_numbers_of_a_straight_vine():
     assert (metrics["branches"], metrics["planned_mm"]) == (3, 200.0)
     assert metrics["grown_mm"] == pytest.approx(190.0)
     assert metrics["stops"] == {
-        "full_length": 2, "head_on": 1, "corner": 0, "not_deployed": 0
+        "full_length": 2, "head_on": 1, "corner": 0, "not_deployed": 0, "pressure": 0
     }  # fmt: skip
     assert metrics["head_on_half_angle_deg"] == 5.0
     assert grown.history.full_mm == pytest.approx(140.0)

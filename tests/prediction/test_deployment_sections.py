@@ -64,7 +64,7 @@ def test_endings_are_counted_level_by_level():
     )
     (table,) = section.tables
     assert table.rows == (
-        ("1", "100.0 %", "0.0 %", "0.0 %", "0.0 %", "-"),
-        ("2", "0.0 %", "50.0 %", "25.0 %", "25.0 %", "50 %"),
+        ("1", "100.0 %", "0.0 %", "0.0 %", "0.0 %", "0.0 %", "-"),
+        ("2", "0.0 %", "50.0 %", "25.0 %", "25.0 %", "0.0 %", "50 %"),
     )
     assert "how 10 branches of 2 deployments ended" in table.caption

@@ -21,6 +21,7 @@ from vinefab.prediction.family_deployments import PredictionPlan, map_families, 
 from vinefab.prediction.measures import MEASURES, REACH, SEEN, STUCK, UNDEPLOYED, MeasureTable
 from vinefab.prediction.predict import cautions, headlines, predict, verdict_on
 from vinefab.prediction.prediction_json import prediction_text
+from vinefab.prediction.prediction_width import CONTACT_MEASURES, ContactRange, ContactValue
 from vinefab.prediction.pressure_window import LevelPressure, Need, PressureWindow
 from vinefab.prediction.provenance import origin_of
 
@@ -243,6 +244,18 @@ def known_outcomes(maps=("a", "a", "a", "b")):
     return MeasureTable(label="two maps", maps=maps, poses=(None,) * len(maps), values=columns)
 
 
+CONTACTS = ContactRange(
+    label="two maps",
+    deployments=4,
+    values={
+        measure.key: tuple(
+            ContactValue(mean=mean, low=mean, high=mean) for mean in (40.0, 37.0, 36.0, 35.0)
+        )
+        for measure in CONTACT_MEASURES
+    },
+)
+
+
 def test_headlines_are_the_numbers_of_spread_window_and_anchoring():
     amplifications = {
         (mu, share): 10.0 * mu * share / 100.0
@@ -255,11 +268,14 @@ def test_headlines_are_the_numbers_of_spread_window_and_anchoring():
     )
     anchoring = AnchoringPrediction(label="two maps", leaves=3, table=held)
     window = window_of_needs(10.0, 20.0, 30.0, 15.0)
-    shown = {line.name: line for line in headlines(known_outcomes(), window, [anchoring])}
+    shown = {line.name: line for line in headlines(known_outcomes(), window, [anchoring], CONTACTS)}
     seen = shown["free space seen by sensors"]
     assert seen.value == "40.0 %"
     # Maps of mean 20 and 60; deployments 10, 20, 30, 60.
-    assert "95 % interval 20.0 to 60.0; 90 % of the deployments 11.5 to 55.5" in seen.detail
+    assert (
+        "95 % interval 20.0 to 60.0; 35.0 to 40.0 over head-on half-angles of 1 to 15 deg "
+        "(assumed); 90 % of the deployments 11.5 to 55.5"
+    ) in seen.detail
     assert (shown[STUCK.title].value, shown[STUCK.title].tone) == ("10.0 %", "caution")
     assert (shown[UNDEPLOYED.title].value, shown[UNDEPLOYED.title].tone) == ("9.9 %", "good")
     # Two thirds at low friction to all at high friction.
@@ -267,7 +283,9 @@ def test_headlines_are_the_numbers_of_spread_window_and_anchoring():
     assert shown["anchoring amplification"].detail.startswith("3.0 x at friction 0.3")
     assert shown["pressure window"].value == "10.0 to 30.0 kPa"
     assert "working pressure 15 kPa" in shown["pressure window"].detail
-    closed = headlines(known_outcomes(), window_of_needs(31.0, 60.0, 30.0, 15.0), [anchoring])[-1]
+    closed = headlines(
+        known_outcomes(), window_of_needs(31.0, 60.0, 30.0, 15.0), [anchoring], CONTACTS
+    )[-1]
     assert (closed.value, closed.tone) == ("none", "bad")
 
 
@@ -282,7 +300,7 @@ def test_cautions_name_counts_and_pressures():
     assert sentences[0].startswith("No coupon")
     assert "needs 40.0 kPa, more than the 30.0 kPa" in sentences[1]
     assert sentences[2].startswith("Pressures rest on assumed numbers")
-    assert sentences[3] == "10.0 % of its branches: branches stopped by walls."
+    assert sentences[3] == "10.0 % of its branches: branches that got stuck."
     assert sentences[4].startswith("Predictions rest on 2 maps")
     assert sentences[5] == "Design rules: 1 warnings, 3 rules not checked."
     assert len(sentences) == 6

@@ -53,15 +53,18 @@ def points(space: Space, count: int = 60) -> np.ndarray:
 
 
 @pytest.mark.parametrize("space", SPACES, ids=["table 1", "wide", "plain vines"])
+@pytest.mark.parametrize("pressure_stop", [False, True])
 @pytest.mark.parametrize("body", ["centerline", "inflated"])
-def test_a_batch_has_the_plans_of_its_designs(space: Space, body: str) -> None:
-    x, options = points(space), GrowthOptions(body=body)
+def test_a_batch_has_the_plans_of_its_designs(
+    space: Space, body: str, *, pressure_stop: bool
+) -> None:
+    x, options = points(space), GrowthOptions(body=body, pressure_stop=pressure_stop)
     singles = [space.design(row) for row in x]
     deepest = space.build_of(int(space.settings.levels.high)).widths_mm
     radii_mm = (0.0,) if body == "centerline" else tuple(w / math.pi for w in deepest)
     designs = space.batch(x)
     builds = {depth: space.build_of(depth) for depth in range(1, 6)}
-    trees = planned_batch(designs, builds, radii_mm).each
+    trees = planned_batch(designs, builds, radii_mm, options).each
     assert designs.sizes.tolist() == [design.branch_count for design in singles]
     assert len(trees[2:5]) == 3
     for design, made in zip(singles, trees, strict=True):
@@ -69,6 +72,10 @@ def test_a_batch_has_the_plans_of_its_designs(space: Space, body: str) -> None:
         assert (made.edges, made.radii_mm, made.build) == (plan.edges, plan.radii_mm, plan.build)
         np.testing.assert_array_equal(made.turn, plan.turn)
         np.testing.assert_array_equal(made.long_mm, plan.long_mm)
+        np.testing.assert_array_equal(made.limit_kpa, plan.limit_kpa)
+        assert np.isfinite(made.limit_kpa).all() == pressure_stop
+        if pressure_stop:
+            np.testing.assert_array_equal(made.store_kpa, plan.store_kpa)
         for field in fields(plan.tree):
             one, other = getattr(made.tree, field.name), getattr(plan.tree, field.name)
             np.testing.assert_array_equal(one, other)
@@ -82,14 +89,14 @@ def everything(deployment: Deployment) -> list[object]:
 @pytest.mark.parametrize("space", SPACES[1:], ids=["wide", "plain vines"])
 @pytest.mark.parametrize("body", ["centerline", "inflated"])
 def test_a_batch_grows_as_its_designs_do(space: Space, body: str) -> None:
-    x, options = points(space, 20), GrowthOptions(body=body)
+    x, options = points(space, 20), GrowthOptions(body=body, pressure_stop=body == "inflated")
     worlds = [grid_map(seed, GridOptions(columns=4, rows=4)) for seed in (1, 2)]
     poses = [draw_poses(world, 2, 5, clearance_mm=14.0) for world in worlds]
     launches = Launches.of(TerrainSet([Terrain.of(world) for world in worlds]), poses)
     deepest = space.build_of(int(space.settings.levels.high)).widths_mm
     radii_mm = (0.0,) if body == "centerline" else tuple(w / math.pi for w in deepest)
     builds = {depth: space.build_of(depth) for depth in range(1, 6)}
-    designs = Batch(planned_batch(space.batch(x), builds, radii_mm), launches, options)
+    designs = Batch(planned_batch(space.batch(x), builds, radii_mm, options), launches, options)
     batch = Batch(Plans.of([space.design(row) for row in x], options), launches, options)
     assert len(designs) == len(batch)
     assert [everything(d) for d in designs.deployments()] == [
@@ -112,7 +119,10 @@ def test_growth_is_compiled_once_for_all_ways_to_grow() -> None:
     grow(design, terrains[0], poses[0])
     for some in (1, 2):
         launches = Launches.of(TerrainSet(terrains[:some]), [[pose] for pose in poses[:some]])
-        for plans in (Plans.of([design], options), planned_batch(space.batch(x), builds, (0.0,))):
+        for plans in (
+            Plans.of([design], options),
+            planned_batch(space.batch(x), builds, (0.0,), options),
+        ):
             assert len(Batch(plans, launches, options).deployments()) == some
     assert len(kernel.grow_jobs.signatures) == 1
 
@@ -137,7 +147,11 @@ def test_trees_too_large_for_a_design_are_counted_but_not_planned() -> None:
     assert sizes[0] == 10
     assert sizes[1] > MOST_BRANCHES
     assert sizes[2] == 2**10 - 1
-    tree = planned_batch(space.batch(x[2:]), {10: space.build_of(10)}, (0.0,)).each[0].tree
+    tree = (
+        planned_batch(space.batch(x[2:]), {10: space.build_of(10)}, (0.0,), GrowthOptions())
+        .each[0]
+        .tree
+    )
     np.testing.assert_array_equal(tree.parent, branch_tree(space.design(x[2])).parent)
 
 

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vinefab.core.errors import BadInputError
+from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Design
 from vinefab.model.map import Map
@@ -26,7 +27,7 @@ from vinefab.search.loop import Search
 from vinefab.search.parallel.executor import SerialExecutor, ThreadExecutor
 from vinefab.search.record.result import RunResult
 from vinefab.search.settings import EvaluationSettings, RunSettings
-from vinefab.tasks.evaluate import composite
+from vinefab.tasks.evaluate import Conditions, composite
 
 
 def optimize(
@@ -46,12 +47,12 @@ def test_poses_are_redrawn_every_generation_unless_redraw_is_off(
     small: RunSettings, maps: Maps
 ) -> None:
     drawn = [
-        Evaluator.of(EvaluatorSpec(settings=small, maps=maps)).training_poses(3, number)
+        Evaluator.of(EvaluatorSpec(settings=small, maps=maps)).training_conditions(3, number)
         for number in (0, 0, 1)
     ]
     assert drawn[0] == drawn[1] != drawn[2]
     still = Evaluator.of(EvaluatorSpec(settings=with_evaluation(small, redraw=False), maps=maps))
-    assert still.training_poses(3, 0) == still.training_poses(3, 7) == drawn[0]
+    assert still.training_conditions(3, 0) == still.training_conditions(3, 7) == drawn[0]
 
 
 def test_the_range_of_poses_can_be_narrowed_to_the_starts_themselves(
@@ -65,7 +66,7 @@ def test_the_range_of_poses_can_be_narrowed_to_the_starts_themselves(
         evaluator = Evaluator.of(
             EvaluatorSpec(settings=with_evaluation(several, pose_range=share), maps=maps)
         )
-        headings = [pose.heading_rad for pose in evaluator.training_poses(3, 0)[0]]
+        headings = [pose.heading_rad for pose in evaluator.training_conditions(3, 0).poses[0]]
         found[share] = np.abs(np.array(headings) - start.pose.heading_rad).max()
         assert found[share] <= share * start.spread_heading_rad
     assert 0.0 == found[0.0] < found[0.1] < found[1.0]
@@ -76,7 +77,9 @@ def test_a_generation_may_use_some_of_the_maps(small: RunSettings, maps: Maps) -
     evaluator = Evaluator.of(
         EvaluatorSpec(settings=with_evaluation(small, maps_per_generation=2), maps=several)
     )
-    counts = np.array([[len(p) for p in evaluator.training_poses(3, n)] for n in range(40)])
+    counts = np.array(
+        [[len(p) for p in evaluator.training_conditions(3, n).poses] for n in range(40)]
+    )
     assert (counts.sum(axis=1) == 2).all()
     assert (counts.sum(axis=0) > 8).all()
     assert len(optimize(with_evaluation(small, maps_per_generation=1), maps).history) == 5
@@ -91,7 +94,7 @@ def test_single_uses_one_evaluation_and_ranks_finalists_by_their_mean(
 ) -> None:
     single = with_evaluation(small, composite="single")
     evaluator = Evaluator.of(EvaluatorSpec(settings=single, maps=maps))
-    assert sum(len(places) for places in evaluator.training_poses(3, 1)) == 1
+    assert sum(len(places) for places in evaluator.training_conditions(3, 1).poses) == 1
     result = optimize(single, maps)
     assert len(result.score.evaluations) == 4
     assert result.finalists[0].fitness == result.score.composite["mean"]
@@ -138,7 +141,7 @@ def test_points_that_the_penalty_refuses_have_no_valid_design(
 ) -> None:
     evaluator = Evaluator.of(EvaluatorSpec(settings=fabricable, maps=maps, penalty=Picky()))
     x = np.random.default_rng(2).random((30, len(evaluator.space)))
-    found, _ = evaluator.evaluate(x, evaluator.training_poses(1, 0))
+    found, _ = evaluator.evaluate(x, evaluator.training_conditions(1, 0))
     trunks = np.array([evaluator.space.design(row).trunk_length_mm for row in x])
     gone = trunks > 100.0
     assert (np.isnan(found.score).all(axis=1) == gone).all()
@@ -151,7 +154,7 @@ def test_points_that_the_penalty_refuses_have_no_valid_design(
 def test_results_do_not_depend_on_executor_or_division(fabricable: RunSettings, maps: Maps) -> None:
     evaluator = Evaluator.of(EvaluatorSpec(settings=fabricable, maps=maps, penalty=Picky()))
     x = np.random.default_rng(3).random((25, len(evaluator.space)))
-    poses = evaluator.training_poses(1, 0)
+    poses = evaluator.training_conditions(1, 0)
     whole, _ = evaluator.evaluate(x, poses)
     parts = Evaluations.concatenated(
         [evaluator.evaluate(part, poses)[0] for part in np.array_split(x, 7)]
@@ -207,3 +210,32 @@ def test_scores_and_penalties_that_are_not_finite_give_the_lowest_fitness() -> N
     assert fitness_of(math.nan, 0.0, lowest=0.0, weight=1.0) == INVALID_FITNESS
     assert fitness_of(0.5, math.inf, lowest=0.0, weight=1.0) == INVALID_FITNESS
     assert fitness_of(0.5, math.nan, lowest=0.0, weight=1.0) == INVALID_FITNESS
+
+
+def test_half_angles_of_a_range_are_drawn_for_each_evaluation_and_stand_with_the_terms(
+    small: RunSettings, maps: Maps
+) -> None:
+    wide = GrowthOptions(head_on_half_angle_rad=(math.radians(1.0), math.radians(15.0)))
+    evaluator = Evaluator.of(EvaluatorSpec(settings=replace(small, growth=wide), maps=maps))
+    draws = [evaluator.training_conditions(3, number) for number in range(3)]
+    assert draws[0] == evaluator.training_conditions(3, 0)
+    angles_deg = [np.degrees(draw.half_angles_rad).tolist() for draw in draws]
+    assert len({angle for row in angles_deg for angle in row}) == 3 * len(maps)
+    assert all(1.0 <= angle <= 15.0 for row in angles_deg for angle in row)
+    x = np.random.default_rng(1).random((4, len(evaluator.space)))
+    found, _ = evaluator.evaluate(x, draws[0])
+    known = np.isfinite(found.score).all(axis=1)
+    for row in found.terms["head_on_half_angle_deg"][known]:
+        np.testing.assert_allclose(row, angles_deg[0])
+    # Each evaluation is that of a growth with its own angle.
+    for launch, angle_rad in enumerate(draws[0].half_angles_rad):
+        narrow = replace(small, growth=GrowthOptions(head_on_half_angle_rad=angle_rad))
+        alone = Evaluator.of(EvaluatorSpec(settings=narrow, maps=maps))
+        same, _ = alone.evaluate(x, Conditions(poses=draws[0].poses))
+        np.testing.assert_array_equal(same.score[:, launch], found.score[:, launch])
+    some = replace(small.evaluation, maps_per_generation=1)
+    part = Evaluator.of(
+        EvaluatorSpec(settings=replace(small, growth=wide, evaluation=some), maps=maps)
+    ).training_conditions(3, 0)
+    (taken,) = [index for index, places in enumerate(part.poses) if places]
+    assert part.half_angles_rad == (draws[0].half_angles_rad[taken],)

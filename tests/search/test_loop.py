@@ -24,7 +24,7 @@ from vinefab.search.record.result import Generation, Progress, RunResult
 from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 from vinefab.tasks.coverage import Coverage
-from vinefab.tasks.evaluate import Poses, score_design
+from vinefab.tasks.evaluate import Conditions, score_design
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.reach import Reach
 from vinefab.tasks.task import Outcome, Task
@@ -81,12 +81,12 @@ def test_poses_are_the_same_within_a_generation_and_differ_between_generations(
     small: RunSettings, maps: Maps
 ) -> None:
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
-    assert evaluator.poses(3, TRAINING, 0, 2) == evaluator.poses(3, TRAINING, 0, 2)
-    draws = [evaluator.poses(3, TRAINING, g, 2) for g in range(3)] + [
-        evaluator.poses(3, FINAL, 0, 2)
+    assert evaluator.conditions(3, TRAINING, 0, 2) == evaluator.conditions(3, TRAINING, 0, 2)
+    draws = [evaluator.conditions(3, TRAINING, g, 2) for g in range(3)] + [
+        evaluator.conditions(3, FINAL, 0, 2)
     ]
     assert len(set(draws)) == 4
-    assert len({pose for draw in draws for poses in draw for pose in poses}) == 4 * 2 * 2
+    assert len({pose for draw in draws for poses in draw.poses for pose in poses}) == 4 * 2 * 2
 
 
 def test_fitness_can_be_computed_again_from_the_record(small: RunSettings, maps: Maps) -> None:
@@ -94,7 +94,7 @@ def test_fitness_can_be_computed_again_from_the_record(small: RunSettings, maps:
     for redraw in (True, False):
         settings = replace(small, evaluation=replace(small.evaluation, redraw=redraw))
         last = optimize(settings, maps).history[4]
-        poses = evaluator.poses(3, TRAINING, 4 if redraw else 0, 1)
+        poses = evaluator.conditions(3, TRAINING, 4 if redraw else 0, 1).poses
         for x, fitness in zip(last.x, last.fitness, strict=True):
             score = score_design(evaluator.space.design(x), evaluator.maps, poses, evaluator.task)
             assert score.composite["mean"] == fitness
@@ -108,7 +108,7 @@ def test_finalists_are_evaluated_on_fresh_poses_and_the_best_there_wins(
     assert len(fitness) == 3
     assert fitness == sorted(fitness, reverse=True)
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
-    fresh = evaluator.poses(3, FINAL, 0, 2)
+    fresh = evaluator.conditions(3, FINAL, 0, 2).poses
     expected = score_design(result.finalists[0].design, evaluator.maps, fresh, evaluator.task)
     assert result.score == expected
     assert len(result.score.evaluations) == 4
@@ -233,14 +233,14 @@ def test_poses_that_no_generation_needs_cannot_end_a_run(
 ) -> None:
     """Those of another seed, and those after the last generation."""
     settings = replace(small, search=replace(small.search, generations=generations))
-    draw, whole = Evaluator.training_poses, optimize(settings, maps)
+    draw, whole = Evaluator.training_conditions, optimize(settings, maps)
 
-    def rare(evaluator: Evaluator, seed: int, generation: int) -> Poses:
+    def rare(evaluator: Evaluator, seed: int, generation: int) -> Conditions:
         if seed != settings.search.seed or generation >= generations:
             raise BadInputError("starts", generation, "a start with free space in its range")
         return draw(evaluator, seed, generation)
 
-    monkeypatch.setattr(Evaluator, "training_poses", rare)
+    monkeypatch.setattr(Evaluator, "training_conditions", rare)
     assert same(whole, optimize(settings, maps))
 
 
@@ -320,10 +320,11 @@ def test_poses_drawn_ahead_are_those_drawn_one_by_one(
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
     schedule = Schedule(evaluator, 3)
     for generation in (0, 1, AHEAD - 1, AHEAD, 3 * AHEAD + 2, 5):
-        poses = schedule.poses(generation)
-        assert poses == evaluator.training_poses(3, generation)
-        ready, anew = evaluator.launches(poses), evaluator.launches(tuple(poses))
-        assert ready is evaluator.launches(poses)
+        drawn = schedule.conditions(generation)
+        assert drawn == evaluator.training_conditions(3, generation)
+        ready, anew = evaluator.launches(drawn), evaluator.launches(replace(drawn))
+        assert ready is evaluator.launches(drawn)
+        assert ready is not anew
         np.testing.assert_array_equal(ready.start, anew.start)
         np.testing.assert_array_equal(ready.terrain, anew.terrain)
 
@@ -333,7 +334,7 @@ def test_poses_that_are_not_redrawn_are_drawn_once(
 ) -> None:
     still = replace(small, evaluation=replace(small.evaluation, redraw=False))
     schedule = Schedule(Evaluator.of(EvaluatorSpec(settings=still, maps=maps)), 3)
-    assert schedule.poses(0) is schedule.poses(77)
+    assert schedule.conditions(0) is schedule.conditions(77)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

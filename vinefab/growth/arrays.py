@@ -66,12 +66,20 @@ class TreeArrays(NamedTuple):
         Planned lengths, mm.
     fits
         Whether there is room for each branch's base (inflated bodies); decided by the caller.
+    limit
+        Tension, kPa, with which the working pressure can still evert each branch; infinite where
+        pressure stops nothing. See `vinefab.growth.plan.Feed`.
+    store
+        Tension of each branch's film as it leaves its store, with the drag of what rides inside,
+        kPa.
     """
 
     parent: Ints
     turn: Floats
     length: Floats
     fits: NDArray[np.bool_]
+    limit: Floats
+    store: Floats
 
 
 class Rules(NamedTuple):
@@ -89,6 +97,10 @@ class Rules(NamedTuple):
         Directions that differ by up to this count as parallel.
     most_events
         Limit of a branch's events; it then ends as ``corner``. A guard, never reached in tests.
+    friction
+        Friction of film on film, per radian of turn.
+    drag_kpa_mm
+        Friction per mm of path.
     """
 
     head_on_half_angle_rad: float
@@ -96,6 +108,8 @@ class Rules(NamedTuple):
     tolerance_mm: float
     tolerance_rad: float
     most_events: int
+    friction: float
+    drag_kpa_mm: float
 
 
 class Launch(NamedTuple):
@@ -135,8 +149,14 @@ class Growth(NamedTuple):
     steep
         Longest straight body, from pivot to tip, with which each branch began to slide at more
         than 60 degrees to the wall's tangent, mm; shape (n,).
+    gain, drawn
+        Factor by which the turns of the path to the tip multiply a tension at the base, and its
+        length with each part times that factor of the turns behind it, mm; shape (n,). Only where
+        pressure can stop growth.
     chain_length, chain_sense
         Working room, shape (p,): length up to a chain point; sense in which the body wrapped it.
+    chain_gain, chain_drawn
+        Working room, shape (p,): as ``gain`` and ``drawn``, up to a chain point.
     """
 
     points: Floats
@@ -147,8 +167,12 @@ class Growth(NamedTuple):
     heading: Floats
     events: Ints
     steep: Floats
+    gain: Floats
+    drawn: Floats
     chain_length: Floats
     chain_sense: Ints
+    chain_gain: Floats
+    chain_drawn: Floats
 
     @classmethod
     def empty(cls, branches: int, room: int) -> "Growth":
@@ -162,8 +186,12 @@ class Growth(NamedTuple):
             heading=np.zeros((branches, 2)),
             events=np.zeros(branches, dtype=np.int64),
             steep=np.zeros(branches),
+            gain=np.zeros(branches),
+            drawn=np.zeros(branches),
             chain_length=np.zeros(room),
             chain_sense=np.zeros(room, dtype=np.int64),
+            chain_gain=np.zeros(room),
+            chain_drawn=np.zeros(room),
         )
 
     def with_room(self, room: int) -> "Growth":
@@ -172,7 +200,11 @@ class Growth(NamedTuple):
         points = more.points
         points[: len(self.points)] = self.points
         return self._replace(
-            points=points, chain_length=more.chain_length, chain_sense=more.chain_sense
+            points=points,
+            chain_length=more.chain_length,
+            chain_sense=more.chain_sense,
+            chain_gain=more.chain_gain,
+            chain_drawn=more.chain_drawn,
         )
 
 
@@ -243,7 +275,7 @@ class TreesArrays(NamedTuple):
 
     Parameters
     ----------
-    parent, turn, length
+    parent, turn, length, limit, store
         As in `TreeArrays`; parents count within their tree.
     first
         Where each tree begins, with the total at the end; shape (d + 1,).
@@ -252,6 +284,8 @@ class TreesArrays(NamedTuple):
     parent: Ints
     turn: Floats
     length: Floats
+    limit: Floats
+    store: Floats
     first: Ints
 
     @classmethod
@@ -261,6 +295,8 @@ class TreesArrays(NamedTuple):
             parent=_fixed(np.concatenate([tree.parent for tree in trees])),
             turn=_fixed(np.concatenate([tree.turn for tree in trees])),
             length=_fixed(np.concatenate([tree.length for tree in trees])),
+            limit=_fixed(np.concatenate([tree.limit for tree in trees])),
+            store=_fixed(np.concatenate([tree.store for tree in trees])),
             first=_fixed(np.cumsum([0, *(len(tree.parent) for tree in trees)])),
         )
 
@@ -274,6 +310,8 @@ class JobArrays(NamedTuple):
         Which tree on which page of the atlas; shape (j,).
     start
         Base and heading of each trunk: x, y (mm), ux, uy; shape (j, 4).
+    half_angle
+        Head-on half-angle of each, rad; shape (j,).
     fits
         As in `TreeArrays`, for all branches of all jobs.
     branch
@@ -288,6 +326,7 @@ class JobArrays(NamedTuple):
     tree: Ints
     page: Ints
     start: Floats
+    half_angle: Floats
     fits: NDArray[np.bool_]
     branch: Ints
     room: Ints
@@ -296,13 +335,20 @@ class JobArrays(NamedTuple):
 
     @classmethod
     def alone(
-        cls, start: Launch, fits: NDArray[np.bool_], room: int, done: int, until: int
+        cls,
+        start: Launch,
+        half_angle_rad: float,
+        fits: NDArray[np.bool_],
+        room: int,
+        done: int,
+        until: int,
     ) -> "JobArrays":
         """Return the branches ``done .. until - 1`` of the only tree, on the only page."""
         return cls(
             tree=np.zeros(1, dtype=np.int64),
             page=np.zeros(1, dtype=np.int64),
             start=np.array([start], dtype=np.float64),
+            half_angle=np.array([half_angle_rad]),
             fits=fits,
             branch=np.array([0, len(fits)]),
             room=np.array([0, room]),

@@ -4,7 +4,7 @@ import itertools
 import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar, overload
 
 import numpy as np
@@ -73,8 +73,12 @@ class Workspace:
             heading=held.heading[:branches],
             events=held.events[:branches],
             steep=held.steep[:branches],
+            gain=held.gain[:branches],
+            drawn=held.drawn[:branches],
             chain_length=held.chain_length[:room],
             chain_sense=held.chain_sense[:room],
+            chain_gain=held.chain_gain[:room],
+            chain_drawn=held.chain_drawn[:room],
         )
         for array in (
             part.first_point,
@@ -112,9 +116,16 @@ class Launches:
     terrain: Ints  # index of the map of each launch, shape (l,)
     poses: tuple[Pose, ...]  # the poses, one per launch
     start: Floats  # base x and y (mm) and heading ux, uy of each trunk, shape (l, 4)
+    # head-on half-angle of each launch, shape (l,); None: that of the growth model's options
+    half_angle_rad: Floats | None = None
 
     @classmethod
-    def of(cls, atlas: TerrainSet, poses: Sequence[Sequence[Pose]]) -> "Launches":
+    def of(
+        cls,
+        atlas: TerrainSet,
+        poses: Sequence[Sequence[Pose]],
+        half_angles_rad: Sequence[float] = (),
+    ) -> "Launches":
         """Return the launches from the poses on each map.
 
         Parameters
@@ -123,6 +134,8 @@ class Launches:
             The maps.
         poses
             Poses on each map, at least one in all.
+        half_angles_rad
+            Head-on half-angle of each pose, map by map; empty: as the growth model's options say.
 
         Raises
         ------
@@ -138,6 +151,7 @@ class Launches:
             terrain=np.repeat(np.arange(len(poses)), [len(places) for places in poses]),
             poses=flat,
             start=np.column_stack([np.concatenate(bases), np.reshape(headings, (-1, 2))]),
+            half_angle_rad=np.array(half_angles_rad) if len(half_angles_rad) else None,
         )
 
     def __len__(self) -> int:
@@ -272,8 +286,13 @@ class Batch:
         idle: list[Workspace] | None = None,
     ) -> None:
         self.plans = plans
+        half_angle_rad = launches.half_angle_rad
+        if half_angle_rad is None:
+            half_angle_rad = options.half_angles_rad(len(launches))
+        if options.draws_half_angle:
+            launches = replace(launches, half_angle_rad=half_angle_rad)
         self.launches = launches
-        self._rules = rules_of(options, 0.0)
+        self._rules, self._half_angle = rules_of(options, 0.0), half_angle_rad
         self._walls = launches.atlas.arrays(plans.spans.radii_mm)
         self._page = launches.atlas.pages(plans.spans.radii_mm)
         # Appending and popping are safe between threads.
@@ -357,6 +376,7 @@ class Batch:
             tree=plan,
             page=np.zeros(len(plan), dtype=np.int64),
             start=self.launches.start[launch],
+            half_angle=self._half_angle[launch],
             fits=np.ones(branch[-1], dtype=np.bool_),
             branch=branch,
             room=room,

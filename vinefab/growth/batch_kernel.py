@@ -51,6 +51,28 @@ def plan_trees(depth, trunk, branches, fan, size, growth, first, parent, level, 
             one, two = two, until
 
 
+@compiled
+def riding_film(first, parent, level, length, width, riding):
+    """Write the film that rides inside each branch, as `growth_pressure.riding_mm` for one tree.
+
+    Parameters
+    ----------
+    first, parent, level, length
+        Trees as `plan_trees` writes them; ``first`` with the total at the end.
+    width
+        Lay-flat width of each level, mm.
+    riding
+        Where the lengths go, mm.
+    """
+    riding[:] = 0.0
+    for tree in range(len(first) - 1):
+        base = first[tree]
+        for k in range(first[tree + 1] - 1, base, -1):
+            riding[base + parent[k]] += riding[k] + length[k] * width[level[k] - 1]
+        for k in range(base, first[tree + 1]):
+            riding[k] /= width[level[k] - 1]
+
+
 @inlined
 def _evenly(first, last, index, count):
     """Return one of ``count`` numbers evenly spaced, with the roundings of `numpy.linspace`."""

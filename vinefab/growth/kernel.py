@@ -32,7 +32,11 @@ FULL_LENGTH = 0
 HEAD_ON = 1
 CORNER = 2
 NOT_DEPLOYED = 3
+PRESSURE = 4
 GROWING = -1
+
+HALVINGS = 60
+"""Bisections of a slide until the place where the pressure is used up is known to the last bit."""
 
 STEEP_COSINE = 0.5
 
@@ -509,6 +513,132 @@ def _slide(walls, rules, growth, tip, base, length):
     return _reach_end(walls, rules, tip)
 
 
+# --- Pressure ---------------------------------------------------------------------------------
+
+# Film that goes to the tip is drawn along the path: each straight part adds drag, each turn
+# multiplies the tension behind it (the capstan effect, `vinefab.physics.growth_pressure`). Turns
+# count net: at a base, the angle from the parent's last heading to the first stretch.
+
+
+@inlined
+def _capstan(growth, rules, base, before, pivot, ux, uy):
+    """Return the factor of the turn at a pivot, for a body that goes on along u.
+
+    ``before`` is the heading with which the film comes to the base.
+    """
+    ix, iy = before
+    if pivot > base:
+        ix = growth.points[pivot, 0] - growth.points[pivot - 1, 0]
+        iy = growth.points[pivot, 1] - growth.points[pivot - 1, 1]
+    return math.exp(rules.friction * math.atan2(abs(ix * uy - iy * ux), ix * ux + iy * uy))
+
+
+@inlined
+def _tension(growth, rules, film, tip, x, y, ux, uy):
+    """Return the tension of the film at a tip (x, y) that points along u.
+
+    ``film`` is (base, heading before it, tension in the store, limit).
+    """
+    base, before, store, _ = film
+    turned = _capstan(growth, rules, base, before, tip.pivot, ux, uy)
+    held = store * growth.chain_gain[tip.pivot] + rules.drag_kpa_mm * growth.chain_drawn[tip.pivot]
+    qx, qy = x - growth.points[tip.pivot, 0], y - growth.points[tip.pivot, 1]
+    return turned * held + rules.drag_kpa_mm * math.sqrt(qx * qx + qy * qy)
+
+
+@inlined
+def _held_at(tip, x, y, ux, uy):
+    return TipState(x, y, ux, uy, tip.pivot, tip.wall, tip.place, tip.sense, NO_POINT, PRESSURE)
+
+
+@inlined
+def _flown_to_limit(growth, rules, film, tip, x, y):
+    """Return the tip where a free flight to (x, y) has used up the pressure: linear in length."""
+    px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
+    nearest = math.sqrt((tip.x - px) ** 2 + (tip.y - py) ** 2)
+    farthest = math.sqrt((x - px) ** 2 + (y - py) ** 2)
+    tension = _tension(growth, rules, film, tip, px, py, tip.ux, tip.uy)
+    reach = min(max((film[3] - tension) / rules.drag_kpa_mm, nearest), farthest)
+    return _held_at(tip, px + reach * tip.ux, py + reach * tip.uy, tip.ux, tip.uy)
+
+
+@inlined
+def _slid_to_limit(growth, rules, film, tip, x, y):
+    """Return the tip where a slide to (x, y) has used up the pressure.
+
+    The tension is convex in the way slid while the body turns back towards the heading before the
+    pivot, and rises after that: it passes the limit once.
+    """
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        share = 0.5 * (low + high)
+        at_x, at_y = tip.x + share * (x - tip.x), tip.y + share * (y - tip.y)
+        ux, uy = _heading(rules, growth, tip, at_x, at_y)
+        if _tension(growth, rules, film, tip, at_x, at_y, ux, uy) <= film[3]:
+            low = share
+        else:
+            high = share
+    at_x, at_y = tip.x + low * (x - tip.x), tip.y + low * (y - tip.y)
+    ux, uy = _heading(rules, growth, tip, at_x, at_y)
+    return _held_at(tip, at_x, at_y, ux, uy)
+
+
+@inlined
+def _within_pressure(growth, rules, film, tip, after):
+    """Return the tip after an event, or where on the way the pressure was used up."""
+    if film[3] == math.inf:
+        return after
+    ux, uy = tip.ux, tip.uy
+    if tip.wall != NO_WALL:
+        ux, uy = _heading(rules, growth, tip, after.x, after.y)
+    if _tension(growth, rules, film, tip, after.x, after.y, ux, uy) > film[3]:
+        if tip.wall == NO_WALL:
+            return _flown_to_limit(growth, rules, film, tip, after.x, after.y)
+        return _slid_to_limit(growth, rules, film, tip, after.x, after.y)
+    if after.pivot > tip.pivot:
+        turned = _capstan(growth, rules, film[0], film[1], tip.pivot, ux, uy)
+        step = growth.chain_length[after.pivot] - growth.chain_length[tip.pivot]
+        growth.chain_gain[after.pivot] = growth.chain_gain[tip.pivot] * turned
+        growth.chain_drawn[after.pivot] = growth.chain_drawn[tip.pivot] * turned + step
+    return after
+
+
+@inlined
+def _film_at_base(tree, start, growth, branch):
+    """Return the film of a branch at its base, as `_tension` takes it."""
+    base, parent, limit = growth.first_point[branch], tree.parent[branch], tree.limit[branch]
+    if limit == math.inf:
+        return base, (0.0, 0.0), 0.0, limit
+    if parent < 0:
+        growth.chain_gain[base], growth.chain_drawn[base] = 1.0, 0.0
+        return base, (start.ux, start.uy), tree.store[branch], limit
+    growth.chain_gain[base] = growth.gain[parent]
+    growth.chain_drawn[base] = growth.drawn[parent]
+    before = (growth.heading[parent, 0], growth.heading[parent, 1])
+    return base, before, tree.store[branch], limit
+
+
+@inlined
+def _everted(growth, rules, film, tip):
+    """Return the tip at a branch's base: stopped if the pressure is used up by the joint."""
+    if film[3] == math.inf:
+        return tip
+    used_up = _tension(growth, rules, film, tip, tip.x, tip.y, tip.ux, tip.uy) > film[3]
+    return _stopped(tip, PRESSURE) if used_up else tip
+
+
+@inlined
+def _record_film(growth, rules, film, branch, tip):
+    """Write what the path to a branch's tip does to the tension of film that is drawn along it."""
+    if film[3] == math.inf:
+        return
+    turned = _capstan(growth, rules, film[0], film[1], tip.pivot, tip.ux, tip.uy)
+    qx, qy = tip.x - growth.points[tip.pivot, 0], tip.y - growth.points[tip.pivot, 1]
+    growth.gain[branch] = growth.chain_gain[tip.pivot] * turned
+    length = math.sqrt(qx * qx + qy * qy)
+    growth.drawn[branch] = growth.chain_drawn[tip.pivot] * turned + length
+
+
 # --- A branch, and the tree -------------------------------------------------------------------
 
 
@@ -574,19 +704,24 @@ def _grow_branch(walls, tree, rules, start, growth, branch):
     growth.points[base, 0], growth.points[base, 1] = x, y
     growth.chain_length[base] = 0.0
     tip = TipState(x, y, ux, uy, base, NO_WALL, 0.0, 0.0, NO_POINT, GROWING)
+    film = _film_at_base(tree, start, growth, branch)
+    tip = _everted(growth, rules, film, tip)
     events, steep = 0, 0.0
     while tip.stop == GROWING and events < rules.most_events:
         # A wrap takes one more point, and the tip one after that.
         if tip.pivot + 3 > room:
             return False
+        before = tip
         if tip.wall == NO_WALL:
             tip = _grow_free(walls, rules, growth, tip, length)
         else:
             steep = max(steep, _steep_body(walls, growth, tip))
             tip = _slide(walls, rules, growth, tip, base, length)
+        tip = _within_pressure(growth, rules, film, before, tip)
         events += 1
     if tip.stop == GROWING:
         tip = _stopped(tip, CORNER)
+    _record_film(growth, rules, film, branch, tip)
     growth.events[branch], growth.steep[branch] = events, steep
     _record(growth, branch, tip, length)
     # A single event is a flight: straight.
@@ -640,13 +775,17 @@ _Walls = namedtuple(
     "_Walls",
     "wall link vertex vertex_point box shape wall_first wall_item vertex_first",
 )
-_Tree = namedtuple("_Tree", "parent turn length fits")
+_Tree = namedtuple("_Tree", "parent turn length fits limit store")
 _Rules = namedtuple(
-    "_Rules", "head_on_half_angle_rad deploys_stuck tolerance_mm tolerance_rad most_events"
+    "_Rules",
+    "head_on_half_angle_rad deploys_stuck tolerance_mm tolerance_rad most_events friction "
+    "drag_kpa_mm",
 )
 _Start = namedtuple("_Start", "x y ux uy")
 _Growth = namedtuple(
-    "_Growth", "points first_point stop grown turn heading events steep chain_length chain_sense"
+    "_Growth",
+    "points first_point stop grown turn heading events steep gain drawn chain_length chain_sense "
+    "chain_gain chain_drawn",
 )
 
 
@@ -672,7 +811,14 @@ def _tree_of(trees, jobs, job):
     """Return the tree of one job."""
     first, last = trees.first[jobs.tree[job]], trees.first[jobs.tree[job] + 1]
     fits = jobs.fits[jobs.branch[job] : jobs.branch[job + 1]]
-    return _Tree(trees.parent[first:last], trees.turn[first:last], trees.length[first:last], fits)
+    return _Tree(
+        trees.parent[first:last],
+        trees.turn[first:last],
+        trees.length[first:last],
+        fits,
+        trees.limit[first:last],
+        trees.store[first:last],
+    )
 
 
 @inlined
@@ -689,8 +835,12 @@ def _growth_of(jobs, growth, job):
         growth.heading[first:last],
         growth.events[first:last],
         growth.steep[first:last],
+        growth.gain[first:last],
+        growth.drawn[first:last],
         growth.chain_length[one:two],
         growth.chain_sense[one:two],
+        growth.chain_gain[one:two],
+        growth.chain_drawn[one:two],
     )
 
 
@@ -711,11 +861,13 @@ def grow_jobs(atlas, trees, rules, jobs, growth, first, last):
     for job in range(first, last):
         start = jobs.start[job]
         here = _Rules(
-            rules.head_on_half_angle_rad,
+            jobs.half_angle[job],
             rules.deploys_stuck,
             atlas.tolerance[jobs.page[job]],
             rules.tolerance_rad,
             rules.most_events,
+            rules.friction,
+            rules.drag_kpa_mm,
         )
         jobs.done[job] = grow_branches(
             _page(atlas, jobs.page[job]),

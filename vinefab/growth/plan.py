@@ -3,22 +3,55 @@
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vinefab.core.validation import Floats, Ints
+from vinefab.core.validation import Floats, Ints, frozen_floats, frozen_ints
 from vinefab.growth.arrays import TreeArrays, TreesArrays
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Build, Design
 from vinefab.model.tree import BranchTree, branch_tree
+from vinefab.physics.growth_pressure import FITTED, riding_mm
+from vinefab.physics.tube import inflated_diameter_mm
 
 LONG_WIDTHS = 5.0
 """A straight body behind a steep tip counts as long from so many lay-flat widths, about eight
 inflated diameters: slender enough to bow, as the growth model says of tight exits. The number is
 vinefab's own [assumed]; no measurement of where bowing begins is known."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Feed:
+    """How film comes to the tips of a design's levels: what growth costs and what there is.
+
+    All is in terms of the tube that the constants were fitted to: a level of another diameter
+    needs pressures inverse to it (assumed), so its working pressure counts in proportion.
+    """
+
+    limit_kpa: Floats  # tension at which a tip of each level stops, infinite without, shape (k,)
+    tension_kpa: float  # of the film as it leaves its store
+    drag_kpa_mm: float  # friction per mm of film
+
+    @classmethod
+    def of(cls, build: Build, options: GrowthOptions) -> "Feed":
+        """Return the feed of a design; without pressure, or with it left out, nothing stops."""
+        limit_kpa = np.full(len(build.widths_mm), np.inf)
+        if options.pressure_stop and build.pressure_kpa > 0.0:
+            diameter_mm = inflated_diameter_mm(1.0) * np.array(build.widths_mm)
+            share = diameter_mm / options.fitted_diameter_mm
+            limit_kpa = build.pressure_kpa * share - FITTED.yield_kpa.value
+        return cls(
+            limit_kpa=limit_kpa,
+            tension_kpa=options.storage_kpa,
+            drag_kpa_mm=FITTED.drag_kpa_m.value / 1000.0,
+        )
+
+    def store_kpa(self, riding_mm: Floats) -> Floats:
+        """Return the tension in the store, with the drag of film that rides inside branches."""
+        return np.asarray(self.tension_kpa + self.drag_kpa_mm * riding_mm)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -32,11 +65,13 @@ class Plan:
     edges: tuple[int, ...]
     radii_mm: tuple[float, ...]  # body radius on each span
     long_mm: Floats  # length from which a straight body counts as long, for each branch, shape (n,)
+    limit_kpa: Floats  # tension at which each branch's tip stops, infinite if none does, shape (n,)
+    store_kpa: Floats  # tension of each branch's film as it leaves its store, shape (n,)
     build: Build  # how the design is built
 
     @classmethod
     def of(cls, design: Design, options: GrowthOptions, tree: BranchTree | None = None) -> "Plan":
-        """Return the plan of a design."""
+        """Return the plan of a design, or of a tree that came out a little different."""
         tree = branch_tree(design) if tree is None else tree
         long_mm = LONG_WIDTHS * np.array(design.build.widths_mm)[tree.level - 1]
         turn = np.column_stack([np.cos(tree.offset_rad), np.sin(tree.offset_rad)])
@@ -45,13 +80,41 @@ class Plan:
         else:
             edges = np.searchsorted(tree.level, np.arange(1, design.depth + 2)).tolist()
             radii_mm = [width_mm / math.pi for width_mm in design.build.widths_mm]
+        feed = Feed.of(design.build, options)
         return cls(
             tree=tree,
             turn=turn,
             edges=tuple(edges),
             radii_mm=tuple(radii_mm),
             long_mm=long_mm,
+            limit_kpa=feed.limit_kpa[tree.level - 1],
+            store_kpa=feed.store_kpa(riding_mm(tree, design.build.widths_mm)),
             build=design.build,
+        )
+
+    def cut(self, branches: Ints, length_mm: Floats) -> "Plan":
+        """Return the plan of some branches, whole families of siblings, with other lengths.
+
+        What rides inside them, and so their tension, stays that of the whole tree.
+        """
+        tree, place = self.tree, np.full(len(self.tree), -1)
+        place[branches] = np.arange(len(branches))
+        parent = tree.parent[branches]
+        cut = BranchTree(
+            parent=frozen_ints(np.where(parent < 0, -1, place[parent])),
+            level=frozen_ints(tree.level[branches]),
+            offset_rad=frozen_floats("offset_rad", tree.offset_rad[branches]),
+            length_mm=frozen_floats("length_mm", length_mm),
+        )
+        edges = np.searchsorted(branches, self.edges).tolist()
+        return replace(
+            self,
+            tree=cut,
+            turn=self.turn[branches],
+            edges=tuple(edges),
+            long_mm=self.long_mm[branches],
+            limit_kpa=self.limit_kpa[branches],
+            store_kpa=self.store_kpa[branches],
         )
 
     def __len__(self) -> int:
@@ -60,7 +123,14 @@ class Plan:
     def arrays(self) -> TreeArrays:
         """Return the tree as the engines take it; every branch is assumed to have room."""
         fits = np.ones(len(self.tree), dtype=np.bool_)
-        return TreeArrays(self.tree.parent, self.turn, self.tree.length_mm, fits)
+        return TreeArrays(
+            parent=self.tree.parent,
+            turn=self.turn,
+            length=self.tree.length_mm,
+            fits=fits,
+            limit=self.limit_kpa,
+            store=self.store_kpa,
+        )
 
 
 class Spans(NamedTuple):

@@ -11,6 +11,8 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from scipy.optimize import brentq
+
 from vinefab.growth.arrays import Growth, Launch, Rules, TreeArrays, WallArrays
 from vinefab.model.deployment import Stop
 
@@ -187,6 +189,43 @@ class World:
 
 
 @dataclass(slots=True, eq=False)
+class Film:
+    """The film that is drawn along a branch's path, and the tension that its tip still everts.
+
+    ``P = Y + (T + f l_r) G + f M`` of `vinefab.physics.growth_pressure`, in its tube's pressures.
+    """
+
+    before: complex  # heading with which the film comes to the base
+    store: float  # T + f l_r
+    limit: float  # working pressure less Y
+    rules: Rules  # friction and drag
+    # G and M (mm) up to each pivot
+    gain: list[float]
+    drawn: list[float]
+
+    def turned(self, pivots: list[complex], u: complex) -> float:
+        """Return the factor of the turn at the last pivot, for a body that goes on along u."""
+        into = pivots[-1] - pivots[-2] if len(pivots) > 1 else self.before
+        return math.exp(self.rules.friction * math.atan2(abs(_cross(into, u)), _dot(into, u)))
+
+    def to(self, pivots: list[complex], tip: complex, u: complex) -> tuple[float, float]:
+        """Return G and M of the path to a tip."""
+        factor = self.turned(pivots, u)
+        return self.gain[-1] * factor, self.drawn[-1] * factor + abs(tip - pivots[-1])
+
+    def excess(self, pivots: list[complex], tip: complex, u: complex) -> float:
+        """Return by how much the tension at a tip is above the limit."""
+        gain, drawn = self.to(pivots, tip, u)
+        return self.store * gain + self.rules.drag_kpa_mm * drawn - self.limit
+
+    def wrap(self, pivots: list[complex], vertex: complex, u: complex) -> None:
+        """Add a pivot, which the body does not turn at yet."""
+        gain, drawn = self.to(pivots, vertex, u)
+        self.gain.append(gain)
+        self.drawn.append(drawn)
+
+
+@dataclass(slots=True, eq=False)
 class GrowingBranch:
     """A growing branch."""
 
@@ -209,19 +248,51 @@ class GrowingBranch:
     # longest body with which it began to slide at more than 60 degrees to the wall's tangent
     steep: float = 0.0
     stop: Stop | None = None  # why it stopped
+    film: Film | None = None  # None where no pressure stops it
 
     def grow(self) -> int:
         """Grow until it stops; return the number of events."""
         events = 0
+        if self.film is not None and self.film.excess(self.pivots, self.tip, self.u) > 0.0:
+            self.stop = Stop.PRESSURE
         while self.stop is None and events < self.world.rules.most_events:
+            start, pivots, u = self.tip, list(self.pivots), self.u
             if self.wall is None:
                 self.grow_free()
             else:
                 self.slide(self.wall)
+            if self.film is not None:
+                self.hold_back(self.film, start, pivots, u)
             events += 1
         if self.stop is None:
             self.stop = Stop.CORNER
         return events
+
+    def hold_back(self, film: Film, start: complex, pivots: list[complex], u: complex) -> None:
+        """Stop on the way from ``start``, which one event went, if the pressure is used up there.
+
+        ``pivots`` and ``u`` are those before the event.
+        """
+
+        def heading(share: float) -> tuple[complex, complex]:
+            tip = start + share * (self.tip - start)
+            body = tip - pivots[-1]
+            known = abs(body) > self.world.rules.tolerance_mm
+            return tip, body / abs(body) if known else u
+
+        def excess(share: float) -> float:
+            return film.excess(pivots, *heading(share))
+
+        if excess(1.0) > 0.0:
+            share = float(brentq(excess, 0.0, 1.0, xtol=1e-15)) if excess(0.0) < 0.0 else 0.0
+            self.tip, self.u = heading(share)
+            self.stop, self.wall = Stop.PRESSURE, None
+            del self.pivots[len(pivots) :], self.senses[len(pivots) :], self.lengths[len(pivots) :]
+        elif len(self.pivots) > len(pivots):
+            film.wrap(pivots, self.pivots[-1], heading(1.0)[1])
+        elif len(self.pivots) < len(pivots):
+            film.gain.pop()
+            film.drawn.pop()
 
     def grow_free(self) -> None:
         """Rule 1: along the heading until the length is used up or a wall is met."""
@@ -394,7 +465,18 @@ def _launched(
         base = complex(*growth.points[growth.first_point[parent + 1] - 1].tolist())
         heading = complex(*growth.heading[parent].tolist())
     u = heading * complex(*tree.turn[branch].tolist())
-    return GrowingBranch(world, float(tree.length[branch]), base, u, [base])
+    grown = GrowingBranch(world, float(tree.length[branch]), base, u, [base])
+    if tree.limit[branch] < math.inf:
+        gain, drawn = (growth.gain[parent], growth.drawn[parent]) if parent >= 0 else (1.0, 0.0)
+        grown.film = Film(
+            before=heading,
+            store=float(tree.store[branch]),
+            limit=float(tree.limit[branch]),
+            rules=world.rules,
+            gain=[float(gain)],
+            drawn=[float(drawn)],
+        )
+    return grown
 
 
 def _turning(launch: complex, chain: list[complex]) -> float:
@@ -418,6 +500,9 @@ def _record(growth: Growth, number: int, branch: GrowingBranch, launch: complex)
     is_full = branch.stop is Stop.FULL_LENGTH
     growth.grown[number] = branch.length if is_full else min(branch.length, grown)
     growth.heading[number] = branch.u.real, branch.u.imag
+    if branch.film is not None:
+        path = branch.film.to(branch.pivots, branch.tip, branch.u)
+        growth.gain[number], growth.drawn[number] = path
     # A single event is a flight: straight.
     growth.turn[number] = _turning(launch, chain) if growth.events[number] > 1 else 0.0
     return True

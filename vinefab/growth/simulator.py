@@ -24,7 +24,7 @@ from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
-from vinefab.model.tree import BranchTree
+from vinefab.physics.growth_pressure import FITTED
 
 Engine = Literal["kernel", "reference"]
 GrowBranches = Callable[[WallArrays, TreeArrays, Rules, Launch, Growth, int, int], int]
@@ -46,7 +46,7 @@ def grow(
     pose: Pose,
     options: GrowthOptions | None = None,
     engine: Engine = "kernel",
-    tree: BranchTree | None = None,
+    plan: Plan | None = None,
 ) -> Deployment:
     """Return how a design deploys from a pose.
 
@@ -62,9 +62,8 @@ def grow(
         Options of the growth model; the defaults if None.
     engine
         ``kernel``: compiled. ``reference``: the readable twin, a thousand times slower.
-    tree
-        Branches to grow instead of the design's, such as a part of them, cut shorter; the design
-        then gives the widths of the levels.
+    plan
+        The branches to grow, such as a part of the design's, cut shorter; the design's if None.
 
     Returns
     -------
@@ -80,8 +79,9 @@ def grow(
     """
     options = options or GrowthOptions()
     start = Launch(*terrain.start_mm(pose), math.cos(pose.heading_rad), math.sin(pose.heading_rad))
-    plan = Plan.of(design, options, tree)
+    plan = plan or Plan.of(design, options)
     rules = rules_of(options, terrain.tolerance_mm)
+    rules = rules._replace(head_on_half_angle_rad=options.only_half_angle_rad)
     growth = _grown(plan, terrain, start, rules, grow_branches_of(engine))
     used = growth.first_point[-1]
     return Deployment(
@@ -128,20 +128,23 @@ def _grow_as_batch(  # noqa: PLR0913, PLR0917  as both engines are called
     """
     from vinefab.growth import kernel  # noqa: PLC0415  numba takes a second to import
 
-    jobs = JobArrays.alone(start, tree.fits, len(growth.points), first, last)
+    angle_rad, room = rules.head_on_half_angle_rad, len(growth.points)
+    jobs = JobArrays.alone(start, angle_rad, tree.fits, room, first, last)
     atlas = TerrainSetArrays.of([walls], [rules.tolerance_mm])
     kernel.grow_jobs(atlas, TreesArrays.of([tree]), rules, jobs, growth, 0, 1)
     return int(jobs.done[0])
 
 
 def rules_of(options: GrowthOptions, tolerance_mm: float) -> Rules:
-    """Return the rules of growth for a map's tolerance."""
+    """Return the rules of growth for a map's tolerance; of a range of half-angles, the least."""
     return Rules(
-        head_on_half_angle_rad=options.head_on_half_angle_rad,
+        head_on_half_angle_rad=options.half_angle_range_rad[0],
         deploys_stuck=options.deploys_stuck,
         tolerance_mm=tolerance_mm,
         tolerance_rad=TOLERANCE_RAD,
         most_events=MOST_EVENTS,
+        friction=FITTED.friction.value,
+        drag_kpa_mm=FITTED.drag_kpa_m.value / 1000.0,
     )
 
 

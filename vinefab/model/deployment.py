@@ -24,10 +24,11 @@ class Stop(IntEnum):
     HEAD_ON = 1
     CORNER = 2
     NOT_DEPLOYED = 3
+    PRESSURE = 4
 
     @property
     def label(self) -> str:
-        """The name used in files: ``full_length``, ``head_on``, ``corner``, ``not_deployed``."""
+        """The name used in files: ``full_length``, ``head_on``, ``corner`` and so on."""
         return self.name.lower()
 
 

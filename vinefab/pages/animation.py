@@ -186,5 +186,5 @@ def frame_text(frame: DeploymentFrame) -> str:
     """Return what is written under a frame."""
     tips = int(is_live(frame).sum())
     stopped = frame.deployment.stop[~frame.is_growing]
-    stuck = int(np.isin(stopped, (Stop.HEAD_ON, Stop.CORNER)).sum())
-    return f"front {frame.front_mm:.0f} mm, {tips} growing, {stuck} stopped by walls (simulated)"
+    stuck = int(np.isin(stopped, (Stop.HEAD_ON, Stop.CORNER, Stop.PRESSURE)).sum())
+    return f"front {frame.front_mm:.0f} mm, {tips} growing, {stuck} stuck (simulated)"

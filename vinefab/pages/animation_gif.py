@@ -201,7 +201,7 @@ def _font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 def _mark(draw: ImageDraw.ImageDraw, stop: Stop, tip: Floats, scale: int) -> None:
-    """Draw a tip's marker as in the plans: open if grown in full, a cross or a triangle if not."""
+    """Draw a tip's marker as in the plans: open if in full, else a cross, triangle, square."""
     if stop == Stop.FULL_LENGTH:
         radius = 2.8 * scale
         draw.ellipse((*(tip - radius), *(tip + radius)), fill="white", outline=INK, width=scale)
@@ -209,6 +209,8 @@ def _mark(draw: ImageDraw.ImageDraw, stop: Stop, tip: Floats, scale: int) -> Non
         for turn in (1.0, -1.0):
             arm = scale * np.array([3.4, 3.4 * turn])
             draw.line(_flat(np.array([tip - arm, tip + arm])), fill=INK, width=2 * scale)
+    elif stop == Stop.PRESSURE:
+        draw.rectangle((*(tip - 3.2 * scale), *(tip + 3.2 * scale)), fill=INK)
     else:
         corners = scale * np.array([[0.0, -4.2], [4.0, 3.2], [-4.0, 3.2]])
         draw.polygon(_flat(tip + corners), fill=INK)

@@ -28,7 +28,7 @@ from vinefab.pages.map_view import (
     rock_in,
 )
 
-TIP_MARKERS = {Stop.FULL_LENGTH: "o", Stop.HEAD_ON: "X", Stop.CORNER: "^"}
+TIP_MARKERS = {Stop.FULL_LENGTH: "o", Stop.HEAD_ON: "X", Stop.CORNER: "^", Stop.PRESSURE: "s"}
 
 _FOOT_IN = 0.58
 """Room below a plan for the axis, before the legend begins."""

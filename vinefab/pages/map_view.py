@@ -62,5 +62,6 @@ STOP_WORDS = {
     Stop.FULL_LENGTH: "grown in full",
     Stop.HEAD_ON: "stopped head-on",
     Stop.CORNER: "stopped in a corner",
+    Stop.PRESSURE: "out of pressure",
     Stop.NOT_DEPLOYED: "never emerged",
 }

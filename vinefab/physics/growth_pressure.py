@@ -120,6 +120,9 @@ FITTED_DIAMETER_MM = Quantity(
 )
 """Inflated diameter of the tube that `FITTED` belongs to."""
 
+FITTED_DIAMETER_RANGE_MM = (15.0, 40.0)
+"""Least and greatest that it may well have been [assumed]."""
+
 NO_TENSION = Quantity(
     value=0.0, standing=Standing.ASSUMED, source="film crumpled loosely behind the base"
 )
@@ -190,8 +193,8 @@ class GrowthPath:
     lengths_mm
         Lengths of the n straight segments, base first.
     turns_rad
-        The n - 1 absolute turns between them: at contacts, base hinges and joints. A joint that a
-        contact bends at its hinge counts with both turns.
+        The n - 1 absolute turns between them: at contacts, and at bases, where joint and hinge
+        are one net turn.
     """
 
     lengths_mm: tuple[float, ...]
@@ -215,8 +218,8 @@ class GrowthPath:
 def planned_paths(tree: BranchTree) -> tuple[GrowthPath, ...]:
     """Return the path to every tip in free space: straight branches, turns at joints only.
 
-    No path through obstacles is shorter or turns less, so these paths give a lower bound of the
-    growth pressure.
+    Contacts add turns, but for a hinge that bends a branch back towards its parent's heading: there
+    less pressure may do than in free space.
     """
     steps: list[Steps] = []
     for parent, turn_rad, length_mm in zip(
@@ -233,7 +236,8 @@ def grown_paths(deployment: Deployment) -> dict[int, GrowthPath]:
     Notes
     -----
     Turns are taken from the chains: between two segments, and at a branch's base between the
-    planned heading (the parent's last one turned by the joint's angle) and the first segment.
+    parent's last heading and the first segment. So a joint and the hinge that bends it back are
+    one turn, the difference of the two.
     """
     tree = deployment.tree
     steps: dict[int, Steps] = {}
@@ -242,9 +246,7 @@ def grown_paths(deployment: Deployment) -> dict[int, GrowthPath]:
         parent = int(tree.parent[branch])
         joint_rad = float(tree.offset_rad[branch])
         before = headings_rad[parent] if parent >= 0 else deployment.pose.heading_rad
-        own, heading_rad = _chain_steps(deployment.chain_mm(branch), before + joint_rad)
-        first_turn, first_length = own[0]
-        own[0] = (abs(joint_rad) + first_turn, first_length)
+        own, heading_rad = _chain_steps(deployment.chain_mm(branch), before, joint_rad)
         steps[branch] = [*(steps[parent] if parent >= 0 else []), *own]
         headings_rad[branch] = heading_rad
     return {branch: _path(found) for branch, found in steps.items()}
@@ -273,14 +275,17 @@ def riding_mm(tree: BranchTree, widths_mm: tuple[float, ...]) -> Floats:
     return np.asarray(inside_mm2 / width_mm)
 
 
-def _chain_steps(chain_mm: Floats, planned_rad: float) -> tuple[Steps, float]:
-    """Return turn and length of each segment of a chain, and the last heading."""
+def _chain_steps(chain_mm: Floats, before_rad: float, joint_rad: float) -> tuple[Steps, float]:
+    """Return turn and length of each segment of a chain, and the last heading.
+
+    The film comes to the chain's base along ``before_rad``.
+    """
     runs = np.diff(chain_mm, axis=0)
     lengths = np.hypot(runs[:, 0], runs[:, 1])
     runs, lengths = runs[lengths > 0.0], lengths[lengths > 0.0]
     if len(runs) == 0:  # it emerged and stopped at once
-        return [(0.0, 0.0)], planned_rad
-    headings = np.concatenate([[planned_rad], np.arctan2(runs[:, 1], runs[:, 0])])
+        return [(abs(joint_rad), 0.0)], before_rad + joint_rad
+    headings = np.concatenate([[before_rad], np.arctan2(runs[:, 1], runs[:, 0])])
     turns = np.abs(np.remainder(np.diff(headings) + math.pi, math.tau) - math.pi)
     steps = list(zip(turns.tolist(), lengths.tolist(), strict=True))
     return steps, float(headings[-1])
@@ -304,8 +309,7 @@ def planned_growth_kpa(
     """Return the pressure for growth to each tip in free space, kPa; shape (n,).
 
     The same as `growth_pressure_kpa` along each of `planned_paths`, with the constants scaled to
-    the branch's diameter and the film of its descendants, but level by level. Contacts can only
-    add to it.
+    the branch's diameter and the film of its descendants, but level by level.
 
     Parameters
     ----------

@@ -29,7 +29,21 @@ from vinefab.prediction.family_deployments import (
     numbered_names,
     rules_text,
 )
-from vinefab.prediction.measures import MEASURES, Measure, MeasureTable, spreads_content
+from vinefab.prediction.measures import (
+    COVERAGE,
+    MEASURES,
+    Measure,
+    MeasureTable,
+    spreads_content,
+)
+from vinefab.prediction.prediction_width import (
+    CONTACT_ANGLES_DEG,
+    CONTACT_MEASURES,
+    CONTACT_WORDS,
+    ContactRange,
+    contact_chart,
+    contact_range,
+)
 from vinefab.prediction.provenance import Origin, repeat_section
 
 LEVEL = 0.05
@@ -89,6 +103,7 @@ class DesignComparison:
     designs: tuple[Design, ...]  # the designs
     results: tuple[FamilyDeployments, ...]  # deployments of each
     differences: tuple[PairedDifference, ...]  # every pair in every measure that both have
+    contacts: tuple[ContactRange, ...]  # of each design, over the range of half-angles
 
     def outcomes(self) -> dict[str, MeasureTable]:
         """Return the outcomes by the designs' names."""
@@ -105,6 +120,15 @@ class DesignComparison:
         table = np.array([result.outcomes.values[measure.key] for result in self.results])
         order = np.argsort(np.nan_to_num(table).mean(axis=0), kind="stable")
         return int(order[len(order) // 2])
+
+    def over_contacts(self, name: str, measure: Measure) -> str:
+        """Return a design's range of a measure over what contacts may be like, in words."""
+        if measure not in CONTACT_MEASURES:
+            return ""
+        ends = self.contacts[self.names.index(name)].ends(measure)
+        low, high = (measure.number(value) for value in ends)
+        least, most = CONTACT_ANGLES_DEG[0], CONTACT_ANGLES_DEG[-1]
+        return f"  ({low} to {high} over half-angles of {least:g} to {most:g} deg, assumed)"
 
     def ranked(self, measure: Measure) -> list[tuple[str, float]]:
         """Return names and means, the best first; designs without any value are left out."""
@@ -146,6 +170,7 @@ def compare_designs(
                 measure, names, [result.outcomes for result in results]
             )
         ),
+        contacts=tuple(contact_range(design, prepared, plan.options) for design in designs),
     )
 
 
@@ -285,6 +310,31 @@ def paired_difference_section(measure: Measure, differences: Sequence[PairedDiff
     )
 
 
+def contact_section(found: DesignComparison, measure: Measure) -> Section:
+    """Return the designs over the range of half-angles, in the main measure where it has one."""
+    shown = measure if measure in CONTACT_MEASURES else COVERAGE
+    rows = tuple(
+        (name, *(shown.number(value.mean) for value in contacts.values[shown.key]))
+        for name, contacts in zip(found.names, found.contacts, strict=True)
+    )
+    table = Table(
+        caption=f"Mean {shown.title} over the same maps and poses (simulated)",
+        headings=("design", *(f"{angle:g} deg" for angle in CONTACT_ANGLES_DEG)),
+        rows=rows,
+    )
+    picture = Picture(
+        image=svg_bytes(contact_chart(dict(zip(found.names, found.contacts, strict=True)), shown)),
+        caption=f"{shown.title.capitalize()} over the head-on half-angle, with 95 % intervals over "
+        "maps (simulated).",
+    )
+    return Section(
+        title="Over what contacts may be like",
+        paragraphs=(CONTACT_WORDS,),
+        tables=(table,),
+        pictures=(picture,),
+    )
+
+
 def same_map_section(
     world: Map, robots: Sequence[tuple[str, Design, Deployment]], words: str
 ) -> Section:
@@ -330,7 +380,10 @@ def comparison_lines(found: DesignComparison, measure: Measure) -> list[str]:
     outcomes = found.results[0].outcomes
     lines = [
         f"{len(outcomes)} deployments of each design on {outcomes.label} (simulated)",
-        *(f"  {name:<24} {measure.text(mean)}" for name, mean in found.ranked(measure)),
+        *(
+            f"  {name:<24} {measure.text(mean)}{found.over_contacts(name, measure)}"
+            for name, mean in found.ranked(measure)
+        ),
     ]
     others = [
         difference.words
@@ -386,6 +439,7 @@ def comparison_page(
             sections=(
                 paired_difference_section(measure, found.differences),
                 side_by_side_section(found.outcomes()),
+                contact_section(found, measure),
                 same_map_section(world, robots, rules_text(plan.options)),
                 repeat_section(origin.command, origin.inputs, origin.versions),
             ),

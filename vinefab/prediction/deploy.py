@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg, rad
-from vinefab.core.validation import Floats, frozen_floats, frozen_ints, positive, whole
+from vinefab.core.validation import Floats, positive, whole
 from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plan
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.files.results_json import branches_content, deployment_text
 from vinefab.model.map import Map, Pose
-from vinefab.model.tree import BranchTree
 from vinefab.pages.animation import DeploymentFrame
 
 MOST_FRAMES = 1000
@@ -70,8 +70,8 @@ class History:
         if front_mm >= self.full_mm:
             still = np.zeros(len(self.final.tree), dtype=np.bool_)
             return DeploymentFrame(front_mm=self.full_mm, deployment=self.final, is_growing=still)
-        tree, is_growing = self._tree_at(front_mm)
-        deployment = grow(self.design, self.terrain, self.final.pose, self.options, tree=tree)
+        plan, is_growing = self._plan_at(front_mm)
+        deployment = grow(self.design, self.terrain, self.final.pose, self.options, plan=plan)
         return DeploymentFrame(front_mm=front_mm, deployment=deployment, is_growing=is_growing)
 
     def frames(self, fronts_mm: Sequence[float]) -> tuple[DeploymentFrame, ...]:
@@ -87,27 +87,18 @@ class History:
         steps = self.full_mm * np.arange(1, count) / count
         return self.frames((*steps.tolist(), self.full_mm))
 
-    def _tree_at(self, front_mm: float) -> tuple[BranchTree, NDArray[np.bool_]]:
+    def _plan_at(self, front_mm: float) -> tuple[Plan, NDArray[np.bool_]]:
         """Return the branches that have emerged, cut off at the front, and which grow on.
 
         Siblings begin together, so the names of those that are left stay what they were.
         """
-        tree, base_mm = self.final.tree, self.base_mm
+        base_mm = self.base_mm
         out = np.flatnonzero(base_mm < front_mm)
-        end_mm = base_mm[out] + self.final.grown_mm[out]
-        is_growing = end_mm > front_mm
+        is_growing = base_mm[out] + self.final.grown_mm[out] > front_mm
         # What has stopped keeps its planned length: cut to the length grown, a branch that met a
         # wall just there would count as grown in full.
-        length_mm = np.where(is_growing, front_mm - base_mm[out], tree.length_mm[out])
-        place = np.full(len(tree), -1)
-        place[out] = np.arange(len(out))
-        cut = BranchTree(
-            parent=frozen_ints(np.where(tree.parent[out] < 0, -1, place[tree.parent[out]])),
-            level=frozen_ints(tree.level[out]),
-            offset_rad=frozen_floats("offset_rad", tree.offset_rad[out]),
-            length_mm=frozen_floats("length_mm", length_mm),
-        )
-        return cut, is_growing
+        length_mm = np.where(is_growing, front_mm - base_mm[out], self.final.tree.length_mm[out])
+        return Plan.of(self.design, self.options).cut(out, length_mm), is_growing
 
 
 def fronts_from(text: str) -> int | tuple[float, ...]:
@@ -251,7 +242,7 @@ class DeployedDesign:
             "planned_mm": tree.total_length_mm,
             "grown_mm": float(self.deployment.grown_mm.sum()),
             "stops": self.stops,
-            "head_on_half_angle_deg": deg(self.options.head_on_half_angle_rad),
+            "head_on_half_angle_deg": self.options.half_angle_deg,
             "body": self.options.body,
             "children_of_stuck": self.options.children_of_stuck,
             "tight_exits": int(np.count_nonzero(self.deployment.tight_exit)),
@@ -266,7 +257,7 @@ class DeployedDesign:
         return [
             f"{self.design.name} on {self.world.name} from {pose_text(self.deployment.pose)}",
             f"{len(tree)} branches: {stops} (simulated, {self.options.body} body, "
-            f"head-on half-angle {deg(self.options.head_on_half_angle_rad):g} deg, assumed)",
+            f"head-on half-angle {self.options.half_angle_text}, assumed)",
             f"grown {grown_mm:.1f} of {tree.total_length_mm:.1f} mm",
             *places_text("no room to start for branch", self.without_room),
             *places_text("wedged: branch", wedged(self.design, self.deployment)),

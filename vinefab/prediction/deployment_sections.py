@@ -16,7 +16,7 @@ from vinefab.pages.charts import frame
 from vinefab.pages.drawing import deployment_plan
 from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, blank, house_style, png_bytes, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
-from vinefab.prediction.measures import MEASURES, Measure, MeasureTable, Spread
+from vinefab.prediction.measures import MEASURES, STUCK_STOPS, Measure, MeasureTable, Spread
 
 ENOUGH_FOR_BARS = 20
 """Fewer values are shown one by one."""
@@ -177,7 +177,7 @@ def _stop_table(label: str, deployments: Sequence[Deployment]) -> Table:
             tree.level.tolist(), deployment.stop.tolist(), part.tolist(), strict=True
         ):
             levels.setdefault(level, Counter())[stop] += 1
-            if stop in (Stop.HEAD_ON, Stop.CORNER):
+            if stop in STUCK_STOPS:
                 shares.setdefault(level, []).append(grown)
     rows = tuple(
         (
@@ -193,7 +193,7 @@ def _stop_table(label: str, deployments: Sequence[Deployment]) -> Table:
         "(simulated)",
         headings=(
             "level", "grown in full", "head-on", "in a corner", "never emerged",
-            "grown when stuck (median)",
+            "out of pressure", "grown when stuck (median)",
         ),
         rows=rows,
     )  # fmt: skip

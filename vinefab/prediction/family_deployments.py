@@ -1,13 +1,12 @@
 """A design deployed on families of maps from many poses, and what each deployment measures."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.registry import with_parameters
-from vinefab.core.units import deg
 from vinefab.core.validation import whole
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
@@ -85,7 +84,7 @@ def rules_text(options: GrowthOptions) -> str:
     """Return the growth model's choices in words."""
     children = "stay inside" if options.children_of_stuck == "stop" else "grow all the same"
     return (
-        f"{options.body} body, head-on half-angle {deg(options.head_on_half_angle_rad):g} degrees "
+        f"{options.body} body, head-on half-angle {options.half_angle_text} "
         f"(assumed), children of a stuck branch {children}"
     )
 
@@ -139,13 +138,16 @@ def deploy_family(
     """Deploy a design from every pose on a family of maps and measure every deployment."""
     progress(0.0, f"{design.name}: growing")
     launches = prepared.launches()
-    batch = Batch(Plans.of([design], plan.options), launches, plan.options)
-    deployments = batch.regrown()
+    deployments = _grown(design, launches, plan.options)
+    # What growth to every tip needs is known only where no pressure stops it.
+    unpressed = deployments
+    if plan.options.pressure_stop:
+        unpressed = _grown(design, launches, replace(plan.options, pressure_stop=False))
     columns = np.empty((len(deployments), len(MEASURES)))
     terrain = launches.terrain.tolist()
-    for index, deployment in enumerate(deployments):
+    for index, (deployment, unstopped) in enumerate(zip(deployments, unpressed, strict=True)):
         columns[index] = measure_deployment(
-            deployment, design, prepared.maps[terrain[index]].context
+            deployment, design, prepared.maps[terrain[index]].context, unstopped
         )
         progress((index + 1) / len(deployments), f"{index + 1} of {len(deployments)} deployments")
     names = prepared.names
@@ -156,6 +158,10 @@ def deploy_family(
         values={m.key: columns[:, i].copy() for i, m in enumerate(MEASURES)},
     )
     return FamilyDeployments(prepared=prepared, deployments=deployments, outcomes=outcomes)
+
+
+def _grown(design: Design, launches: Launches, options: GrowthOptions) -> Sequence[Deployment]:
+    return Batch(Plans.of([design], options), launches, options).regrown()
 
 
 def typical(outcomes: MeasureTable, key: str, shares: Sequence[float]) -> list[int]:

@@ -106,11 +106,12 @@ GROWN = Measure(
 
 STUCK = Measure(
     key="stuck_percent",
-    title="branches stopped by walls",
+    title="branches that got stuck",
     unit="%",
     digits=1,
     better="less",
-    meaning="share of the branches that stopped head-on or in a corner before their full length",
+    meaning="share of the branches that stopped before their full length: head-on, in a corner, or "
+    "for want of pressure",
 )
 
 UNDEPLOYED = Measure(
@@ -229,11 +230,19 @@ def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
     return spreads
 
 
-STUCK_STOPS = (Stop.HEAD_ON, Stop.CORNER)
+STUCK_STOPS = (Stop.HEAD_ON, Stop.CORNER, Stop.PRESSURE)
 
 
-def measure_deployment(deployment: Deployment, design: Design, ground: MapContext) -> Floats:
-    """Return the measures of a deployment, in the order of `MEASURES`."""
+def measure_deployment(
+    deployment: Deployment, design: Design, ground: MapContext, unpressed: Deployment
+) -> Floats:
+    """Return the measures of a deployment, in the order of `MEASURES`.
+
+    Parameters
+    ----------
+    unpressed
+        The same deployment where no pressure stops it: what growth to every tip needs.
+    """
     score, terms = Coverage().evaluate(deployment, ground)
     reached, _ = Reach().evaluate(deployment, ground)
     amplification, _ = _anchoring(design.build.pouch).evaluate(deployment, ground)
@@ -244,7 +253,7 @@ def measure_deployment(deployment: Deployment, design: Design, ground: MapContex
             100.0 * reached,
             amplification,
             *shares_percent(deployment),
-            *worst_pressures_kpa(deployment, design),
+            *worst_pressures_kpa(unpressed, design),
         ]
     )
 
@@ -264,7 +273,7 @@ def _anchoring(pouch: Pouch | None) -> Anchoring:
 
 
 def shares_percent(deployment: Deployment) -> tuple[float, float, float]:
-    """Return length grown, branches stopped by walls and branches never emerged, in percent."""
+    """Return length grown, branches that got stuck and branches never emerged, in percent."""
     grown = deployment.grown_mm.sum() / deployment.tree.total_length_mm
     stuck = np.isin(deployment.stop, STUCK_STOPS).mean()
     return 100.0 * float(grown), 100.0 * float(stuck), 100.0 * float((~deployment.deployed).mean())
@@ -341,18 +350,20 @@ def path_gains(deployment: Deployment, friction: float) -> tuple[Floats, Floats]
             before, g, m = before[: len(members)], g[: len(members)], m[: len(members)]
         else:
             before, g, m = heading[parents], gain[parents], drawn_mm[parents]
-        before = before + joint
         turn = np.abs(joint)
         for step in range(max(1, int(runs.count[members].max(initial=0)))):
             has = runs.count[members] > step
             at = runs.first[members[has]] + step
-            turn[has] += _between(before[has], runs.heading[at])
+            # At the base net: a joint and the hinge that bends it back are one turn.
+            turn[has] = _between(before[has], runs.heading[at])
             bend = np.exp(friction * turn)
             g, m = g * bend, m * bend
             m[has] += runs.length_mm[at]
             before[has] = runs.heading[at]
             turn = np.zeros(len(members))
-        gain[members], drawn_mm[members], heading[members] = g, m, before
+        straight = runs.count[members] == 0  # it emerged and stopped at once
+        gain[members], drawn_mm[members] = g, m
+        heading[members] = np.where(straight, before + joint, before)
     return gain, drawn_mm
 
 

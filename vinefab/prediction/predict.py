@@ -49,6 +49,14 @@ from vinefab.prediction.measures import (
     MeasureTable,
     Spread,
 )
+from vinefab.prediction.prediction_width import (
+    CONTACT_ANGLES_DEG,
+    ContactRange,
+    PressureRange,
+    contact_range,
+    pressure_range,
+    width_section,
+)
 from vinefab.prediction.pressure_window import (
     PressureWindow,
     burst_basis,
@@ -86,6 +94,9 @@ class Predicted:
     window: PressureWindow | None  # the pressure window; None where nothing ever emerged
     anchoring: tuple[AnchoringPrediction, ...]  # anchoring in each family
     heat: HeatMap  # where it goes on the first map
+    # contacts, pressure: how wide predictions are; no pressure range without a working pressure
+    contacts: ContactRange
+    pressure: PressureRange | None
     # effects, tolerance: sensitivity, and scatter from making
     effects: tuple[Effect, ...]
     tolerance: Tolerance
@@ -113,6 +124,7 @@ class Predicted:
             self._deployments,
             lambda: heat_section(self.heat),
             lambda: anchoring_section(self.anchoring),
+            lambda: width_section(self.contacts, self.pressure),
             lambda: sensitivity_section(effects, QUICK),
             lambda: tolerance_section(self.tolerance),
         )
@@ -134,7 +146,7 @@ class Predicted:
             verdict=words,
             tone=tone,
             cautions=cautions(self.prepared, self.window, self.main.outcomes),
-            headlines=headlines(self.main.outcomes, self.window, self.anchoring),
+            headlines=headlines(self.main.outcomes, self.window, self.anchoring, self.contacts),
             facts=design_facts(self.prepared),
             sections=(
                 *more,
@@ -224,6 +236,8 @@ def predict(
             predict_anchoring(design, result, profile.material, mass_g) for result in results
         ),
         heat=heat,
+        contacts=contact_range(design, main.prepared, plan.options),
+        pressure=pressure_range(design, main.prepared, plan.options, main.outcomes),
         effects=effects,
         tolerance=scatter,
     )
@@ -335,11 +349,14 @@ def _about_pressure(window: PressureWindow) -> list[str]:
 
 
 def headlines(
-    outcomes: MeasureTable, window: PressureWindow | None, anchoring: Sequence[AnchoringPrediction]
+    outcomes: MeasureTable,
+    window: PressureWindow | None,
+    anchoring: Sequence[AnchoringPrediction],
+    contacts: ContactRange,
 ) -> tuple[Headline, ...]:
     """Return the numbers to take away."""
-    found = [_measured(outcomes, measure) for measure in (SEEN, REACH, COVERAGE)]
-    found += [_measured(outcomes, measure, MANY_PERCENT) for measure in (STUCK, UNDEPLOYED)]
+    found = [_measured(outcomes, measure, contacts) for measure in (SEEN, REACH, COVERAGE)]
+    found += [_measured(outcomes, measure, None, MANY_PERCENT) for measure in (STUCK, UNDEPLOYED)]
     holding = next(h for h in anchoring if h.label == outcomes.label)
     found.append(_anchored(holding))
     if window is not None:
@@ -348,7 +365,10 @@ def headlines(
 
 
 def _measured(
-    outcomes: MeasureTable, measure: Measure, most: float | None = None
+    outcomes: MeasureTable,
+    measure: Measure,
+    contacts: ContactRange | None = None,
+    most: float | None = None,
 ) -> Headline | None:
     spread = outcomes.spread(measure)
     if spread is None:
@@ -356,10 +376,17 @@ def _measured(
     low, high, p05, p95 = (
         measure.number(value) for value in (spread.low, spread.high, spread.p05, spread.p95)
     )
+    width = ""
+    if contacts is not None:
+        least, greatest = (measure.number(value) for value in contacts.ends(measure))
+        width = (
+            f"; {least} to {greatest} over head-on half-angles of {CONTACT_ANGLES_DEG[0]:g} to "
+            f"{CONTACT_ANGLES_DEG[-1]:g} deg (assumed)"
+        )
     return Headline(
         name=measure.title,
         value=measure.text(spread.mean),
-        detail=f"mean over {outcomes.label}, 95 % interval {low} to {high}; 90 % of the "
+        detail=f"mean over {outcomes.label}, 95 % interval {low} to {high}{width}; 90 % of the "
         f"deployments {p05} to {p95} (simulated)",
         tone="caution" if most is not None and spread.mean >= most else "good",
     )

@@ -13,6 +13,7 @@ from vinefab.prediction.anchoring_prediction import AnchoringPrediction
 from vinefab.prediction.heat_map import HeatMap
 from vinefab.prediction.measures import MEASURES, MeasureTable, spreads_content
 from vinefab.prediction.predict import Predicted, headlines, verdict_on
+from vinefab.prediction.prediction_width import width_content
 from vinefab.prediction.pressure_window import Need, PressureWindow
 from vinefab.prediction.provenance import Origin
 from vinefab.prediction.sensitivity import QUICK, Effect, Tolerance
@@ -34,6 +35,7 @@ def prediction_text(found: Predicted, origin: Origin) -> str:
             "fields": [_field(result.outcomes) for result in found.results],
             "pressure_window": None if found.window is None else window_content(found.window),
             "anchoring": [anchoring_content(prediction) for prediction in found.anchoring],
+            "width": width_content(found.contacts, found.pressure),
             "heat": heat_content(found.heat),
             "sensitivity": [effect_content(effect) for effect in found.effects],
             "tolerance": tolerance_content(found.tolerance),
@@ -45,7 +47,7 @@ def prediction_text(found: Predicted, origin: Origin) -> str:
 def summary_lines(found: Predicted) -> list[str]:
     """Return the verdict and the numbers to take away as lines for the user."""
     verdict, _ = _verdict(found)
-    shown = headlines(found.main.outcomes, found.window, found.anchoring)
+    shown = headlines(found.main.outcomes, found.window, found.anchoring, found.contacts)
     return [verdict, *(f"  {line.name}: {line.value} ({line.detail})" for line in shown)]
 
 

@@ -87,9 +87,12 @@ def model_assumptions(options: GrowthOptions) -> Numbers:
 
 
 def _growth_numbers(options: GrowthOptions) -> Numbers:
-    half_angle = deg(options.head_on_half_angle_rad)
+    angles = dict.fromkeys(deg(angle_rad) for angle_rad in options.half_angle_range_rad)
     return (
-        _assumed("growth.head_on_half_angle_deg", half_angle, "real robots: at most about 15"),
+        *(
+            _assumed("growth.head_on_half_angle_deg", angle, "real robots: at most about 15")
+            for angle in angles
+        ),
         _assumed(
             "making.length_tolerance_percent", LENGTH_TOLERANCE_PERCENT, "measure your robots"
         ),

@@ -14,7 +14,8 @@ import numpy as np
 
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import TreesArrays
-from vinefab.growth.plan import LONG_WIDTHS, Plan, Plans, Spans
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import LONG_WIDTHS, Feed, Plan, Plans, Spans
 from vinefab.model.design import MOST_BRANCHES, Build
 from vinefab.model.tree import BranchTree
 
@@ -104,14 +105,19 @@ class _PlannedTrees(Sequence[Plan]):
             edges=(0, *edges),
             radii_mm=self.radii_mm[:depth] if wide else self.radii_mm,
             long_mm=LONG_WIDTHS * np.array(build.widths_mm)[level - 1],
+            limit_kpa=self.arrays.limit[one:two],
+            store_kpa=self.arrays.store[one:two],
             build=build,
         )
 
 
 def planned_batch(
-    designs: DesignBatch, builds: dict[int, Build], radii_mm: tuple[float, ...]
+    designs: DesignBatch,
+    builds: dict[int, Build],
+    radii_mm: tuple[float, ...],
+    options: GrowthOptions,
 ) -> Plans:
-    """Return the plans of a design batch."""
+    """Return the plans of a design batch; builds of other depths begin with the same widths."""
     from vinefab.growth import batch_kernel  # noqa: PLC0415  numba takes a second to import
 
     first = np.zeros(len(designs) + 1, dtype=np.int64)
@@ -133,7 +139,19 @@ def planned_batch(
         length_mm,
     )
     turn = np.column_stack([np.cos(offset_rad), np.sin(offset_rad)])
-    arrays = TreesArrays(parent=parent, turn=turn, length=length_mm, first=first)
+    deepest = builds[max(builds)]
+    feed, riding_mm = Feed.of(deepest, options), np.zeros(len(length_mm))
+    if np.isfinite(feed.limit_kpa).any():
+        width_mm = np.array(deepest.widths_mm)
+        batch_kernel.riding_film(first, parent, level, length_mm, width_mm, riding_mm)
+    arrays = TreesArrays(
+        parent=parent,
+        turn=turn,
+        length=length_mm,
+        limit=feed.limit_kpa[level - 1],
+        store=feed.store_kpa(riding_mm),
+        first=first,
+    )
     for array in arrays:
         array.setflags(write=False)
     each = _PlannedTrees(

@@ -22,7 +22,7 @@ from vinefab.search.parallel.executor import Executor, SerialExecutor, WorkUnit,
 from vinefab.search.settings import EvaluationSettings, RunSettings
 from vinefab.search.space import Space
 from vinefab.search.timing import Stopwatch, Work
-from vinefab.tasks.evaluate import Poses, PreparedMap, composites, poses_on, scores_of
+from vinefab.tasks.evaluate import Conditions, PreparedMap, composites, poses_on, scores_of
 from vinefab.tasks.shipped_tasks import make_task
 from vinefab.tasks.task import (
     HeadOnPenalty,
@@ -134,8 +134,9 @@ SHARE_LEFT, LEAST_BLOCK = 1.5, 32
 """Growths per work unit: the remaining growths over this share of the workers, so that the last
 unit is short; but enough to make the overhead negligible, unless a worker would get none."""
 
-TRAINING, FINAL, MAPS = 1411, 1412, 1414
-"""Random streams of training poses, final poses, and the choice of maps for a generation."""
+TRAINING, FINAL, MAPS, HALF_ANGLES = 1411, 1412, 1414, 1415
+"""Random streams of training poses, final poses, the choice of maps for a generation, and the
+head-on half-angles where they are drawn from a range."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -172,7 +173,9 @@ class Evaluator:
     # body radius per level of the deepest designs; one 0 for bare centrelines
     radii_mm: tuple[float, ...]
     workspaces: list[Workspace] = field(default_factory=list)  # idle memory for growth
-    ready: list[tuple[Poses, Launches]] = field(default_factory=list)  # launches prepared ahead
+    ready: list[tuple[Conditions, Launches]] = field(
+        default_factory=list
+    )  # launches prepared ahead
 
     @classmethod
     def of(cls, spec: EvaluatorSpec) -> "Evaluator":
@@ -212,36 +215,40 @@ class Evaluator:
             radii_mm=_radii_mm(space, settings.growth),
         )
 
-    def poses(self, seed: int, stream: int, generation: int, count: int) -> Poses:
-        """Draw the poses of one generation: the same for all its points."""
+    def conditions(self, seed: int, stream: int, generation: int, count: int) -> Conditions:
+        """Draw the poses and contacts of one generation: the same for all its points."""
         seeds = [
             int(child(seed, stream, generation, index).integers(2**62))
             for index in range(len(self.maps))
         ]
-        return poses_on(self.maps, count, seeds)
+        poses, angles = poses_on(self.maps, count, seeds), tuple[float, ...]()
+        if self.growth.draws_half_angle:
+            rng, number = child(seed, HALF_ANGLES, stream, generation), count * len(self.maps)
+            angles = tuple(rng.uniform(*self.growth.half_angle_range_rad, number).tolist())
+        return Conditions(poses=poses, half_angles_rad=angles)
 
-    def training_poses(self, seed: int, generation: int) -> Poses:
-        """Draw the poses of a generation of the search, on all maps or on some of them."""
+    def training_conditions(self, seed: int, generation: int) -> Conditions:
+        """Draw the conditions of a generation of the search, on all maps or on some of them."""
         draw = generation if self.evaluation.redraw else 0
-        poses = self.poses(seed, TRAINING, draw, self.evaluation.poses_per_map)
+        drawn = self.conditions(seed, TRAINING, draw, self.evaluation.poses_per_map)
         wanted = self.evaluation.maps_per_generation
         if self.evaluation.composite == "single":
             wanted = 1
         if wanted == 0:
-            return poses
-        taken = child(seed, MAPS, draw).permutation(len(poses))[:wanted]
-        return tuple(places if index in taken else () for index, places in enumerate(poses))
+            return drawn
+        taken = child(seed, MAPS, draw).permutation(len(drawn.poses))[:wanted].tolist()
+        return drawn.on_maps(taken)
 
-    def evaluate(self, x: Floats, poses: Poses) -> tuple[Evaluations, Work]:
+    def evaluate(self, x: Floats, conditions: Conditions) -> tuple[Evaluations, Work]:
         """Return the evaluations of points and the processor time that they took; see `begin`."""
-        return self.begin(x, poses, SerialExecutor())()
+        return self.begin(x, conditions, SerialExecutor())()
 
-    def warm_up(self, poses: Poses) -> None:
+    def warm_up(self, conditions: Conditions) -> None:
         """Evaluate the middle of the space once: compiled code is loaded when first used."""
-        self.evaluate(np.full((1, len(self.space)), 0.5), poses)
+        self.evaluate(np.full((1, len(self.space)), 0.5), conditions)
 
     def begin(
-        self, x: Floats, poses: Poses, executor: Executor
+        self, x: Floats, conditions: Conditions, executor: Executor
     ) -> Callable[[], tuple[Evaluations, Work]]:
         """Begin to evaluate points; a point without a valid design has a result too.
 
@@ -260,7 +267,7 @@ class Evaluator:
             processor time that they took.
         """
         watch = Stopwatch()
-        designs, launches = self.space.batch(x), self.launches(poses)
+        designs, launches = self.space.batch(x), self.launches(conditions)
         order = np.argsort(-designs.sizes, kind="stable")
         rows = order[designs.sizes[order] <= MOST_BRANCHES]
         growths = (
@@ -294,7 +301,7 @@ class Evaluator:
     ) -> list[WorkUnit[tuple[TaskOutcomes, Work]]]:
         """Return the work of growing and scoring designs, in the order of a batch."""
         builds = {depth: self.space.build_of(depth) for depth in set(designs.depth.tolist())}
-        plans = planned_batch(designs, builds, self.radii_mm)
+        plans = planned_batch(designs, builds, self.radii_mm, self.growth)
         batch = Batch(plans, launches, self.growth, self.workspaces)
         grounds = [prepared.context for prepared in self.maps]
 
@@ -311,23 +318,23 @@ class Evaluator:
         ends = accumulate(block_sizes(len(batch), workers), initial=0)
         return [WorkUnit(partial(grown, one, two - one)) for one, two in pairwise(ends)]
 
-    def score(self, evaluations: Evaluations, row: int, poses: Poses) -> Score:
+    def score(self, evaluations: Evaluations, row: int, conditions: Conditions) -> Score:
         """Return the evaluations of one point with a valid design as a score."""
         terms = {name: values[row] for name, values in evaluations.terms.items()}
         outcome = TaskOutcomes(evaluations.score[row], terms)
-        (score,) = scores_of(outcome, self.task, self.maps, self.launches(poses))
+        (score,) = scores_of(outcome, self.task, self.maps, self.launches(conditions))
         return score
 
-    def launches(self, poses: Poses) -> Launches:
+    def launches(self, conditions: Conditions) -> Launches:
         """Return the places that robots grow from, from memory where they were prepared."""
         for known, launches in self.ready:
-            if known is poses:
+            if known is conditions:
                 return launches
-        return Launches.of(self.terrains, poses)
+        return conditions.launches(self.terrains)
 
-    def prepare_launches(self, several: Iterable[Poses]) -> None:
+    def prepare_launches(self, several: Iterable[Conditions]) -> None:
         """Prepare the places that robots grow from next, in place of those prepared before."""
-        self.ready[:] = [(poses, Launches.of(self.terrains, poses)) for poses in several]
+        self.ready[:] = [(each, each.launches(self.terrains)) for each in several]
 
     def composites(self, scores: Floats) -> Floats:
         """Return the composite of each row of scores as the run weighs them, shape (m,)."""

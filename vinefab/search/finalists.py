@@ -15,7 +15,7 @@ from vinefab.search.front import costs_of, feasible_points, non_dominated, sprea
 from vinefab.search.parallel.point_evaluator import Begin
 from vinefab.search.record.result import Finalist, Generation
 from vinefab.search.space import Space
-from vinefab.tasks.evaluate import Poses
+from vinefab.tasks.evaluate import Conditions
 
 MOST_FULL_CHECKS = 200
 """Most full checks among the designs of a run; each takes some 50 ms."""
@@ -111,7 +111,7 @@ def _ranked(history: Sequence[Generation], space: Space, count: int) -> list[tup
 
 
 def reevaluated(
-    points: Sequence[Floats], begin: Begin, poses: Poses, evaluator: Evaluator
+    points: Sequence[Floats], begin: Begin, conditions: Conditions, evaluator: Evaluator
 ) -> tuple[Finalist, ...]:
     """Return points evaluated on fresh poses, best first.
 
@@ -121,8 +121,10 @@ def reevaluated(
     as penalized.
     """
     x = np.array(points)
-    evaluations = begin(x, poses)()
-    finalists = [_finalist(x[row], evaluations, row, poses, evaluator) for row in range(len(x))]
+    evaluations = begin(x, conditions)()
+    finalists = [
+        _finalist(x[row], evaluations, row, conditions, evaluator) for row in range(len(x))
+    ]
     # Stable: of equals, the one that was better in the search stays first.
     return tuple(
         sorted((_fully_checked(f, evaluator) for f in finalists), key=lambda f: -f.fitness)
@@ -130,9 +132,9 @@ def reevaluated(
 
 
 def _finalist(
-    x: Floats, evaluations: Evaluations, row: int, poses: Poses, evaluator: Evaluator
+    x: Floats, evaluations: Evaluations, row: int, conditions: Conditions, evaluator: Evaluator
 ) -> Finalist:
-    score = evaluator.score(evaluations, row, poses)
+    score = evaluator.score(evaluations, row, conditions)
     penalty = float(evaluations.penalty[row])
     return Finalist(
         x=x,

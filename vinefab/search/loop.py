@@ -30,7 +30,7 @@ from vinefab.search.record.run_archive import damage_errors
 from vinefab.search.record.store import Recorder, RunStore
 from vinefab.search.settings import PartSettings, RunSettings, SearchSettings
 from vinefab.search.timing import Ledger
-from vinefab.tasks.evaluate import Poses
+from vinefab.tasks.evaluate import Conditions
 from vinefab.tasks.task import Task
 
 AHEAD = 8
@@ -42,19 +42,19 @@ class Schedule:
 
     def __init__(self, evaluator: Evaluator, seed: int) -> None:
         self._evaluator, self._seed = evaluator, seed
-        self._drawn: dict[int, Poses] = {}
+        self._drawn: dict[int, Conditions] = {}
 
-    def poses(self, generation: int) -> Poses:
+    def conditions(self, generation: int) -> Conditions:
         """Return the poses of a generation."""
         redraw = self._evaluator.evaluation.redraw
         draw = generation if redraw else 0
         if draw not in self._drawn:
             count = AHEAD if redraw else 1
-            drawn = {draw: self._evaluator.training_poses(self._seed, draw)}
+            drawn = {draw: self._evaluator.training_conditions(self._seed, draw)}
             # Poses that cannot be drawn further ahead do not matter if the run ends before.
             with suppress(BadInputError):
                 for number in range(draw + 1, draw + count):
-                    drawn[number] = self._evaluator.training_poses(self._seed, number)
+                    drawn[number] = self._evaluator.training_conditions(self._seed, number)
             self._drawn = drawn
             self._evaluator.prepare_launches(drawn.values())
         return self._drawn[draw]
@@ -118,9 +118,9 @@ class Search:
                 lambda x: costs_of(x, evaluator.space, settings.costs), evaluator.lowest
             )
         search = cls(settings=settings, maps=spec.maps, evaluator=evaluator, optimizer=optimizer)
-        poses = evaluator.training_poses(seed, 0)
-        evaluator.launches(poses)
-        _check_room(evaluator, poses)
+        conditions = evaluator.training_conditions(seed, 0)
+        evaluator.launches(conditions)
+        _check_room(evaluator, conditions)
         return search
 
     def run(
@@ -193,10 +193,10 @@ class Search:
         # Copied, because an optimizer may reuse the arrays that it returns or is given.
         x = np.array(asked, dtype=np.float64)
         with ledger.spending("evaluating"):
-            finish = begin(x, schedule.poses(number))
+            finish = begin(x, schedule.conditions(number))
             recorder.write()
             if number + 1 < self.settings.search.generations:
-                schedule.poses(number + 1)
+                schedule.conditions(number + 1)
             evaluations = finish()
         composite = self.evaluator.composites(evaluations.score)
         fitness = self.evaluator.fitness(composite, evaluations.penalty)
@@ -233,9 +233,9 @@ class Search:
         count, costs = settings.evaluation.finalists, settings.costs
         choice = choose_finalists(history, evaluator, count, costs)
         per_map = settings.evaluation.final_poses_per_map
-        poses = evaluator.poses(settings.search.seed, FINAL, 0, per_map)
+        conditions = evaluator.conditions(settings.search.seed, FINAL, 0, per_map)
         with ledger.spending("evaluating"):
-            return reevaluated(choice.points, begin, poses, evaluator), choice.repair
+            return reevaluated(choice.points, begin, conditions, evaluator), choice.repair
 
 
 def _task_settings(task: Task) -> PartSettings:
@@ -246,7 +246,7 @@ def _task_settings(task: Task) -> PartSettings:
     return PartSettings(name=task.name, parameters=parameters)
 
 
-def _check_room(evaluator: Evaluator, poses: Poses) -> None:
+def _check_room(evaluator: Evaluator, conditions: Conditions) -> None:
     """Refuse a space whose smallest design is too large, and trunks too wide for all starts."""
     space = evaluator.space
     least = int(space.batch(np.zeros((1, len(space)))).sizes[0])
@@ -256,7 +256,7 @@ def _check_room(evaluator: Evaluator, poses: Poses) -> None:
     radius_mm = evaluator.radii_mm[0]
     rooms = [
         prepared.terrain.have_room(prepared.terrain.starts_mm(places), radius_mm).any()
-        for prepared, places in zip(evaluator.maps, poses, strict=True)
+        for prepared, places in zip(evaluator.maps, conditions.poses, strict=True)
         if places
     ]
     if radius_mm > 0.0 and not any(rooms):

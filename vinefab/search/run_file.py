@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field
 
 from vinefab.core.errors import BadInputError, located
-from vinefab.core.units import rad
+from vinefab.core.units import deg, rad
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import (
     DEFAULT_PRESSURE_KPA,
@@ -102,12 +102,19 @@ class RunBuildForm(Form):
     pouch: PouchForm | None = None
 
 
+def _in_deg(options: GrowthOptions) -> list[float]:
+    return [deg(angle_rad) for angle_rad in options.half_angle_range_rad]
+
+
 class RunGrowthForm(Form):
     """Table ``[growth]``."""
 
-    head_on_half_angle_deg: float = 1.0
-    children_of_stuck: Literal["stop", "deploy"] = "stop"
-    body: Literal["centerline", "inflated"] = "centerline"
+    head_on_half_angle_deg: RangeForm = _in_deg(GrowthOptions())
+    children_of_stuck: Literal["stop", "deploy"] = GrowthOptions().children_of_stuck
+    body: Literal["centerline", "inflated"] = GrowthOptions().body
+    pressure_stop: bool = GrowthOptions().pressure_stop
+    storage_kpa: float = GrowthOptions().storage_kpa
+    fitted_diameter_mm: float = GrowthOptions().fitted_diameter_mm
 
 
 class OptimizerForm(RunPartForm):
@@ -163,15 +170,13 @@ def read_run(path: Path) -> RunSettings:
 
 def _settings(form: RunForm, path: Path) -> RunSettings:
     search = form.optimizer.model_dump(include=set(SearchSettings.__dataclass_fields__))
-    growth = form.growth.model_dump(exclude={"head_on_half_angle_deg"})
-    angle_rad = rad(form.growth.head_on_half_angle_deg)
     settings = RunSettings(
         name=_name(form, path),
         maps=_maps(form.maps, path.parent),
         task=PartSettings(name=form.task.name, parameters=form.task.model_extra or {}),
         space=_space(form.space),
         build=_build(form.build),
-        growth=GrowthOptions(head_on_half_angle_rad=angle_rad, **growth),
+        growth=_growth(form.growth),
         optimizer=PartSettings(
             name=form.optimizer.name or ("nsga2" if form.task.objectives else "cmaes"),
             parameters=form.optimizer.model_extra or {},
@@ -186,6 +191,13 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
     make_task(settings.task.name, settings.task.parameters)
     make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
     return settings
+
+
+def _growth(form: RunGrowthForm) -> GrowthOptions:
+    low_rad, high_rad = (rad(angle_deg) for angle_deg in form.head_on_half_angle_deg)
+    angle = low_rad if low_rad == high_rad else (low_rad, high_rad)
+    rest = form.model_dump(exclude={"head_on_half_angle_deg"})
+    return GrowthOptions(head_on_half_angle_rad=angle, **rest)
 
 
 def _build(form: RunBuildForm) -> BuildSettings:

@@ -231,7 +231,7 @@ def grow_tree(
         base = before.tip if before else (pose.x_mm, pose.y_mm)
         heading = (math.atan2(before.u[1], before.u[0]) if before else headings[0]) + offset
         u = (math.cos(heading), math.sin(heading))
-        branch = ReferenceBranch(course, length, options.head_on_half_angle_rad, base, u, [base])
+        branch = ReferenceBranch(course, length, options.only_half_angle_rad, base, u, [base])
         if before is None or _evers(before, options):
             branch.grow()
         else:

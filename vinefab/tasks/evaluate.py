@@ -23,6 +23,28 @@ Poses = tuple[tuple[Pose, ...], ...]
 """For each map, the poses to grow from."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions:
+    """What all designs of a generation meet: where they start, and what their contacts are like."""
+
+    poses: Poses
+    # head-on half-angle of each pose, map by map, where a range of it is drawn from; else empty
+    half_angles_rad: tuple[float, ...] = ()
+
+    def on_maps(self, taken: Sequence[int]) -> "Conditions":
+        """Return the conditions on some of the maps only, by their index."""
+        map_of = [index for index, places in enumerate(self.poses) for _ in places]
+        angles = zip(map_of, self.half_angles_rad, strict=False)
+        return Conditions(
+            poses=tuple(p if index in taken else () for index, p in enumerate(self.poses)),
+            half_angles_rad=tuple(angle for index, angle in angles if index in taken),
+        )
+
+    def launches(self, terrains: TerrainSet) -> Launches:
+        """Return the launches on the maps' terrains."""
+        return Launches.of(terrains, self.poses, self.half_angles_rad)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PreparedMap:
     """A map prepared for growth and scoring."""

@@ -9,6 +9,7 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import Block
+from vinefab.growth.options import HALF_ANGLE_DEG
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.tasks.map_context import MapContext
 
@@ -70,7 +71,14 @@ def outcomes(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOu
     # Not a protocol check: this runs for every block, and `isinstance` would take longer.
     at_once: Callable[[Block, Sequence[MapContext]], TaskOutcomes] | None
     at_once = getattr(task, "evaluate_block", None)
-    return one_by_one(task, block, contexts) if at_once is None else at_once(block, contexts)
+    found = one_by_one(task, block, contexts) if at_once is None else at_once(block, contexts)
+    angle_rad = block.launches.half_angle_rad
+    if angle_rad is None:
+        return found
+    # Each evaluation has its own: it stands with the terms wherever these are recorded.
+    return TaskOutcomes(
+        found.score, {**found.terms, HALF_ANGLE_DEG: np.degrees(angle_rad[block.launch])}
+    )
 
 
 def one_by_one(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:

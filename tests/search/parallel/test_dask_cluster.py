@@ -100,7 +100,7 @@ class LongTrunk:
 def test_a_worker_finds_what_the_run_would_find(fabricable: RunSettings, maps: Maps) -> None:
     evaluator = Evaluator.of(EvaluatorSpec(settings=fabricable, maps=maps, penalty=LongTrunk()))
     x = np.random.default_rng(1).random((5, len(evaluator.space)))
-    poses = evaluator.poses(3, TRAINING, 0, 2)
+    poses = evaluator.conditions(3, TRAINING, 0, 2)
     found, work = deserialized(_evaluated(WorkerPayload.of(evaluator.spec), x, poses))
     expected, _ = evaluator.evaluate(x, poses)
     np.testing.assert_array_equal(found.score, expected.score)
@@ -114,7 +114,7 @@ def test_a_worker_finds_what_the_run_would_find(fabricable: RunSettings, maps: M
 def test_a_task_object_is_sent_to_the_workers(small: RunSettings, maps: Maps) -> None:
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps, task=Reach(buffer_mm=25.0)))
     x = np.random.default_rng(1).random((3, len(evaluator.space)))
-    poses = evaluator.poses(3, TRAINING, 0, 1)
+    poses = evaluator.conditions(3, TRAINING, 0, 1)
     evaluations, _ = deserialized(_evaluated(WorkerPayload.of(evaluator.spec), x, poses))
     np.testing.assert_array_equal(evaluations.score, evaluator.evaluate(x, poses)[0].score)
     assert set(evaluations.terms) == {"reached_mm2", "grown_mm"}
@@ -145,7 +145,7 @@ def test_a_worker_with_other_versions_refuses(small: RunSettings, maps: Maps) ->
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
     payload = WorkerPayload.of(evaluator.spec)
     strange = replace(payload, versions={**payload.versions, "numpy": "0.1"})
-    x, poses = np.full((1, len(evaluator.space)), 0.5), evaluator.poses(3, TRAINING, 0, 1)
+    x, poses = np.full((1, len(evaluator.space)), 0.5), evaluator.conditions(3, TRAINING, 0, 1)
     with pytest.raises(BadInputError, match=r"numpy .*; allowed: numpy 0\.1, as the run has"):
         _evaluated(strange, x, poses)
 

@@ -31,7 +31,7 @@ from vinefab.search.parallel.executor import in_work_units
 from vinefab.search.parallel.point_evaluator import Begin, Finish
 from vinefab.search.record.result import package_versions, plugin_packages
 from vinefab.search.timing import Ledger, Work
-from vinefab.tasks.evaluate import Poses
+from vinefab.tasks.evaluate import Conditions
 
 
 class _Pickler(pickle.Pickler):
@@ -145,10 +145,10 @@ class DaskEvaluator:
             sent = client.submit(_received, payload, key=f"vinefab-{payload.name}")
             evaluated = 0
 
-            def begin(x: Floats, poses: Poses) -> Finish:
+            def begin(x: Floats, conditions: Conditions) -> Finish:
                 usual_s = ledger.worked_s / evaluated if evaluated else 0.0
                 parts = in_work_units(x, self._rows(len(x), usual_s))
-                work = [client.submit(_evaluated, sent, p, poses, pure=False) for p in parts]
+                work = [client.submit(_evaluated, sent, p, conditions, pure=False) for p in parts]
 
                 def finish() -> Evaluations:
                     nonlocal evaluated
@@ -352,7 +352,7 @@ def _received(payload: WorkerPayload) -> WorkerPayload:
     return payload
 
 
-def _evaluated(payload: WorkerPayload, x: Floats, poses: Poses) -> bytes:
+def _evaluated(payload: WorkerPayload, x: Floats, conditions: Conditions) -> bytes:
     """Evaluate points on a worker and serialize the result."""
     own = _own_versions(tuple(payload.versions))
     if own != dict(payload.versions):
@@ -368,7 +368,7 @@ def _evaluated(payload: WorkerPayload, x: Floats, poses: Poses) -> bytes:
         raise BadInputError("a worker", missing, f"{_INSTALLED}{why}") from None
     except (ImportError, AttributeError) as error:
         raise BadInputError("a worker", f"incomplete: {error}", _INSTALLED) from None
-    return serialized(evaluator.evaluate(x, poses))
+    return serialized(evaluator.evaluate(x, conditions))
 
 
 _INSTALLED = "workers with the same packages installed as where the run began"

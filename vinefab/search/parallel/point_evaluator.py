@@ -10,12 +10,12 @@ from vinefab.core.validation import Floats, whole
 from vinefab.search.evaluator import Evaluations, Evaluator
 from vinefab.search.parallel.executor import ThreadExecutor
 from vinefab.search.timing import Ledger
-from vinefab.tasks.evaluate import Poses
+from vinefab.tasks.evaluate import Conditions
 
 Finish = Callable[[], Evaluations]
 """Waits for evaluations that were begun and returns them in the order of the points."""
 
-Begin = Callable[[Floats, Poses], Finish]
+Begin = Callable[[Floats, Conditions], Finish]
 """Begins to evaluate points of shape (m, d) on poses."""
 
 SWITCH_S = 1e-4
@@ -54,13 +54,13 @@ class ThreadEvaluator:
         with ThreadPoolExecutor(max_workers=max(1, self.count - 1)) as pool:
             executor, is_loaded = ThreadExecutor(pool, self.count), False
 
-            def begin(x: Floats, poses: Poses) -> Finish:
+            def begin(x: Floats, conditions: Conditions) -> Finish:
                 nonlocal is_loaded
                 if not is_loaded:
                     with ledger.spending("loading"):
-                        evaluator.warm_up(poses)
+                        evaluator.warm_up(conditions)
                     is_loaded = True
-                wait = evaluator.begin(x, poses, executor)
+                wait = evaluator.begin(x, conditions, executor)
 
                 def finish() -> Evaluations:
                     evaluations, spent = wait()

@@ -97,6 +97,13 @@ def score_from_text(text: str) -> Score:
     )
 
 
+def _growth(record: Mapping[str, Any]) -> GrowthOptions:
+    """Return the growth options of a record; one from before pressure stopped growth has none."""
+    angle = record["head_on_half_angle_rad"]
+    angle = tuple(angle) if isinstance(angle, list) else angle
+    return GrowthOptions(**{"pressure_stop": False, **record, "head_on_half_angle_rad": angle})
+
+
 def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
     """Return the settings of `vinefab.search.settings.plain_settings`."""
     maps = dict(record["maps"])
@@ -107,7 +114,7 @@ def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
         task=PartSettings(**record["task"]),
         space=_space(record["space"]),
         build=_build(record["build"]),
-        growth=GrowthOptions(**record["growth"]),
+        growth=_growth(record["growth"]),
         optimizer=PartSettings(**record["optimizer"]),
         search=SearchSettings(**record["search"]),
         evaluation=EvaluationSettings(**record["evaluation"]),

@@ -1,0 +1,327 @@
+"""How wide a prediction is: over what contacts and pressures are assumed to be.
+
+Whether a tip that meets a wall slides or stops changes scores more than most designs do. So do the
+tube that the growth pressure was fitted to, and how the film is stored. None of them is known.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from vinefab.core.statistics import group_means, mean_interval
+from vinefab.core.units import rad
+from vinefab.core.validation import Floats
+from vinefab.growth.batch import Batch, Block
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plans
+from vinefab.model.deployment import Stop
+from vinefab.model.design import Design
+from vinefab.pages.charts import frame
+from vinefab.pages.figure import LEVEL_COLOURS, blank, house_style, svg_bytes
+from vinefab.pages.html import Picture, Section, Table
+from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, FITTED_DIAMETER_RANGE_MM
+from vinefab.prediction.family_deployments import PreparedFamily
+from vinefab.prediction.measures import (
+    COVERAGE,
+    GROWN,
+    LOOSE_PRESSURE,
+    REACH,
+    SEEN,
+    STUCK,
+    STUCK_STOPS,
+    TIGHT_PRESSURE,
+    Measure,
+    MeasureTable,
+)
+from vinefab.tasks.coverage import Coverage
+from vinefab.tasks.reach import Reach
+from vinefab.tasks.task import outcomes
+
+CONTACT_ANGLES_DEG = (1.0, 5.0, 10.0, 15.0)
+"""Head-on half-angles that a prediction is shown for [assumed]: real tips slid at up to 75 degrees
+from the wall's tangent, so 15 is the most; how much less it is, is not known."""
+
+CONTACT_MEASURES = (COVERAGE, SEEN, REACH, GROWN, STUCK)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactValue:
+    """A measure's mean at one head-on half-angle."""
+
+    mean: float  # mean of the maps' means
+    # 95 % interval of it over maps (over poses where there is one map)
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactRange:
+    """Measures of a design over what is assumed about contacts, from the same poses."""
+
+    label: str  # of the map family
+    deployments: int  # at each half-angle
+    values: Mapping[str, tuple[ContactValue, ...]]  # by measure key, as `CONTACT_ANGLES_DEG`
+
+    def ends(self, measure: Measure) -> tuple[float, float]:
+        """Return the least and the greatest mean of a measure over the range."""
+        means = [value.mean for value in self.values[measure.key]]
+        return min(means), max(means)
+
+
+def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptions) -> ContactRange:
+    """Deploy a design from a family's poses at every half-angle of the range."""
+    names = [prepared.names[index] for index in prepared.launches().terrain.tolist()]
+    columns: dict[str, list[ContactValue]] = {measure.key: [] for measure in CONTACT_MEASURES}
+    for angle_deg in CONTACT_ANGLES_DEG:
+        at_angle = replace(options, head_on_half_angle_rad=rad(angle_deg))
+        table = _contact_measures(design, prepared, at_angle)
+        for measure, values in zip(CONTACT_MEASURES, table, strict=True):
+            columns[measure.key].append(_contact_value(values, names))
+    return ContactRange(
+        label=prepared.label,
+        deployments=len(names),
+        values={key: tuple(values) for key, values in columns.items()},
+    )
+
+
+def _contact_measures(design: Design, prepared: PreparedFamily, options: GrowthOptions) -> Floats:
+    """Return `CONTACT_MEASURES` of every deployment, shape (measures, deployments)."""
+    contexts = [prepared_map.context for prepared_map in prepared.maps]
+
+    def measured(block: Block) -> Floats:
+        coverage = outcomes(Coverage(area="fast"), block, contexts)
+        reach = outcomes(Reach(area="fast"), block, contexts)
+        edges = block.branch[:-1]
+        grown = np.add.reduceat(block.growth.grown, edges) / block.planned_mm()
+        stuck = np.isin(block.growth.stop, STUCK_STOPS).astype(np.float64)
+        share = np.add.reduceat(stuck, edges) / np.diff(block.branch)
+        rows = (coverage.score, 100 * coverage.terms["area"], 100 * reach.score, 100 * grown)
+        return np.array([*rows, 100 * share])
+
+    batch = Batch(Plans.of([design], options), prepared.launches(), options)
+    return np.concatenate(list(batch.each(measured)), axis=1)
+
+
+def _contact_value(values: Floats, names: Sequence[str]) -> ContactValue:
+    means = group_means(values, names) if len(set(names)) > 1 else values
+    low, high = mean_interval(means)
+    return ContactValue(mean=float(means.mean()), low=low, high=high)
+
+
+# --- Pressure -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PressureReach:
+    """How far a robot gets at its working pressure, under one set of assumptions."""
+
+    storage: str  # how the film is stored: ``loosely`` or ``tightly``
+    fitted_diameter_mm: float  # diameter of the tube that the constants were fitted to
+    grown_percent: float  # mean length grown
+    stopped_percent: float  # share of the branches that ran out of pressure
+    full_percent: float  # share of the deployments in which no branch did
+    needed_kpa: float  # pressure with which 95 % of the deployments grow to every tip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PressureRange:
+    """How far a robot gets at its working pressure, over what is assumed."""
+
+    label: str  # of the map family
+    deployments: int
+    working_kpa: float
+    reaches: tuple[PressureReach, ...]  # loosely stored first, by rising diameter
+
+
+_DIAMETERS_MM = (FITTED_DIAMETER_RANGE_MM[0], FITTED_DIAMETER_MM.value, FITTED_DIAMETER_RANGE_MM[1])
+
+
+def pressure_range(
+    design: Design, prepared: PreparedFamily, options: GrowthOptions, measured: MeasureTable
+) -> PressureRange | None:
+    """Return how far a design gets at its working pressure; None if it has none.
+
+    Parameters
+    ----------
+    measured
+        The family's measures; growth pressures are inverse to the fitted diameter, so that the
+        pressures in it are enough to know what every other assumption needs.
+    """
+    working_kpa = design.build.pressure_kpa
+    if working_kpa <= 0.0:
+        return None
+    reaches = []
+    for storage, tension_kpa, measure in (
+        ("loosely", 0.0, LOOSE_PRESSURE),
+        ("tightly", FITTED.storage_kpa.value, TIGHT_PRESSURE),
+    ):
+        needed_kpa = measured.values[measure.key]
+        usual_kpa = float(np.nanpercentile(needed_kpa, 95.0)) if len(needed_kpa) else np.nan
+        for diameter_mm in _DIAMETERS_MM:
+            pressed = replace(
+                options,
+                pressure_stop=True,
+                storage_kpa=tension_kpa,
+                fitted_diameter_mm=diameter_mm,
+            )
+            grown, stopped, full = _pressed(design, prepared, pressed)
+            reaches.append(
+                PressureReach(
+                    storage=storage,
+                    fitted_diameter_mm=diameter_mm,
+                    grown_percent=grown,
+                    stopped_percent=stopped,
+                    full_percent=full,
+                    needed_kpa=usual_kpa * diameter_mm / FITTED_DIAMETER_MM.value,
+                )
+            )
+    return PressureRange(
+        label=prepared.label,
+        deployments=len(measured),
+        working_kpa=working_kpa,
+        reaches=tuple(reaches),
+    )
+
+
+def _pressed(
+    design: Design, prepared: PreparedFamily, options: GrowthOptions
+) -> tuple[float, float, float]:
+    """Return grown length, stopped branches and deployments without any, in percent."""
+
+    def measured(block: Block) -> Floats:
+        edges = block.branch[:-1]
+        stopped = np.add.reduceat((block.growth.stop == Stop.PRESSURE).astype(np.float64), edges)
+        grown = np.add.reduceat(block.growth.grown, edges) / block.planned_mm()
+        return np.array([grown, stopped / np.diff(block.branch), stopped == 0.0])
+
+    batch = Batch(Plans.of([design], options), prepared.launches(), options)
+    grown, stopped, full = np.concatenate(list(batch.each(measured)), axis=1).mean(axis=1).tolist()
+    return 100.0 * grown, 100.0 * stopped, 100.0 * full
+
+
+# --- As they are shown --------------------------------------------------------------------------
+
+
+def contact_chart(shown: Mapping[str, ContactRange], measure: Measure) -> Figure:
+    """Return a measure over the range of half-angles, a line with its interval for each name."""
+    with house_style():
+        figure, axes = blank(6.0, 2.8)
+        for index, (name, found) in enumerate(shown.items()):
+            values = found.values[measure.key]
+            low, high = [v.low for v in values], [v.high for v in values]
+            colour = LEVEL_COLOURS[index % len(LEVEL_COLOURS)]
+            axes.fill_between(CONTACT_ANGLES_DEG, low, high, color=colour, alpha=0.16, linewidth=0)
+            axes.plot(CONTACT_ANGLES_DEG, [v.mean for v in values], "o-", color=colour, label=name)
+        axes.set_xticks(CONTACT_ANGLES_DEG)
+        axes.set_xlabel("head-on half-angle (degrees, assumed)")
+        axes.set_ylabel(measure.label)
+        if len(shown) > 1:
+            axes.legend(fontsize=8)
+        frame(axes)
+    return figure
+
+
+CONTACT_WORDS = (
+    "Whether a tip that meets a wall slides on or stops there is not known: films of real robots "
+    "show sliding down to 15 degrees from head-on. Every number here holds for one half-angle "
+    "within which a tip stops, and the same poses. The range is the honest width of a prediction."
+)
+
+
+def width_section(contacts: ContactRange, pressure: PressureRange | None) -> Section:
+    """Return how wide predictions are over contacts and pressure."""
+    tables = [_contact_table(contacts)]
+    words = [CONTACT_WORDS]
+    if pressure is not None:
+        tables.append(_pressure_table(pressure))
+        words.append(
+            f"At {pressure.working_kpa:g} kPa a tip stops where drag and turns have used up the "
+            "pressure. What that takes depends on how the film lies in its store, and on the "
+            "diameter of the tube that the published constants were fitted to, which was not "
+            "published (both assumed)."
+        )
+    picture = Picture(
+        image=svg_bytes(contact_chart({"": contacts}, COVERAGE)),
+        caption=f"{COVERAGE.title.capitalize()} over the head-on half-angle, with its 95 % "
+        "interval over maps (simulated).",
+    )
+    return Section(
+        title="How wide the prediction is",
+        paragraphs=tuple(words),
+        tables=tuple(tables),
+        pictures=(picture,),
+    )
+
+
+def _contact_table(found: ContactRange) -> Table:
+    rows = tuple(
+        (
+            measure.label,
+            *(
+                f"{measure.number(v.mean)} [{measure.number(v.low)}, {measure.number(v.high)}]"
+                for v in found.values[measure.key]
+            ),
+        )
+        for measure in CONTACT_MEASURES
+    )
+    return Table(
+        caption=f"Means over {found.label}, {found.deployments} deployments at each half-angle, "
+        "with 95 % intervals over maps (simulated)",
+        headings=("measure", *(f"{angle:g} deg" for angle in CONTACT_ANGLES_DEG)),
+        rows=rows,
+    )
+
+
+def _pressure_table(found: PressureRange) -> Table:
+    rows = tuple(
+        (
+            reach.storage,
+            f"{reach.fitted_diameter_mm:g} mm",
+            f"{reach.grown_percent:.1f} %",
+            f"{reach.stopped_percent:.1f} %",
+            f"{reach.full_percent:.1f} %",
+            f"{reach.needed_kpa:.1f} kPa",
+        )
+        for reach in found.reaches
+    )
+    return Table(
+        caption=f"How far it gets at {found.working_kpa:g} kPa on {found.label}, "
+        f"{found.deployments} deployments (simulated; assumed constants)",
+        headings=(
+            "film stored", "fitted tube", "length grown", "branches out of pressure",
+            "deployments without any", "95 % need",
+        ),
+        rows=rows,
+    )  # fmt: skip
+
+
+def width_content(contacts: ContactRange, pressure: PressureRange | None) -> dict[str, object]:
+    """Return both ranges as they stand in JSON, rounded as they are shown."""
+    return {
+        "contacts": {
+            "head_on_half_angle_deg": list(CONTACT_ANGLES_DEG),
+            "deployments": contacts.deployments,
+            "means": {
+                measure.key: [measure.rounded(v.mean) for v in contacts.values[measure.key]]
+                for measure in CONTACT_MEASURES
+            },
+        },
+        "pressure": None
+        if pressure is None
+        else {
+            "working_kpa": pressure.working_kpa,
+            "reaches": [
+                {
+                    "film_stored": reach.storage,
+                    "fitted_diameter_mm": reach.fitted_diameter_mm,
+                    "grown_percent": round(reach.grown_percent, 1),
+                    "stopped_percent": round(reach.stopped_percent, 1),
+                    "full_percent": round(reach.full_percent, 1),
+                    "needed_kpa": round(reach.needed_kpa, 1),
+                }
+                for reach in pressure.reaches
+            ],
+        },
+    }

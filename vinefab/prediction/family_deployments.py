@@ -12,9 +12,11 @@ from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.deployment import Deployment
+from vinefab.maps.poses import spread_notes
+from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map
+from vinefab.prediction.deploy import stayed_text, trunks_left
 from vinefab.prediction.measures import MEASURES, MeasureTable, measure_deployment
 from vinefab.tasks.evaluate import Poses, PreparedMap, poses_on
 
@@ -76,17 +78,7 @@ class PredictionPlan:
 
     poses: int = 3  # poses per map, drawn from the ranges of the maps' starts
     seed: int = 0  # seed of the poses; map ``i`` of a family gets ``seed + i``
-    # the growth model's choices; the inflated body by default, for a body has a width
-    options: GrowthOptions = field(default_factory=lambda: GrowthOptions(body="inflated"))
-
-
-def rules_text(options: GrowthOptions) -> str:
-    """Return the growth model's choices in words."""
-    children = "stay inside" if options.children_of_stuck == "stop" else "grow all the same"
-    return (
-        f"{options.body} body, head-on half-angle {options.half_angle_text} "
-        f"(assumed), children of a stuck branch {children}"
-    )
+    options: GrowthOptions = field(default_factory=GrowthOptions)  # the growth model's choices
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -102,7 +94,9 @@ class PreparedFamily:
         """Return a family made ready, with its poses drawn."""
         maps = tuple(PreparedMap.of(world) for world in family.worlds)
         seeds = [plan.seed + index for index in range(len(maps))]
-        return cls(label=family.label, maps=maps, poses=poses_on(maps, plan.poses, seeds))
+        repeats = plan.options.draws_half_angle
+        poses = poses_on(maps, plan.poses, seeds, repeats=repeats)
+        return cls(label=family.label, maps=maps, poses=poses)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -122,11 +116,18 @@ class FamilyDeployments:
 
     prepared: PreparedFamily
     deployments: tuple[Deployment, ...]  # map by map, pose by pose
+    unpressed: tuple[Deployment, ...]  # the same where no pressure stops them
     outcomes: MeasureTable  # one row of measures for each
 
     def prepared_map(self, index: int) -> PreparedMap:
         """Return the map of one deployment."""
-        return self.prepared.maps[index // len(self.prepared.poses[0])]
+        return self.prepared.maps[self.map_of[index]]
+
+    @property
+    def map_of(self) -> tuple[int, ...]:
+        """Index of the map of each deployment."""
+        poses = self.prepared.poses
+        return tuple(index for index, places in enumerate(poses) for _ in places)
 
 
 def deploy_family(
@@ -141,7 +142,7 @@ def deploy_family(
     deployments = _grown(design, launches, plan.options)
     # What growth to every tip needs is known only where no pressure stops it.
     unpressed = deployments
-    if plan.options.pressure_stop:
+    if any((deployment.stop == Stop.PRESSURE).any() for deployment in deployments):
         unpressed = _grown(design, launches, replace(plan.options, pressure_stop=False))
     columns = np.empty((len(deployments), len(MEASURES)))
     terrain = launches.terrain.tolist()
@@ -157,11 +158,26 @@ def deploy_family(
         poses=launches.poses,
         values={m.key: columns[:, i].copy() for i, m in enumerate(MEASURES)},
     )
-    return FamilyDeployments(prepared=prepared, deployments=deployments, outcomes=outcomes)
+    return FamilyDeployments(
+        prepared=prepared, deployments=deployments, unpressed=unpressed, outcomes=outcomes
+    )
 
 
 def _grown(design: Design, launches: Launches, options: GrowthOptions) -> tuple[Deployment, ...]:
     return tuple(Batch(Plans.of([design], options), launches, options).deployments())
+
+
+def deployment_notes(
+    results: Sequence[FamilyDeployments], plan: PredictionPlan, design: Design
+) -> list[str]:
+    """Return what a user should know about how often a design was deployed, and how it began."""
+    worlds = [place.world for result in results for place in result.prepared.maps]
+    deployed = [deployment for result in results for deployment in result.deployments]
+    repeats = plan.options.draws_half_angle
+    return [
+        *spread_notes(worlds, plan.poses, repeats=repeats),
+        *stayed_text(trunks_left(deployed), design),
+    ]
 
 
 def typical(outcomes: MeasureTable, key: str, shares: Sequence[float]) -> list[int]:

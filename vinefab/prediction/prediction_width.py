@@ -259,10 +259,7 @@ def _contact_table(found: ContactRange) -> Table:
     rows = tuple(
         (
             measure.label,
-            *(
-                f"{measure.number(v.mean)} [{measure.number(v.low)}, {measure.number(v.high)}]"
-                for v in found.values[measure.key]
-            ),
+            *(measure.interval(v.mean, v.low, v.high) for v in found.values[measure.key]),
         )
         for measure in CONTACT_MEASURES
     )

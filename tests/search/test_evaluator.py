@@ -215,7 +215,7 @@ def test_scores_and_penalties_that_are_not_finite_give_the_lowest_fitness() -> N
 def test_half_angles_of_a_range_are_drawn_for_each_evaluation_and_stand_with_the_terms(
     small: RunSettings, maps: Maps
 ) -> None:
-    wide = GrowthOptions(head_on_half_angle_rad=(math.radians(1.0), math.radians(15.0)))
+    wide = GrowthOptions.published(head_on_half_angle_rad=(math.radians(1.0), math.radians(15.0)))
     evaluator = Evaluator.of(EvaluatorSpec(settings=replace(small, growth=wide), maps=maps))
     draws = [evaluator.training_conditions(3, number) for number in range(3)]
     assert draws[0] == evaluator.training_conditions(3, 0)
@@ -229,7 +229,7 @@ def test_half_angles_of_a_range_are_drawn_for_each_evaluation_and_stand_with_the
         np.testing.assert_allclose(row, angles_deg[0])
     # Each evaluation is that of a growth with its own angle.
     for launch, angle_rad in enumerate(draws[0].half_angles_rad):
-        narrow = replace(small, growth=GrowthOptions(head_on_half_angle_rad=angle_rad))
+        narrow = replace(small, growth=GrowthOptions.published(head_on_half_angle_rad=angle_rad))
         alone = Evaluator.of(EvaluatorSpec(settings=narrow, maps=maps))
         same, _ = alone.evaluate(x, Conditions(poses=draws[0].poses))
         np.testing.assert_array_equal(same.score[:, launch], found.score[:, launch])

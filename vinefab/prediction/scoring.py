@@ -71,6 +71,8 @@ def _with_parts(score: Score, task: Task, weights: Floats | None) -> Score:
         replace(each, parts=score_parts(task, each.score, each.terms)) for each in score.evaluations
     )
     names = tuple(evaluations[0].parts)
+    if not names:
+        return score
     table = np.array([[each.parts[name] for name in names] for each in evaluations])
     means = np.average(table, axis=0, weights=weights).tolist()
     return replace(score, evaluations=evaluations, parts=dict(zip(names, means, strict=True)))

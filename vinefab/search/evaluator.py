@@ -257,7 +257,12 @@ class Evaluator:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user should know of starts without spread, a sentence each."""
+        """What a user should know of starts without spread, a sentence each.
+
+        Nothing where the run itself asks for the starts as they are.
+        """
+        if self.evaluation.pose_range == 0.0:
+            return ()
         count = max(self.evaluation.poses_per_map, self.evaluation.final_poses_per_map)
         worlds = [prepared.world for prepared in self.maps]
         return tuple(spread_notes(worlds, count, repeats=self.growth.draws_half_angle))

@@ -144,7 +144,9 @@ def test_a_trunk_that_never_leaves_its_start_is_counted_in_score_and_report() ->
         f"the trunk never leaves its start in {stayed} of 10 deployments: no room for its "
         "inflated body of 8 mm"
     )
-    assert deployment_notes([result], plan, TREE) == [note]
+    assert deployment_notes([result.prepared], plan, {"": TREE}) == (note,)
+    both = deployment_notes([result.prepared], plan, {"a: ": TREE, "b: ": TREE})
+    assert both == (f"a: {note}", f"b: {note}")
     assert score_design_on_task(TREE, [world], ScorePlan(poses=10, seed=2)).notes == (note,)
 
 

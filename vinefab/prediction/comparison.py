@@ -11,7 +11,6 @@ from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.jsontext import json_text
 from vinefab.core.statistics import group_means, holm, mean_interval, sign_flip_p
 from vinefab.growth.options import growth_text
-from vinefab.maps.poses import spread_notes
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
@@ -19,7 +18,6 @@ from vinefab.pages.charts import frame
 from vinefab.pages.drawing import deployment_plan
 from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, blank, house_style, svg_bytes
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
-from vinefab.prediction.deploy import stayed_text, trunks_left
 from vinefab.prediction.deployment_sections import spread_chart
 from vinefab.prediction.family_deployments import (
     FamilyDeployments,
@@ -28,6 +26,7 @@ from vinefab.prediction.family_deployments import (
     PreparedFamily,
     ProgressCallback,
     deploy_family,
+    deployment_notes,
     no_progress,
     numbered_names,
 )
@@ -129,14 +128,8 @@ class DesignComparison:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a user should know about the deployments, a sentence each."""
-        worlds = [place.world for place in self.results[0].prepared.maps]
-        repeats = self.plan.options.draws_half_angle
-        stayed = [
-            f"{name}: {note}"
-            for name, design, result in zip(self.names, self.designs, self.results, strict=True)
-            for note in stayed_text(trunks_left(result.deployments), design)
-        ]
-        return (*spread_notes(worlds, self.plan.poses, repeats=repeats), *stayed)
+        named = {f"{name}: ": design for name, design in zip(self.names, self.designs, strict=True)}
+        return deployment_notes([self.results[0].prepared], self.plan, named)
 
     def outcomes(self) -> dict[str, MeasureTable]:
         """Return the outcomes by the designs' names."""

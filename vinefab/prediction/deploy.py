@@ -202,11 +202,6 @@ def stayed_text(left: Sequence[bool], design: Design) -> list[str]:
     ]
 
 
-def trunks_left(deployments: Sequence[Deployment]) -> list[bool]:
-    """Tell for each deployment whether the trunk left its start."""
-    return [bool(deployment.deployed[0]) for deployment in deployments]
-
-
 def wedged(design: Design, deployment: Deployment) -> tuple[BranchPlace, ...]:
     """Return the branches that ended in a corner or a gap that closes, and where."""
     stuck = np.flatnonzero(deployment.stop == Stop.CORNER).tolist()
@@ -284,7 +279,7 @@ class DeployedDesign:
             f"growth: {growth_text(self.options, [self.design])}",
             *self.notes,
             f"grown {grown_mm:.1f} of {tree.total_length_mm:.1f} mm",
-            *stayed_text(trunks_left([self.deployment]), self.design),
+            *stayed_text([bool(self.deployment.deployed[0])], self.design),
             *places_text("no room to start for branch", self.without_room),
             *places_text("wedged: branch", wedged(self.design, self.deployment)),
             *self._tight_exits(),

@@ -13,12 +13,12 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.maps.poses import spread_notes
-from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
-from vinefab.prediction.deploy import stayed_text, trunks_left
+from vinefab.prediction.deploy import stayed_text
 from vinefab.prediction.measures import MEASURES, MeasureTable, measure_deployment
-from vinefab.tasks.evaluate import Poses, PreparedMap, poses_on
+from vinefab.tasks.evaluate import Poses, PreparedMap, poses_on, trunks_with_room
 
 FIRST_UNSEEN = 10_000_000
 """Maps for predictions have seeds from here on, out of the way of those that designs train on."""
@@ -115,8 +115,10 @@ class FamilyDeployments:
     """A design's deployments on one family of maps."""
 
     prepared: PreparedFamily
-    deployments: tuple[Deployment, ...]  # map by map, pose by pose
-    unpressed: tuple[Deployment, ...]  # the same where no pressure stops them
+    # deployments, unpressed: map by map, pose by pose, and the same where no pressure stops them;
+    # grown again when asked for
+    deployments: Sequence[Deployment]
+    unpressed: Sequence[Deployment]
     outcomes: MeasureTable  # one row of measures for each
 
     def prepared_map(self, index: int) -> PreparedMap:
@@ -142,13 +144,13 @@ def deploy_family(
     deployments = _grown(design, launches, plan.options)
     # What growth to every tip needs is known only where no pressure stops it.
     unpressed = deployments
-    if any((deployment.stop == Stop.PRESSURE).any() for deployment in deployments):
+    if plan.options.pressure_stop and design.build.pressure_kpa > 0.0:
         unpressed = _grown(design, launches, replace(plan.options, pressure_stop=False))
     columns = np.empty((len(deployments), len(MEASURES)))
     terrain = launches.terrain.tolist()
-    for index, deployment in enumerate(deployments):
+    for index, (deployment, unstopped) in enumerate(zip(deployments, unpressed, strict=True)):
         columns[index] = measure_deployment(
-            deployment, design, prepared.maps[terrain[index]].context, unpressed[index]
+            deployment, design, prepared.maps[terrain[index]].context, unstopped
         )
         progress((index + 1) / len(deployments), f"{index + 1} of {len(deployments)} deployments")
     names = prepared.names
@@ -163,21 +165,30 @@ def deploy_family(
     )
 
 
-def _grown(design: Design, launches: Launches, options: GrowthOptions) -> tuple[Deployment, ...]:
-    return tuple(Batch(Plans.of([design], options), launches, options).deployments())
+def _grown(design: Design, launches: Launches, options: GrowthOptions) -> Sequence[Deployment]:
+    return Batch(Plans.of([design], options), launches, options).regrown()
 
 
 def deployment_notes(
-    results: Sequence[FamilyDeployments], plan: PredictionPlan, design: Design
-) -> list[str]:
-    """Return what a user should know about how often a design was deployed, and how it began."""
-    worlds = [place.world for result in results for place in result.prepared.maps]
-    deployed = [deployment for result in results for deployment in result.deployments]
-    repeats = plan.options.draws_half_angle
-    return [
-        *spread_notes(worlds, plan.poses, repeats=repeats),
-        *stayed_text(trunks_left(deployed), design),
-    ]
+    prepared: Sequence[PreparedFamily], plan: PredictionPlan, named: Mapping[str, Design]
+) -> tuple[str, ...]:
+    """Return what a user should know about how often designs were deployed, and how they began.
+
+    Parameters
+    ----------
+    named
+        The designs by what their notes begin with; nothing for one alone.
+    """
+    worlds = [place.world for family in prepared for place in family.maps]
+    notes = spread_notes(worlds, plan.poses, repeats=plan.options.draws_half_angle)
+    for name, design in named.items():
+        left = [
+            has_room
+            for family in prepared
+            for has_room in trunks_with_room(design, family.maps, family.poses, plan.options)
+        ]
+        notes += [f"{name}{note}" for note in stayed_text(left, design)]
+    return tuple(notes)
 
 
 def typical(outcomes: MeasureTable, key: str, shares: Sequence[float]) -> list[int]:

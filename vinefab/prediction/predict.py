@@ -1,7 +1,8 @@
 """Predictions for a design over maps and unseen environments, and its report."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -15,9 +16,10 @@ from vinefab.fabrication.package.prepare import (
     recipe_cautions,
 )
 from vinefab.growth.options import growth_text
+from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Severity
-from vinefab.model.laser import LaserProfile, Standing
+from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
 from vinefab.pages.html import Headline, Report, Section, Tone, page_html
 from vinefab.physics.anchoring import ASSUMED_FRICTION
 from vinefab.prediction.anchoring_prediction import (
@@ -114,7 +116,8 @@ class Predicted:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a user should know about the deployments, a sentence each."""
-        found = deployment_notes(self.results, self.plan, self.prepared.design)
+        families = [result.prepared for result in self.results]
+        found = deployment_notes(families, self.plan, {"": self.prepared.design})
         return tuple(f"{note[:1].upper()}{note[1:]}." for note in found)
 
     def spread(self, measure: Measure) -> Spread | None:
@@ -149,7 +152,9 @@ class Predicted:
         self, origin: Origin, more: Sequence[Section] = (), progress: ProgressCallback = no_progress
     ) -> Report:
         """Return the whole report."""
-        words, tone = verdict_on(self.prepared.report, self.window)
+        words, tone = verdict_on(
+            self.prepared.report, self.window, self.prepared.profile.recipe.status
+        )
         return Report(
             title=f"{self.prepared.design.name}: predictions and fabrication",
             verdict=words,
@@ -233,8 +238,7 @@ def predict(
     heat = heat_map_of(design, prepared_families[0].maps[0], plan)
     progress(0.94, "design rules")
     # The rules ask what growth to every tip would take (VF-P03): no pressure may stop it before.
-    deployments = [deployment for result in results for deployment in result.unpressed]
-    prepared = prepare(design, profile, deployments)
+    prepared = prepare(design, profile, _AllDeployments(results))
     mass_g = _mass_g(prepared)
     return Predicted(
         prepared=prepared,
@@ -250,6 +254,22 @@ def predict(
         effects=effects,
         tolerance=scatter,
     )
+
+
+class _AllDeployments(Collection[Deployment]):
+    """The deployments of all families where no pressure stops them, none of which is kept."""
+
+    def __init__(self, results: Sequence[FamilyDeployments]) -> None:
+        self._parts = [result.unpressed for result in results]
+
+    def __len__(self) -> int:
+        return sum(len(part) for part in self._parts)
+
+    def __iter__(self) -> Iterator[Deployment]:
+        return chain.from_iterable(self._parts)
+
+    def __contains__(self, deployment: object) -> bool:
+        return any(deployment is one for one in self)
 
 
 def part_of(progress: ProgressCallback, start: float, end: float) -> ProgressCallback:
@@ -270,9 +290,14 @@ FEW_MAPS = 10
 """With fewer maps, bootstrap intervals are too narrow to be trusted."""
 
 
-def verdict_on(report: CheckReport, window: PressureWindow | None) -> tuple[str, Tone]:
+def verdict_on(
+    report: CheckReport, window: PressureWindow | None, status: RecipeStatus
+) -> tuple[str, Tone]:
     """Return in one sentence whether a robot is manufacturable and deployable, and the tone."""
-    name = report.design
+    verified = status is not RecipeStatus.UNVERIFIED
+    name, made = report.design, "is manufacturable"
+    if not verified:
+        made += " by the rules (laser recipe unverified)"
     if report.blocking:
         broken = ", ".join(sorted({finding.rule for finding in report.blocking}))
         return (
@@ -280,10 +305,10 @@ def verdict_on(report: CheckReport, window: PressureWindow | None) -> tuple[str,
             "bad",
         )
     if window is None:
-        return f"{name} is manufacturable, but has no room to emerge from any of the poses.", "bad"
+        return f"{name} {made}, but has no room to emerge from any of the poses.", "bad"
     if not window.is_open:
         return (
-            f"{name} is manufacturable, but hardly deployable: growth to the worst tip needs "
+            f"{name} {made}, but hardly deployable: growth to the worst tip needs "
             f"{window.needed_kpa:.1f} kPa even with film stored loosely, and its widest part is "
             f"limited to {window.allowed_kpa:.1f} kPa.",
             "bad",
@@ -291,12 +316,12 @@ def verdict_on(report: CheckReport, window: PressureWindow | None) -> tuple[str,
     room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
     if not window.holds_working:
         return (
-            f"{name} is manufacturable, and deployable at {room}; its working pressure of "
+            f"{name} {made}, and deployable at {room}; its working pressure of "
             f"{window.working_kpa:g} kPa is outside this window.",
             "caution",
         )
-    tone: Tone = "good" if window.is_open_tight else "caution"
-    return f"{name} is manufacturable, and deployable at {room} with film stored loosely.", tone
+    tone: Tone = "good" if window.is_open_tight and verified else "caution"
+    return f"{name} {made}, and deployable at {room} with film stored loosely.", tone
 
 
 def cautions(

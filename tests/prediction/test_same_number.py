@@ -21,6 +21,7 @@ from vinefab.prediction.family_deployments import (
     deployment_notes,
 )
 from vinefab.prediction.measures import COVERAGE, REACH
+from vinefab.prediction.prediction_width import contact_range
 from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task, score_lines
 from vinefab.search.loop import Search
@@ -127,6 +128,13 @@ def test_over_a_range_of_half_angles_repeats_are_samples_over_contacts() -> None
     assert len(score.evaluations) == 5
     assert len({e.terms["head_on_half_angle_deg"] for e in score.evaluations}) == 5
     assert "samples over contacts, not over starts" in score.notes[0]
+    # At one half-angle they are repeats again.
+    plan = PredictionPlan(poses=5, options=options)
+    prepared = PreparedFamily.of(MapFamily(label="m", worlds=(ROOM,)), plan)
+    assert len(prepared.launches()) == 5
+    contacts = contact_range(TREE, prepared, options)
+    assert contacts.deployments == 1
+    assert math.isnan(contacts.values[COVERAGE.key][0].low)
 
 
 def test_a_trunk_that_never_leaves_its_start_is_counted_in_score_and_report() -> None:

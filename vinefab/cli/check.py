@@ -97,14 +97,18 @@ def check_command(
         ensure_apart("--fix", fix, locate("design", design), "the design itself")
         ensure_writable(fix, force=force)
     deployed: Deployed = ()
+    grown = list[str]()
     if worlds:  # a check without maps must not wait for the simulator
-        from vinefab.prediction.deploy import deploy_from_starts  # noqa: PLC0415
+        from vinefab.growth.options import growth_text  # noqa: PLC0415
+        from vinefab.prediction.deploy import deploy_from_starts, growth_on_maps  # noqa: PLC0415
 
         growth_choice([design], [robot], given)
+        choice = growth_on_maps(robot, given)
+        grown = [f"growth: {growth_text(choice.options, [robot])}", *choice.notes]
         deployed = deploy_from_starts(robot, worlds, given)
     report = check_design(robot, profile, limits, deployed, worlds, _rig(rig))
     output.give_json(checks_text(report))
-    for line in [*deployed_lines(deployed), *check_lines(report, verbose=verbose)]:
+    for line in [*grown, *deployed_lines(deployed), *check_lines(report, verbose=verbose)]:
         output.say(line)
     for path in (svg, png, dxf):
         if path is not None:

@@ -385,6 +385,13 @@ def pose_text(pose: Pose) -> str:
     return f"{pose.x_mm:.2f},{pose.y_mm:.2f},{deg(pose.heading_rad):.2f}"
 
 
+def growth_on_maps(design: Design, given: Mapping[str, object] | None = None) -> GrowthChoice:
+    """Return how a design is grown where rules are checked on maps."""
+    choice = GrowthChoice.of([design], given).single
+    # The rules ask what growth to every tip would take (VF-P03): no pressure may stop it before.
+    return replace(choice, options=replace(choice.options, pressure_stop=False))
+
+
 def deploy_from_starts(
     design: Design, maps: Sequence[Map], given: Mapping[str, object] | None = None
 ) -> tuple[tuple[str, Deployment], ...]:
@@ -398,8 +405,7 @@ def deploy_from_starts(
     for world in maps:
         if not world.starts:
             raise BadInputError(f"--map {world.name}", "without a start", "maps with starts")
-    # The rules ask what growth to every tip would take (VF-P03): no pressure may stop it before.
-    options = replace(GrowthChoice.of([design], given).single.options, pressure_stop=False)
+    options = growth_on_maps(design, given).options
     terrains = [(world, Terrain.of(world)) for world in maps]
     return tuple(
         (_start_name(world, number), grow(design, terrain, start.pose, options))

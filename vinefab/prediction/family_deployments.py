@@ -103,6 +103,11 @@ class PreparedFamily:
         """Name of each map; maps of one name are told apart by a number."""
         return numbered_names([prepared_map.world.name for prepared_map in self.maps])
 
+    @property
+    def distinct(self) -> "PreparedFamily":
+        """The same with every pose once: all deployments have the same contacts."""
+        return replace(self, poses=tuple(tuple(dict.fromkeys(places)) for places in self.poses))
+
     def launches(self) -> Launches:
         """Return every pose of every map as launches of a batch."""
         return Launches.of(

@@ -32,6 +32,7 @@ from vinefab.inputs import (
     as_parameters,
     call_text,
     design_given,
+    growth_given,
     map_given,
     mapping_given,
     maps_given,
@@ -144,9 +145,11 @@ def score(
     task: str | Task = "coverage",
     *,
     maps: MapLike | Iterable[MapLike],
-    poses: int = 1,
+    poses: int = 3,
     seed: int = 0,
-    body: str = "centerline",
+    body: str | None = None,
+    head_on_half_angle_deg: float | tuple[float, float] | None = None,
+    growth: Mapping[str, object] | None = None,
     **parameters: object,
 ) -> Score:
     """Score a design on a task over maps and poses (simulated).
@@ -165,7 +168,11 @@ def score(
     seed
         Seed of the poses; map ``i`` gets ``seed + i``.
     body
-        ``centerline`` or ``inflated``, as in ``Design.grow``.
+        ``inflated`` or ``centerline``, as in ``Design.grow``; None: as the design was trained.
+    head_on_half_angle_deg
+        As in ``Design.grow``; a range ``(low, high)`` gives every deployment a value of its own.
+    growth
+        Any growth options by name, as in ``Design.grow``.
     **parameters
         Parameters of a task that is named, such as ``radius_mm=60``.
 
@@ -190,7 +197,7 @@ def score(
     >>> found.scores.shape
     (2,)
     """
-    from vinefab.prediction.deploy import growth_options
+    from vinefab.growth.options import GrowthChoice
     from vinefab.prediction.scoring import ScorePlan, score_design_on_task
 
     worlds = maps_given(maps)
@@ -201,7 +208,9 @@ def score(
         poses=whole("poses", poses, 1, _MOST_POSES),
         seed=whole("seed", seed, 0, _MOST_SEED),
     )
-    return score_design_on_task(design_given(design), worlds, plan, growth_options(body))
+    given = growth_given(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
+    robot = design_given(design)
+    return score_design_on_task(robot, worlds, plan, GrowthChoice.of([robot], given).options)
 
 
 def optimize(
@@ -302,6 +311,7 @@ def check(
     maps: MapLike | Iterable[MapLike] = (),
     rig: str | PathLike[str] | None = None,
     limits: Mapping[str, Mapping[str, float]] | None = None,
+    growth: Mapping[str, object] | None = None,
 ) -> CheckReport:
     """Check a design against the rules of making and deploying it.
 
@@ -317,6 +327,8 @@ def check(
         A folder that `rig` or ``vinefab rig`` wrote.
     limits
         Limits in place of the rules' own: ``{"VF-C01": {"warning": 6.0}}``.
+    growth
+        Growth options by name for the maps, as in ``Design.grow``; there no pressure stops it.
 
     Returns
     -------
@@ -351,7 +363,7 @@ def check(
         from vinefab.prediction.deploy import deploy_from_starts
 
         with python_words():
-            deployed = deploy_from_starts(robot, worlds)
+            deployed = deploy_from_starts(robot, worlds, growth_given(growth))
     return check_design(robot, profile, changed, deployed, worlds, facts)
 
 
@@ -541,7 +553,9 @@ def report(
     options: Mapping[str, object] | None = None,
     poses: int = 3,
     seed: int = 0,
-    body: str = "inflated",
+    body: str | None = None,
+    head_on_half_angle_deg: float | tuple[float, float] | None = None,
+    growth: Mapping[str, object] | None = None,
     progress: Callable[[float, str], None] | None = None,
     force: bool = False,
 ) -> WrittenReport:
@@ -568,7 +582,11 @@ def report(
     seed
         Seed of unseen maps and poses.
     body
-        ``inflated`` or ``centerline``, as in ``Design.grow``.
+        ``inflated`` or ``centerline``, as in ``Design.grow``; None: as the design was trained.
+    head_on_half_angle_deg
+        As in ``Design.grow``; a range ``(low, high)`` gives every deployment a value of its own.
+    growth
+        Any growth options by name, as in ``Design.grow``.
     progress
         Called with the share of the work that is done and a few words.
     force
@@ -593,7 +611,7 @@ def report(
     >>> page = report("grid_explorer", environment="grid", out="page.html")  # doctest: +SKIP
     >>> print(page.summary[0])  # doctest: +SKIP
     """
-    from vinefab.prediction.deploy import growth_options
+    from vinefab.growth.options import GrowthChoice
     from vinefab.prediction.family_deployments import (
         PredictionPlan,
         map_families,
@@ -607,10 +625,12 @@ def report(
     path, tell = path_given("out", out), progress or no_progress
     ensure_writable(path, force=force)
     robot, profile, worlds = design_given(design), recipe_given(recipe), maps_given(maps)
+    given = growth_given(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
+    grown = GrowthChoice.of([robot], given).options
     plan = PredictionPlan(
         poses=whole("poses", poses, 1, _MOST_POSES),
         seed=whole("seed", seed, 0, _MOST_SEED),
-        options=growth_options(body),
+        options=grown,
     )
     with python_words():
         chosen, unseen = mapping_given("options", options), None
@@ -622,7 +642,8 @@ def report(
     call = f"vf.report({call_text(design)}, {call_text(recipe)}, out={str(path)!r}, maps=[{places}]"
     if environment is not None:
         call += f", {environment=}, {count=}, options={dict(chosen)}"
-    origin = origin_of(f"{call}, {poses=}, {seed=}, {body=})", [robot], profile, families)
+    call += f", {poses=}, {seed=}, growth={grown.content})"
+    origin = origin_of(call, [robot], profile, families)
     write_text(path, found.page(origin, (), part_of(tell, 0.6, 1.0)), force=force)
     return WrittenReport(
         path=path,

@@ -11,7 +11,6 @@ from vinefab.core.atomic import write_bytes
 from vinefab.core.jsontext import json_text
 from vinefab.core.rng import child
 from vinefab.fabrication.package.prepare import package, zip_bytes
-from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text, read_design
@@ -84,7 +83,6 @@ class DemoSettings:
                 growth_percent=Bounds(low=60.0, high=140.0),
             ),
             build=BuildSettings(trunk_width_mm=24.0, width_ratio=0.65),
-            growth=GrowthOptions(body="inflated"),
             search=SearchSettings(
                 population=self.population, generations=self.generations, seed=self.seed
             ),
@@ -123,6 +121,7 @@ class Demo:
                 "coverage score, plain vine, unseen",
                 f"{demo_interval_text(self.baseline)} (simulated)",
             ),
+            ("growth model", self.predicted.growth),
             (
                 "free space reached, unseen maps",
                 f"{REACH.text(reach.mean)} (simulated)" if reach else "none",

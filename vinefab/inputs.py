@@ -90,6 +90,21 @@ def mapping_given(key: str, given: object) -> Mapping[str, Any]:
     return given or {}
 
 
+def growth_given(given: object, **shortcuts: object) -> Mapping[str, Any]:
+    """Return growth options by name: those of a mapping, and those with a parameter of their own.
+
+    A parameter that is None was not given.
+    """
+    options = dict(mapping_given("growth", given))
+    for name, value in shortcuts.items():
+        if value is None:
+            continue
+        if name in options and options[name] != value:
+            raise BadInputError(name, value, f"not beside another one in growth, {options[name]!r}")
+        options[name] = value
+    return options
+
+
 def task_given(task: str | Task, parameters: Mapping[str, object]) -> Task:
     """Return a task by its name, or the one given."""
     from vinefab.tasks.shipped_tasks import TASKS, make_task

@@ -6,15 +6,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import number
-from vinefab.inputs import MapLike, PoseLike, map_given
+from vinefab.inputs import MapLike, PoseLike, growth_given, map_given
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import path_given
@@ -27,35 +26,30 @@ def grow_design(
     world: MapLike,
     pose: PoseLike | None = None,
     *,
-    body: str = "centerline",
-    head_on_half_angle_deg: float = 1.0,
-    children_of_stuck: str = "stop",
+    growth: Mapping[str, object] | None = None,
+    **shortcuts: object,
 ) -> Deployment:
     """Deploy a design on a map; see `vinefab.model.design.Design.grow`."""
-    from vinefab.prediction.deploy import deploy, growth_options
+    from vinefab.prediction.deploy import deploy
 
-    number("head_on_half_angle_deg", head_on_half_angle_deg, 0.0, 90.0, "deg")
-    options = growth_options(body, head_on_half_angle_deg, children_of_stuck)
+    given = growth_given(growth, **shortcuts)
     place = map_given(world)
     if pose is None and not place.starts:
         allowed = f"(x_mm, y_mm, heading_deg), as map {place.name} has no start of its own"
         raise BadInputError("pose", None, allowed)
     start = None if pose is None else Pose.of(pose)
-    grown = deploy(design, place, start, options).deployment
-    choices = {
-        "body": body,
-        "head_on_half_angle_deg": head_on_half_angle_deg,
-        "children_of_stuck": children_of_stuck,
-    }
-    return replace(grown, design=design, world=place, growth=choices)
+    grown = deploy(design, place, start, given)
+    choices = grown.options.content
+    return replace(grown.deployment, design=design, world=place, growth=choices)
 
 
 def write_deployment(
     deployment: Deployment, path: str | PathLike[str], *, force: bool = False
 ) -> Path:
     """Write a deployment; see `vinefab.model.deployment.Deployment.write`."""
+    from vinefab.growth.options import GrowthOptions
     from vinefab.growth.terrain import Terrain
-    from vinefab.prediction.deploy import DeployedDesign, growth_options
+    from vinefab.prediction.deploy import DeployedDesign
 
     target, design, world = path_given("path", path), deployment.design, deployment.world
     suffix = target.suffix.lower()
@@ -63,12 +57,11 @@ def write_deployment(
         raise BadInputError("path", str(target), "a name ending in .json, .svg, .png or .gif")
     if design is None or world is None:
         raise BadInputError("deployment", deployment, "one that Design.grow returned")
-    choices: dict[str, Any] = dict(deployment.growth)
     whole_deployment = DeployedDesign(
         design=design,
         world=world,
         terrain=Terrain.of(world),
-        options=growth_options(**choices),
+        options=GrowthOptions.of(deployment.growth),
         deployment=deployment,
     )
     if suffix == ".json":

@@ -221,7 +221,7 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
     if len(terrain.walls().wall) == 0:
         return
     size_mm = max(terrain.world.size_mm)
-    options = GrowthOptions(
+    options = GrowthOptions.published(
         head_on_half_angle_rad=math.radians(float(rng.choice([0.0, 1.0, 15.0]))),
         children_of_stuck=str(rng.choice(["stop", "deploy"])),
     )

@@ -1,4 +1,5 @@
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -31,7 +32,15 @@ def test_interval_covers_the_true_mean_about_as_often_as_it_says():
 
 
 def test_one_value_gives_itself():
-    assert mean_interval([0.3]) == (0.3, 0.3)
+    assert mean_interval([0.3, 0.3]) == (0.3, 0.3)
+
+
+def test_one_value_has_neither_interval_nor_p() -> None:
+    assert np.isnan(mean_interval([0.3])).all()
+    assert np.isnan(sign_flip_p([0.3]))
+    adjusted = holm([0.01, math.nan, 0.04])
+    assert adjusted[::2] == (0.02, 0.04)
+    assert math.isnan(adjusted[1])
 
 
 @pytest.mark.parametrize("count", [6, 25])

@@ -86,7 +86,7 @@ def launch(engine: str) -> Grower:
     ) -> Deployment:
         x, y, heading_deg = place
         pose = Pose(x_mm=x, y_mm=y, heading_rad=math.radians(heading_deg))
-        options = GrowthOptions(**{"head_on_half_angle_rad": 0.0, **choices})
+        options = GrowthOptions.published(**{"head_on_half_angle_rad": 0.0, **choices})
         return grow(design, ground, pose, options, engine)
 
     return run

@@ -27,7 +27,7 @@ def same(one, other):
 @pytest.fixture(params=["centerline", "inflated"])
 def case(request, random_map, random_pose, random_tree):
     rng = np.random.default_rng(31)
-    options = GrowthOptions(body=request.param, children_of_stuck="deploy")
+    options = GrowthOptions.published(body=request.param, children_of_stuck="deploy")
     terrains = [Terrain.of(random_map(rng, kind)) for kind in KINDS]
     poses = [[random_pose(rng, ground) for _ in range(5)] for ground in terrains]
     designs = [random_tree(rng) for _ in range(9)]
@@ -106,7 +106,7 @@ def test_an_atlas_keeps_what_it_has_put_together_but_not_for_ever():
 
 
 def test_half_angles_of_a_range_are_spread_evenly_over_a_batch():
-    options = GrowthOptions(head_on_half_angle_rad=(0.1, 0.3))
+    options = GrowthOptions.published(head_on_half_angle_rad=(0.1, 0.3))
     angles = options.half_angles_rad(400)
     assert ((angles >= 0.1) & (angles <= 0.3)).all()
     counts, _ = np.histogram(angles, bins=10, range=(0.1, 0.3))
@@ -115,18 +115,18 @@ def test_half_angles_of_a_range_are_spread_evenly_over_a_batch():
     with pytest.raises(BadInputError, match="one number"):
         options.only_half_angle_rad  # noqa: B018  the property raises
     with pytest.raises(BadInputError, match="head_on_half_angle_deg"):
-        GrowthOptions(head_on_half_angle_rad=(0.3, 0.1))
+        GrowthOptions.published(head_on_half_angle_rad=(0.3, 0.1))
 
 
 def test_options_are_read_back_from_their_content():
-    wide = GrowthOptions(
+    wide = GrowthOptions.published(
         head_on_half_angle_rad=(math.radians(1.0), math.radians(15.0)),
         children_of_stuck="deploy",
         body="inflated",
         pressure_stop=True,
         storage_kpa=2.0,
     )
-    for options in (GrowthOptions(), GrowthOptions.published(), wide):
+    for options in (GrowthOptions.published(), GrowthOptions.published(), wide):
         again = GrowthOptions.of(options.content)
         assert again.content == options.content
     changed = GrowthOptions.of({"storage_kpa": 1.0}, wide)

@@ -21,7 +21,7 @@ from vinefab.model.map import Map, Pose
 seeds = st.integers(0, 2**32 - 1)
 kinds = st.sampled_from(["convex", "star", "needles", "lattice"])
 quick = settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
-FREE = GrowthOptions(head_on_half_angle_rad=0.0, children_of_stuck="deploy")
+FREE = GrowthOptions.published(head_on_half_angle_rad=0.0, children_of_stuck="deploy")
 
 
 @quick
@@ -32,7 +32,7 @@ def test_stays_in_free_space_and_within_its_length(
     rng = np.random.default_rng(seed)
     world = random_map(rng, kind)
     terrain = Terrain.of(world)
-    options = GrowthOptions(
+    options = GrowthOptions.published(
         head_on_half_angle_rad=math.radians(half_angle_deg), children_of_stuck="deploy"
     )
     grown = grow(random_tree(rng), terrain, random_pose(rng, terrain), options, engine)

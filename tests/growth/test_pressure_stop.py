@@ -20,7 +20,7 @@ from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.prediction.deploy import History
 from vinefab.prediction.measures import LOOSE, growth_pressures_kpa
 
-PRESSED = GrowthOptions(pressure_stop=True)
+PRESSED = GrowthOptions.published(pressure_stop=True)
 OPEN = Terrain.of(Map(name="open", bounds=box(-4000.0, -4000.0, 4000.0, 4000.0)))
 ORIGIN = Pose(x_mm=0.0, y_mm=0.0, heading_rad=0.3)
 
@@ -117,7 +117,7 @@ def test_twins_agree_and_pressure_is_used_up_where_it_stops(
         constants = replace(
             FITTED, storage_kpa=replace(FITTED.storage_kpa, value=float(rng.choice([0.0, 0.5])))
         )
-        options = GrowthOptions(
+        options = GrowthOptions.published(
             body=body,
             storage_kpa=constants.storage_kpa.value,
             children_of_stuck=str(rng.choice(["stop", "deploy"])),
@@ -147,7 +147,7 @@ def test_enough_pressure_changes_nothing(engine, random_map, random_pose, random
         terrain = Terrain.of(random_map(rng, "convex"))
         robot, pose = at_pressure(random_tree(rng), 9999.0), random_pose(rng, terrain)
         with_it = grow(robot, terrain, pose, PRESSED, engine)
-        without = grow(robot, terrain, pose, GrowthOptions(), engine)
+        without = grow(robot, terrain, pose, GrowthOptions.published(), engine)
         assert with_it.stop.tolist() == without.stop.tolist()
         assert with_it.points_mm.tolist() == without.points_mm.tolist()
 
@@ -159,7 +159,9 @@ def test_a_shape_on_the_way_is_part_of_the_final_one(random_map, random_pose, ra
         rng = np.random.default_rng([33, number])
         terrain = Terrain.of(random_map(rng, "convex"))
         robot, pose = random_tree(rng), random_pose(rng, terrain)
-        pressure_kpa = some_pressure_kpa(robot, terrain, pose, GrowthOptions(), LOOSE, rng)
+        pressure_kpa = some_pressure_kpa(
+            robot, terrain, pose, GrowthOptions.published(), LOOSE, rng
+        )
         robot = at_pressure(robot, pressure_kpa)
         final = grow(robot, terrain, pose, PRESSED)
         history = History(design=robot, terrain=terrain, options=PRESSED, final=final)

@@ -125,7 +125,9 @@ def _vine(length_mm: float) -> Design:
 
 
 def _options(half_angle_deg: float) -> GrowthOptions:
-    return GrowthOptions(head_on_half_angle_rad=math.radians(half_angle_deg), body="centerline")
+    return GrowthOptions.published(
+        head_on_half_angle_rad=math.radians(half_angle_deg), body="centerline"
+    )
 
 
 def _line(chain: list[complex]) -> LineString:
@@ -242,7 +244,7 @@ def test_children_that_start_on_walls_end_like_small_steps(stuck: str) -> None:
     """Every branch of a tree, from where and how its parent ended."""
     levels = tuple(Level(branches=3, length_mm=length, fan_rad=3.0) for length in (35.0, 25.0))
     design = Design(name="tree", trunk_length_mm=40.0, levels=levels, build=Build.standard(3))
-    options = GrowthOptions(children_of_stuck=stuck)
+    options = GrowthOptions.published(children_of_stuck=stuck)
     matches, on_wall = [], 0
     for rng, world in _maps(14, "star", 12):
         match, pose = Match(world, HALF_ANGLE_DEG), _free_pose(rng, world)

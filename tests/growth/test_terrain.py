@@ -206,4 +206,4 @@ def test_unknown_engine_is_refused(terrain, vine):
 )
 def test_options_are_checked(choice):
     with pytest.raises(BadInputError, match=next(iter(choice)).removesuffix("_rad")):
-        GrowthOptions(**choice)
+        GrowthOptions.published(**choice)

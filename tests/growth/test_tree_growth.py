@@ -113,7 +113,7 @@ def test_wider_child_without_room_is_a_result(engine):
         build=Build(widths_mm=(10.0, 60.0), fillet_mm=(2.0,)),
     )
     ground = Terrain.of(Map(name="test", bounds=UNDER_CEILING))
-    options = GrowthOptions(body="inflated", head_on_half_angle_rad=0.0)
+    options = GrowthOptions.published(body="inflated", head_on_half_angle_rad=0.0)
     up = Pose(x_mm=0.0, y_mm=0.0, heading_rad=1.2)
     assert grow(design, ground, up, options, engine).stop.tolist() == [0, Stop.NOT_DEPLOYED]
     down = Pose(x_mm=0.0, y_mm=0.0, heading_rad=-1.2)

@@ -25,7 +25,7 @@ def test_twins_agree(random_map, random_pose, random_tree, kind):
         terrain = Terrain.of(random_map(rng, kind))
         for _ in range(GROWTHS_PER_MAP):
             robot, pose = random_tree(rng), random_pose(rng, terrain)
-            options = GrowthOptions(
+            options = GrowthOptions.published(
                 head_on_half_angle_rad=math.radians(rng.choice([0.0, 1.0, 15.0])),
                 children_of_stuck=str(rng.choice(["stop", "deploy"])),
             )
@@ -41,7 +41,7 @@ def test_twins_agree(random_map, random_pose, random_tree, kind):
 
 @pytest.mark.parametrize("kind", ["convex", "star"])
 def test_twins_agree_on_inflated_bodies(random_map, random_pose, random_tree, kind):
-    options = GrowthOptions(body="inflated")
+    options = GrowthOptions.published(body="inflated")
     deployed = 0
     for number in range(12):
         rng = np.random.default_rng([6, number])
@@ -62,7 +62,7 @@ def test_rules_agree_one_by_one(random_map):
     for kind in ("convex", "star", "needles", "lattice"):
         terrain = Terrain.of(random_map(rng, kind))
         walls = terrain.walls()
-        rules = rules_of(GrowthOptions(head_on_half_angle_rad=0.3), terrain.tolerance_mm)
+        rules = rules_of(GrowthOptions.published(head_on_half_angle_rad=0.3), terrain.tolerance_mm)
         world = World.of(walls, rules)
         for _ in range(200):
             wall, first = (int(index) for index in rng.integers(len(walls.wall), size=2))

@@ -33,7 +33,7 @@ def world():
 def frames(world):
     fork = Level(branches=3, length_mm=30.0, fan_rad=2.0, growth=0.5)
     design = Design(name="y", trunk_length_mm=40.0, levels=(fork,), build=Build.standard(2))
-    options, terrain = GrowthOptions(), Terrain.of(world)
+    options, terrain = GrowthOptions.published(), Terrain.of(world)
     pose = Pose(x_mm=50.0, y_mm=5.0, heading_rad=math.pi / 2)
     final = grow(design, terrain, pose, options)
     history = History(design=design, terrain=terrain, options=options, final=final)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import shapely
 
+from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
@@ -26,7 +27,7 @@ def world_of(side_mm):
 def deployed(world):
     fork = Level(branches=2, length_mm=30.0, fan_rad=1.0)
     design = Design(name="y", trunk_length_mm=40.0, levels=(fork,), build=Build.standard(2, 4.0))
-    return grow(design, Terrain.of(world), POSE)
+    return grow(design, Terrain.of(world), POSE, GrowthOptions.published())
 
 
 def test_a_small_robot_on_a_large_map_is_drawn_with_its_surroundings_only():

@@ -159,7 +159,7 @@ def test_turns_on_a_map_are_those_that_the_simulator_counted(body: str) -> None:
         pose = Pose(
             x_mm=pose.x_mm, y_mm=pose.y_mm, heading_rad=pose.heading_rad + rng.uniform(-0.3, 0.3)
         )
-        deployment = grow(TREE, terrain, pose, GrowthOptions(body=body))
+        deployment = grow(TREE, terrain, pose, GrowthOptions.published(body=body))
         tree, paths = deployment.tree, grown_paths(deployment)
         assert set(paths) == set(np.flatnonzero(deployment.deployed).tolist())
         for branch, path in paths.items():

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from vinefab.growth.options import GrowthOptions
 from vinefab.model.files.design_toml import read_design
 from vinefab.prediction.comparison import (
     DesignComparison,
@@ -107,7 +108,7 @@ def test_words_json_and_page_say_the_same(found):
     comparison, family = found
     origin = origin_of("vinefab compare", comparison.designs, None, [family])
     document = json.loads(comparison_text(comparison, REACH, origin))
-    page = comparison_page(comparison, REACH, PredictionPlan(poses=2), origin)
+    page = comparison_page(comparison, REACH, origin, ("one thing to know",))
     lines = comparison_lines(comparison, REACH)
     assert document["schema"] == "vinefab/design-comparison-1"
     assert len(document["duels"]) == 3 * len(MEASURES)
@@ -119,6 +120,10 @@ def test_words_json_and_page_say_the_same(found):
                 f"{difference['mean']:.1f} [{difference['low']:.1f}, " in line for line in lines
             )
     assert 'src="http' not in page
+    assert document["growth"] == GrowthOptions().content
+    assert comparison.growth in page
+    assert any(line.endswith(comparison.growth) for line in lines)
+    assert "One thing to know." in page
 
 
 @pytest.mark.parametrize("count", [1, 13])
@@ -202,7 +207,12 @@ def test_designs_are_ranked_by_their_mean_and_shown_at_a_median_deployment():
         for column in columns.values()
     )
     comparison = DesignComparison(
-        names=tuple(columns), designs=(), results=results, differences=(), contacts=()
+        names=tuple(columns),
+        designs=(),
+        results=results,
+        differences=(),
+        contacts=(),
+        plan=PredictionPlan(),
     )
     assert comparison.ranked(SEEN) == [
         ("b", 6.0), ("a", 4.0), ("c", pytest.approx(7.0 / 3.0))

@@ -12,7 +12,7 @@ from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
 from vinefab.prediction.deploy import deploy
 
-INFLATED = GrowthOptions(body="inflated")
+INFLATED = GrowthOptions.published(body="inflated").content
 WIDTH_MM = Build.standard(1).widths_mm[0]
 # A room with a passage of 5 mm between two blocks.
 WORLD = Map(
@@ -32,6 +32,8 @@ def test_a_start_too_narrow_for_the_trunk_is_a_result():
     (place,) = grown.without_room
     assert (place.branch, place.x_mm, place.y_mm) == ("0", 250.0, 100.0)
     assert place.radius_mm == pytest.approx(WIDTH_MM / math.pi)
+    stays = "the trunk never leaves its start: no room for its inflated body of 25 mm"
+    assert stays in grown.summary()
     assert "no room to start for branch: 0 at (250.0, 100.0) mm" in grown.summary()
     metrics = json.loads(grown.text())["metrics"]
     assert metrics["without_room"] == [place.content()]
@@ -39,7 +41,10 @@ def test_a_start_too_narrow_for_the_trunk_is_a_result():
 
 def test_a_gap_too_narrow_stops_the_inflated_body_and_not_the_centreline():
     pose = Pose(x_mm=50.0, y_mm=100.0, heading_rad=0.0)
-    assert deploy(vine(200.0), WORLD, pose, GrowthOptions()).stops["full_length"] == 1
+    assert (
+        deploy(vine(200.0), WORLD, pose, GrowthOptions.published().content).stops["full_length"]
+        == 1
+    )
     grown = deploy(vine(200.0), WORLD, pose, INFLATED)
     assert grown.stops["full_length"] == grown.stops["not_deployed"] == 0
     # Where its round end touches both blocks.
@@ -51,7 +56,7 @@ def test_a_gap_too_narrow_stops_the_inflated_body_and_not_the_centreline():
 def test_a_wedged_branch_is_named_with_its_place():
     # 45 degrees into the corner of floor and block: the tip slides along the floor into it.
     pose = Pose(x_mm=120.0, y_mm=60.0, heading_rad=math.radians(-44.0))
-    grown = deploy(vine(300.0), WORLD, pose, GrowthOptions())
+    grown = deploy(vine(300.0), WORLD, pose, GrowthOptions.published().content)
     assert grown.stops["corner"] == 1
     assert "wedged: branch: 0 at (200.0, 0.0) mm" in grown.summary()
     assert json.loads(grown.text())["metrics"]["wedged"][0]["branch"] == "0"
@@ -75,13 +80,13 @@ def test_summary_and_metrics_show_the_numbers_of_a_straight_vine():
     pose = Pose(x_mm=50.0, y_mm=150.0, heading_rad=0.0)
     fork = Level(branches=2, length_mm=60.0, fan_rad=math.pi)
     robot = Design(name="t", trunk_length_mm=80.0, levels=(fork,), build=Build.standard(2))
-    options = GrowthOptions(head_on_half_angle_rad=math.radians(5.0))
+    options = GrowthOptions.published(head_on_half_angle_rad=math.radians(5.0)).content
     grown = deploy(robot, WORLD, pose, options)
     # One child upwards meets the wall of the room head-on after 50 of 60 mm.
-    assert grown.summary()[:3] == [
+    assert grown.summary()[:4] == [
         "t on passage from 50.00,150.00,0.00",
-        "3 branches: 2 full_length, 1 head_on (simulated, centerline body, head-on half-angle "
-        "5 deg, assumed)",
+        "3 branches: 2 full_length, 1 head_on (simulated)",
+        "growth: centerline body, head-on half-angle 5 deg (assumed), no pressure stops it",
         "grown 190.0 of 200.0 mm",
     ]
     metrics = json.loads(grown.text())["metrics"]
@@ -90,6 +95,7 @@ def test_summary_and_metrics_show_the_numbers_of_a_straight_vine():
     assert metrics["stops"] == {
         "full_length": 2, "head_on": 1, "corner": 0, "not_deployed": 0, "pressure": 0
     }  # fmt: skip
-    assert metrics["head_on_half_angle_deg"] == 5.0
+    assert {name: metrics[name] for name in options} == options
+    assert metrics["head_on_half_angle_deg"] == pytest.approx(5.0)
     assert grown.history.full_mm == pytest.approx(140.0)
     assert grown.history.base_mm == pytest.approx(np.array([0.0, 80.0, 80.0]))

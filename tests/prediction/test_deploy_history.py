@@ -30,11 +30,11 @@ def grown(draw):
     length = st.floats(5.0, 200.0)
     design = design_of(draw(st.lists(length, min_size=1, max_size=3)), draw(st.floats(0.3, 2.0)))
     pose = Pose(x_mm=150.0, y_mm=draw(st.floats(6.0, 14.0)), heading_rad=draw(st.floats(0.3, 2.8)))
-    options = GrowthOptions(
+    options = GrowthOptions.published(
         head_on_half_angle_rad=math.radians(5.0),
         body=draw(st.sampled_from(["centerline", "inflated"])),
         children_of_stuck=draw(st.sampled_from(["stop", "deploy"])),
-    )
+    ).content
     return deploy(design, WORLD, pose, options)
 
 
@@ -92,7 +92,9 @@ def test_branches_reach_exactly_to_the_front_or_have_stopped(result, share):
 
 @pytest.mark.parametrize("body", ["centerline", "inflated"])
 def test_the_last_shape_is_the_final_one(body):
-    result = deploy(design_of([120.0, 80.0, 50.0], 0.6), WORLD, None, GrowthOptions(body=body))
+    result = deploy(
+        design_of([120.0, 80.0, 50.0], 0.6), WORLD, None, GrowthOptions.published(body=body).content
+    )
     frames = result.history.even_steps(7)
     assert frames[-1].deployment is result.deployment
     assert frames[-1].front_mm == result.history.full_mm
@@ -110,7 +112,7 @@ def test_levels_follow_each_other_and_siblings_grow_together():
     world = grid_map(0, GridOptions(size_mm=1000.0, columns=1, rows=1))
     pose = Pose(x_mm=10.0, y_mm=30.0, heading_rad=math.pi / 2)
     design = design_of([100.0, 40.0], 0.5)
-    history = deploy(design, world, pose, GrowthOptions()).history
+    history = deploy(design, world, pose, GrowthOptions.published().content).history
     assert history.base_mm.tolist() == [0.0, 100.0, 100.0, 100.0]
     assert history.full_mm == pytest.approx(140.0)
     at = {s: history.at(s).deployment.grown_mm.tolist() for s in (60.0, 100.0, 125.0, 135.0)}
@@ -121,7 +123,9 @@ def test_levels_follow_each_other_and_siblings_grow_together():
 
 
 def test_json_names_what_grows_on():
-    history = deploy(design_of([120.0, 80.0], 0.5), WORLD, None, GrowthOptions()).history
+    history = deploy(
+        design_of([120.0, 80.0], 0.5), WORLD, None, GrowthOptions.published().content
+    ).history
     content = history_content(history.frames((60.0, 1e5)))
     assert [entry["front_mm"] for entry in content] == [60.0, history.full_mm]
     assert [branch["id"] for branch in content[0]["branches"]] == ["0"]

@@ -15,13 +15,25 @@ def test_lines_show_every_score_and_the_composites():
     evaluations = tuple(
         Evaluation(map_name="m", pose=pose, score=score, terms={}) for score in (0.25, 0.5, 0.75)
     )
-    result = Score(task="reach", evaluations=evaluations, composite={"mean": 0.5, "best": 0.75})
-    assert score_lines(result, most=2) == [
-        "task reach, 3 evaluations (simulated)",
+    growth = {"body": "centerline", "pressure_stop": False}
+    result = Score(
+        task="reach",
+        evaluations=evaluations,
+        composite={"mean": 0.5, "best": 0.75},
+        parts={"area reached": 0.6, "film": -0.1},
+        growth=growth,
+        notes=("one thing to know",),
+    )
+    vine = Design(name="v", trunk_length_mm=100.0, build=Build.standard(1))
+    assert score_lines(result, vine, most=2) == [
+        "task reach, 3 evaluations (simulated); centerline body, head-on half-angle 1 deg "
+        "(assumed), no pressure stops it",
         "    0.2500  m  1.00,2.00,30.00",
         "    0.5000  m  1.00,2.00,30.00",
         "  ... and 1 more",
+        "mean: + 0.6000 area reached - 0.1000 film = 0.5000",
         "composite: mean 0.5000, best 0.7500",
+        "one thing to know",
     ]
 
 
@@ -31,7 +43,9 @@ def test_a_score_is_that_of_every_map_and_pose():
         Map(
             name=f"room {side_mm}",
             bounds=shapely.box(0, 0, side_mm, 200),
-            starts=(Start(pose=Pose(x_mm=100.0, y_mm=100.0, heading_rad=0.0)),),
+            starts=(
+                Start(pose=Pose(x_mm=100.0, y_mm=100.0, heading_rad=0.0), spread_heading_rad=1e-9),
+            ),
         )
         for side_mm in (400, 800)
     ]

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Design
 from vinefab.model.map import Map
@@ -21,9 +22,10 @@ def maps() -> tuple[Map, ...]:
 
 @pytest.fixture
 def small() -> RunSettings:
-    """Six particles, five generations, at most three levels."""
+    """Six particles, five generations, at most three levels, the published growth model."""
     return RunSettings(
         name="small",
+        growth=GrowthOptions.published(),
         optimizer=PartSettings(name="pso"),
         space=SpaceSettings(levels=Bounds(low=1, high=3)),
         search=SearchSettings(population=6, generations=5, seed=3),

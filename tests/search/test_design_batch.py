@@ -58,7 +58,7 @@ def points(space: Space, count: int = 60) -> np.ndarray:
 def test_a_batch_has_the_plans_of_its_designs(
     space: Space, body: str, *, pressure_stop: bool
 ) -> None:
-    x, options = points(space), GrowthOptions(body=body, pressure_stop=pressure_stop)
+    x, options = points(space), GrowthOptions.published(body=body, pressure_stop=pressure_stop)
     singles = [space.design(row) for row in x]
     deepest = space.build_of(int(space.settings.levels.high)).widths_mm
     radii_mm = (0.0,) if body == "centerline" else tuple(w / math.pi for w in deepest)
@@ -89,7 +89,10 @@ def everything(deployment: Deployment) -> list[object]:
 @pytest.mark.parametrize("space", SPACES[1:], ids=["wide", "plain vines"])
 @pytest.mark.parametrize("body", ["centerline", "inflated"])
 def test_a_batch_grows_as_its_designs_do(space: Space, body: str) -> None:
-    x, options = points(space, 20), GrowthOptions(body=body, pressure_stop=body == "inflated")
+    x, options = (
+        points(space, 20),
+        GrowthOptions.published(body=body, pressure_stop=body == "inflated"),
+    )
     worlds = [grid_map(seed, GridOptions(columns=4, rows=4)) for seed in (1, 2)]
     poses = [draw_poses(world, 2, 5, clearance_mm=14.0) for world in worlds]
     launches = Launches.of(TerrainSet([Terrain.of(world) for world in worlds]), poses)
@@ -113,7 +116,7 @@ def test_growth_is_compiled_once_for_all_ways_to_grow() -> None:
     """Compiling it again would take ten seconds; arrays of another kind make that necessary."""
     terrains = [Terrain.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
     poses = [terrain.world.starts[0].pose for terrain in terrains]
-    space, options = SPACES[0], GrowthOptions()
+    space, options = SPACES[0], GrowthOptions.published()
     design, x = space.design(np.full(len(space), 0.5)), np.full((1, len(space)), 0.5)
     builds = {depth: space.build_of(depth) for depth in range(1, 6)}
     grow(design, terrains[0], poses[0])
@@ -148,7 +151,9 @@ def test_trees_too_large_for_a_design_are_counted_but_not_planned() -> None:
     assert sizes[1] > MOST_BRANCHES
     assert sizes[2] == 2**10 - 1
     tree = (
-        planned_batch(space.batch(x[2:]), {10: space.build_of(10)}, (0.0,), GrowthOptions())
+        planned_batch(
+            space.batch(x[2:]), {10: space.build_of(10)}, (0.0,), GrowthOptions.published()
+        )
         .each[0]
         .tree
     )

@@ -27,7 +27,7 @@ from vinefab.search.loop import Search
 from vinefab.search.parallel.executor import SerialExecutor, ThreadExecutor
 from vinefab.search.record.result import RunResult
 from vinefab.search.settings import EvaluationSettings, RunSettings
-from vinefab.tasks.evaluate import Conditions, composite
+from vinefab.tasks.evaluate import Conditions, composite, map_weights
 
 
 def optimize(
@@ -215,7 +215,7 @@ def test_scores_and_penalties_that_are_not_finite_give_the_lowest_fitness() -> N
 def test_half_angles_of_a_range_are_drawn_for_each_evaluation_and_stand_with_the_terms(
     small: RunSettings, maps: Maps
 ) -> None:
-    wide = GrowthOptions(head_on_half_angle_rad=(math.radians(1.0), math.radians(15.0)))
+    wide = GrowthOptions.published(head_on_half_angle_rad=(math.radians(1.0), math.radians(15.0)))
     evaluator = Evaluator.of(EvaluatorSpec(settings=replace(small, growth=wide), maps=maps))
     draws = [evaluator.training_conditions(3, number) for number in range(3)]
     assert draws[0] == evaluator.training_conditions(3, 0)
@@ -229,7 +229,7 @@ def test_half_angles_of_a_range_are_drawn_for_each_evaluation_and_stand_with_the
         np.testing.assert_allclose(row, angles_deg[0])
     # Each evaluation is that of a growth with its own angle.
     for launch, angle_rad in enumerate(draws[0].half_angles_rad):
-        narrow = replace(small, growth=GrowthOptions(head_on_half_angle_rad=angle_rad))
+        narrow = replace(small, growth=GrowthOptions.published(head_on_half_angle_rad=angle_rad))
         alone = Evaluator.of(EvaluatorSpec(settings=narrow, maps=maps))
         same, _ = alone.evaluate(x, Conditions(poses=draws[0].poses))
         np.testing.assert_array_equal(same.score[:, launch], found.score[:, launch])
@@ -239,3 +239,34 @@ def test_half_angles_of_a_range_are_drawn_for_each_evaluation_and_stand_with_the
     ).training_conditions(3, 0)
     (taken,) = [index for index, places in enumerate(part.poses) if places]
     assert part.half_angles_rad == (draws[0].half_angles_rad[taken],)
+
+
+def test_a_start_without_spread_gives_one_evaluation_and_maps_count_alike(
+    small: RunSettings, maps: Maps
+) -> None:
+    start = replace(maps[0].starts[0], spread_x_mm=0.0, spread_y_mm=0.0, spread_heading_rad=0.0)
+    mixed = (replace(maps[0], starts=(start,)), maps[1])
+    settings = with_evaluation(small, poses_per_map=3)
+    result = optimize(settings, mixed)
+    evaluator = Evaluator.of(EvaluatorSpec(settings=settings, maps=mixed))
+    conditions = evaluator.training_conditions(3, 4)
+    assert [len(places) for places in conditions.poses] == [1, 3]
+    last = result.history[4]
+    found, _ = evaluator.evaluate(last.x, conditions)
+    means = 0.5 * (found.score[:, 0] + found.score[:, 1:].mean(axis=1))
+    np.testing.assert_allclose(last.composite, means, rtol=1e-12)
+    (note,) = result.notes
+    assert note.startswith("starts of 1 of 2 maps have no spread: 1 deployment per map")
+    assert optimize(small, maps).notes == ()
+    fixed = Evaluator.of(EvaluatorSpec(settings=with_evaluation(small, pose_range=0.0), maps=maps))
+    assert fixed.notes == ()
+
+
+def test_weights_make_maps_count_alike_in_every_composite() -> None:
+    weights = map_weights([1, 0, 2])
+    assert weights is not None
+    np.testing.assert_allclose(weights, [0.5, 0.25, 0.25])
+    assert map_weights([2, 2, 0]) is None
+    weighed = composite([0.2, 0.5, 0.7], weights=weights)
+    plain = composite([0.2, 0.2, 0.5, 0.7])
+    assert weighed == pytest.approx(plain)

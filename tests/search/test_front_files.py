@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.map import Map
 from vinefab.model.tree import branch_tree
@@ -25,6 +26,7 @@ def optimize(
 
 SETTINGS = RunSettings(
     name="two",
+    growth=GrowthOptions.published(),
     space=SpaceSettings(levels=Bounds(low=1, high=3)),
     optimizer=PartSettings(name="nsga2"),
     search=SearchSettings(population=10, generations=3, seed=2),

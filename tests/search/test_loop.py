@@ -96,7 +96,8 @@ def test_fitness_can_be_computed_again_from_the_record(small: RunSettings, maps:
         last = optimize(settings, maps).history[4]
         poses = evaluator.conditions(3, TRAINING, 4 if redraw else 0, 1).poses
         for x, fitness in zip(last.x, last.fitness, strict=True):
-            score = score_design(evaluator.space.design(x), evaluator.maps, poses, evaluator.task)
+            design = evaluator.space.design(x)
+            score = score_design(design, evaluator.maps, poses, evaluator.task, small.growth)
             assert score.composite["mean"] == fitness
 
 
@@ -108,8 +109,9 @@ def test_finalists_are_evaluated_on_fresh_poses_and_the_best_there_wins(
     assert len(fitness) == 3
     assert fitness == sorted(fitness, reverse=True)
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps))
-    fresh = evaluator.conditions(3, FINAL, 0, 2).poses
-    expected = score_design(result.finalists[0].design, evaluator.maps, fresh, evaluator.task)
+    fresh, winner = evaluator.final_conditions(3).poses, result.finalists[0].design
+    # Exact areas, as in `vinefab score`; the search has fast ones.
+    expected = score_design(winner, evaluator.maps, fresh, Coverage(), small.growth)
     assert result.score == expected
     assert len(result.score.evaluations) == 4
 
@@ -266,7 +268,7 @@ def test_spaces_that_no_search_could_use_are_refused(small: RunSettings, maps: M
     wide = replace(
         small,
         build=BuildSettings(trunk_width_mm=400.0),
-        growth=GrowthOptions(body="inflated"),
+        growth=GrowthOptions.published(body="inflated"),
     )
     with pytest.raises(BadInputError, match="a trunk with room at a start"):
         Search.of(wide, maps, None)

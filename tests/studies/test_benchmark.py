@@ -31,7 +31,7 @@ GROUND = Terrain.of(WORLD)
 @pytest.mark.parametrize("children", ["stop", "deploy"])
 @pytest.mark.parametrize("half_angle_deg", [1.0, 15.0])
 def test_the_reference_ends_where_the_kernel_does(children, half_angle_deg):
-    options = GrowthOptions(
+    options = GrowthOptions.published(
         children_of_stuck=children, head_on_half_angle_rad=math.radians(half_angle_deg)
     )
     course, design = ReferenceWorld(GROUND.free_space()), tree_of_40()

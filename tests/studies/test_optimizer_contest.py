@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileError
+from vinefab.growth.options import GrowthOptions
 from vinefab.search.settings import (
     EvaluationSettings,
     MapSettings,
@@ -26,6 +27,7 @@ from vinefab.studies.optimizer_contest import (
 
 TINY = RunSettings(
     name="tiny",
+    growth=GrowthOptions.published(),
     maps=MapSettings(count=1),
     space=SpaceSettings(levels=Bounds(low=2, high=2), branches=Bounds(low=2, high=2)),
     search=SearchSettings(population=4, generations=2),

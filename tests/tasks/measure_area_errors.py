@@ -45,7 +45,7 @@ def pairs(number: int, task: Task, term: str) -> tuple[np.ndarray, float, float]
     space = Space(SpaceSettings(), BuildSettings())
     rng = np.random.default_rng([7, number])
     designs = [space.design(x) for x in rng.random((DESIGNS_PER_MAP, len(space)))]
-    options = GrowthOptions(children_of_stuck=rng.choice(["stop", "deploy"]))
+    options = GrowthOptions.published(children_of_stuck=rng.choice(["stop", "deploy"]))
     launches = Launches.of(TerrainSet([site.terrain]), poses_on([site], POSES_PER_MAP, [number]))
     batch = Batch(Plans.of(designs, options), launches, options)
 

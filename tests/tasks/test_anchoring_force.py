@@ -160,7 +160,7 @@ def test_gaps_of_grown_robots_agree_with_polygons(body: str) -> None:
     for world in (grid_map(1), cave_map(1)):
         site = PreparedMap.of(world)
         for pose in draw_poses(world, 3, 1, clearance_mm=8.0):
-            end = grow(tree, site.terrain, pose, GrowthOptions(body=body))
+            end = grow(tree, site.terrain, pose, GrowthOptions.published(body=body))
             leaves = np.flatnonzero(end.tree.is_leaf & end.deployed & (end.grown_mm > 1.0))
             gaps = tip_gaps_mm(end, leaves, site.context)
             for leaf, gap in zip(leaves.tolist(), gaps.tolist(), strict=True):
@@ -189,7 +189,8 @@ def test_the_designs_own_pouch_is_used_and_film_and_seam_are_the_limit() -> None
     poses = ((Pose(x_mm=10.0, y_mm=10.0, heading_rad=0.0),),)
 
     def terms(task: Anchoring, design: Design = vine) -> dict[str, float]:
-        (evaluation,) = score_design(design, [site], poses, task).evaluations
+        options = GrowthOptions.published()
+        (evaluation,) = score_design(design, [site], poses, task, options).evaluations
         return {"score": evaluation.score, **evaluation.terms}
 
     contact_mm2 = 30.0 * (40.0 - math.pi * 20.0 / 2.0)
@@ -315,7 +316,7 @@ def batch_of(body: str, pouch: Pouch | None) -> tuple[Batch, list[PreparedMap]]:
         Design(name="b", trunk_length_mm=150.0, levels=(fan,), build=replace(flat, pouch=pouch)),
         Design(name="c", trunk_length_mm=300.0, build=bare),
     ]
-    options = GrowthOptions(body=body, children_of_stuck="deploy")
+    options = GrowthOptions.published(body=body, children_of_stuck="deploy")
     sites = [PreparedMap.of(grid_map(2)), PreparedMap.of(cave_map(1))]
     poses = [draw_poses(site.world, 4, 3, clearance_mm=8.0) for site in sites]
     launches = Launches.of(TerrainSet([site.terrain for site in sites]), poses)

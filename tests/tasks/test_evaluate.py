@@ -32,7 +32,7 @@ VINE = Design(name="vine", trunk_length_mm=400.0, build=Build.standard(1))
 
 def test_a_plain_vine_in_the_open_scores_what_its_disc_sees(room: Map) -> None:
     task = Coverage(radius_mm=50.0, most_diagonals=1.0)
-    score = score_design(VINE, [PreparedMap.of(room)], ((UP,),), task)
+    score = score_design(VINE, [PreparedMap.of(room)], ((UP,),), task, GrowthOptions.published())
     (evaluation,) = score.evaluations
     expected = math.pi * 50.0**2 / 1e6 - 0.1 * 400.0 / math.hypot(1000.0, 1000.0)
     assert evaluation.score == pytest.approx(expected, rel=1e-9)
@@ -61,7 +61,7 @@ def test_growth_options_are_used(room: Map) -> None:
             [PreparedMap.of(room)],
             ((steep,),),
             task,
-            GrowthOptions(head_on_half_angle_rad=math.radians(angle_deg)),
+            GrowthOptions.published(head_on_half_angle_rad=math.radians(angle_deg)),
         ).evaluations[0]
         for angle_deg in (1.0, 30.0)
     )

@@ -69,7 +69,7 @@ def test_trees_on_grid_maps_are_within_the_stated_error(radius: float) -> None:
     tree = Design(name="t", trunk_length_mm=200.0, levels=(fan, fan), build=Build.standard(3))
     for seed in range(6):
         site = PreparedMap.of(grid_map(seed))
-        options = GrowthOptions(children_of_stuck="deploy")
+        options = GrowthOptions.published(children_of_stuck="deploy")
         launches = Launches.of(TerrainSet([site.terrain]), [draw_poses(site.world, 4, seed)])
         for grown in Batch(Plans.of([tree], options), launches, options).deployments():
             seen, summed = covered(site.context, grown.tips_mm, radius)
@@ -135,7 +135,7 @@ def test_blocks_score_as_single_deployments_do(body: str, same: Callable[..., bo
         Design(name="b", trunk_length_mm=150.0, levels=(fan,), build=Build.standard(2)),
         Design(name="c", trunk_length_mm=90.0, build=Build.standard(1)),
     ]
-    options = GrowthOptions(body=body)
+    options = GrowthOptions.published(body=body)
     sites = [PreparedMap.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
     poses = [draw_poses(site.world, 3, 5, clearance_mm=14.0) for site in sites]
     launches = Launches.of(TerrainSet([site.terrain for site in sites]), poses)
@@ -159,7 +159,10 @@ def test_scores_for_reports_are_exact() -> None:
     poses = (draw_poses(site.world, 1, 1),)
     fan = Level(branches=9, length_mm=90.0, fan_rad=2.0)
     tree = Design(name="t", trunk_length_mm=200.0, levels=(fan,), build=Build.standard(2))
-    exact, fast = (score_design(tree, [site], poses, task) for task in (Coverage(), FAST))
+    exact, fast = (
+        score_design(tree, [site], poses, task, GrowthOptions.published())
+        for task in (Coverage(), FAST)
+    )
     assert exact.scores[0] != fast.scores[0]
     assert exact.scores[0] == pytest.approx(fast.scores[0], abs=2e-3)
 
@@ -394,7 +397,7 @@ def test_blocks_with_line_of_sight_score_as_single_deployments_do(
         Design(name="a", trunk_length_mm=120.0, levels=(fan, fan), build=Build.standard(3)),
         Design(name="b", trunk_length_mm=90.0, build=Build.standard(1)),
     ]
-    options = GrowthOptions()
+    options = GrowthOptions.published()
     sites = [PreparedMap.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
     poses = [draw_poses(site.world, 3, 5) for site in sites]
     launches = Launches.of(TerrainSet([site.terrain for site in sites]), poses)

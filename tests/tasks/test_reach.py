@@ -73,7 +73,7 @@ def test_cells_stay_within_the_band_that_is_proven(pillar_room: Map) -> None:
 def test_the_bound_holds_for_robots_with_branches() -> None:
     fan = Level(branches=3, length_mm=90.0, fan_rad=2.0, growth=0.7)
     tree = Design(name="t", trunk_length_mm=150.0, levels=(fan, fan), build=Build.standard(3))
-    options = GrowthOptions(children_of_stuck="deploy")
+    options = GrowthOptions.published(children_of_stuck="deploy")
     for world in (grid_map(2), cave_map(1)):
         site = PreparedMap.of(world)
         launches = Launches.of(TerrainSet([site.terrain]), [draw_poses(world, 3, 5)])
@@ -108,7 +108,7 @@ def test_blocks_score_as_single_deployments_do(body: str, same: Callable[..., bo
         Design(name="a", trunk_length_mm=120.0, levels=(fan, fan), build=Build.standard(3)),
         Design(name="c", trunk_length_mm=90.0, build=Build.standard(1)),
     ]
-    options = GrowthOptions(body=body)
+    options = GrowthOptions.published(body=body)
     sites = [PreparedMap.of(grid_map(seed, GridOptions(columns=4, rows=4))) for seed in (1, 2)]
     poses = [draw_poses(site.world, 3, 5, clearance_mm=14.0) for site in sites]
     launches = Launches.of(TerrainSet([site.terrain for site in sites]), poses)

@@ -66,7 +66,7 @@ def test_a_robot_that_never_came_out_did_not_stop_head_on(
 def test_blocks_score_as_single_deployments_do(same: Callable[..., bool]) -> None:
     fan = Level(branches=3, length_mm=120.0, fan_rad=2.5)
     tree = Design(name="a", trunk_length_mm=120.0, levels=(fan, fan), build=Build.standard(3))
-    options = GrowthOptions(head_on_half_angle_rad=0.3)
+    options = GrowthOptions.published(head_on_half_angle_rad=0.3)
     site = PreparedMap.of(grid_map(1))
     launches = Launches.of(TerrainSet([site.terrain]), [draw_poses(site.world, 9, 5)])
     batch = Batch(Plans.of([tree], options), launches, options)

@@ -10,13 +10,17 @@ from vinefab.cli.common_options import (
     CommandOutput,
     DesignIn,
     Force,
+    GrowthIn,
     JsonOut,
     Quiet,
     RecipeIn,
     ensure_apart,
     ensure_kind,
+    growth_choice,
+    growth_from,
 )
 from vinefab.core.atomic import ensure_writable, write_bytes, write_text
+from vinefab.core.errors import BadInputError
 from vinefab.fabrication.checking import (
     Deployed,
     check_design,
@@ -67,6 +71,7 @@ def check_command(
             "--fix", help="Write here the design with the smallest change that clears its errors."
         ),
     ] = None,
+    growth: GrowthIn = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="List every rule.")] = False,
     json_out: JsonOut = None,
     quiet: Quiet = False,
@@ -82,7 +87,9 @@ def check_command(
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     robot, profile, limits = read_design(design), read_profile(recipe), parsed_limits(limit or [])
-    worlds = [read_map(path) for path in maps or []]
+    worlds, given = [read_map(path) for path in maps or []], growth_from(growth)
+    if given and not worlds:
+        raise BadInputError("--growth", ", ".join(given), "to be given together with --map")
     ensure_kind("--svg", svg, (".svg",), force=force)
     ensure_kind("--png", png, (".png",), force=force)
     ensure_kind("--dxf", dxf, (".dxf",), force=force)
@@ -90,13 +97,18 @@ def check_command(
         ensure_apart("--fix", fix, locate("design", design), "the design itself")
         ensure_writable(fix, force=force)
     deployed: Deployed = ()
+    grown = list[str]()
     if worlds:  # a check without maps must not wait for the simulator
-        from vinefab.prediction.deploy import deploy_from_starts  # noqa: PLC0415
+        from vinefab.growth.options import growth_text  # noqa: PLC0415
+        from vinefab.prediction.deploy import deploy_from_starts, growth_on_maps  # noqa: PLC0415
 
-        deployed = deploy_from_starts(robot, worlds)
+        growth_choice([design], [robot], given)
+        choice = growth_on_maps(robot, given)
+        grown = [f"growth: {growth_text(choice.options, [robot])}", *choice.notes]
+        deployed = deploy_from_starts(robot, worlds, given)
     report = check_design(robot, profile, limits, deployed, worlds, _rig(rig))
     output.give_json(checks_text(report))
-    for line in [*deployed_lines(deployed), *check_lines(report, verbose=verbose)]:
+    for line in [*grown, *deployed_lines(deployed), *check_lines(report, verbose=verbose)]:
         output.say(line)
     for path in (svg, png, dxf):
         if path is not None:
@@ -106,10 +118,11 @@ def check_command(
     if fix is None:
         return EXIT_FINDINGS if report.blocking else 0
     with output.progress("fixing") as progress:
-        proposal = propose_fix(robot, profile, limits, worlds, lambda share: progress(share, ""))
-    return _write_fix(
-        output, proposal, [*score_change_lines(robot, proposal.design or robot, worlds)], fix
-    )
+        proposal = propose_fix(
+            robot, profile, limits, worlds, lambda share: progress(share, ""), given
+        )
+    scores = score_change_lines(robot, proposal.design or robot, worlds, given)
+    return _write_fix(output, proposal, scores, fix)
 
 
 def _write_fix(output: CommandOutput, proposal: FixProposal, scores: list[str], fix: Path) -> int:

@@ -3,11 +3,11 @@
 import math
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -16,11 +16,16 @@ from rich.table import Table
 from rich.text import Text
 
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_text
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, located
 from vinefab.core.plain_text import visible
 from vinefab.core.replacement import moved_aside
 from vinefab.core.units import rad
+from vinefab.model.design import Design
+from vinefab.model.files.shipped import locate
 from vinefab.model.map import Pose
+
+if TYPE_CHECKING:
+    from vinefab.growth.options import GrowthChoice, GrowthOptions
 
 EXIT_FINDINGS = 1
 
@@ -41,6 +46,25 @@ EnvironmentIn = Annotated[
 Count = Annotated[int, typer.Option(help="How many unseen maps.")]
 SetIn = Annotated[
     list[str] | None, typer.Option("--set", help="The environment's option: size_mm=300.")
+]
+GrowthIn = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--growth",
+        metavar="NAME=VALUE",
+        help="A growth option in place of the design's or the default: pressure_stop=false, "
+        "head_on_half_angle_deg=1,15 (a range); may be repeated.",
+    ),
+]
+BodyIn = Annotated[
+    str | None, typer.Option("--body", help="inflated or centerline; short for --growth body=...")
+]
+HalfAngleIn = Annotated[
+    float | None,
+    typer.Option(
+        "--head-on-half-angle-deg",
+        help="Contacts closer to head-on than this stop a tip (assumed); short for --growth ...",
+    ),
 ]
 PoseIn = Annotated[
     str | None,
@@ -179,6 +203,56 @@ def parameters_from(texts: list[str]) -> dict[str, object]:
             raise BadInputError("--set", text, "NAME=VALUE")
         parameters[name] = _plain(value)
     return parameters
+
+
+def growth_from(texts: list[str] | None, **shortcuts: object) -> dict[str, object]:
+    """Return growth options from texts like ``pressure_stop=false``, and from options of their own.
+
+    Parameters
+    ----------
+    shortcuts
+        Options with a parameter of their own; None where it was not given.
+    """
+    options: dict[str, object] = {}
+    for text in texts or []:
+        name, equals, value = text.partition("=")
+        if not name or not equals:
+            raise BadInputError("--growth", text, "NAME=VALUE, such as pressure_stop=false")
+        if name in options:
+            raise BadInputError("--growth", text, f"{name} once")
+        parts = [_plain(part) for part in value.split(",")]
+        options[name] = parts if len(parts) > 1 else parts[0]
+    for name, given in shortcuts.items():
+        if given is None:
+            continue
+        if name in options:
+            option = f"--{name.replace('_', '-')}"
+            raise BadInputError(option, given, f"not beside --growth {name}={options[name]}")
+        options[name] = given
+    return options
+
+
+def growth_choice(
+    names: list[str], designs: Sequence[Design], given: Mapping[str, object]
+) -> "GrowthChoice":
+    """Return the growth options for designs; an error in the origin of one names its file."""
+    # Commands that do not grow anything do not wait for the simulator's packages.
+    from vinefab.growth.options import GrowthChoice, trained_growth  # noqa: PLC0415
+
+    for name, design in zip(names, designs, strict=True):
+        with located(locate("design", name)):
+            trained_growth(design)
+    return GrowthChoice.of(designs, given)
+
+
+def growth_arguments(options: "GrowthOptions") -> list[str]:
+    """Return the arguments that choose the same growth options again."""
+    arguments = []
+    for name, value in options.content.items():
+        parts = value if isinstance(value, list) else [value]
+        shown = ",".join(str(part).lower() for part in parts)
+        arguments += ["--growth", f"{name}={shown}"]
+    return arguments
 
 
 def _plain(text: str) -> object:

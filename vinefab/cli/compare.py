@@ -7,14 +7,20 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.common_options import (
+    BodyIn,
     CommandOutput,
     Count,
     EnvironmentIn,
     Force,
+    GrowthIn,
+    HalfAngleIn,
     JsonOut,
     MapsOptional,
     Quiet,
     SetIn,
+    growth_arguments,
+    growth_choice,
+    growth_from,
     map_arguments,
     parameters_from,
 )
@@ -28,7 +34,6 @@ from vinefab.prediction.comparison import (
     comparison_text,
     measure_named,
 )
-from vinefab.prediction.deploy import growth_options
 from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
 from vinefab.prediction.provenance import origin_of
 
@@ -47,7 +52,9 @@ def compare_command(
     ] = "coverage_score",
     poses: Annotated[int, typer.Option(min=1, help="Poses drawn per map.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="Seed of unseen maps and poses.")] = 0,
-    body: Annotated[str, typer.Option(help="centerline or inflated.")] = "inflated",
+    growth: GrowthIn = None,
+    body: BodyIn = None,
+    head_on_half_angle_deg: HalfAngleIn = None,
     out: Annotated[Path | None, typer.Option("--out", help="A page to write (HTML).")] = None,
     json_out: JsonOut = None,
     quiet: Quiet = False,
@@ -58,6 +65,7 @@ def compare_command(
     Example: vinefab compare grid_explorer three_level_tree --environment grid --count 50
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    given_growth = growth_from(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
     main = measure_named(measure)
     if out is not None:
         ensure_writable(out, force=force)
@@ -66,7 +74,8 @@ def compare_command(
         parameters = parameters_from(parameter or [])
         unseen = unseen_maps(environment, count, seed, parameters) if environment else None
         families = map_families([read_map(path) for path in maps or []], unseen)
-        plan = PredictionPlan(poses=poses, seed=seed, options=growth_options(body))
+        choice = growth_choice(designs, robots, given_growth)
+        plan = PredictionPlan(poses=poses, seed=seed, options=choice.options)
         found = compare_designs(robots, families, plan, show)
         arguments = [
             "vinefab",
@@ -81,14 +90,13 @@ def compare_command(
             str(poses),
             "--seed",
             str(seed),
-            "--body",
-            body,
+            *growth_arguments(choice.options),
         ]
         origin = origin_of(shlex.join(arguments), robots, None, families)
-        page = comparison_page(found, main, plan, origin) if out else ""
+        page = comparison_page(found, main, origin, choice.notes) if out else ""
     if out is not None:
         write_text(out, page, force=force)
         output.say(f"wrote {out}")
     output.give_json(comparison_text(found, main, origin))
-    for line in comparison_lines(found, main):
+    for line in [*choice.notes, *comparison_lines(found, main)]:
         output.say(line)

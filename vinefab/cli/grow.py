@@ -6,13 +6,18 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.common_options import (
+    BodyIn,
     CommandOutput,
     DesignIn,
     Force,
+    GrowthIn,
+    HalfAngleIn,
     JsonOut,
     PoseIn,
     Quiet,
     ensure_kind,
+    growth_choice,
+    growth_from,
     pose_from,
 )
 from vinefab.core.atomic import write_bytes
@@ -26,7 +31,6 @@ from vinefab.prediction.deploy import (
     deploy,
     frames_of,
     fronts_from,
-    growth_options,
 )
 
 
@@ -35,13 +39,12 @@ def grow_command(
     design: DesignIn,
     map_file: Annotated[Path, typer.Option("--map", help="The map file.")],
     pose: PoseIn = None,
-    body: Annotated[str, typer.Option(help="centerline or inflated.")] = "centerline",
-    head_on_half_angle_deg: Annotated[
-        float, typer.Option(help="Contacts closer to head-on than this stop a tip (assumed).")
-    ] = 1.0,
+    growth: GrowthIn = None,
+    body: BodyIn = None,
+    head_on_half_angle_deg: HalfAngleIn = None,
     children_of_stuck: Annotated[
-        str, typer.Option(help="stop: they never emerge; deploy: they grow from there.")
-    ] = "stop",
+        str | None, typer.Option(help="stop: they never emerge; deploy: they grow from there.")
+    ] = None,
     json_out: JsonOut = None,
     svg: Annotated[Path | None, typer.Option("--svg", help="A picture (SVG, or PNG).")] = None,
     label: Annotated[
@@ -73,8 +76,15 @@ def grow_command(
     if history is not None and json_out is None:
         raise BadInputError("--history", history, "to be given together with --json")
     fronts = None if history is None else fronts_from(history)
-    options = growth_options(body, head_on_half_angle_deg, children_of_stuck)
-    result = deploy(read_design(design), read_map(map_file), pose_from(pose), options)
+    given = growth_from(
+        growth,
+        body=body,
+        head_on_half_angle_deg=head_on_half_angle_deg,
+        children_of_stuck=children_of_stuck,
+    )
+    robot, start = read_design(design), pose_from(pose)
+    growth_choice([design], [robot], given)
+    result = deploy(robot, read_map(map_file), start, given)
     output.give_json(result.text(None if fronts is None else frames_of(result.history, fronts)))
     if svg:
         write_bytes(svg, result.picture(svg.suffix, named=label), force=force)

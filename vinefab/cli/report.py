@@ -7,16 +7,22 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.common_options import (
+    BodyIn,
     CommandOutput,
     Count,
     DesignIn,
     EnvironmentIn,
     Force,
+    GrowthIn,
+    HalfAngleIn,
     JsonOut,
     MapsOptional,
     Quiet,
     RecipeIn,
     SetIn,
+    growth_arguments,
+    growth_choice,
+    growth_from,
     map_arguments,
     parameters_from,
 )
@@ -25,7 +31,6 @@ from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.prediction.deploy import growth_options
 from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
 from vinefab.prediction.predict import part_of, predict
 from vinefab.prediction.prediction_json import prediction_text, summary_lines
@@ -43,7 +48,9 @@ def report_command(
     recipe: RecipeIn = DEFAULT_RECIPE,
     poses: Annotated[int, typer.Option(min=1, help="Poses drawn per map.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="Seed of unseen maps and poses.")] = 0,
-    body: Annotated[str, typer.Option(help="centerline or inflated.")] = "inflated",
+    growth: GrowthIn = None,
+    body: BodyIn = None,
+    head_on_half_angle_deg: HalfAngleIn = None,
     json_out: JsonOut = None,
     quiet: Quiet = False,
     force: Force = False,
@@ -53,6 +60,7 @@ def report_command(
     Example: vinefab report three_level_tree --environment grid --count 100 --out report.html
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
+    given_growth = growth_from(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
     ensure_writable(out, force=force)
     with output.progress("report") as show:
         show(0.0, "reading and generating maps")
@@ -61,11 +69,13 @@ def report_command(
         parameters = parameters_from(parameter or [])
         unseen = unseen_maps(environment, count, seed, parameters) if environment else None
         families = map_families(given, unseen)
-        plan = PredictionPlan(poses=poses, seed=seed, options=growth_options(body))
+        options = growth_choice([design], [robot], given_growth).options
+        plan = PredictionPlan(poses=poses, seed=seed, options=options)
         found = predict(robot, profile, families, plan, part_of(show, 0.0, 0.6))
         arguments = ["vinefab", "report", design, "--recipe", recipe]
         arguments += map_arguments(maps, environment, count, parameter)
-        arguments += ["--poses", str(poses), "--seed", str(seed), "--body", body, "--out", str(out)]
+        arguments += ["--poses", str(poses), "--seed", str(seed)]
+        arguments += [*growth_arguments(options), "--out", str(out)]
         origin = origin_of(shlex.join(arguments), [robot], profile, families)
         page = found.page(origin, (), part_of(show, 0.6, 1.0))
         text = prediction_text(found, origin)

@@ -5,18 +5,22 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.common_options import (
+    BodyIn,
     CommandOutput,
     DesignIn,
     Force,
+    GrowthIn,
+    HalfAngleIn,
     JsonOut,
     MapsIn,
     Quiet,
+    growth_choice,
+    growth_from,
     parameters_from,
 )
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.results_json import score_text
-from vinefab.prediction.deploy import growth_options
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task, score_lines
 
 
@@ -25,12 +29,14 @@ def score_command(
     design: DesignIn,
     maps: MapsIn,
     task: Annotated[str, typer.Option(help="coverage, reach or anchoring.")] = "coverage",
-    poses: Annotated[int, typer.Option(min=1, help="Poses drawn per map.")] = 1,
+    poses: Annotated[int, typer.Option(min=1, help="Poses drawn per map.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the poses.")] = 0,
     parameter: Annotated[
         list[str] | None, typer.Option("--set", help="A task's parameter: radius_mm=60.")
     ] = None,
-    body: Annotated[str, typer.Option(help="centerline or inflated.")] = "centerline",
+    growth: GrowthIn = None,
+    body: BodyIn = None,
+    head_on_half_angle_deg: HalfAngleIn = None,
     json_out: JsonOut = None,
     quiet: Quiet = False,
     force: Force = False,
@@ -41,8 +47,10 @@ def score_command(
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     plan = ScorePlan(task=task, parameters=parameters_from(parameter or []), poses=poses, seed=seed)
-    worlds = [read_map(path) for path in maps]
-    result = score_design_on_task(read_design(design), worlds, plan, growth_options(body))
+    given = growth_from(growth, body=body, head_on_half_angle_deg=head_on_half_angle_deg)
+    robot, worlds = read_design(design), [read_map(path) for path in maps]
+    options = growth_choice([design], [robot], given).options
+    result = score_design_on_task(robot, worlds, plan, options)
     output.give_json(score_text(result))
-    for line in score_lines(result):
+    for line in score_lines(result, robot):
         output.say(line)

@@ -3,6 +3,7 @@
 Evaluations on one map are correlated, so maps are resampled, not evaluations.
 """
 
+import math
 from collections.abc import Hashable, Sequence
 
 import numpy as np
@@ -41,11 +42,15 @@ def group_means(values: ArrayLike, groups: Sequence[Hashable]) -> Floats:
 def mean_interval(means: ArrayLike, level: float = 0.95, seed: int = 0) -> tuple[float, float]:
     """Return the percentile bootstrap interval of the mean of independent values.
 
+    One value has no interval: NaN twice.
+
     Notes
     -----
     With fewer than about ten values percentile intervals are too narrow.
     """
     values = np.asarray(means, dtype=np.float64)
+    if len(values) == 1:
+        return math.nan, math.nan
     if np.ptp(values) == 0.0:
         return float(values[0]), float(values[0])
     picks = child(seed, _BOOTSTRAP).integers(0, len(values), (RESAMPLES, len(values)))
@@ -55,7 +60,7 @@ def mean_interval(means: ArrayLike, level: float = 0.95, seed: int = 0) -> tuple
 
 
 def sign_flip_p(differences: ArrayLike, seed: int = 0) -> float:
-    """Return the two-sided p-value of a mean difference of 0, by flipping signs.
+    """Return the two-sided p-value of a mean difference of 0, by flipping signs; NaN for one.
 
     If two designs are equally good, each paired difference is as likely to have the other sign.
     The p-value is the share of sign patterns whose mean is at least as far from 0; all patterns
@@ -68,6 +73,8 @@ def sign_flip_p(differences: ArrayLike, seed: int = 0) -> float:
     """
     values = np.asarray(differences, dtype=np.float64)
     count = len(values)
+    if count == 1:
+        return math.nan
     if count <= MOST_EXACT:
         bits = np.arange(2**count)[:, None] >> np.arange(count) & 1
         means = (2.0 * bits - 1.0) @ values
@@ -79,15 +86,16 @@ def sign_flip_p(differences: ArrayLike, seed: int = 0) -> float:
 
 
 def holm(p_values: Sequence[float]) -> tuple[float, ...]:
-    """Return p-values adjusted for multiple tests by Holm's step-down method.
+    """Return p-values adjusted for multiple tests by Holm's step-down method; NaN stays NaN.
 
     Examples
     --------
     >>> holm([0.01, 0.04, 0.03])
     (0.03, 0.06, 0.06)
     """
-    count, adjusted, least = len(p_values), [1.0] * len(p_values), 0.0
-    for place, index in enumerate(sorted(range(count), key=lambda i: p_values[i])):
+    known = [index for index, p in enumerate(p_values) if not math.isnan(p)]
+    count, adjusted, least = len(known), [math.nan] * len(p_values), 0.0
+    for place, index in enumerate(sorted(known, key=lambda i: p_values[i])):
         least = max(least, min(1.0, (count - place) * p_values[index]))
         adjusted[index] = least
     return tuple(adjusted)

@@ -1,21 +1,28 @@
-"""Options of the growth model."""
+"""Options of the growth model, and which of them a command takes."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 import numpy as np
 
-from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.core.errors import BadInputError, UnknownNameError, located, nearest
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats, number
+from vinefab.model.design import ORIGIN_GROWTH, Design
 from vinefab.physics.growth_pressure import FITTED_DIAMETER_MM
 
 DEFAULT_HEAD_ON_HALF_ANGLE_RAD = math.radians(1.0)
 
 
 HALF_ANGLE_DEG = "head_on_half_angle_deg"
+
+_NUMBERS = {
+    "storage_kpa": (0.0, 1000.0, "kPa"),
+    "fitted_diameter_mm": (1.0, 1000.0, "mm"),
+}
+"""Options that are plain numbers, with least, most and unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,11 +40,12 @@ class GrowthOptions:
         Whether children of a branch that stopped early stay inside (``stop``: a tip that cannot
         move cannot evert them) or grow from where it stopped (``deploy``).
     body
-        ``centerline``: the body is a line (the published model). ``inflated``: every level sees
-        the free space shrunk by its inflated radius, lay-flat width / pi.
+        ``inflated``: every level sees the free space shrunk by its inflated radius, lay-flat
+        width / pi. ``centerline``: the body is a line (the published model).
     pressure_stop
         Whether growth stops where the design's working pressure no longer everts the film (see
-        `vinefab.physics.growth_pressure`); the published model has no pressure.
+        `vinefab.physics.growth_pressure`); a design with a pressure of 0 is never stopped by it.
+        The published model has no pressure.
     storage_kpa
         Tension of the film as it leaves its store, as a pressure: 0 for film that lies loosely,
         8.32 for a tight spool (published fit).
@@ -48,8 +56,8 @@ class GrowthOptions:
 
     head_on_half_angle_rad: float | tuple[float, float] = DEFAULT_HEAD_ON_HALF_ANGLE_RAD
     children_of_stuck: Literal["stop", "deploy"] = "stop"
-    body: Literal["centerline", "inflated"] = "centerline"
-    pressure_stop: bool = False
+    body: Literal["centerline", "inflated"] = "inflated"
+    pressure_stop: bool = True
     storage_kpa: float = 0.0
     fitted_diameter_mm: float = FITTED_DIAMETER_MM.value
 
@@ -61,8 +69,8 @@ class GrowthOptions:
             raise BadInputError("children_of_stuck", self.children_of_stuck, "'stop' or 'deploy'")
         if self.body not in ("centerline", "inflated"):
             raise BadInputError("body", self.body, "'centerline' or 'inflated'")
-        number("storage_kpa", self.storage_kpa, 0.0, 1000.0, "kPa")
-        number("fitted_diameter_mm", self.fitted_diameter_mm, 1.0, 1000.0, "mm")
+        for name, (low, high, unit) in _NUMBERS.items():
+            number(name, getattr(self, name), low, high, unit)
 
     @classmethod
     def published(cls, **changes: Any) -> "GrowthOptions":  # noqa: ANN401  as the class
@@ -94,6 +102,9 @@ class GrowthOptions:
             if name not in base.content:
                 raise UnknownNameError("growth option", name, base.content)
         values: dict[str, Any] = dict(given)
+        for name, (low, high, unit) in _NUMBERS.items():
+            if name in values:
+                values[name] = _number(name, values[name], low, high, unit)
         if HALF_ANGLE_DEG in values:
             values["head_on_half_angle_rad"] = _half_angle_rad(values.pop(HALF_ANGLE_DEG))
         if not isinstance(values.get("pressure_stop", True), bool):
@@ -144,6 +155,11 @@ class GrowthOptions:
         return low_rad
 
     @property
+    def at_one_angle(self) -> "GrowthOptions":
+        """The options of a single growth: of a range of head-on half-angles, its low end."""
+        return replace(self, head_on_half_angle_rad=self.half_angle_range_rad[0])
+
+    @property
     def half_angle_deg(self) -> float | list[float]:
         """The head-on half-angle in degrees, or its range, as files and reports have it."""
         low, high = (deg(angle_rad) for angle_rad in self.half_angle_range_rad)
@@ -162,10 +178,106 @@ class GrowthOptions:
         return self.children_of_stuck == "deploy"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GrowthChoice:
+    """The growth options that a command takes, and what its user should know about them."""
+
+    options: GrowthOptions
+    notes: tuple[str, ...] = ()  # a sentence each
+
+    @classmethod
+    def of(
+        cls, designs: Sequence[Design], given: Mapping[str, object] | None = None
+    ) -> "GrowthChoice":
+        """Choose: what the user gave, else what the designs were trained with, else the defaults.
+
+        Parameters
+        ----------
+        designs
+            The designs; where they were trained with different options, the defaults count.
+        given
+            Some options by name, as in `GrowthOptions.of`.
+
+        Raises
+        ------
+        BadInputError
+            If a value that was given, or one in a design's origin, cannot be used.
+        UnknownNameError
+            If there is no such option.
+        """
+        given = given or {}
+        trained = list[GrowthOptions]()
+        for design in designs:
+            with located(f"design {design.name}"):
+                trained.append(trained_growth(design))
+        chosen = [GrowthOptions.of(given, options) for options in trained]
+        if all(options == chosen[0] for options in chosen):
+            return cls(options=chosen[0])
+        note = "designs trained with different growth options: all are grown with the defaults"
+        return cls(options=GrowthOptions.of(given), notes=(note,))
+
+    @property
+    def single(self) -> "GrowthChoice":
+        """The same for a single growth, which has one head-on half-angle."""
+        if not self.options.draws_half_angle:
+            return self
+        options = self.options.at_one_angle
+        note = (
+            f"head-on half-angle {options.half_angle_text}: "
+            f"the low end of its range, {self.options.half_angle_text}"
+        )
+        return GrowthChoice(options=options, notes=(*self.notes, note))
+
+
+def trained_growth(design: Design) -> GrowthOptions:
+    """Return the growth options that a design was trained with; the defaults where none stand."""
+    table = design.origin.get(ORIGIN_GROWTH, {})
+    if not isinstance(table, Mapping):
+        raise BadInputError(_origin_key(), table, "a table of growth options")
+    try:
+        return GrowthOptions.of(table)
+    except BadInputError as error:
+        raise BadInputError(_origin_key(error.key), error.value, error.allowed) from error
+    except UnknownNameError as error:
+        allowed = f"one of {', '.join(error.known)}{nearest(error.name, error.known)}"
+        raise BadInputError(_origin_key(error.name), table[error.name], allowed) from error
+
+
+def _origin_key(name: str = "") -> str:
+    return ".".join(filter(None, ("origin", ORIGIN_GROWTH, name)))
+
+
+def growth_text(options: GrowthOptions, designs: Sequence[Design]) -> str:
+    """Return by which rules designs grow, as it stands beside every score."""
+    parts = [
+        f"{options.body} body",
+        f"head-on half-angle {options.half_angle_text} (assumed)",
+        _pressure_text(options, {design.build.pressure_kpa for design in designs}),
+    ]
+    if options.deploys_stuck:
+        parts.append("children of a stuck branch grow all the same")
+    return ", ".join(parts)
+
+
+def _pressure_text(options: GrowthOptions, pressures_kpa: set[float]) -> str:
+    if not options.pressure_stop or not any(pressures_kpa):
+        return "no pressure stops it"
+    film = f"held back by {options.storage_kpa:g} kPa" if options.storage_kpa else "stored loosely"
+    at = f"{max(pressures_kpa):g} kPa" if len(pressures_kpa) == 1 else "each design's pressure"
+    return f"stops at {at} (film {film}, assumed)"
+
+
 def _half_angle_rad(given: object) -> float | tuple[float, float]:
     """Return a head-on half-angle, or its range, from degrees."""
     ends: list[Any] = list(given) if isinstance(given, list | tuple) else [given, given]
     if len(ends) != 2:
         raise BadInputError(HALF_ANGLE_DEG, given, "a number, or a range [low, high]")
-    low_rad, high_rad = (rad(number(HALF_ANGLE_DEG, end, 0.0, 90.0, "deg")) for end in ends)
+    low_rad, high_rad = (rad(_number(HALF_ANGLE_DEG, end, 0.0, 90.0, "deg")) for end in ends)
     return low_rad if low_rad == high_rad else (low_rad, high_rad)
+
+
+def _number(name: str, value: Any, low: float, high: float, unit: str) -> float:  # noqa: ANN401
+    """Return a number from a file or a caller; there, true is none."""
+    if isinstance(value, bool):
+        raise BadInputError(name, value, f"{low:g} to {high:g} {unit}")
+    return number(name, value, low, high, unit)

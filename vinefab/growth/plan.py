@@ -117,6 +117,11 @@ class Plan:
             store_kpa=self.store_kpa[branches],
         )
 
+    @property
+    def without_pressure(self) -> "Plan":
+        """The same plan where no pressure stops growth."""
+        return replace(self, limit_kpa=np.full(len(self), np.inf))
+
     def __len__(self) -> int:
         return len(self.tree)
 

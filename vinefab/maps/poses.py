@@ -1,6 +1,7 @@
 """Poses drawn from the starts of a map, and the roomiest start where it has none."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
@@ -25,11 +26,18 @@ def draw_poses(
     *,
     clearance_mm: float = 0.0,
     free: BaseGeometry | None = None,
+    repeats: bool = False,
 ) -> tuple[Pose, ...]:
     """Draw poses, uniformly within the ranges of the map's starts, in free space.
 
     Pose ``i`` belongs to start ``i`` modulo the number of starts and depends only on the seed and
-    ``i``, so a longer draw begins with the shorter one. A start without spread gives its own pose.
+    ``i``, so a longer draw begins with the shorter one. A start without spread gives its own pose,
+    and only once: growing twice from one pose is one sample.
+
+    Parameters
+    ----------
+    repeats
+        Whether it gives that pose every time: where contacts differ between growths.
     """
     whole("poses", count, 0, 10_000_000)
     whole("seed", seed, 0, 2**63 - 1)
@@ -41,7 +49,35 @@ def draw_poses(
     if clearance_mm > 0.0:
         free = shapely.buffer(free, -clearance_mm)
     shapely.prepare(free)
-    return tuple(_draw(world, index, child(seed, _STREAM, index), free) for index in range(count))
+    drawn = (_draw(world, index, child(seed, _STREAM, index), free) for index in range(count))
+    return tuple(drawn if repeats else dict.fromkeys(drawn))
+
+
+def spread_notes(maps: Sequence[Map], count: int, *, repeats: bool = False) -> list[str]:
+    """Return what a user should know of how many poses starts gave; nothing if all that were asked.
+
+    Parameters
+    ----------
+    count, repeats
+        As in `draw_poses`.
+    """
+    alike = [world for world in maps if not any(start.has_spread for start in world.starts)]
+    given = max((len(world.starts) for world in alike), default=count)
+    if given >= count:
+        return []
+    which = (
+        "this start has" if len(maps) == 1 else f"starts of {len(alike)} of {len(maps)} maps have"
+    )
+    if repeats:
+        return [
+            f"{which} no spread: its {count} deployments per map differ in the head-on half-angle "
+            "alone, so they are samples over contacts, not over starts"
+        ]
+    deployments = "1 deployment" if given == 1 else f"at most {given} deployments"
+    return [
+        f"{which} no spread: {deployments} per map; give spread_heading_deg, spread_x_mm and "
+        "spread_y_mm beside heading_deg in the map file to draw more (see docs/maps.md)"
+    ]
 
 
 def _draw(world: Map, index: int, rng: np.random.Generator, free: BaseGeometry) -> Pose:

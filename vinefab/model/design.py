@@ -29,6 +29,9 @@ DEFAULT_LEAST_FILLET_MM = 2.0
 DEFAULT_TAIL_MM = 200.0
 DEFAULT_PRESSURE_KPA = 20.0
 
+ORIGIN_GROWTH = "growth"
+"""Key of a design's origin under which the growth options stand that it was trained with."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Level:
@@ -308,7 +311,8 @@ class Design:
     waivers
         Findings that the designer accepts.
     origin
-        How the design was made: run id, seed, scores; free-form plain values.
+        How the design was made: run id, seed, scores; free-form plain values. Under ``growth`` are
+        the growth options that it was trained with: commands grow it with them.
     limits
         Limits of design rules that differ for this design: rule id to name to value. They override
         the recipe's.
@@ -442,11 +446,15 @@ class Design:
         world: "Map | str | PathLike[str]",
         pose: "Pose | tuple[float, float, float] | None" = None,
         *,
-        body: str = "centerline",
-        head_on_half_angle_deg: float = 1.0,
-        children_of_stuck: str = "stop",
+        body: str | None = None,
+        head_on_half_angle_deg: float | None = None,
+        children_of_stuck: str | None = None,
+        growth: Mapping[str, object] | None = None,
     ) -> "Deployment":
         """Deploy the robot on a map (simulated).
+
+        Options that are None are those that the design was trained with, which stand in its
+        origin, or else the defaults: inflated body, half-angle 1 degree, stopped by its pressure.
 
         Parameters
         ----------
@@ -464,6 +472,8 @@ class Design:
         children_of_stuck
             Whether children of a branch that stopped early stay inside (``stop``) or grow from
             where it stopped (``deploy``).
+        growth
+            Any growth options by name, such as ``{"pressure_stop": False, "storage_kpa": 8.32}``.
 
         Returns
         -------
@@ -490,6 +500,7 @@ class Design:
             body=body,
             head_on_half_angle_deg=head_on_half_angle_deg,
             children_of_stuck=children_of_stuck,
+            growth=growth,
         )
         return grown
 

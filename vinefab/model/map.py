@@ -103,6 +103,11 @@ class Start:
         number("start.spread_y_mm", self.spread_y_mm, 0.0, LARGEST_MM, "mm")
         number("start.spread_heading", self.spread_heading_rad, 0.0, 7.0, "rad")
 
+    @property
+    def has_spread(self) -> bool:
+        """Whether poses drawn from it differ."""
+        return max(self.spread_x_mm, self.spread_y_mm, self.spread_heading_rad) > 0.0
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Map:

@@ -1,7 +1,7 @@
 """Scores of a design on a task, evaluation by evaluation."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -23,12 +23,16 @@ class Evaluation:
         The task's score, higher is better.
     terms
         The named numbers that make up the score.
+    parts
+        What earned and cost how much of the score: they add up to it. Empty where the task does
+        not say, and in scores of a search.
     """
 
     map_name: str
     pose: Pose
     score: float
     terms: Mapping[str, float]
+    parts: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,11 +47,20 @@ class Score:
         At least one.
     composite
         Composites of the scores: ``mean``, ``best``, ``min_deviation``.
+    parts
+        What earned and cost how much of the mean, as in `Evaluation`.
+    growth
+        The growth options by name.
+    notes
+        What a user should know about the deployments, a sentence each.
     """
 
     task: str
     evaluations: tuple[Evaluation, ...]
     composite: Mapping[str, float]
+    parts: Mapping[str, float] = field(default_factory=dict)
+    growth: Mapping[str, object] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         weighed = ", ".join(f"{kind} {value:.4g}" for kind, value in self.composite.items())

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.jsontext import json_text
 from vinefab.core.statistics import group_means, holm, mean_interval, sign_flip_p
+from vinefab.growth.options import growth_text
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
@@ -25,9 +26,9 @@ from vinefab.prediction.family_deployments import (
     PreparedFamily,
     ProgressCallback,
     deploy_family,
+    deployment_notes,
     no_progress,
     numbered_names,
-    rules_text,
 )
 from vinefab.prediction.measures import (
     COVERAGE,
@@ -70,8 +71,18 @@ class PairedDifference:
     pairs: int  # independent differences: maps, or poses where there is one map
 
     @property
+    def pair(self) -> str:
+        """What is subtracted from what."""
+        return f"{self.first} minus {self.second}"
+
+    @property
+    def interval(self) -> str:
+        """The mean difference with its interval."""
+        return self.measure.interval(self.mean, self.low, self.high)
+
+    @property
     def is_clear(self) -> bool:
-        """Whether the difference is significant."""
+        """Whether the difference is significant; that of one pair never is."""
         return self.p_adjusted < LEVEL
 
     @property
@@ -83,10 +94,13 @@ class PairedDifference:
     @property
     def words(self) -> str:
         """The result in one sentence."""
-        mean, low, high = (self.measure.number(value) for value in (self.mean, self.low, self.high))
-        by = f"{mean} [{low}, {high}] {self.measure.unit}".rstrip()
+        unit = f" {self.measure.unit}".rstrip()
+        if self.pairs == 1:
+            by = f"{self.measure.number(self.mean)}{unit}, one pair: no interval, no p value"
+            return f"{self.measure.title}: {self.pair}: {by}"
+        by = f"{self.interval}{unit}"
         chance = f"p = {self.p_adjusted:.5f}, {self.pairs} pairs"
-        pair = f"{self.first} less {self.second}: {by}, {chance}"
+        pair = f"{self.pair}: {by}, {chance}"
         if self.is_clear:
             return f"{self.measure.title}: {self.winner} is better; {pair}"
         return f"{self.measure.title}: no clear difference; {pair}"
@@ -104,6 +118,18 @@ class DesignComparison:
     results: tuple[FamilyDeployments, ...]  # deployments of each
     differences: tuple[PairedDifference, ...]  # every pair in every measure that both have
     contacts: tuple[ContactRange, ...]  # of each design, over the range of half-angles
+    plan: PredictionPlan  # how they were deployed
+
+    @property
+    def growth(self) -> str:
+        """By which rules they were grown."""
+        return growth_text(self.plan.options, self.designs)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know about the deployments, a sentence each."""
+        named = {f"{name}: ": design for name, design in zip(self.names, self.designs, strict=True)}
+        return deployment_notes([self.results[0].prepared], self.plan, named)
 
     def outcomes(self) -> dict[str, MeasureTable]:
         """Return the outcomes by the designs' names."""
@@ -171,6 +197,7 @@ def compare_designs(
             )
         ),
         contacts=tuple(contact_range(design, prepared, plan.options) for design in designs),
+        plan=plan,
     )
 
 
@@ -234,7 +261,7 @@ def paired_difference_chart(measure: Measure, differences: Sequence[PairedDiffer
         axes.axvline(0.0, color=INK, linewidth=1.0)
         axes.set_yticks(
             range(len(differences)),
-            [f"{difference.first} less {difference.second}" for difference in differences],
+            [difference.pair for difference in differences],
         )
         axes.set_ylim(max(2, len(differences)) - 0.4, -0.6)
         axes.set_xlabel(f"difference in {measure.label}; {measure.better} is better")
@@ -272,7 +299,7 @@ def paired_difference_section(measure: Measure, differences: Sequence[PairedDiff
     """Return every pair in every measure, the main measure drawn."""
     words = (
         "Each design met the same maps from the same poses, so that differences are paired: "
-        "first less second, averaged on each map. Intervals are bootstraps over maps. The p-value "
+        "first minus second, averaged on each map. Intervals are bootstraps over maps. The p-value "
         "is the share of the ways of flipping the signs of the maps' differences that give a mean "
         "as far from 0; with more than two designs it is adjusted for the number of pairs (Holm), "
         "within each measure. Clear means below 0.05."
@@ -280,12 +307,12 @@ def paired_difference_section(measure: Measure, differences: Sequence[PairedDiff
     rows = tuple(
         (
             difference.measure.label,
-            f"{difference.first} less {difference.second}",
-            "{} [{}, {}]".format(
-                *map(difference.measure.number, (difference.mean, difference.low, difference.high))
+            difference.pair,
+            difference.interval,
+            *(
+                "-" if difference.pairs == 1 else f"{p:.5f}"
+                for p in (difference.p, difference.p_adjusted)
             ),
-            f"{difference.p:.5f}",
-            f"{difference.p_adjusted:.5f}",
             f"{difference.won_percent:.0f} %",
             difference.winner if difference.is_clear else "not clear",
         )
@@ -359,8 +386,7 @@ def _mean_cell(outcomes: MeasureTable, measure: Measure) -> str:
     spread = outcomes.spread(measure)
     if spread is None:
         return "-"
-    mean, low, high = (measure.number(v) for v in (spread.mean, spread.low, spread.high))
-    return f"{mean} [{low}, {high}]"
+    return measure.interval(spread.mean, spread.low, spread.high)
 
 
 COMPARISON_SCHEMA = "vinefab/design-comparison-1"
@@ -379,7 +405,9 @@ def comparison_lines(found: DesignComparison, measure: Measure) -> list[str]:
     """Return a comparison as lines for the user, the main measure first."""
     outcomes = found.results[0].outcomes
     lines = [
-        f"{len(outcomes)} deployments of each design on {outcomes.label} (simulated)",
+        f"{len(outcomes)} deployment{'' if len(outcomes) == 1 else 's'} of each design on "
+        f"{outcomes.label} (simulated); {found.growth}",
+        *found.notes,
         *(
             f"  {name:<24} {measure.text(mean)}{found.over_contacts(name, measure)}"
             for name, mean in found.ranked(measure)
@@ -401,6 +429,8 @@ def comparison_text(found: DesignComparison, measure: Measure, origin: Origin) -
         COMPARISON_SCHEMA,
         {
             "standing": "simulated",
+            "growth": found.plan.options.content,
+            "notes": list(found.notes),
             "measure": measure.key,
             "label": some.label,
             "maps": some.map_count,
@@ -413,7 +443,7 @@ def comparison_text(found: DesignComparison, measure: Measure, origin: Origin) -
 
 
 def comparison_page(
-    found: DesignComparison, measure: Measure, plan: PredictionPlan, origin: Origin
+    found: DesignComparison, measure: Measure, origin: Origin, notes: Sequence[str] = ()
 ) -> str:
     """Return a comparison as a page."""
     index = found.median_deployment(measure)
@@ -432,15 +462,19 @@ def comparison_page(
             title=f"Comparison of {', '.join(found.names)}",
             verdict=f"{best}, {rest} (simulated).",
             tone="good" if clear else "caution",
-            facts=tuple(
-                (name, f"{design.branch_count} branches on {design.depth} levels")
-                for name, design, _ in robots
+            cautions=tuple(f"{note[:1].upper()}{note[1:]}." for note in (*notes, *found.notes)),
+            facts=(
+                *(
+                    (name, f"{design.branch_count} branches on {design.depth} levels")
+                    for name, design, _ in robots
+                ),
+                ("growth model", found.growth),
             ),
             sections=(
                 paired_difference_section(measure, found.differences),
                 side_by_side_section(found.outcomes()),
                 contact_section(found, measure),
-                same_map_section(world, robots, rules_text(plan.options)),
+                same_map_section(world, robots, found.growth),
                 repeat_section(origin.command, origin.inputs, origin.versions),
             ),
         )
@@ -453,9 +487,9 @@ def _difference_content(difference: PairedDifference) -> dict[str, object]:
         "measure": difference.measure.key,
         "first": difference.first,
         "second": difference.second,
-        **{name: difference.measure.rounded(value) for name, value in numbers.items()},
-        "p": round(difference.p, 5),
-        "p_adjusted": round(difference.p_adjusted, 5),
+        **{name: difference.measure.content(value) for name, value in numbers.items()},
+        "p": None if difference.pairs == 1 else round(difference.p, 5),
+        "p_adjusted": None if difference.pairs == 1 else round(difference.p_adjusted, 5),
         "first_wins_percent": round(difference.won_percent),
         "pairs": difference.pairs,
         "better": difference.winner if difference.is_clear else None,

@@ -9,17 +9,16 @@ smaller lengths, so the shape at s is the growth of the same tree cut off at s.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, cast
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.units import deg, rad
+from vinefab.core.units import deg
 from vinefab.core.validation import Floats, positive, whole
-from vinefab.growth.options import GrowthOptions
+from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
@@ -28,6 +27,7 @@ from vinefab.model.design import Design
 from vinefab.model.files.results_json import branches_content, deployment_text
 from vinefab.model.map import Map, Pose
 from vinefab.pages.animation import DeploymentFrame
+from vinefab.physics.tube import inflated_diameter_mm
 
 MOST_FRAMES = 1000
 
@@ -182,6 +182,26 @@ def without_room(
     return tuple(_place(design, deployment, branch, int(parent[branch])) for branch in lost)
 
 
+def stayed_text(left: Sequence[bool], design: Design) -> list[str]:
+    """Return in how many deployments the trunk never left its start; nothing if it always did.
+
+    Parameters
+    ----------
+    left
+        For each deployment, whether the trunk left its start.
+    """
+    count = len(left)
+    stayed = count - sum(left)
+    if not stayed:
+        return []
+    diameter_mm = inflated_diameter_mm(design.build.widths_mm[0])
+    where = "" if count == 1 else f" in {stayed} of {count} deployments"
+    return [
+        f"the trunk never leaves its start{where}: no room for its inflated body of "
+        f"{diameter_mm:.0f} mm"
+    ]
+
+
 def wedged(design: Design, deployment: Deployment) -> tuple[BranchPlace, ...]:
     """Return the branches that ended in a corner or a gap that closes, and where."""
     stuck = np.flatnonzero(deployment.stop == Stop.CORNER).tolist()
@@ -226,6 +246,7 @@ class DeployedDesign:
     terrain: Terrain  # the map made ready for growth
     options: GrowthOptions
     deployment: Deployment
+    notes: tuple[str, ...] = ()  # what its user should know about the options, a sentence each
 
     @property
     def stops(self) -> dict[str, int]:
@@ -242,9 +263,7 @@ class DeployedDesign:
             "planned_mm": tree.total_length_mm,
             "grown_mm": float(self.deployment.grown_mm.sum()),
             "stops": self.stops,
-            "head_on_half_angle_deg": self.options.half_angle_deg,
-            "body": self.options.body,
-            "children_of_stuck": self.options.children_of_stuck,
+            **self.options.content,
             "tight_exits": int(np.count_nonzero(self.deployment.tight_exit)),
             "without_room": [place.content() for place in self.without_room],
             "wedged": [place.content() for place in wedged(self.design, self.deployment)],
@@ -256,9 +275,11 @@ class DeployedDesign:
         stops = ", ".join(f"{count} {name}" for name, count in self.stops.items() if count)
         return [
             f"{self.design.name} on {self.world.name} from {pose_text(self.deployment.pose)}",
-            f"{len(tree)} branches: {stops} (simulated, {self.options.body} body, "
-            f"head-on half-angle {self.options.half_angle_text}, assumed)",
+            f"{len(tree)} branches: {stops} (simulated)",
+            f"growth: {growth_text(self.options, [self.design])}",
+            *self.notes,
             f"grown {grown_mm:.1f} of {tree.total_length_mm:.1f} mm",
+            *stayed_text([bool(self.deployment.deployed[0])], self.design),
             *places_text("no room to start for branch", self.without_room),
             *places_text("wedged: branch", wedged(self.design, self.deployment)),
             *self._tight_exits(),
@@ -325,26 +346,30 @@ class DeployedDesign:
         return gif_animation(self.world, shapes, widths_mm)
 
 
-def growth_options(
-    body: str = "centerline",
-    head_on_half_angle_deg: float = 1.0,
-    children_of_stuck: str = "stop",
-) -> GrowthOptions:
-    """Return growth options from values in degrees and words; `GrowthOptions` validates them."""
-    return GrowthOptions(
-        head_on_half_angle_rad=rad(head_on_half_angle_deg),
-        body=cast("Any", body),  # the class says what is allowed
-        children_of_stuck=cast("Any", children_of_stuck),
-    )
+def deploy(
+    design: Design,
+    world: Map,
+    pose: Pose | None = None,
+    given: Mapping[str, object] | None = None,
+) -> DeployedDesign:
+    """Grow a design on a map.
 
-
-def deploy(design: Design, world: Map, pose: Pose | None, options: GrowthOptions) -> DeployedDesign:
-    """Grow a design on a map."""
+    Parameters
+    ----------
+    given
+        Growth options by name, in place of those that the design was trained with.
+    """
+    choice = GrowthChoice.of([design], given).single
     pose = pose or first_start(world)
     terrain = Terrain.of(world)
-    deployment = grow(design, terrain, pose, options)
+    deployment = grow(design, terrain, pose, choice.options)
     return DeployedDesign(
-        design=design, world=world, options=options, terrain=terrain, deployment=deployment
+        design=design,
+        world=world,
+        options=choice.options,
+        terrain=terrain,
+        deployment=deployment,
+        notes=choice.notes,
     )
 
 
@@ -360,12 +385,27 @@ def pose_text(pose: Pose) -> str:
     return f"{pose.x_mm:.2f},{pose.y_mm:.2f},{deg(pose.heading_rad):.2f}"
 
 
-def deploy_from_starts(design: Design, maps: Sequence[Map]) -> tuple[tuple[str, Deployment], ...]:
-    """Return a design's deployments from every start of every map, each with a name."""
+def growth_on_maps(design: Design, given: Mapping[str, object] | None = None) -> GrowthChoice:
+    """Return how a design is grown where rules are checked on maps."""
+    choice = GrowthChoice.of([design], given).single
+    # The rules ask what growth to every tip would take (VF-P03): no pressure may stop it before.
+    return replace(choice, options=replace(choice.options, pressure_stop=False))
+
+
+def deploy_from_starts(
+    design: Design, maps: Sequence[Map], given: Mapping[str, object] | None = None
+) -> tuple[tuple[str, Deployment], ...]:
+    """Return a design's deployments from every start of every map, each with a name.
+
+    Parameters
+    ----------
+    given
+        As in `deploy`.
+    """
     for world in maps:
         if not world.starts:
             raise BadInputError(f"--map {world.name}", "without a start", "maps with starts")
-    options = growth_options("inflated")  # for a body has a width
+    options = growth_on_maps(design, given).options
     terrains = [(world, Terrain.of(world)) for world in maps]
     return tuple(
         (_start_name(world, number), grow(design, terrain, start.pose, options))

@@ -136,10 +136,8 @@ def _spread_table(outcomes: MeasureTable, measures: Sequence[Measure]) -> Table:
     for measure in measures:
         spread = outcomes.spread(measure)
         if spread is not None:
-            mean, low, high, *numbers = (
-                measure.number(getattr(spread, name)) for name in Spread.NUMBERS
-            )
-            mean = f"{mean} [{low}, {high}]"
+            numbers = [measure.number(getattr(spread, name)) for name in Spread.NUMBERS[3:]]
+            mean = measure.interval(spread.mean, spread.low, spread.high)
             rows.append((measure.label, mean, *numbers, str(spread.count)))
     return Table(
         caption=f"{_capital(outcomes.label)} (simulated)",

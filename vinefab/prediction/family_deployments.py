@@ -12,11 +12,13 @@ from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.maps.poses import spread_notes
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
+from vinefab.prediction.deploy import stayed_text
 from vinefab.prediction.measures import MEASURES, MeasureTable, measure_deployment
-from vinefab.tasks.evaluate import Poses, PreparedMap, poses_on
+from vinefab.tasks.evaluate import Poses, PreparedMap, poses_on, trunks_with_room
 
 FIRST_UNSEEN = 10_000_000
 """Maps for predictions have seeds from here on, out of the way of those that designs train on."""
@@ -76,17 +78,7 @@ class PredictionPlan:
 
     poses: int = 3  # poses per map, drawn from the ranges of the maps' starts
     seed: int = 0  # seed of the poses; map ``i`` of a family gets ``seed + i``
-    # the growth model's choices; the inflated body by default, for a body has a width
-    options: GrowthOptions = field(default_factory=lambda: GrowthOptions(body="inflated"))
-
-
-def rules_text(options: GrowthOptions) -> str:
-    """Return the growth model's choices in words."""
-    children = "stay inside" if options.children_of_stuck == "stop" else "grow all the same"
-    return (
-        f"{options.body} body, head-on half-angle {options.half_angle_text} "
-        f"(assumed), children of a stuck branch {children}"
-    )
+    options: GrowthOptions = field(default_factory=GrowthOptions)  # the growth model's choices
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -102,12 +94,19 @@ class PreparedFamily:
         """Return a family made ready, with its poses drawn."""
         maps = tuple(PreparedMap.of(world) for world in family.worlds)
         seeds = [plan.seed + index for index in range(len(maps))]
-        return cls(label=family.label, maps=maps, poses=poses_on(maps, plan.poses, seeds))
+        repeats = plan.options.draws_half_angle
+        poses = poses_on(maps, plan.poses, seeds, repeats=repeats)
+        return cls(label=family.label, maps=maps, poses=poses)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Name of each map; maps of one name are told apart by a number."""
         return numbered_names([prepared_map.world.name for prepared_map in self.maps])
+
+    @property
+    def distinct(self) -> "PreparedFamily":
+        """The same with every pose once: all deployments have the same contacts."""
+        return replace(self, poses=tuple(tuple(dict.fromkeys(places)) for places in self.poses))
 
     def launches(self) -> Launches:
         """Return every pose of every map as launches of a batch."""
@@ -121,12 +120,21 @@ class FamilyDeployments:
     """A design's deployments on one family of maps."""
 
     prepared: PreparedFamily
-    deployments: Sequence[Deployment]  # map by map, pose by pose; grown again when asked for
+    # deployments, unpressed: map by map, pose by pose, and the same where no pressure stops them;
+    # grown again when asked for
+    deployments: Sequence[Deployment]
+    unpressed: Sequence[Deployment]
     outcomes: MeasureTable  # one row of measures for each
 
     def prepared_map(self, index: int) -> PreparedMap:
         """Return the map of one deployment."""
-        return self.prepared.maps[index // len(self.prepared.poses[0])]
+        return self.prepared.maps[self.map_of[index]]
+
+    @property
+    def map_of(self) -> tuple[int, ...]:
+        """Index of the map of each deployment."""
+        poses = self.prepared.poses
+        return tuple(index for index, places in enumerate(poses) for _ in places)
 
 
 def deploy_family(
@@ -141,7 +149,7 @@ def deploy_family(
     deployments = _grown(design, launches, plan.options)
     # What growth to every tip needs is known only where no pressure stops it.
     unpressed = deployments
-    if plan.options.pressure_stop:
+    if plan.options.pressure_stop and design.build.pressure_kpa > 0.0:
         unpressed = _grown(design, launches, replace(plan.options, pressure_stop=False))
     columns = np.empty((len(deployments), len(MEASURES)))
     terrain = launches.terrain.tolist()
@@ -157,11 +165,35 @@ def deploy_family(
         poses=launches.poses,
         values={m.key: columns[:, i].copy() for i, m in enumerate(MEASURES)},
     )
-    return FamilyDeployments(prepared=prepared, deployments=deployments, outcomes=outcomes)
+    return FamilyDeployments(
+        prepared=prepared, deployments=deployments, unpressed=unpressed, outcomes=outcomes
+    )
 
 
 def _grown(design: Design, launches: Launches, options: GrowthOptions) -> Sequence[Deployment]:
     return Batch(Plans.of([design], options), launches, options).regrown()
+
+
+def deployment_notes(
+    prepared: Sequence[PreparedFamily], plan: PredictionPlan, named: Mapping[str, Design]
+) -> tuple[str, ...]:
+    """Return what a user should know about how often designs were deployed, and how they began.
+
+    Parameters
+    ----------
+    named
+        The designs by what their notes begin with; nothing for one alone.
+    """
+    worlds = [place.world for family in prepared for place in family.maps]
+    notes = spread_notes(worlds, plan.poses, repeats=plan.options.draws_half_angle)
+    for name, design in named.items():
+        left = [
+            has_room
+            for family in prepared
+            for has_room in trunks_with_room(design, family.maps, family.poses, plan.options)
+        ]
+        notes += [f"{name}{note}" for note in stayed_text(left, design)]
+    return tuple(notes)
 
 
 def typical(outcomes: MeasureTable, key: str, shares: Sequence[float]) -> list[int]:

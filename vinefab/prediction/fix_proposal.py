@@ -1,7 +1,8 @@
 """Propose the smallest change of a design that clears its errors, and say what it costs."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from vinefab.fabrication.checking import Deployed, subject_of
 from vinefab.fabrication.job.laser_job import MOST_BRANCHES
@@ -9,7 +10,7 @@ from vinefab.fabrication.rules.fix import FixedDesign, fix_design
 from vinefab.fabrication.rules.fix_targets import DesignChange, FixTargets, design_changes
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.run_rules import run_checks
-from vinefab.model.design import Design
+from vinefab.model.design import ORIGIN_GROWTH, Design
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
@@ -57,6 +58,7 @@ def propose_fix(
     limits: LimitChanges | None = None,
     maps: Sequence[Map] = (),
     progress: Callable[[float], None] | None = None,
+    growth: Mapping[str, object] | None = None,
 ) -> FixProposal:
     """Return the smallest change found that clears a design's errors.
 
@@ -65,12 +67,16 @@ def propose_fix(
     design, profile, limits
         As for a check. Findings that the design waives do not have to be cleared, but the search
         does not know them apart.
+    growth
+        Growth options by name for the maps, in place of those that the design was trained with.
     """
-    before = run_checks(subject_of(design, profile, _deployed(design, maps)), limits)
+    grown = partial(_deployed, maps=maps, growth=growth)
+
+    before = run_checks(subject_of(design, profile, grown(design)), limits)
     if not before.blocking or design.branch_count > MOST_BRANCHES:
         return FixProposal(before=before, design=None, after=None)
     after: CheckReport | None = None
-    for found, report in _rounds(design, profile, limits, maps, progress):
+    for found, report in _rounds(design, profile, limits, grown, progress):
         after = report
         if not report.blocking:
             proposed = _named(design, found)
@@ -87,7 +93,7 @@ def _rounds(
     design: Design,
     profile: LaserProfile,
     limits: LimitChanges | None,
-    maps: Sequence[Map],
+    grown: Callable[[Design], Deployed],
     progress: Callable[[float], None] | None,
 ) -> Iterator[tuple[FixedDesign, CheckReport]]:
     """Yield designs without trouble and their full checks, the search stricter every time."""
@@ -98,8 +104,7 @@ def _rounds(
         found = fix_design(design, targets, progress)
         if found is None:
             return
-        grown = _deployed(found.design, maps)
-        report = run_checks(subject_of(found.design, profile, grown), limits)
+        report = run_checks(subject_of(found.design, profile, grown(found.design)), limits)
         yield found, report
         share = _window_share(report)
         if share < 1.0:
@@ -121,26 +126,30 @@ def _window_share(report: CheckReport) -> float:
 def _named(design: Design, found: FixedDesign) -> Design:
     """Return a fixed design with a name and an origin of its own."""
     changes = [change.text for change in design_changes(design, found.design)]
-    return replace(
-        found.design,
-        name=f"{design.name[:90]}_mended",
-        origin={"mended_from": design.name, "changes": changes, "change": round(found.cost, 6)},
-    )
+    origin = {"mended_from": design.name, "changes": changes, "change": round(found.cost, 6)}
+    trained = {key: design.origin[key] for key in (ORIGIN_GROWTH,) if key in design.origin}
+    return replace(found.design, name=f"{design.name[:90]}_mended", origin={**origin, **trained})
 
 
 def _rules(report: CheckReport) -> str:
     return ", ".join(sorted({finding.rule for finding in report.blocking}))
 
 
-def score_change_lines(before: Design, after: Design, maps: Sequence[Map]) -> list[str]:
+def score_change_lines(
+    before: Design,
+    after: Design,
+    maps: Sequence[Map],
+    growth: Mapping[str, object] | None = None,
+) -> list[str]:
     """Return what a change does to the predicted scores, in words; nothing without maps."""
     if not maps:
         return []
     # The simulator and the tasks are loaded only when a map is given.
-    from vinefab.prediction.deploy import growth_options  # noqa: PLC0415
+    from vinefab.growth.options import GrowthChoice, growth_text  # noqa: PLC0415
     from vinefab.prediction.scoring import ScorePlan, score_design_on_task  # noqa: PLC0415
 
-    options, lines = growth_options("inflated"), []
+    options = GrowthChoice.of([before], growth).options
+    lines = [f"  scores of {growth_text(options, [before])}:"]
     for task in TASKS:
         old, new = (
             score_design_on_task(design, maps, ScorePlan(task=task), options).composite["mean"]
@@ -150,10 +159,10 @@ def score_change_lines(before: Design, after: Design, maps: Sequence[Map]) -> li
     return lines
 
 
-def _deployed(design: Design, maps: Sequence[Map]) -> Deployed:
+def _deployed(design: Design, maps: Sequence[Map], growth: Mapping[str, object] | None) -> Deployed:
     """Deploy a design; without maps the simulator is not even imported."""
     if not maps:
         return ()
     from vinefab.prediction.deploy import deploy_from_starts  # noqa: PLC0415
 
-    return deploy_from_starts(design, maps)
+    return deploy_from_starts(design, maps, growth)

@@ -26,6 +26,8 @@ from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.reach import Reach
 
+NO_INTERVAL = "one sample: no interval"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measure:
@@ -52,6 +54,16 @@ class Measure:
         # Adding 0 turns a rounded -0.0 into 0.0.
         return round(float(value), self.digits) + 0.0
 
+    def content(self, value: float) -> float | None:
+        """Return a value as it stands in JSON; None where there is none."""
+        return self.rounded(value) if np.isfinite(value) else None
+
+    def interval(self, mean: float, low: float, high: float) -> str:
+        """Return a mean with its interval, without unit; one sample has none."""
+        if not (np.isfinite(low) and np.isfinite(high)):
+            return f"{self.number(mean)} ({NO_INTERVAL})"
+        return f"{self.number(mean)} [{self.number(low)}, {self.number(high)}]"
+
     @property
     def label(self) -> str:
         """Title and unit, for an axis."""
@@ -64,7 +76,7 @@ COVERAGE = Measure(
     unit="",
     digits=4,
     better="more",
-    meaning="what the optimizer maximizes: area seen, less what branches and film cost",
+    meaning="what the optimizer maximizes: area seen minus what branches and film cost",
 )
 
 SEEN = Measure(
@@ -153,7 +165,8 @@ class Spread:
 
     count: int  # deployments that have a value
     mean: float  # mean of the maps' means
-    # low, high: 95 % bootstrap interval of that mean over maps (over poses where there is one map)
+    # low, high: 95 % bootstrap interval of that mean over maps (over poses where there is one map);
+    # NaN for one sample
     low: float
     high: float
     deviation: float  # standard deviation over deployments
@@ -164,6 +177,11 @@ class Spread:
     # least, greatest: extremes
     least: float
     greatest: float
+
+    @property
+    def has_interval(self) -> bool:
+        """Whether there is more than one sample."""
+        return math.isfinite(self.low)
 
     NUMBERS = ("mean", "low", "high", "deviation", "p05", "median", "p95", "least", "greatest")
 
@@ -225,7 +243,7 @@ def spreads_content(outcomes: MeasureTable) -> dict[str, object]:
     for measure in MEASURES:
         spread = outcomes.spread(measure)
         if spread is not None:
-            numbers = {name: measure.rounded(getattr(spread, name)) for name in Spread.NUMBERS}
+            numbers = {name: measure.content(getattr(spread, name)) for name in Spread.NUMBERS}
             spreads[measure.key] = {"count": spread.count, **numbers}
     return spreads
 

@@ -15,6 +15,7 @@ from vinefab.fabrication.package.prepare import (
     prepare,
     recipe_cautions,
 )
+from vinefab.growth.options import growth_text
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Severity
@@ -34,13 +35,14 @@ from vinefab.prediction.family_deployments import (
     PreparedFamily,
     ProgressCallback,
     deploy_family,
+    deployment_notes,
     no_progress,
-    rules_text,
     typical,
 )
 from vinefab.prediction.heat_map import HeatMap, heat_map_of, heat_section
 from vinefab.prediction.measures import (
     COVERAGE,
+    NO_INTERVAL,
     REACH,
     SEEN,
     STUCK,
@@ -106,6 +108,18 @@ class Predicted:
         """The family with most deployments: what headlines are about."""
         return max(self.results, key=lambda result: len(result.deployments))
 
+    @property
+    def growth(self) -> str:
+        """By which rules it was grown."""
+        return growth_text(self.plan.options, [self.prepared.design])
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know about the deployments, a sentence each."""
+        families = [result.prepared for result in self.results]
+        found = deployment_notes(families, self.plan, {"": self.prepared.design})
+        return tuple(f"{note[:1].upper()}{note[1:]}." for note in found)
+
     def spread(self, measure: Measure) -> Spread | None:
         """Return how a measure is spread in the main family."""
         return self.main.outcomes.spread(measure)
@@ -145,9 +159,9 @@ class Predicted:
             title=f"{self.prepared.design.name}: predictions and fabrication",
             verdict=words,
             tone=tone,
-            cautions=cautions(self.prepared, self.window, self.main.outcomes),
+            cautions=(*self.notes, *cautions(self.prepared, self.window, self.main.outcomes)),
             headlines=headlines(self.main.outcomes, self.window, self.anchoring, self.contacts),
-            facts=design_facts(self.prepared),
+            facts=(*design_facts(self.prepared), ("growth model", self.growth)),
             sections=(
                 *more,
                 *self.sections(progress),
@@ -179,7 +193,7 @@ class Predicted:
             for index, words in chosen.items()
         ]
         for result in self.results:
-            first = range(0, len(result.deployments), self.plan.poses)
+            first = [result.map_of.index(number) for number in sorted(set(result.map_of))]
             shown += [
                 (self._caption(result, index, "first pose"), result.prepared_map(index).world,
                  result.deployments[index])
@@ -187,9 +201,7 @@ class Predicted:
                 if result is not main or index not in chosen
             ]  # fmt: skip
         ended = [(result.prepared.label, result.deployments) for result in self.results]
-        return deployment_section(
-            design, shown[:MOST_PICTURES], ended, rules_text(self.plan.options)
-        )
+        return deployment_section(design, shown[:MOST_PICTURES], ended, self.growth)
 
     @staticmethod
     def _caption(result: FamilyDeployments, index: int, words: str) -> str:
@@ -225,6 +237,7 @@ def predict(
     progress(0.92, "where it goes on one map")
     heat = heat_map_of(design, prepared_families[0].maps[0], plan)
     progress(0.94, "design rules")
+    # The rules ask what growth to every tip would take (VF-P03): no pressure may stop it before.
     prepared = prepare(design, profile, _AllDeployments(results))
     mass_g = _mass_g(prepared)
     return Predicted(
@@ -244,10 +257,10 @@ def predict(
 
 
 class _AllDeployments(Collection[Deployment]):
-    """The deployments of all families, none of which is kept."""
+    """The deployments of all families where no pressure stops them, none of which is kept."""
 
     def __init__(self, results: Sequence[FamilyDeployments]) -> None:
-        self._parts = [result.deployments for result in results]
+        self._parts = [result.unpressed for result in results]
 
     def __len__(self) -> int:
         return sum(len(part) for part in self._parts)
@@ -376,6 +389,8 @@ def _measured(
     low, high, p05, p95 = (
         measure.number(value) for value in (spread.low, spread.high, spread.p05, spread.p95)
     )
+    interval = f"95 % interval {low} to {high}" if spread.has_interval else NO_INTERVAL
+    over = "" if spread.count < 2 else f"; 90 % of the deployments {p05} to {p95}"
     width = ""
     if contacts is not None:
         least, greatest = (measure.number(value) for value in contacts.ends(measure))
@@ -386,8 +401,7 @@ def _measured(
     return Headline(
         name=measure.title,
         value=measure.text(spread.mean),
-        detail=f"mean over {outcomes.label}, 95 % interval {low} to {high}{width}; 90 % of the "
-        f"deployments {p05} to {p95} (simulated)",
+        detail=f"mean over {outcomes.label}, {interval}{width}{over} (simulated)",
         tone="caution" if most is not None and spread.mean >= most else "good",
     )
 

@@ -30,6 +30,8 @@ def prediction_text(found: Predicted, origin: Origin) -> str:
             "design": found.prepared.design.name,
             "recipe": found.prepared.profile.recipe.name,
             "standing": "simulated",
+            "growth": found.plan.options.content,
+            "notes": list(found.notes),
             "verdict": verdict,
             "tone": tone,
             "fields": [_field(result.outcomes) for result in found.results],
@@ -48,7 +50,8 @@ def summary_lines(found: Predicted) -> list[str]:
     """Return the verdict and the numbers to take away as lines for the user."""
     verdict, _ = _verdict(found)
     shown = headlines(found.main.outcomes, found.window, found.anchoring, found.contacts)
-    return [verdict, *(f"  {line.name}: {line.value} ({line.detail})" for line in shown)]
+    notes = [f"growth: {found.growth}", *found.notes]
+    return [verdict, *notes, *(f"  {line.name}: {line.value} ({line.detail})" for line in shown)]
 
 
 def _verdict(found: Predicted) -> tuple[str, Tone]:
@@ -69,9 +72,8 @@ def _deployment(outcomes: MeasureTable, index: int) -> dict[str, object]:
     pose = outcomes.poses[index]
     values = {}
     for measure in MEASURES:
-        value = outcomes.values[measure.key][index]
         # A robot that never emerged needs no pressure: there is no number then.
-        values[measure.key] = measure.rounded(value) if value == value else None  # noqa: PLR0124
+        values[measure.key] = measure.content(outcomes.values[measure.key][index])
     return {
         "map": outcomes.maps[index],
         "pose": {
@@ -152,12 +154,12 @@ def heat_content(heat: HeatMap) -> dict[str, object]:
 
 def effect_content(effect: Effect) -> dict[str, object]:
     """Return a sensitivity as it stands in JSON."""
-    changes: dict[str, Mapping[str, float]] = {}
+    changes: dict[str, Mapping[str, float | None]] = {}
     for measure in QUICK:
         change = effect.changes.get(measure.key)
         if change is not None:
             numbers = {"mean": change.mean, "low": change.low, "high": change.high}
-            changes[measure.key] = {name: measure.rounded(v) for name, v in numbers.items()}
+            changes[measure.key] = {name: measure.content(v) for name, v in numbers.items()}
     return {
         "knob": effect.knob,
         "step": effect.step,

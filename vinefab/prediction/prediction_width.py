@@ -72,6 +72,7 @@ class ContactRange:
 
 def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptions) -> ContactRange:
     """Deploy a design from a family's poses at every half-angle of the range."""
+    prepared = prepared.distinct
     names = [prepared.names[index] for index in prepared.launches().terrain.tolist()]
     columns: dict[str, list[ContactValue]] = {measure.key: [] for measure in CONTACT_MEASURES}
     for angle_deg in CONTACT_ANGLES_DEG:
@@ -259,10 +260,7 @@ def _contact_table(found: ContactRange) -> Table:
     rows = tuple(
         (
             measure.label,
-            *(
-                f"{measure.number(v.mean)} [{measure.number(v.low)}, {measure.number(v.high)}]"
-                for v in found.values[measure.key]
-            ),
+            *(measure.interval(v.mean, v.low, v.high) for v in found.values[measure.key]),
         )
         for measure in CONTACT_MEASURES
     )

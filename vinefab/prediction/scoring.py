@@ -1,17 +1,28 @@
 """A design's score on a task over maps and poses."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from vinefab.core.errors import BadInputError
-from vinefab.growth.options import GrowthOptions
+from vinefab.core.validation import Floats
+from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
+from vinefab.maps.poses import spread_notes
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.prediction.deploy import pose_text
-from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
+from vinefab.prediction.deploy import pose_text, stayed_text
+from vinefab.tasks.evaluate import (
+    PreparedMap,
+    composites_text,
+    map_weights,
+    poses_on,
+    score_design,
+    trunks_with_room,
+)
 from vinefab.tasks.shipped_tasks import make_task
-from vinefab.tasks.task import Task
+from vinefab.tasks.task import Task, score_parts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,37 +32,77 @@ class ScorePlan:
     task: str | Task = "coverage"  # name of the task, or the task itself
     # parameters of a task that is named, where they differ from its defaults
     parameters: Mapping[str, object] = field(default_factory=dict)
-    poses: int = 1  # poses drawn per map from the range around its starts
+    poses: int = 3  # poses drawn per map from the range around its starts
     seed: int = 0  # seed of the poses; map ``i`` gets ``seed + i``
 
 
 def score_design_on_task(
     design: Design, maps: Sequence[Map], plan: ScorePlan, options: GrowthOptions | None = None
 ) -> Score:
-    """Return a design's score, one evaluation per map and pose."""
+    """Return a design's score, one evaluation per map and pose.
+
+    Parameters
+    ----------
+    options
+        The growth model's choices; those that the design was trained with if None.
+    """
     if not maps:
         raise BadInputError("--maps", "none", "at least one map")
+    options = options or GrowthChoice.of([design]).options
     task = plan.task
     if isinstance(task, str):
         task = make_task(task, plan.parameters)
     prepared_maps = [PreparedMap.of(world) for world in maps]
     seeds = [plan.seed + index for index in range(len(prepared_maps))]
-    return score_design(
-        design, prepared_maps, poses_on(prepared_maps, plan.poses, seeds), task, options
+    varied = options.draws_half_angle
+    poses = poses_on(prepared_maps, plan.poses, seeds, repeats=varied)
+    score = score_design(design, prepared_maps, poses, task, options)
+    stayed = stayed_text(trunks_with_room(design, prepared_maps, poses, options), design)
+    return replace(
+        _with_parts(score, task, map_weights([len(places) for places in poses])),
+        growth=options.content,
+        notes=(*spread_notes(maps, plan.poses, repeats=varied), *stayed),
     )
 
 
-def score_lines(result: Score, most: int = 30) -> list[str]:
-    """Return a score as lines for the user: evaluations, then composites."""
+def _with_parts(score: Score, task: Task, weights: Floats | None) -> Score:
+    """Return a score with what earned and cost how much of it."""
+    evaluations = tuple(
+        replace(each, parts=score_parts(task, each.score, each.terms)) for each in score.evaluations
+    )
+    names = tuple(evaluations[0].parts)
+    if not names:
+        return score
+    table = np.array([[each.parts[name] for name in names] for each in evaluations])
+    means = np.average(table, axis=0, weights=weights).tolist()
+    return replace(score, evaluations=evaluations, parts=dict(zip(names, means, strict=True)))
+
+
+def score_lines(result: Score, design: Design, most: int = 30) -> list[str]:
+    """Return a score as lines for the user: evaluations, what they are made of, composites."""
     lines = [
         f"  {evaluation.score:8.4f}  {evaluation.map_name}  {pose_text(evaluation.pose)}"
         for evaluation in result.evaluations[:most]
     ]
-    hidden = len(result.evaluations) - len(lines)
+    count = len(result.evaluations)
+    hidden = count - len(lines)
     lines += [f"  ... and {hidden} more"] if hidden else []
-    weighed = ", ".join(f"{name} {value:.4f}" for name, value in result.composite.items())
+    grown = growth_text(GrowthOptions.of(result.growth), [design])
     return [
-        f"task {result.task}, {len(result.evaluations)} evaluations (simulated)",
+        f"task {result.task}, {count} evaluation{'' if count == 1 else 's'} (simulated); {grown}",
         *lines,
-        f"composite: {weighed}",
+        *_parts_line(result),
+        f"composite: {composites_text(result.composite)}",
+        *result.notes,
     ]
+
+
+def _parts_line(result: Score) -> list[str]:
+    """Return the parts of the mean as a sum; nothing where the task does not say."""
+    if not result.parts:
+        return []
+    signed = [
+        f"{'-' if value < 0.0 else '+'} {abs(value):.4f} {name}"
+        for name, value in result.parts.items()
+    ]
+    return [f"mean: {' '.join(signed)} = {result.composite['mean']:.4f}"]

@@ -17,7 +17,7 @@ from vinefab.core.validation import Floats, frozen_floats
 from vinefab.growth.batch import Batch, Launches
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plan, Plans
-from vinefab.model.deployment import Deployment
+from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.model.tree import BranchTree, branch_tree
@@ -148,7 +148,7 @@ class VariantEvaluator:
     """A design on a few maps, to be grown again and again with changes."""
 
     def __init__(self, design: Design, prepared: PreparedFamily, plan: PredictionPlan) -> None:
-        keep = max(1, MOST_LAUNCHES // len(prepared.poses[0]))
+        keep = max(1, MOST_LAUNCHES // max(len(poses) for poses in prepared.poses))
         chosen = sorted({round(i) for i in np.linspace(0, len(prepared.maps) - 1, keep).tolist()})
         maps = tuple(prepared.maps[index] for index in chosen)
         poses = tuple(prepared.poses[index][:MOST_LAUNCHES] for index in chosen)
@@ -166,10 +166,14 @@ class VariantEvaluator:
         """Return the quick measures of every plan from every pose, shape (plans, launches, 5)."""
         launches = self.launches if poses is None else Launches.of(self.launches.atlas, poses)
         grown = Batch(Plans.joined(plans), launches, options).deployments()
+        unpressed = grown
+        if any((deployment.stop == Stop.PRESSURE).any() for deployment in grown):
+            free = Plans.joined([plan.without_pressure for plan in plans])
+            unpressed = Batch(free, launches, options).deployments()
         terrain = np.repeat(launches.terrain, len(plans)).tolist()
         rows = [
-            quick_measures(deployment, self.design, self.prepared.maps[index])
-            for deployment, index in zip(grown, terrain, strict=True)
+            quick_measures(deployment, self.design, self.prepared.maps[index], whole)
+            for deployment, whole, index in zip(grown, unpressed, terrain, strict=True)
         ]
         return np.array(rows).reshape(len(launches), len(plans), len(QUICK)).transpose(1, 0, 2)
 
@@ -199,13 +203,19 @@ class VariantEvaluator:
 
 
 def quick_measures(
-    deployment: Deployment, design: Design, prepared_map: PreparedMap
+    deployment: Deployment, design: Design, prepared_map: PreparedMap, unpressed: Deployment
 ) -> tuple[float, ...]:
-    """Return the measures of `QUICK` for one deployment."""
+    """Return the measures of `QUICK` for one deployment.
+
+    Parameters
+    ----------
+    unpressed
+        As in `measure_deployment`.
+    """
     _, terms = Coverage(area="fast").evaluate(deployment, prepared_map.context)
     reached, _ = Reach(area="fast").evaluate(deployment, prepared_map.context)
     grown, stuck, _ = shares_percent(deployment)
-    loose_kpa, _ = worst_pressures_kpa(deployment, design)
+    loose_kpa, _ = worst_pressures_kpa(unpressed, design)
     return 100.0 * terms["area"], 100.0 * reached, grown, stuck, loose_kpa
 
 
@@ -424,6 +434,6 @@ def _changes(effect: Effect, measures: Sequence[Measure]) -> list[str]:
         if change is None:
             cells.append("-")
             continue
-        mean, low, high = (measure.number(v) for v in (change.mean, change.low, change.high))
-        cells.append(f"{mean} [{low}, {high}]{'*' if change.is_clear else ''}")
+        text = measure.interval(change.mean, change.low, change.high)
+        cells.append(f"{text}{'*' if change.is_clear else ''}")
     return cells

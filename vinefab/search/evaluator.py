@@ -14,6 +14,7 @@ from vinefab.core.rng import child
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import BLOCK, Batch, Block, Launches, TerrainSet, Workspace
 from vinefab.growth.options import GrowthOptions
+from vinefab.maps.poses import spread_notes
 from vinefab.model.design import MOST_BRANCHES, Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
@@ -134,6 +135,8 @@ SHARE_LEFT, LEAST_BLOCK = 1.5, 32
 """Growths per work unit: the remaining growths over this share of the workers, so that the last
 unit is short; but enough to make the overhead negligible, unless a worker would get none."""
 
+MOST_TRAINING_MAPS = 10_000
+
 TRAINING, FINAL, MAPS, HALF_ANGLES = 1411, 1412, 1414, 1415
 """Random streams of training poses, final poses, the choice of maps for a generation, and the
 head-on half-angles where they are drawn from a range."""
@@ -151,10 +154,26 @@ class EvaluatorSpec:
     @property
     def search_task(self) -> Task:
         """The task in the form that the search evaluates."""
+        return self._penalized(search_form(self._task))
+
+    @property
+    def approximates(self) -> bool:
+        """Whether the search evaluates another form of the task."""
+        task = self._task
+        return search_form(task) is not task
+
+    @property
+    def reported_task(self) -> Task:
+        """The task as it is: the scores that a run reports are those of ``vinefab score``."""
+        return self._penalized(self._task)
+
+    @property
+    def _task(self) -> Task:
         named = self.settings.task
-        task = make_task(named.name, named.parameters) if self.task is None else self.task
+        return make_task(named.name, named.parameters) if self.task is None else self.task
+
+    def _penalized(self, task: Task) -> Task:
         weight = self.settings.evaluation.head_on_weight
-        task = search_form(task)
         return HeadOnPenalty(task=task, weight=weight) if weight > 0.0 else task
 
 
@@ -221,11 +240,32 @@ class Evaluator:
             int(child(seed, stream, generation, index).integers(2**62))
             for index in range(len(self.maps))
         ]
-        poses, angles = poses_on(self.maps, count, seeds), tuple[float, ...]()
-        if self.growth.draws_half_angle:
+        varied, angles = self.growth.draws_half_angle, tuple[float, ...]()
+        poses = poses_on(self.maps, count, seeds, repeats=varied)
+        if varied:
             rng, number = child(seed, HALF_ANGLES, stream, generation), count * len(self.maps)
             angles = tuple(rng.uniform(*self.growth.half_angle_range_rad, number).tolist())
         return Conditions(poses=poses, half_angles_rad=angles)
+
+    def final_conditions(self, seed: int) -> Conditions:
+        """Draw the conditions of the finalists, as ``vinefab score`` does with `final_seed`."""
+        first, count = final_seed(seed), self.evaluation.final_poses_per_map
+        seeds = range(first, first + len(self.maps))
+        return Conditions(
+            poses=poses_on(self.maps, count, seeds, repeats=self.growth.draws_half_angle)
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know of starts without spread, a sentence each.
+
+        Nothing where the run itself asks for the starts as they are.
+        """
+        if self.evaluation.pose_range == 0.0:
+            return ()
+        count = max(self.evaluation.poses_per_map, self.evaluation.final_poses_per_map)
+        worlds = [prepared.world for prepared in self.maps]
+        return tuple(spread_notes(worlds, count, repeats=self.growth.draws_half_angle))
 
     def training_conditions(self, seed: int, generation: int) -> Conditions:
         """Draw the conditions of a generation of the search, on all maps or on some of them."""
@@ -336,10 +376,10 @@ class Evaluator:
         """Prepare the places that robots grow from next, in place of those prepared before."""
         self.ready[:] = [(each, each.launches(self.terrains)) for each in several]
 
-    def composites(self, scores: Floats) -> Floats:
+    def composites(self, scores: Floats, weights: Floats | None = None) -> Floats:
         """Return the composite of each row of scores as the run weighs them, shape (m,)."""
         kind = self.evaluation.composite
-        return composites(scores, kind, self.evaluation.reference_deviation)
+        return composites(scores, kind, self.evaluation.reference_deviation, weights)
 
     def fitness(self, composite: Floats, penalty: Floats) -> Floats:
         """Return the fitness of designs with a composite score and a penalty."""
@@ -350,6 +390,11 @@ class Evaluator:
     def lowest(self) -> float:
         """The lowest fitness of a manufacturable design."""
         return min(0.0, self.task.lowest)
+
+
+def final_seed(seed: int) -> int:
+    """Return the seed of the finalists' poses on the first map of a run with some seed."""
+    return int(child(seed, FINAL).integers(2**31 - MOST_TRAINING_MAPS))
 
 
 def block_sizes(growths: int, workers: int) -> list[int]:

@@ -1,6 +1,6 @@
 """Choosing the winner: the best designs of the run, evaluated again on fresh poses."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from vinefab.search.front import costs_of, feasible_points, non_dominated, sprea
 from vinefab.search.parallel.point_evaluator import Begin
 from vinefab.search.record.result import Finalist, Generation
 from vinefab.search.space import Space
-from vinefab.tasks.evaluate import Conditions
+from vinefab.tasks.evaluate import Conditions, score_designs
 
 MOST_FULL_CHECKS = 200
 """Most full checks among the designs of a run; each takes some 50 ms."""
@@ -121,40 +121,54 @@ def reevaluated(
     as penalized.
     """
     x = np.array(points)
-    evaluations = begin(x, conditions)()
     finalists = [
-        _finalist(x[row], evaluations, row, conditions, evaluator) for row in range(len(x))
+        _fully_checked(finalist, conditions, evaluator)
+        for finalist in _finalists(x, begin(x, conditions)(), conditions, evaluator)
     ]
     # Stable: of equals, the one that was better in the search stays first.
-    return tuple(
-        sorted((_fully_checked(f, evaluator) for f in finalists), key=lambda f: -f.fitness)
-    )
+    return tuple(sorted(finalists, key=lambda f: -f.fitness))
 
 
-def _finalist(
-    x: Floats, evaluations: Evaluations, row: int, conditions: Conditions, evaluator: Evaluator
-) -> Finalist:
-    score = evaluator.score(evaluations, row, conditions)
-    penalty = float(evaluations.penalty[row])
-    return Finalist(
-        x=x,
-        design=evaluator.space.design(x),
-        score=score,
-        penalty=penalty,
-        fitness=_fitness(score, penalty, evaluator),
-    )
+def _finalists(
+    x: Floats, evaluations: Evaluations, conditions: Conditions, evaluator: Evaluator
+) -> Iterator[Finalist]:
+    """Yield the finalists, their scores by the task as it is."""
+    designs = [evaluator.space.design(point) for point in x]
+    for row, score in enumerate(_scores(designs, evaluations, conditions, evaluator)):
+        penalty = float(evaluations.penalty[row])
+        yield Finalist(
+            x=x[row],
+            design=designs[row],
+            score=score,
+            penalty=penalty,
+            fitness=_fitness(score, penalty, conditions, evaluator),
+        )
 
 
-def _fitness(score: Score, penalty: float, evaluator: Evaluator) -> float:
-    composite = evaluator.composites(score.scores[None])
+def _scores(
+    designs: Sequence[Design],
+    evaluations: Evaluations,
+    conditions: Conditions,
+    evaluator: Evaluator,
+) -> Sequence[Score]:
+    if not evaluator.spec.approximates:
+        return [evaluator.score(evaluations, row, conditions) for row in range(len(designs))]
+    # The search has approximated areas; what a run reports is what `vinefab score` gives.
+    launches, task = evaluator.launches(conditions), evaluator.spec.reported_task
+    return score_designs(designs, evaluator.maps, launches, task, evaluator.growth)
+
+
+def _fitness(score: Score, penalty: float, conditions: Conditions, evaluator: Evaluator) -> float:
+    composite = evaluator.composites(score.scores[None], conditions.weights)
     return float(evaluator.fitness(composite, np.array([penalty]))[0])
 
 
-def _fully_checked(finalist: Finalist, evaluator: Evaluator) -> Finalist:
+def _fully_checked(finalist: Finalist, conditions: Conditions, evaluator: Evaluator) -> Finalist:
     """Return a finalist, with a penalty of 1 if it has none but fails the full check."""
     penalty = evaluator.penalty
     if not isinstance(penalty, FullCheck) or finalist.penalty > 0.0:
         return finalist
     if penalty.passes(finalist.design):
         return finalist
-    return replace(finalist, penalty=1.0, fitness=_fitness(finalist.score, 1.0, evaluator))
+    fitness = _fitness(finalist.score, 1.0, conditions, evaluator)
+    return replace(finalist, penalty=1.0, fitness=fitness)

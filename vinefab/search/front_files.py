@@ -14,7 +14,7 @@ from vinefab.core.validation import Floats
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import Design
+from vinefab.model.design import ORIGIN_GROWTH, Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.map import Map
 from vinefab.model.score import Score
@@ -152,7 +152,8 @@ def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...
 
 
 def _named(design: Design, settings: RunSettings, run_id: str, place: int) -> Design:
-    origin = {"run": run_id, "task": settings.task.name, "front": place}
+    origin: dict[str, object] = {"run": run_id, "task": settings.task.name, "front": place}
+    origin[ORIGIN_GROWTH] = settings.growth.content
     return replace(design, name=f"{settings.name}_{place:02}", origin=origin)
 
 
@@ -251,10 +252,10 @@ def _robots(
     if len(chosen) > MOST_ROBOTS:
         inner = [place for place in chosen[1:-1] if place not in bends]
         chosen.remove(min(inner, key=lambda place: abs(place - bends[0])))
-    terrain = Terrain.of(world)
+    terrain, options = Terrain.of(world), settings.growth.at_one_angle
     return {
         place: FrontRobot(
-            deployment=grow(members[place].design, terrain, world.starts[0].pose, settings.growth),
+            deployment=grow(members[place].design, terrain, world.starts[0].pose, options),
             widths_mm=members[place].design.build.widths_mm,
             title=members[place].design.name + (" (knee)" if members[place].is_knee else ""),
         )

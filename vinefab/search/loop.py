@@ -11,7 +11,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.map import Map
-from vinefab.search.evaluator import FINAL, Evaluator, EvaluatorSpec, Penalty
+from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Penalty
 from vinefab.search.finalists import choose_finalists, reevaluated
 from vinefab.search.front import check_objectives, costs_of
 from vinefab.search.optimizers.nsga2 import FrontOptimizer
@@ -179,6 +179,7 @@ class Search:
             times=ledger.split(),
             checked=settings.evaluation.fabricable,
             repair=repair,
+            notes=self.evaluator.notes,
             drift=store.drift if store is not None else (),
         )
 
@@ -193,12 +194,13 @@ class Search:
         # Copied, because an optimizer may reuse the arrays that it returns or is given.
         x = np.array(asked, dtype=np.float64)
         with ledger.spending("evaluating"):
-            finish = begin(x, schedule.conditions(number))
+            conditions = schedule.conditions(number)
+            finish = begin(x, conditions)
             recorder.write()
             if number + 1 < self.settings.search.generations:
                 schedule.conditions(number + 1)
             evaluations = finish()
-        composite = self.evaluator.composites(evaluations.score)
+        composite = self.evaluator.composites(evaluations.score, conditions.weights)
         fitness = self.evaluator.fitness(composite, evaluations.penalty)
         with ledger.spending("optimizer"):
             self.optimizer.tell(asked, fitness.copy())
@@ -232,8 +234,7 @@ class Search:
             return recorded, store.repair
         count, costs = settings.evaluation.finalists, settings.costs
         choice = choose_finalists(history, evaluator, count, costs)
-        per_map = settings.evaluation.final_poses_per_map
-        conditions = evaluator.conditions(settings.search.seed, FINAL, 0, per_map)
+        conditions = evaluator.final_conditions(settings.search.seed)
         with ledger.spending("evaluating"):
             return reevaluated(choice.points, begin, conditions, evaluator), choice.repair
 

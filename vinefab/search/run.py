@@ -11,7 +11,9 @@ from vinefab.core.atomic import folder_to_fill
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.jsontext import json_text
 from vinefab.core.registry import with_parameters
+from vinefab.growth.options import growth_text, trained_growth
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.model.design import Design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
@@ -27,6 +29,7 @@ from vinefab.search.parallel.point_evaluator import PointEvaluator, ThreadEvalua
 from vinefab.search.record.result import Progress, RunIdentity, RunResult
 from vinefab.search.record.store import RunStore
 from vinefab.search.settings import MapSettings, RunSettings
+from vinefab.tasks.evaluate import composites_text
 from vinefab.tasks.task import Task
 
 
@@ -137,7 +140,6 @@ def progress_line(progress: Progress, *, checked: bool) -> str:
 def result_lines(result: RunResult, violations: str = "") -> list[str]:
     """Return the result of a run as lines for the user."""
     best, score = result.best, result.score
-    composite = ", ".join(f"{name} {value:.4f}" for name, value in score.composite.items())
     repair = [f"repair: {result.repair}"] if result.repair else []
     drift = "; ".join(result.drift)
     newer = [f"resumed with other package versions, so the last digits may differ: {drift}"]
@@ -149,9 +151,24 @@ def result_lines(result: RunResult, violations: str = "") -> list[str]:
         *repair,
         f"winner {best.name}: {best.branch_count} branches on {best.depth} levels; "
         f"{_manufacturability(result, violations)}",
-        f"on {len(score.evaluations)} fresh poses on the training maps (simulated): {composite}",
+        f"on {len(score.evaluations)} fresh poses on the training maps (simulated): "
+        f"{composites_text(score.composite)}",
+        f"growth: {growth_text(trained_growth(best), [best])}",
+        *_repeat_line(best),
+        *result.notes,
         result.times.summary,
         *([failed] if violations else []),
+    ]
+
+
+def _repeat_line(best: Design) -> list[str]:
+    """Return how to get the winner's score again; nothing where the record does not say."""
+    if "seed_of_score" not in best.origin:
+        return []
+    task, poses, seed = (best.origin[k] for k in ("task", "poses_of_score", "seed_of_score"))
+    return [
+        f"the same again: vinefab score best.toml --task {task} --poses {poses} --seed {seed} "
+        "--map ..., with the training maps in their order and the run's task parameters"
     ]
 
 
@@ -170,6 +187,8 @@ def result_json(result: RunResult) -> str:
     content = {
         "run": result.run_id,
         "winner": result.best.name,
+        "growth": trained_growth(result.best).content,
+        "notes": list(result.notes),
         "stopped": result.stopped,
         "evaluations": result.evaluations,
         "fabricable": result.fabricable,

@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field
 
 from vinefab.core.errors import BadInputError, located
-from vinefab.core.units import deg, rad
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import (
     DEFAULT_PRESSURE_KPA,
@@ -102,19 +101,15 @@ class RunBuildForm(Form):
     pouch: PouchForm | None = None
 
 
-def _in_deg(options: GrowthOptions) -> list[float]:
-    return [deg(angle_rad) for angle_rad in options.half_angle_range_rad]
-
-
 class RunGrowthForm(Form):
-    """Table ``[growth]``."""
+    """Table ``[growth]``: options by their names in `GrowthOptions.content`."""
 
-    head_on_half_angle_deg: RangeForm = _in_deg(GrowthOptions())
-    children_of_stuck: Literal["stop", "deploy"] = GrowthOptions().children_of_stuck
-    body: Literal["centerline", "inflated"] = GrowthOptions().body
-    pressure_stop: bool = GrowthOptions().pressure_stop
-    storage_kpa: float = GrowthOptions().storage_kpa
-    fitted_diameter_mm: float = GrowthOptions().fitted_diameter_mm
+    head_on_half_angle_deg: RangeForm | None = None
+    children_of_stuck: Literal["stop", "deploy"] | None = None
+    body: Literal["centerline", "inflated"] | None = None
+    pressure_stop: bool | None = None
+    storage_kpa: float | None = None
+    fitted_diameter_mm: float | None = None
 
 
 class OptimizerForm(RunPartForm):
@@ -176,7 +171,7 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         task=PartSettings(name=form.task.name, parameters=form.task.model_extra or {}),
         space=_space(form.space),
         build=_build(form.build),
-        growth=_growth(form.growth),
+        growth=GrowthOptions.of(form.growth.model_dump(exclude_none=True)),
         optimizer=PartSettings(
             name=form.optimizer.name or ("nsga2" if form.task.objectives else "cmaes"),
             parameters=form.optimizer.model_extra or {},
@@ -191,13 +186,6 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
     make_task(settings.task.name, settings.task.parameters)
     make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
     return settings
-
-
-def _growth(form: RunGrowthForm) -> GrowthOptions:
-    low_rad, high_rad = (rad(angle_deg) for angle_deg in form.head_on_half_angle_deg)
-    angle = low_rad if low_rad == high_rad else (low_rad, high_rad)
-    rest = form.model_dump(exclude={"head_on_half_angle_deg"})
-    return GrowthOptions(head_on_half_angle_rad=angle, **rest)
 
 
 def _build(form: RunBuildForm) -> BuildSettings:

@@ -48,7 +48,7 @@ class AblationVariant:
 
     name: str  # what it is called
     asks: tuple[str, ...] = (SPECIALIZATION, REACHABILITY)  # which conclusions it may touch
-    growth: GrowthOptions = field(default_factory=GrowthOptions)  # how robots grow
+    growth: GrowthOptions = field(default_factory=GrowthOptions.published)  # how robots grow
     clip: str = "free"  # what the sensors see
     space: SpaceSettings = field(default_factory=SpaceSettings)  # the design space
     loops: float = 1.0  # share of the Cave's short cuts that are open
@@ -86,14 +86,19 @@ BASE = AblationVariant(name="base")
 VARIANTS = (
     BASE,
     AblationVariant(
-        name="head-on half-angle 5 degrees", growth=GrowthOptions(head_on_half_angle_rad=rad(5.0))
+        name="head-on half-angle 5 degrees",
+        growth=GrowthOptions.published(head_on_half_angle_rad=rad(5.0)),
     ),
     AblationVariant(
         name="head-on half-angle 15 degrees",
-        growth=GrowthOptions(head_on_half_angle_rad=rad(15.0)),
+        growth=GrowthOptions.published(head_on_half_angle_rad=rad(15.0)),
     ),
-    AblationVariant(name="stuck children deploy", growth=GrowthOptions(children_of_stuck="deploy")),
-    AblationVariant(name="inflated body, 24 mm trunk", growth=GrowthOptions(body="inflated")),
+    AblationVariant(
+        name="stuck children deploy", growth=GrowthOptions.published(children_of_stuck="deploy")
+    ),
+    AblationVariant(
+        name="inflated body, 24 mm trunk", growth=GrowthOptions.published(body="inflated")
+    ),
     AblationVariant(
         name="fan: theta to either side",
         asks=(SPECIALIZATION,),

@@ -21,6 +21,7 @@ from vinefab.studies.claims import (
 )
 from vinefab.studies.paper_charts import Panel, reach_plan
 from vinefab.studies.study_jobs import (
+    DEFAULT_GROWTH,
     FIRST_UNSEEN,
     JobStore,
     StudySize,
@@ -195,7 +196,7 @@ def _picture(found: Exchange) -> Picture:
     for home in ENVIRONMENTS:
         place = site(maps_of(home, FIRST_UNSEEN, 1), 0)
         ((pose,),) = poses_on([place], 1, [FIRST_UNSEEN])
-        robot = grow(design_from(found.kept_design(home)), place.terrain, pose)
+        robot = grow(design_from(found.kept_design(home)), place.terrain, pose, DEFAULT_GROWTH)
         score = float(found.kept_unseen(home, home)[0, 0, 0])
         panels.append(
             Panel(

@@ -13,6 +13,7 @@ import numpy as np
 
 from vinefab.core.jsontext import json_text
 from vinefab.growth.batch import Batch, BlockMapper, Launches
+from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.poses import draw_poses
@@ -66,6 +67,7 @@ def search_split(optimizer: str, threads: int, generations: int) -> TimeSplit:
     settings = RunSettings(
         name="bench",
         maps=MapSettings(count=MAPS),
+        growth=GrowthOptions.published(),
         optimizer=PartSettings(name=optimizer),
         search=SearchSettings(population=DESIGNS, generations=generations),
         evaluation=EvaluationSettings(fabricable=False),

@@ -59,7 +59,7 @@ WALLS_PER_CELL = 5.5
 
 CELL_MM = 500.0 / CELLS
 
-BENCH_GROWTH = GrowthOptions(children_of_stuck="deploy")
+BENCH_GROWTH = GrowthOptions.published(children_of_stuck="deploy")
 """Children of stuck branches grow, so that every branch of every growth counts."""
 
 

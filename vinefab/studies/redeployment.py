@@ -325,7 +325,7 @@ def _picture(size: StudySize, found: dict[str, Redeployments]) -> Picture:
         job = redeployments(size, environment)[0]
         place = site(job.worlds, 0)
         ((pose,),) = poses_on([place], 1, [job.worlds.seed])
-        one = grow(design_from(found[environment].design), place.terrain, pose)
+        one = grow(design_from(found[environment].design), place.terrain, pose, DEFAULT_GROWTH)
         shares = [found[environment].one[0, 0, 0], found[environment].many[0, 0, 0]]
         titles = ("one branched deployment", f"{size.headings} of a plain vine")
         for title, share, grown in zip(

@@ -150,7 +150,7 @@ FIRST_UNSEEN = 900_001
 
 SITES_KEPT = 64
 
-DEFAULT_GROWTH = GrowthOptions()
+DEFAULT_GROWTH = GrowthOptions.published()
 
 
 class StudyJob(Protocol):
@@ -220,7 +220,7 @@ class Testing:
         poses = poses_on(sites, self.poses, range(first, first + self.worlds.count))
         task = make_task(self.task.name, self.task.parameters)
         score = score_design(design_from(self.design), sites, poses, task, self.growth)
-        shape = self.worlds.count, self.poses
+        shape = self.worlds.count, len(poses[0])
         names = tuple(score.evaluations[0].terms)
         terms = {name: [e.terms[name] for e in score.evaluations] for name in names}
         return {

@@ -54,6 +54,7 @@ def coverage_run(size: StudySize, environment: str, number: int) -> RunSettings:
         name=f"coverage_{environment}",
         maps=maps_of(environment, FIRST_TRAINING, size.training_maps),
         task=COVERAGE,
+        growth=DEFAULT_GROWTH,
         optimizer=SWARM,
         search=SearchSettings(
             population=size.population, generations=size.generations, seed=size.seed + number

@@ -1,7 +1,7 @@
 """The anchoring task: how much more than one pouch a branched robot holds, leaf by leaf."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -315,6 +315,11 @@ class Anchoring:
         leaves = Leaves.of(GrownBatch.of(deployment), joints_rad, whole=self.only_full_length)
         pouches = self._pouches([None], np.zeros(1, dtype=np.int64))
         return self._outcomes(leaves, pouches, [(context, 0, 1)]).one(0)
+
+    def parts(self, score: float, terms: Mapping[str, float]) -> dict[str, float]:
+        """Return what the engaged pouches hold alone, and what turns on the way to them add."""
+        alone = terms["engaged"]
+        return {"engaged pouches, each alone": alone, "turns at contacts": score - alone}
 
     def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return amplification and terms for every growth of a block, with the designs' pouches."""

@@ -1,7 +1,7 @@
 """The coverage task: as much seen area as possible from as simple a robot as possible."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
@@ -88,6 +88,15 @@ class Coverage:
             np.array([deployment.tree.total_length_mm]),
             context,
         ).one(0)
+
+    def parts(self, _score: float, terms: Mapping[str, float]) -> dict[str, float]:
+        """Return the terms with their weights: the area earns, the others cost."""
+        return {
+            "area seen": self.weight_area * terms["area"],
+            "branches that see twice": -self.weight_count * terms["count"],
+            "length that sees twice": -self.weight_length * terms["length"],
+            "film": -self.weight_film * terms["film"],
+        }
 
     def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""

@@ -1,6 +1,6 @@
 """Scores of designs over maps and poses, and their composition into one number."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from vinefab.maps.poses import draw_poses
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Pose
 from vinefab.model.score import Evaluation, Score
+from vinefab.physics.tube import inflated_radius_mm
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Task, TaskOutcomes, concatenated_outcomes, outcomes
 
@@ -39,6 +40,11 @@ class Conditions:
             poses=tuple(p if index in taken else () for index, p in enumerate(self.poses)),
             half_angles_rad=tuple(angle for index, angle in angles if index in taken),
         )
+
+    @property
+    def weights(self) -> Floats | None:
+        """Weight of each evaluation, see `map_weights`."""
+        return map_weights([len(places) for places in self.poses])
 
     def launches(self, terrains: TerrainSet) -> Launches:
         """Return the launches on the maps' terrains."""
@@ -86,17 +92,21 @@ def _around_starts(world: Map) -> BaseGeometry:
     return free
 
 
-def poses_on(maps: Sequence[PreparedMap], count: int, seeds: Sequence[int]) -> Poses:
-    """Draw poses from the starts of every map, in free space.
+def poses_on(
+    maps: Sequence[PreparedMap], count: int, seeds: Sequence[int], *, repeats: bool = False
+) -> Poses:
+    """Draw poses from the starts of every map, in free space; all that differ.
 
     Parameters
     ----------
     maps
         The maps; each offers at least one start.
     count
-        Number of poses per map.
+        Number of poses per map; a start without spread gives one.
     seeds
         One seed per map.
+    repeats
+        Whether it gives its pose as often as asked: where every deployment has contacts of its own.
 
     Raises
     ------
@@ -104,9 +114,24 @@ def poses_on(maps: Sequence[PreparedMap], count: int, seeds: Sequence[int]) -> P
         If a map has no start, or no free place within the range of one.
     """
     return tuple(
-        draw_poses(prepared.world, count, seed, free=prepared.around_starts)
+        draw_poses(prepared.world, count, seed, free=prepared.around_starts, repeats=repeats)
         for prepared, seed in zip(maps, seeds, strict=True)
     )
+
+
+def trunks_with_room(
+    design: Design, maps: Sequence[PreparedMap], poses: Poses, options: GrowthOptions
+) -> list[bool]:
+    """Tell for each pose whether a design's trunk has room there to leave its start at all."""
+    if options.body == "centerline":
+        return [True for places in poses for _ in places]
+    radius_mm = inflated_radius_mm(design.build.widths_mm[0])
+    rows = [
+        prepared.terrain.have_room(prepared.terrain.starts_mm(places), radius_mm)
+        for prepared, places in zip(maps, poses, strict=True)
+        if places
+    ]
+    return [bool(has) for row in rows for has in row]
 
 
 def score_design(
@@ -195,6 +220,7 @@ def scores_of(
     """
     count = len(evaluated.score) // len(launches)
     names = [maps[terrain].world.name for terrain in launches.terrain.tolist()]
+    weights = map_weights(np.bincount(launches.terrain).tolist())
     values, terms = evaluated.score.tolist(), {n: v.tolist() for n, v in evaluated.terms.items()}
     for design in range(count):
         evaluations = tuple(
@@ -208,7 +234,7 @@ def scores_of(
                 range(design, len(values), count), names, launches.poses, strict=True
             )
         )
-        weighed = composite([evaluation.score for evaluation in evaluations])
+        weighed = composite([evaluation.score for evaluation in evaluations], weights=weights)
         yield Score(task=task.name, evaluations=evaluations, composite=weighed)
 
 
@@ -220,12 +246,46 @@ MEAN_SHARE = 0.25
 STANDARD_DEVIATION = 0.5
 """The reference deviation: the largest that scores between 0 and 1 can have."""
 
+
+def composite_text(kind: str, reference_deviation: float = STANDARD_DEVIATION) -> str:
+    """Return how a composite is made of scores, where its name does not say it."""
+    if kind != "min_deviation":
+        return ""
+    rest = 1.0 - MEAN_SHARE
+    return f"{MEAN_SHARE:g} mean + {rest:g} (1 - std / {reference_deviation:g})"
+
+
+def composites_text(composite_of: Mapping[str, float]) -> str:
+    """Return composites in words, with how they are made of scores."""
+    parts = []
+    for kind, value in composite_of.items():
+        made = composite_text(kind)
+        parts.append(f"{kind} {value:.4f}{f' ({made})' if made else ''}")
+    return ", ".join(parts)
+
+
 COMPOSITES = ("mean", "best", "min_deviation", "single")
 """Composites of scores in a search; ``single`` is the score of one evaluation."""
 
 
+def map_weights(counts: Sequence[int]) -> Floats | None:
+    """Return weights of evaluations by which maps count alike; None where all weigh the same.
+
+    Parameters
+    ----------
+    counts
+        Number of evaluations on each map, in their order.
+    """
+    some = [count for count in counts if count]
+    if len(set(some)) < 2:
+        return None
+    return np.repeat(1.0 / (len(some) * np.array(some)), some)
+
+
 def composite(
-    scores: Sequence[float] | Floats, reference_deviation: float = STANDARD_DEVIATION
+    scores: Sequence[float] | Floats,
+    reference_deviation: float = STANDARD_DEVIATION,
+    weights: Floats | None = None,
 ) -> dict[str, float]:
     """Return every composite of some scores.
 
@@ -235,6 +295,8 @@ def composite(
         At least one score.
     reference_deviation
         Standard deviation at which steadiness earns nothing.
+    weights
+        Weight of each score; None: all the same.
 
     Returns
     -------
@@ -249,18 +311,23 @@ def composite(
     """
     row = np.asarray(scores, dtype=np.float64)[None]
     kinds = ("mean", "best", "min_deviation")
-    return {kind: float(composites(row, kind, reference_deviation)[0]) for kind in kinds}
+    return {kind: float(composites(row, kind, reference_deviation, weights)[0]) for kind in kinds}
 
 
 def composites(
-    scores: Floats, kind: str, reference_deviation: float = STANDARD_DEVIATION
+    scores: Floats,
+    kind: str,
+    reference_deviation: float = STANDARD_DEVIATION,
+    weights: Floats | None = None,
 ) -> Floats:
     """Return one kind of composite for each of m rows of scores, shape (m,)."""
     rows = np.ascontiguousarray(scores)
     if kind == "best":
         return np.asarray(rows.max(axis=1))
-    mean = np.asarray(rows.mean(axis=1))
+    mean = np.asarray(rows.mean(axis=1) if weights is None else rows @ weights)
     if kind != "min_deviation":
         return mean
-    steadiness = np.maximum(0.0, 1.0 - rows.std(axis=1) / reference_deviation)
+    squares = (rows - mean[:, None]) ** 2
+    deviation = rows.std(axis=1) if weights is None else np.sqrt(squares @ weights)
+    steadiness = np.maximum(0.0, 1.0 - deviation / reference_deviation)
     return np.asarray(MEAN_SHARE * mean + (1.0 - MEAN_SHARE) * steadiness)

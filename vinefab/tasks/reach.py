@@ -1,7 +1,7 @@
 """The reach task: how much of the free space lies close to the deployed body."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
@@ -60,6 +60,10 @@ class Reach:
             ).tolist()
         grown_mm = float(deployment.grown_mm.sum())
         return _outcomes(np.array([reached_mm2]), np.array([grown_mm]), context).one(0)
+
+    def parts(self, score: float, _terms: Mapping[str, float]) -> dict[str, float]:
+        """Return the score: the area reached is all that counts."""
+        return {"area reached": score}
 
     def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""

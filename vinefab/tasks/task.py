@@ -115,6 +115,16 @@ def concatenated_outcomes(parts: Sequence[TaskOutcomes]) -> TaskOutcomes:
     return TaskOutcomes(np.concatenate([part.score for part in parts]), terms)
 
 
+def score_parts(task: Task, score: float, terms: Mapping[str, float]) -> dict[str, float]:
+    """Return what earned and cost how much of a score, by name; they add up to it.
+
+    A task may define ``parts(score, terms) -> Mapping[str, float]``; of others nothing is known.
+    """
+    parts: Callable[[float, Mapping[str, float]], Mapping[str, float]] | None
+    parts = getattr(task, "parts", None)
+    return {} if parts is None else dict(parts(score, terms))
+
+
 def search_form(task: Task) -> Task:
     """Return the form of a task that a search evaluates.
 

@@ -63,22 +63,39 @@ def test_a_metric_that_is_no_number_is_not_written(deployment: Deployment) -> No
 
 def test_a_score_has_the_agreed_form() -> None:
     pose = Pose(x_mm=0.0, y_mm=-1.5, heading_rad=rad(-90.0))
-    one = Evaluation(map_name="m", pose=pose, score=0.25, terms={"area": np.float64(0.5)})
-    score = Score(task="coverage", evaluations=(one,), composite={"mean": 0.25, "best": 0.25})
+    one = Evaluation(
+        map_name="m",
+        pose=pose,
+        score=0.25,
+        terms={"area": np.float64(0.5)},
+        parts={"area seen": 0.25},
+    )
+    score = Score(
+        task="coverage",
+        evaluations=(one,),
+        composite={"mean": 0.25, "best": 0.25},
+        parts={"area seen": 0.25},
+        growth={"body": "inflated"},
+        notes=("one pose",),
+    )
     read = json.loads(score_text(score))
     assert read.pop("generator").startswith("written by vinefab")
     assert read == {
         "schema": "vinefab/score-1",
         "task": "coverage",
+        "growth": {"body": "inflated"},
         "evaluations": [
             {
                 "map": "m",
                 "pose": {"x_mm": 0.0, "y_mm": -1.5, "heading_deg": -90.0},
                 "score": 0.25,
                 "terms": {"area": 0.5},
+                "parts": {"area seen": 0.25},
             }
         ],
         "composite": {"mean": 0.25, "best": 0.25},
+        "parts": {"area seen": 0.25},
+        "notes": ["one pose"],
     }
 
 

@@ -109,7 +109,7 @@ def test_all_settings_read_back_the_same(small: RunSettings) -> None:
         space=space,
         maps=MapSettings(count=2, files=(Path("a.geojson"), Path("b/c.geojson"))),
         task=PartSettings(name="coverage", parameters={"radius_mm": 40.0, "clip": "none"}),
-        growth=GrowthOptions(body="inflated", children_of_stuck="deploy"),
+        growth=GrowthOptions.published(body="inflated", children_of_stuck="deploy"),
         optimizer=PartSettings(name="cmaes", parameters={"spread": 0.3}),
         build=BuildSettings(pouch=Pouch(shape="round", radius_mm=12.0)),
     )

@@ -79,8 +79,16 @@ def score_text(score: Score) -> str:
             "pose": pose_content(evaluation.pose),
             "score": evaluation.score,
             "terms": dict(evaluation.terms),
+            "parts": dict(evaluation.parts),
         }
         for evaluation in score.evaluations
     ]
-    content = {"task": score.task, "evaluations": evaluations, "composite": dict(score.composite)}
+    content = {
+        "task": score.task,
+        "growth": dict(score.growth),
+        "evaluations": evaluations,
+        "composite": dict(score.composite),
+        "parts": dict(score.parts),
+        "notes": list(score.notes),
+    }
     return json_text(SCORE_SCHEMA, content)

@@ -14,10 +14,10 @@ from vinefab.core.registry import Registry
 from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.maps.generators.environments import ENVIRONMENTS
-from vinefab.model.design import Design
+from vinefab.model.design import ORIGIN_GROWTH, Design
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.search.evaluator import Penalty
+from vinefab.search.evaluator import Penalty, final_seed
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.search.settings import RunSettings, plain_settings
 from vinefab.search.timing import TimeSplit
@@ -92,6 +92,7 @@ class RunResult:
     times: TimeSplit = field(default_factory=TimeSplit)  # of this session
     checked: bool = True  # whether manufacturability was checked
     repair: str = ""  # message on the feasibility repair; empty where none was needed
+    notes: tuple[str, ...] = ()  # what a user should know about the starts, a sentence each
     drift: tuple[str, ...] = ()  # packages with other versions than when the run began
 
     @property
@@ -126,7 +127,7 @@ def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
 def with_origin(
     finalist: Finalist, settings: RunSettings, run_id: str, versions: Mapping[str, str]
 ) -> Design:
-    """Return a finalist's design with its name and origin.
+    """Return a finalist's design with its name and origin, the growth options among it.
 
     The origin holds no times: the same run gives the same bytes.
     """
@@ -139,8 +140,11 @@ def with_origin(
         "generations": settings.search.generations,
         "penalty": finalist.penalty,
         "evaluations_of_score": len(finalist.score.evaluations),
+        "poses_of_score": settings.evaluation.final_poses_per_map,
+        "seed_of_score": final_seed(settings.search.seed),
         **{f"score_{name}": value for name, value in finalist.score.composite.items()},
         "versions": ", ".join(f"{name} {number}" for name, number in sorted(versions.items())),
+        ORIGIN_GROWTH: settings.growth.content,
     }
     return replace(finalist.design, name=settings.name, origin=origin)
 

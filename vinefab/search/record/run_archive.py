@@ -75,7 +75,12 @@ def score_to_text(score: Score) -> str:
         }
         for evaluation in score.evaluations
     ]
-    return json.dumps({"task": score.task, "evaluations": evaluations}, allow_nan=False)
+    content = {
+        "task": score.task,
+        "evaluations": evaluations,
+        "composite": dict(score.composite),
+    }
+    return json.dumps(content, allow_nan=False)
 
 
 def score_from_text(text: str) -> Score:
@@ -93,7 +98,7 @@ def score_from_text(text: str) -> Score:
     return Score(
         task=record["task"],
         evaluations=evaluations,
-        composite=composite([evaluation.score for evaluation in evaluations]),
+        composite=record.get("composite") or composite([e.score for e in evaluations]),
     )
 
 

@@ -1,0 +1,103 @@
+"""``--growth`` and what a design was trained with, the same in every command that grows."""
+
+import json
+
+import pytest
+
+from vinefab.cli.common_options import growth_arguments, growth_from
+from vinefab.growth.options import GrowthOptions
+
+TRAINED = '[origin.growth]\nbody = "centerline"\nhead_on_half_angle_deg = [3.0, 9.0]\n'
+DEFAULT = "inflated body, head-on half-angle 1 deg (assumed), stops at 20 kPa"
+
+
+@pytest.fixture
+def trained(plain):
+    """A plain vine that was trained as a line over a range of half-angles."""
+    plain.write_text(plain.read_text() + TRAINED)
+    return plain
+
+
+def test_commands_grow_a_robot_unless_told_otherwise(vinefab, grid, plain):
+    for command in ("grow", "score"):
+        code, words, _ = vinefab(command, plain, "--map", grid)
+        assert code == 0
+        assert DEFAULT in words
+    line = ("--growth", "body=centerline", "--growth", "pressure_stop=false")
+    words = vinefab("score", plain, "--map", grid, *line)[1]
+    assert "centerline body, head-on half-angle 1 deg (assumed), no pressure stops it" in words
+
+
+def test_a_design_is_grown_as_it_was_trained_and_the_user_comes_first(vinefab, grid, trained):
+    _, words, _ = vinefab("grow", trained, "--map", grid)
+    assert "centerline body, head-on half-angle 3 deg (assumed)" in words
+    assert "head-on half-angle 3 deg: the low end of its range, 3 to 9 deg" in words
+    document = json.loads(vinefab("score", trained, "--map", grid, "--json", "-")[1])
+    assert document["growth"]["head_on_half_angle_deg"] == pytest.approx([3.0, 9.0])
+    angles = {e["terms"]["head_on_half_angle_deg"] for e in document["evaluations"]}
+    assert len(angles) == len(document["evaluations"]) == 3
+    given = ("--body", "inflated", "--growth", "head_on_half_angle_deg=2")
+    document = json.loads(vinefab("grow", trained, "--map", grid, *given, "--json", "-")[1])
+    metrics = document["metrics"]
+    assert (metrics["body"], metrics["head_on_half_angle_deg"]) == ("inflated", pytest.approx(2.0))
+    assert metrics["pressure_stop"] is True
+    assert {*GrowthOptions().content} <= {*metrics}
+
+
+def test_designs_trained_differently_are_compared_with_the_defaults(vinefab, grid, trained):
+    code, words, _ = vinefab("compare", trained, "plain_vine", "--map", grid, "--poses", 2)
+    assert code == 0
+    assert "trained with different growth options: all are grown with the defaults" in words
+    assert DEFAULT in words
+    assert "plain minus plain_vine" in words
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--growth", "body"), "--growth is 'body'; allowed: NAME=VALUE"),
+        (("--growth", "bodi=inflated"), "did you mean 'body'"),
+        (("--growth", "body=fat"), "body is 'fat'"),
+        (("--growth", "pressure_stop=perhaps"), "pressure_stop is 'perhaps'"),
+        (("--growth", "head_on_half_angle_deg=1,2,3"), "a number, or a range [low, high]"),
+        (("--growth", "storage_kpa=1,2"), "storage_kpa is [1, 2]"),
+        (("--growth", "body=inflated", "--growth", "body=centerline"), "body once"),
+        (("--growth", "body=inflated", "--body", "centerline"), "--body is 'centerline'"),
+    ],
+)
+def test_what_is_no_growth_option_is_one_line(vinefab, grid, plain, arguments, words):
+    for command in ("grow", "score"):
+        code, _, complaint = vinefab(command, plain, "--map", grid, *arguments)
+        assert code == 2
+        assert words in complaint
+        assert len(complaint.splitlines()) == 1
+
+
+@pytest.mark.parametrize("command", ["grow", "score", "check", "compare", "report"])
+def test_a_broken_origin_names_its_file_and_key(vinefab, grid, plain, tmp_path, command):
+    plain.write_text(plain.read_text() + "[origin.growth]\npressure_stop = 3\n")
+    more = {"compare": ("plain_vine",), "report": ("--out", tmp_path / "page.html")}
+    code, _, complaint = vinefab(command, plain, *more.get(command, ()), "--map", grid)
+    assert code == 2
+    wanted = f"{plain}: origin.growth.pressure_stop is 3; allowed: true or false"
+    assert complaint.strip().removeprefix("error: ").endswith(wanted)
+    assert len(complaint.splitlines()) == 1
+
+
+def test_a_check_has_growth_options_only_on_a_map(vinefab, grid, plain):
+    code, _, complaint = vinefab("check", plain, "--growth", "body=inflated")
+    assert code == 2
+    assert "--map" in complaint
+    code, words, _ = vinefab("check", plain, "--map", grid, "--growth", "body=centerline")
+    assert code in (0, 1)
+    # What growth to every tip would take is asked: no pressure stops it.
+    assert "growth: centerline body, head-on half-angle 1 deg (assumed), no pressure" in words
+
+
+def test_the_repeat_line_gives_the_same_options():
+    options = GrowthOptions.of(
+        {"head_on_half_angle_deg": [1, 15], "pressure_stop": False, "storage_kpa": 8.32}
+    )
+    arguments = growth_arguments(options)
+    assert arguments[::2] == ["--growth"] * len(options.content)
+    assert GrowthOptions.of(growth_from(arguments[1::2])) == options

@@ -45,7 +45,7 @@ def test_the_papers_measurement_lies_in_the_interval_of_its_engaged_branches() -
 def test_that_interval_could_have_missed_the_measurement() -> None:
     """With four engaged, with all six, or at the friction of the prediction it does miss it."""
     assert amplification_interval([TURN_RAD] * 6, 4, 4).high < MEASURED
-    assert MEASURED < amplification_interval([TURN_RAD] * 6, 6).low
+    assert amplification_interval([TURN_RAD] * 6, 6).low > MEASURED
     likely = NumberRange(low=0.3, value=0.3, high=0.3)
     assert amplification_interval([TURN_RAD] * 6, 4, 5, likely).high < MEASURED
 

@@ -440,6 +440,9 @@ NEAR_LIMITS: list[tuple[str, Build, set[Severity]]] = [
     ("VF-W03", pouched(17.8, 6, 30.0), {E}),
     ("VF-W03", pouched(17.8, 6, 31.0), {W}),
     ("VF-P03", of((2, 200.0, 60.0), widths_mm=(40.0, 23.6)), {W}),
+    # Loosely stored film takes 3.85 kPa to grow there
+    ("VF-P03", of((2, 200.0, 60.0), widths_mm=(40.0, 23.8), pressure_kpa=3.7), {W}),
+    ("VF-P03", of((2, 200.0, 60.0), widths_mm=(40.0, 23.8), pressure_kpa=4.0), set()),
     ("VF-B01", of(tail_mm=199.0), {W}),
     ("VF-B02", collar_off(0.104), {E}),
     ("VF-B02", collar_off(0.096), set()),

@@ -164,7 +164,7 @@ def test_json_says_what_and_where_from(made):
 
 def test_every_assumption_has_a_standing(made):
     _, page, _ = made
-    for name in ("head_on_half_angle_deg", "fitted_diameter_mm", "burst_width_mm", "buffer_mm"):
+    for name in ("head_on_half_angle_deg", "fitted_diameter_mm", "survived_width_mm", "buffer_mm"):
         assert name in page.text
     for standing in ("assumed", "published", "paper", "computed", "simulated"):
         assert standing in page.text

@@ -174,8 +174,8 @@ class Material:
     burst_kpa, burst_width_mm
         Pressure at which a welded tube of that lay-flat width burst; None if none was burst.
     survived_kpa, survived_width_mm
-        Pressure that a welded tube of that lay-flat width stood, where none was burst: a lower
-        bound.
+        Pressure that a welded tube of that lay-flat width stood: a lower bound, which counts where
+        none was burst.
     weldable
         Whether a laser can weld it.
     """
@@ -198,9 +198,9 @@ class Material:
     def __post_init__(self) -> None:
         burst = self.burst_kpa is not None, self.burst_width_mm is not None
         survived = self.survived_kpa is not None, self.survived_width_mm is not None
-        if sorted([burst, survived]) != [(False, False), (True, True)]:
+        if burst[0] != burst[1] or survived[0] != survived[1] or not (burst[0] or survived[0]):
             given = [name for name in SEAM_KEYS if getattr(self, name) is not None]
-            allowed = "burst_kpa with burst_width_mm, or survived_kpa with survived_width_mm"
+            allowed = "burst_kpa with burst_width_mm, survived_kpa with survived_width_mm, or both"
             raise BadInputError("seam", ", ".join(given) or "no test", allowed)
 
     @property

@@ -319,7 +319,7 @@ def _about_pressure(window: PressureWindow) -> list[str]:
         )
     if window.standing is Standing.ASSUMED:
         sentences.append(
-            "Pressures rest on assumed numbers: the width of the burst test, the diameter of the "
+            "Pressures rest on assumed numbers: the width of the seam's test, the diameter of the "
             "tube that growth was fitted to."
         )
     return sentences

@@ -219,7 +219,7 @@ def profile_of(document: Mapping[str, Any], path: Path) -> LaserProfile:
     material = _material_at(_beside(path, "material", form.material))
     return LaserProfile(
         machine=_machine(_read(MachineForm, _beside(path, "machine", form.machine))),
-        material=_with_measured(material, form.measured, path),
+        material=_with_measured(material, form.measured),
         recipe=Recipe(
             name=form.name,
             title=form.title,
@@ -234,27 +234,20 @@ def profile_of(document: Mapping[str, Any], path: Path) -> LaserProfile:
     )
 
 
-def _with_measured(material: Material, form: MeasuredForm | None, path: Path) -> Material:
+def _with_measured(material: Material, form: MeasuredForm | None) -> Material:
     """Return a material with its measured values replaced."""
     found = _nouns(form) if form else {}
     friction = found.pop("friction", material.friction)
     if not found:
         return replace(material, friction=friction)
-    if "burst_kpa" in found and "survived_kpa" in found:
-        value = found["survived_kpa"].words()
-        raise BadInputError("measured.survived_kpa", value, "not beside measured.burst_kpa", path)
     known = material.seam
     burst = "burst_kpa" in found or ("survived_kpa" not in found and known.burst)
     kind = "burst" if burst else "survived"
-    # A width alone says how wide the tube of the pressure was that is known, whichever it is.
-    widths = [found[name] for name in found if name.endswith("_width_mm")]
-    if len(widths) > 1:
-        value = found["survived_width_mm"].words()
-        allowed = "not beside measured.burst_width_mm"
-        raise BadInputError("measured.survived_width_mm", value, allowed, path)
+    # A width alone is that of the tube whose pressure is known, whether it burst or not.
+    alone = next((found[name] for name in found if name.endswith("_width_mm")), known.width_mm)
     seam: dict[str, Any] = dict.fromkeys(SEAM_KEYS)
     seam[f"{kind}_kpa"] = found.get(f"{kind}_kpa", known.pressure_kpa)
-    seam[f"{kind}_width_mm"] = widths[0] if widths else known.width_mm
+    seam[f"{kind}_width_mm"] = found.get(f"{kind}_width_mm", alone)
     return replace(material, friction=friction, **seam)
 
 

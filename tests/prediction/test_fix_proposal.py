@@ -61,7 +61,7 @@ def test_waived_errors_need_no_fix(profile):
     assert not propose_fix(waived, profile).failed
 
 
-def tested(profile, storage_kpa):
+def measured_film(profile, storage_kpa):
     """The same film where a tube of 20 mm burst at 70 kPa, and with a fit of growth: measured."""
 
     def measured(value):
@@ -80,7 +80,7 @@ def tested(profile, storage_kpa):
 
 def test_growth_on_a_map_has_to_stay_in_the_window(profile):
     world, limits = grid_map(seed=8), {}
-    profile = tested(profile, 6.5)
+    profile = measured_film(profile, 6.5)
     design = fork((24.0, 12.0))
     free, grown = (
         check_design(design, profile, limits, deployed)

@@ -77,12 +77,12 @@ def test_leaves_that_cannot_grow_at_what_the_trunk_stands_are_seen_by_both(
     assert penalty(narrow) > 0.0
     # The check forbids what was measured; a search keeps to limits that are only assumed, too.
     assert penalty.passes(narrow)
-    known = ManufacturabilityPenalty(profile=tested(penalty.profile))
+    known = ManufacturabilityPenalty(profile=measured_film(penalty.profile))
     assert known(narrow) > 0.0
     assert not known.passes(narrow)
 
 
-def tested(profile: LaserProfile) -> LaserProfile:
+def measured_film(profile: LaserProfile) -> LaserProfile:
     """The same film where a tube of 20 mm burst at 70 kPa, and the published growth: measured."""
 
     def measured(value: float) -> Quantity:
@@ -185,7 +185,7 @@ def test_refused_spaces_have_no_manufacturable_design(
 def test_a_pressure_is_refused_where_the_seams_limit_was_measured() -> None:
     settings = run(build=BuildSettings(pressure_kpa=60.0))
     assert refused(settings) == ""
-    message = refused(settings, tested(PROFILE))
+    message = refused(settings, measured_film(PROFILE))
     assert "build.pressure_kpa is 60.0" in message
     assert "(VF-P01), or evaluation.fabricable = false" in message
 

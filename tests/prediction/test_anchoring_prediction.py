@@ -10,10 +10,10 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map, Pose, Start
 from vinefab.prediction.anchoring_prediction import (
     AnchoringPrediction,
-    Forces,
     HeldForces,
+    OverMaps,
+    anchoring_on,
     anchoring_section,
-    leaf_turns_rad,
     predict_anchoring,
 )
 from vinefab.prediction.family_deployments import (
@@ -22,42 +22,12 @@ from vinefab.prediction.family_deployments import (
     PreparedFamily,
     deploy_family,
 )
+from vinefab.prediction.measures import ANCHORING
 from vinefab.prediction.prediction_json import anchoring_content
+from vinefab.tasks.anchoring_force import Anchoring
+from vinefab.tasks.evaluate import score_design
 
-
-def test_gap_at_a_tip_is_the_width_of_the_corridor():
-    design = Design(name="v", trunk_length_mm=60.0, build=Build.standard(1, trunk_width_mm=20.0))
-    walls = (shapely.box(0, 0, 200, 40), shapely.box(0, 65, 200, 100))
-    start = Start(pose=Pose(x_mm=10.0, y_mm=52.0, heading_rad=0.0))
-    world = Map(name="hall", bounds=shapely.box(0, 0, 200, 100), obstacles=walls, starts=(start,))
-    prepared = PreparedFamily.of(MapFamily(label="hall", worlds=(world,)), PredictionPlan(poses=1))
-    result = deploy_family(design, prepared, PredictionPlan(poses=1))
-    # A pouch of 30 x 50 mm in it: A = 30 (50 - pi 25 / 2), F = 2 P A mu.
-    build = replace(
-        design.build, pouch=Pouch(shape="rectangle", length_mm=30.0, width_mm=50.0),
-        pressure_kpa=10.0,
-    )  # fmt: skip
-    material = read_profile(DEFAULT_RECIPE).material
-    held = predict_anchoring(replace(design, build=build), result, material, mass_g=5.0).forces
-    area_mm2 = 30.0 * (50.0 - np.pi * 25.0 / 2.0)
-    assert held.mean_n == pytest.approx(2.0 * 10.0e-3 * area_mm2 * np.array([0.2, 0.3, 0.8]))
-    assert held.engaged_percent == 100.0
-    narrow = replace(build, pouch=Pouch(shape="rectangle", length_mm=30.0, width_mm=39.0))
-    loose = predict_anchoring(replace(design, build=narrow), result, material).forces
-    assert loose.engaged_percent == 0.0
-    assert loose.mean_n == pytest.approx([0.0, 0.0, 0.0])
-
-
-def test_anchoring_interval_takes_the_straightest_leaves_first(result, explorer):
-    material = read_profile(DEFAULT_RECIPE).material
-    holding = predict_anchoring(explorer, result, material)
-    turns = [leaf_turns_rad(deployment) for deployment in result.deployments]
-    every = np.mean([np.exp(0.3 * found).sum() for found in turns])
-    third = np.mean([np.exp(0.8 * found[: -(-len(found) // 3)]).sum() for found in turns])
-    assert holding.at(0.3, 100.0) == pytest.approx(every)
-    assert holding.at(0.8, 33.3) == pytest.approx(third, rel=0.02)
-    assert holding.forces is None
-    assert holding.leaves == 18
+TASK = anchoring_on(read_profile(DEFAULT_RECIPE).material)
 
 
 def halls(*gaps_mm):
@@ -84,71 +54,138 @@ def held_n(gap_mm, friction, pressure_kpa=10.0):
     return 2.0 * pressure_kpa * 1e-3 * 30.0 * (50.0 - np.pi * gap_mm / 2.0) * friction
 
 
-def test_forces_are_mean_and_percentiles_over_deployments():
+def test_report_comparison_score_and_search_say_the_same(result, explorer):
+    """One implementation: the same gaps, engaged leaves and limits, with pouches and without."""
+    pouch = Pouch(shape="rectangle", length_mm=30.0, width_mm=60.0)
+    jammed = replace(explorer, build=replace(explorer.build, pouch=pouch, pressure_kpa=60.0))
+    assert Anchoring() == TASK
+    for design in (explorer, jammed):
+        deployed = deploy_family(design, result.prepared, PredictionPlan(poses=2, seed=3))
+        score = score_design(
+            design, result.prepared.maps, result.prepared.poses, Anchoring(),
+            PredictionPlan().options,
+        )  # fmt: skip
+        scores = [evaluation.score for evaluation in score.evaluations]
+        assert deployed.outcomes.values[ANCHORING.key].tolist() == scores
+        found = predict_anchoring(design, deployed, TASK)
+        means = np.reshape(scores, (-1, 2)).mean(axis=1)
+        assert found.likely.engaged.median == pytest.approx(np.median(means))
+        force_n = [evaluation.terms["force_n"] for evaluation in score.evaluations]
+        means = np.reshape(force_n, (-1, 2)).mean(axis=1)
+        assert found.likely.force_n.median == pytest.approx(np.median(means))
+        assert (sum(force_n) > 0.0) == (design is jammed)
+        capped = [evaluation.terms["capped"] > 0.0 for evaluation in score.evaluations]
+        assert any(capped) == (design is jammed)
+
+
+def test_a_pouch_holds_where_it_is_wider_than_its_gap():
+    design, result = halls(25.0)
+    (low, likely, high) = predict_anchoring(design, result, TASK).held
+    for held, friction in ((low, 0.2), (likely, 0.3), (high, 0.8)):
+        assert held.friction == friction
+        assert held.force_n.median == pytest.approx(held_n(25.0, friction))
+        assert held.engaged.median == held.ideal.median == 1.0
+    narrow = replace(design.build, pouch=Pouch(shape="rectangle", length_mm=30.0, width_mm=39.0))
+    loose = predict_anchoring(replace(design, build=narrow), result, TASK)
+    assert (loose.engaged_percent, loose.nothing_percent) == (0.0, 100.0)
+    assert loose.likely.force_n.high == loose.likely.engaged.high == 0.0
+    # The formula does not notice.
+    assert loose.likely.ideal.median == 1.0
+
+
+def test_a_third_of_the_engaged_may_be_idle_and_the_ideal_case_counts_all(result, explorer):
+    found = predict_anchoring(explorer, result, TASK)
+    robots = [
+        TASK.anchored(deployment, explorer.build, result.prepared_map(index).context)
+        for index, deployment in enumerate(result.deployments)
+    ]
+    turns = [np.sort(robot.leaves.turn_rad) for robot in robots]
+    every = [np.exp(0.3 * turn).sum() for turn in turns]
+    some = [np.exp(0.8 * turn[: -(-2 * len(turn) // 3)]).sum() for turn in turns]
+    for shown, single in ((found.likely.ideal, every), (found.held[2].some_idle, some)):
+        means = np.reshape(single, (-1, 2)).mean(axis=1)
+        assert shown.median == pytest.approx(np.median(means))
+        assert [shown.low, shown.high] == pytest.approx(np.percentile(means, [5.0, 95.0]).tolist())
+    assert (found.leaves, found.has_pouches) == (18, False)
+    assert found.likely.force_n.high == 0.0
+
+
+def test_forces_are_median_and_percentiles_over_maps():
     design, result = halls(20.0, 22.0, 24.0, 26.0, 28.0)
-    material = read_profile(DEFAULT_RECIPE).material
-    forces = predict_anchoring(design, result, material, mass_g=5.0).forces
-    frictions = np.array([0.2, 0.3, 0.8])
+    found = predict_anchoring(design, result, TASK, mass_g=5.0)
     # The force falls linearly with the gap; of five values 5 % lie 0.2 steps from either end.
-    assert forces.friction.tolist() == frictions.tolist()
-    assert forces.mean_n == pytest.approx(held_n(24.0, frictions))
-    assert forces.p95_n == pytest.approx(held_n(20.4, frictions))
-    assert forces.p05_n == pytest.approx(held_n(27.6, frictions))
-    assert (forces.engaged_percent, forces.limited_percent) == (100.0, 0.0)
-    assert (forces.pressure_kpa, forces.mass_g) == (10.0, 5.0)
+    for held in found.held:
+        assert held.force_n.median == pytest.approx(held_n(24.0, held.friction))
+        assert held.force_n.high == pytest.approx(held_n(20.4, held.friction))
+        assert held.force_n.low == pytest.approx(held_n(27.6, held.friction))
+    assert (found.engaged_percent, found.limited_percent) == (100.0, 0.0)
+    assert (found.pressure_kpa, found.mass_g) == (10.0, 5.0)
 
 
-def test_seams_limit_a_known_share_of_the_engaged_leaves():
+def test_seams_limit_a_known_share_of_the_deployments():
     design, result = halls(20.0, 22.0, 24.0, 26.0, 45.0)
-    material = read_profile(DEFAULT_RECIPE).material
-    # A seam of the test balloon, 70 kPa at 20 mm, around the trunk: 2 w P_b w_b / pi.
+    # A seam of the test tube, 70 kPa at 20 mm, around the trunk: 2 w P_b w_b / pi.
     limit_n = 2.0 * 20.0 * 70e-3 * 20.0 / np.pi
     pressure_kpa = 10.0 * limit_n / held_n(23.0, 0.8)
     strong = replace(design, build=replace(design.build, pressure_kpa=pressure_kpa))
-    forces = predict_anchoring(strong, result, material).forces
+    found = predict_anchoring(strong, result, TASK)
     # Inflated, the pouch is 31.8 mm wide: four of five hold, of these two beyond the limit.
-    assert (forces.engaged_percent, forces.limited_percent) == (80.0, 50.0)
-    free_n = held_n(24.0, 0.8, pressure_kpa) + held_n(26.0, 0.8, pressure_kpa)
-    assert forces.mean_n[-1] == pytest.approx((2.0 * limit_n + free_n) / 5.0)
+    assert (found.engaged_percent, found.limited_percent, found.nothing_percent) == (
+        80.0,
+        40.0,
+        20.0,
+    )
+    assert found.held[2].force_n.high == pytest.approx(limit_n)
+    assert found.held[2].force_n.median == pytest.approx(held_n(24.0, 0.8, pressure_kpa))
 
 
 def known_prediction():
-    table = tuple(
-        HeldForces(friction=friction, engaged_percent=share, amplification=friction * share)
+    def over(value):
+        return OverMaps(median=value, low=value / 4.0, high=value * 1.5)
+
+    held = tuple(
+        HeldForces(
+            friction=friction, engaged=over(10.0 * friction), some_idle=over(5.0 * friction),
+            ideal=over(20.0 * friction), force_n=over(5.0 * friction),
+        )
         for friction in (0.2, 0.3, 0.8)
-        for share in (100.0, 66.7, 33.3)
-    )
-    forces = Forces(
-        friction=np.array([0.2, 0.8]),
-        mean_n=np.array([1.0, 4.0]),
-        p05_n=np.array([0.25, 2.0]),
-        p95_n=np.array([1.5, 6.0]),
-        engaged_percent=62.5,
-        limited_percent=12.5,
-        pressure_kpa=10.0,
-        mass_g=10.0,
-    )
-    return AnchoringPrediction(label="halls", leaves=6, table=table, forces=forces)
+    )  # fmt: skip
+    return AnchoringPrediction(
+        label="halls", leaves=6, has_pouches=True, held=held, engaged_percent=62.54,
+        nothing_percent=6.04, limited_percent=12.51, pressure_kpa=10.0, mass_g=10.0,
+    )  # fmt: skip
 
 
 def test_page_and_json_show_known_forces():
     prediction = known_prediction()
     amplification, forces = anchoring_section([prediction]).tables
-    assert amplification.rows[0] == ("100 % of the leaves hold", "20.00", "30.00", "80.00")
-    assert amplification.rows[2] == ("33.3 % of the leaves hold", "6.66", "9.99", "26.64")
+    assert amplification.rows[0] == (
+        "leaves that are engaged", "2.00 (0.50 to 3.00)", "3.00 (0.75 to 4.50)",
+        "8.00 (2.00 to 12.00)",
+    )  # fmt: skip
+    assert [row[2] for row in amplification.rows[1:]] == [
+        "1.50 (0.38 to 2.25)", "6.00 (1.50 to 9.00)",
+    ]  # fmt: skip
     assert "6 leaves" in amplification.caption
-    assert "at 10 kPa: 62.5 % of the leaves" in forces.caption
-    assert "12.5 % of them are limited" in forces.caption
-    # 1 N over the weight of 10 g.
-    assert forces.rows == (
-        ("0.2", "1.00", "0.25", "1.50", "10"),
-        ("0.8", "4.00", "2.00", "6.00", "41"),
+    assert (
+        "62.5 % of the leaves are engaged; 6.0 % of the deployments hold" in amplification.caption
     )
+    assert "at 10 kPa" in forces.caption
+    assert "in 12.5 % of the deployments" in forces.caption
+    # 1 N over the weight of 10 g.
+    assert forces.rows[0] == ("0.2", "1.00", "0.25", "1.50", "10")
+    assert forces.rows[2] == ("0.8", "4.00", "1.00", "6.00", "41")
     content = anchoring_content(prediction)
-    assert content["forces"]["engaged_percent"] == 62.5
-    assert content["forces"]["limited_percent"] == 12.5
-    assert content["forces"]["p95_n"].tolist() == [1.5, 6.0]
-    assert content["forces"]["p05_n"].tolist() == [0.25, 2.0]
-    assert content["table"][2] == {
-        "friction": 0.2, "engaged_percent": 33.3, "amplification": 6.66
-    }  # fmt: skip
+    assert content["engaged_percent"] == 62.5
+    assert content["limited_percent"] == 12.5
+    assert content["held"][2] == {
+        "friction": 0.8,
+        "engaged": {"median": 8.0, "low": 2.0, "high": 12.0},
+        "some_idle": {"median": 4.0, "low": 1.0, "high": 6.0},
+        "ideal": {"median": 16.0, "low": 4.0, "high": 24.0},
+        "force_n": {"median": 4.0, "low": 1.0, "high": 6.0},
+    }
+    bare = replace(prediction, has_pouches=False)
+    section = anchoring_section([bare])
+    assert len(section.tables) == 1
+    assert "only the ideal case" in section.paragraphs[1]

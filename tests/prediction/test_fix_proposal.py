@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -6,6 +7,7 @@ from vinefab.fabrication.checking import check_design
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Build, Design, Level, Waiver, default_fillets_mm
 from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import Quantity, Standing
 from vinefab.prediction.deploy import deploy_from_starts
 from vinefab.prediction.fix_proposal import propose_fix, score_change_lines
 
@@ -59,8 +61,26 @@ def test_waived_errors_need_no_fix(profile):
     assert not propose_fix(waived, profile).failed
 
 
+def measured_film(profile, storage_kpa):
+    """The same film where a tube of 20 mm burst at 70 kPa, and with a fit of growth: measured."""
+
+    def measured(value):
+        return Quantity(value=value, standing=Standing.MEASURED)
+
+    material = replace(
+        profile.material, burst_kpa=measured(70.0), burst_width_mm=measured(20.0),
+        survived_kpa=None, survived_width_mm=None,
+    )  # fmt: skip
+    growth = {
+        "yield_kpa": measured(1.92), "drag_kpa_m": measured(0.771), "friction": measured(0.234),
+        "storage_kpa": measured(storage_kpa), "width_mm": measured(25.0 * math.pi / 2.0),
+    }  # fmt: skip
+    return replace(profile, material=material, recipe=replace(profile.recipe, growth=growth))
+
+
 def test_growth_on_a_map_has_to_stay_in_the_window(profile):
-    world, limits = grid_map(seed=8), {"VF-P03": {"loose_kpa": 6.5}}
+    world, limits = grid_map(seed=8), {}
+    profile = measured_film(profile, 6.5)
     design = fork((24.0, 12.0))
     free, grown = (
         check_design(design, profile, limits, deployed)

@@ -5,6 +5,7 @@ import itertools
 import json
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from html.parser import HTMLParser
 from types import SimpleNamespace
 
@@ -16,7 +17,12 @@ from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
 from vinefab.model.laser import RecipeStatus, Standing
-from vinefab.prediction.anchoring_prediction import AnchoringPrediction, HeldForces
+from vinefab.prediction.anchoring_prediction import (
+    AnchoringPrediction,
+    HeldForces,
+    OverMaps,
+    anchoring_headline,
+)
 from vinefab.prediction.family_deployments import PredictionPlan, map_families, unseen_maps
 from vinefab.prediction.measures import MEASURES, REACH, SEEN, STUCK, UNDEPLOYED, MeasureTable
 from vinefab.prediction.predict import cautions, headlines, predict, verdict_on
@@ -158,7 +164,7 @@ def test_json_says_what_and_where_from(made):
 
 def test_every_assumption_has_a_standing(made):
     _, page, _ = made
-    for name in ("head_on_half_angle_deg", "fitted_diameter_mm", "burst_width_mm", "buffer_mm"):
+    for name in ("head_on_half_angle_deg", "fitted_diameter_mm", "survived_width_mm", "buffer_mm"):
         assert name in page.text
     for standing in ("assumed", "published", "paper", "computed", "simulated"):
         assert standing in page.text
@@ -256,17 +262,23 @@ CONTACTS = ContactRange(
 )
 
 
+def over(value):
+    """A number over maps that differ by a tenth."""
+    return OverMaps(median=value, low=0.9 * value, high=1.1 * value)
+
+
 def test_headlines_are_the_numbers_of_spread_window_and_anchoring():
-    amplifications = {
-        (mu, share): 10.0 * mu * share / 100.0
-        for mu in (0.2, 0.3, 0.8)
-        for share in (100.0, 66.7, 33.3)
-    }
     held = tuple(
-        HeldForces(friction=mu, engaged_percent=share, amplification=value)
-        for (mu, share), value in amplifications.items()
-    )
-    anchoring = AnchoringPrediction(label="two maps", leaves=3, table=held)
+        HeldForces(
+            friction=mu, engaged=over(10.0 * mu), some_idle=over(5.0 * mu), ideal=over(20.0 * mu),
+            force_n=over(40.0 * mu),
+        )
+        for mu in (0.2, 0.3, 0.8)
+    )  # fmt: skip
+    anchoring = AnchoringPrediction(
+        label="two maps", leaves=3, has_pouches=True, held=held, engaged_percent=40.0,
+        nothing_percent=20.0, limited_percent=0.0, pressure_kpa=15.0, mass_g=5.0,
+    )  # fmt: skip
     window = window_of_needs(10.0, 20.0, 30.0, 15.0)
     shown = {line.name: line for line in headlines(known_outcomes(), window, [anchoring], CONTACTS)}
     seen = shown["free space seen by sensors"]
@@ -279,8 +291,19 @@ def test_headlines_are_the_numbers_of_spread_window_and_anchoring():
     assert (shown[STUCK.title].value, shown[STUCK.title].tone) == ("10.0 %", "caution")
     assert (shown[UNDEPLOYED.title].value, shown[UNDEPLOYED.title].tone) == ("9.9 %", "good")
     # Two thirds at low friction to all at high friction.
-    assert shown["anchoring amplification"].value == "1.3 to 8.0 x"
-    assert shown["anchoring amplification"].detail.startswith("3.0 x at friction 0.3")
+    anchored = shown["anchoring amplification"]
+    assert (anchored.value, anchored.tone) == ("3.0 x", "good")
+    for words in (
+        "median over two maps, 90 % of the maps 2.7 to 3.3",
+        "2.0 to 8.0 at 0.2 to 0.8 (assumed)",
+        "12.00 N (10.80 to 13.20) at 15 kPa",
+        "40 % of the leaves jam, 20 % of the deployments hold nothing",
+        "Ideal case, every leaf that came out jams: 6.0 x",
+    ):
+        assert words in anchored.detail
+    bare = anchoring_headline(replace(anchoring, has_pouches=False))
+    assert (bare.name, bare.value) == ("anchoring, ideal case only", "6.0 x")
+    assert " N " not in bare.detail
     assert shown["pressure window"].value == "10.0 to 30.0 kPa"
     assert "working pressure 15 kPa" in shown["pressure window"].detail
     closed = headlines(

@@ -1,5 +1,6 @@
 """Manufacturability in a search: penalty, full check, and spaces that are refused."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from vinefab.fabrication.checking import check_design
 from vinefab.model.design import Build, Design, Level, Pouch, Waiver
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, Quantity, Standing
 from vinefab.search.evaluator import FullCheck
 from vinefab.search.manufacturability import (
     ManufacturabilityPenalty,
@@ -74,7 +75,33 @@ def test_leaves_that_cannot_grow_at_what_the_trunk_stands_are_seen_by_both(
     build = Build(widths_mm=(80.0, 6.0), fillet_mm=(3.0,), pressure_kpa=10.0)
     narrow = replace(fork(1.2, 300.0), build=build)
     assert penalty(narrow) > 0.0
-    assert not penalty.passes(narrow)
+    # The check forbids what was measured; a search keeps to limits that are only assumed, too.
+    assert penalty.passes(narrow)
+    known = ManufacturabilityPenalty(profile=measured_film(penalty.profile))
+    assert known(narrow) > 0.0
+    assert not known.passes(narrow)
+
+
+def measured_film(profile: LaserProfile) -> LaserProfile:
+    """The same film where a tube of 20 mm burst at 70 kPa, and the published growth: measured."""
+
+    def measured(value: float) -> Quantity:
+        return Quantity(value=value, standing=Standing.MEASURED)
+
+    seam = {"burst_kpa": measured(70.0), "burst_width_mm": measured(20.0)}
+    none = {"survived_kpa": None, "survived_width_mm": None}
+    growth = {
+        "yield_kpa": measured(1.92),
+        "drag_kpa_m": measured(0.771),
+        "storage_kpa": measured(0.0),
+        "friction": measured(0.234),
+        "width_mm": measured(25.0 * math.pi / 2.0),
+    }
+    return replace(
+        profile,
+        material=replace(profile.material, **seam, **none),
+        recipe=replace(profile.recipe, growth=growth),
+    )
 
 
 def test_a_complaint_names_the_rules_that_forbid_a_design(
@@ -113,6 +140,7 @@ def bounds(low: float, high: float) -> Bounds:
 
 WIDE = Pouch(shape="rectangle", length_mm=3.0, width_mm=45.0)
 SMALL = Pouch(shape="round", radius_mm=2.0)
+FULL = Pouch(shape="rectangle", length_mm=40.0, width_mm=40.0)
 INFEASIBLE = {
     "narrow trunk": (run(build=BuildSettings(trunk_width_mm=2.0)), "trunk_width_mm is 2.0", "W01"),
     "narrow level": (run(build=BuildSettings(trunk_width_mm=12.0)), "at least 13.9 mm", "W01"),
@@ -120,7 +148,10 @@ INFEASIBLE = {
     "wide children": (run(build=BuildSettings(width_ratio=0.9)), "at most 0.833", "W02"),
     "short tail": (run(build=BuildSettings(tail_mm=100.0)), "build.tail_mm is 100.0", "B01"),
     "long tail": (run(build=BuildSettings(tail_mm=3000.0)), "build.tail_mm is 3000.0", "S01"),
-    "pressure": (run(build=BuildSettings(pressure_kpa=60.0)), "build.pressure_kpa is 60.0", "P01"),
+    "full pouch": (
+        run(bounds(2, 2), BuildSettings(trunk_width_mm=30.0, width_ratio=0.4, pouch=FULL)),
+        "its film would fill 65 % of the narrowest", "W03",
+    ),
     "short pouch": (
         run(build=BuildSettings(pouch=WIDE, pressure_kpa=5.0)), "pouch.length_mm is 3.0", "C07"
     ),
@@ -149,6 +180,14 @@ def test_refused_spaces_have_no_manufacturable_design(
     for x in np.random.default_rng(5).random((12, len(space))):
         design = space.design(x)
         assert PENALTY(design) > 0.0 or not PENALTY.passes(design)
+
+
+def test_a_pressure_is_refused_where_the_seams_limit_was_measured() -> None:
+    settings = run(build=BuildSettings(pressure_kpa=60.0))
+    assert refused(settings) == ""
+    message = refused(settings, measured_film(PROFILE))
+    assert "build.pressure_kpa is 60.0" in message
+    assert "(VF-P01), or evaluation.fabricable = false" in message
 
 
 FEASIBLE = {

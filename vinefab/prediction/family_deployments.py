@@ -18,6 +18,7 @@ from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.prediction.deploy import stayed_text
 from vinefab.prediction.measures import MEASURES, MeasureTable, measure_deployment
+from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.evaluate import Poses, PreparedMap, poses_on, trunks_with_room
 
 FIRST_UNSEEN = 10_000_000
@@ -79,6 +80,7 @@ class PredictionPlan:
     poses: int = 3  # poses per map, drawn from the ranges of the maps' starts
     seed: int = 0  # seed of the poses; map ``i`` of a family gets ``seed + i``
     options: GrowthOptions = field(default_factory=GrowthOptions)  # the growth model's choices
+    anchoring: Anchoring = field(default_factory=Anchoring)  # how anchoring is scored
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -155,7 +157,11 @@ def deploy_family(
     terrain = launches.terrain.tolist()
     for index, (deployment, unstopped) in enumerate(zip(deployments, unpressed, strict=True)):
         columns[index] = measure_deployment(
-            deployment, design, prepared.maps[terrain[index]].context, unstopped
+            deployment,
+            design,
+            prepared.maps[terrain[index]].context,
+            unstopped,
+            plan.anchoring,
         )
         progress((index + 1) / len(deployments), f"{index + 1} of {len(deployments)} deployments")
     names = prepared.names

@@ -7,7 +7,7 @@ import pytest
 
 from vinefab.model.design import Build, Design, Level, Pouch, default_fillets_mm
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LaserProfile, Quantity, Standing
 
 Fan = tuple[int, float, float]
 """Branches, length in mm, whole angle in degrees."""
@@ -65,5 +65,30 @@ def make() -> Callable[..., Design]:
 
 @pytest.fixture(scope="session")
 def profile() -> LaserProfile:
-    """The shipped recipe: 0.0375 mm film, 70 kPa at 20 mm, 1000 x 600 mm bed."""
+    """The shipped recipe: 0.0375 mm film, 70 kPa survived at 20 mm, 1000 x 600 mm bed."""
     return read_profile("co2_60w__stretchlon_200")
+
+
+def measured(value: float) -> Quantity:
+    return Quantity(value=value, standing=Standing.MEASURED)
+
+
+@pytest.fixture(scope="session")
+def burst_profile(profile: LaserProfile) -> LaserProfile:
+    """The same where a tube of 20 mm burst at 70 kPa, measured."""
+    seam = {"burst_kpa": measured(70.0), "burst_width_mm": measured(20.0)}
+    none = {"survived_kpa": None, "survived_width_mm": None}
+    return replace(profile, material=replace(profile.material, **seam, **none))
+
+
+@pytest.fixture(scope="session")
+def grown_profile(burst_profile: LaserProfile) -> LaserProfile:
+    """The same with the published growth constants of loosely stored film, as if measured."""
+    fit = {
+        "yield_kpa": measured(1.92),
+        "drag_kpa_m": measured(0.771),
+        "storage_kpa": measured(0.0),
+        "friction": measured(0.234),
+        "width_mm": measured(25.0 * math.pi / 2.0),
+    }
+    return replace(burst_profile, recipe=replace(burst_profile.recipe, growth=fit))

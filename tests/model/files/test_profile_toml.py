@@ -54,7 +54,10 @@ def test_the_shipped_recipe_is_unverified_and_says_so() -> None:
     assert profile.recipe.status is RecipeStatus.UNVERIFIED
     assert profile.material.ply_mm.value == 0.0375
     assert profile.material.ply_mm.standing is Standing.PAPER
-    assert profile.material.burst_width_mm.standing is Standing.ASSUMED
+    seam = profile.material.seam
+    assert (seam.pressure_kpa.value, seam.pressure_kpa.standing) == (70.0, Standing.PAPER)
+    assert seam.width_mm.standing is Standing.ASSUMED
+    assert not seam.burst
     assert profile.machine.usable_mm == (990.0, 590.0)
 
 
@@ -112,6 +115,54 @@ def test_no_shipped_number_claims_to_be_measured(kind: str) -> None:
         assert '"measured"' not in path.read_text(encoding="utf-8")
 
 
+MEASURED_SEAMS = {
+    "nothing": ("", (70.0, 20.0, False, False)),
+    "burst": ("burst_kpa = 82.0, burst_width_mm = 30.0", (82.0, 30.0, True, True)),
+    "burst, width assumed": ("burst_kpa = 82.0", (82.0, 20.0, True, False)),
+    "width of an old file": ("burst_width_mm = 30.0", (70.0, 30.0, False, False)),
+    "survived": ("survived_kpa = 90.0, survived_width_mm = 25.0", (90.0, 25.0, False, False)),
+    "both": (
+        "burst_kpa = 82.0, burst_width_mm = 30.0, survived_kpa = 60.0, survived_width_mm = 25.0",
+        (82.0, 30.0, True, True),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", MEASURED_SEAMS)
+def test_survived_and_burst_pressures_are_told_apart(profiles_folder: Path, case: str) -> None:
+    given, expected = MEASURED_SEAMS[case]
+    path = profiles_folder / f"recipes/{SHIPPED}.toml"
+    lines = [pair.split(" = ") for pair in given.split(", ") if pair]
+    table = "".join(
+        f'{key} = {{ value = {value}, standing = "measured", source = "balloon" }}\n'
+        for key, value in lines
+    )
+    path.write_text(f"{path.read_text(encoding='utf-8')}\n[measured]\n{table}", encoding="utf-8")
+    seam = read_profile(path).material.seam
+    found = (seam.pressure_kpa.value, seam.width_mm.value, seam.burst, seam.is_measured_limit)
+    assert found == expected
+
+
+def test_an_old_material_file_with_a_burst_pressure_is_read(profiles_folder: Path) -> None:
+    path = profiles_folder / "materials/stretchlon_200.toml"
+    spoil(path, "survived_kpa =", "burst_kpa =")
+    spoil(path, "survived_width_mm =", "burst_width_mm =")
+    seam = read_profile(profiles_folder / f"recipes/{SHIPPED}.toml").material.seam
+    assert (seam.burst, seam.is_measured_limit) == (True, False)
+    assert seam.words() == "a tube of 20 mm (assumed) burst at 70 kPa (paper)"
+
+
+@pytest.mark.parametrize("kept", ["", "survived_kpa", "survived_width_mm"])
+def test_a_material_with_half_a_test_is_refused(profiles_folder: Path, kept: str) -> None:
+    path = profiles_folder / "materials/stretchlon_200.toml"
+    lines = path.read_text(encoding="utf-8").splitlines()
+    left = [line for line in lines if not line.startswith("survived_") or line.split()[0] == kept]
+    path.write_text("\n".join(left), encoding="utf-8")
+    with pytest.raises(BadInputError, match="burst_kpa with burst_width_mm") as caught:
+        read_profile(profiles_folder / f"recipes/{SHIPPED}.toml")
+    assert "stretchlon_200.toml" in str(caught.value)
+
+
 def test_what_was_measured_takes_the_materials_place(profiles_folder: Path) -> None:
     path = profiles_folder / f"recipes/{SHIPPED}.toml"
     more = """
@@ -128,7 +179,7 @@ width_mm = { value = 40.0, standing = "measured", source = "ruler" }
     profile = read_profile(path)
     assert profile.material.friction.value == 0.41
     assert profile.material.friction.uncertainty == 0.02
-    assert profile.material.burst_kpa.value == 70.0
+    assert profile.material.seam.pressure_kpa.value == 70.0
     assert set(profile.recipe.growth) == {
         "yield_kpa",
         "drag_kpa_m",

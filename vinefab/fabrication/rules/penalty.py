@@ -102,6 +102,8 @@ def window_penalty(
 ) -> float:
     """Return how far a design is from an open pressure window; 0 where VF-P03 finds no error.
 
+    A search keeps to limits that are only assumed, too: there the rule finds a warning.
+
     Returns
     -------
     float

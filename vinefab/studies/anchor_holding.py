@@ -22,6 +22,7 @@ from vinefab.studies.claims import (
 from vinefab.studies.paper_charts import Panel, reach_plan
 from vinefab.studies.study_jobs import (
     FIRST_UNSEEN,
+    PAPER_GROWTH,
     JobStore,
     StudySize,
     design_from,
@@ -55,15 +56,7 @@ ALIKE = 0.8
 def anchor_run(size: StudySize, environment: str, number: int) -> RunSettings:
     """Return a run on anchoring in the simplified space."""
     run = coverage_run(size, environment, number)
-    return replace(
-        run,
-        name=f"anchor_{environment}",
-        task=ANCHORING,
-        space=SPACE,
-        search=replace(
-            run.search, population=size.wide_population, generations=size.wide_generations
-        ),
-    )
+    return replace(run, name=f"anchor_{environment}", task=ANCHORING, space=SPACE)
 
 
 def anchor(store: JobStore) -> StudyResult:
@@ -186,6 +179,7 @@ def _claims(found: Exchange, home: str, single: dict[str, Floats]) -> list[Claim
             tested=difference(foreign, ALIKE * native),
             kept=difference(kept_foreign, ALIKE * kept_native),
             digits=2,
+            kind="our threshold",
         ),
     ]
 
@@ -195,7 +189,7 @@ def _picture(found: Exchange) -> Picture:
     for home in ENVIRONMENTS:
         place = site(maps_of(home, FIRST_UNSEEN, 1), 0)
         ((pose,),) = poses_on([place], 1, [FIRST_UNSEEN])
-        robot = grow(design_from(found.kept_design(home)), place.terrain, pose)
+        robot = grow(design_from(found.kept_design(home)), place.terrain, pose, PAPER_GROWTH)
         score = float(found.kept_unseen(home, home)[0, 0, 0])
         panels.append(
             Panel(

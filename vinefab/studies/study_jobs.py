@@ -20,6 +20,7 @@ from vinefab.core.atomic import ensure_writable, is_ours, write_text
 from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.jsontext import json_text
+from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.growth.options import GrowthOptions
@@ -34,27 +35,25 @@ from vinefab.tasks.shipped_tasks import make_task
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudySize:
-    """Numbers of runs, maps and poses; the defaults are the paper's where it gives them."""
+    """Numbers of runs, maps and poses; the defaults are the paper's or larger."""
 
     seed: int = 1  # seed of the first run; run ``i`` has the i-th seed after it
-    seeds: int = 5  # runs per setting, of which the best is kept [paper: 5]
+    seeds: int = 10  # runs per setting, each on training maps of its own [paper: 5]
     repeats: int = 10  # runs of `convergence` and `search` [paper: 10]
-    ablation_seeds: int = 3  # runs per setting of `ablation`
+    single_seeds: int = 24  # runs per setting of `maps`: as many maps, where each trains on one
+    ablation_seeds: int = 10  # runs per setting of `ablation`
     # population, generations: size of a search on coverage; 100 is the size of the paper's swarm in
     # MATLAB
     population: int = 100
     generations: int = 40
-    # wide_population, wide_generations: the same for `reach` and `anchor`
-    wide_population: int = 60
-    wide_generations: int = 25
-    # making_population, making_generations: the same for `price`
-    making_population: int = 20
-    making_generations: int = 15
     training_maps: int = 24  # maps that a design is trained on
     maps_at_once: int = 6  # how many of them, drawn anew, every generation meets
+    reach_maps_at_once: int = 2  # the same in training for reach, whose areas take longest
+    choice_maps: int = 24  # maps on which the kept design of several is chosen
     # unseen_maps, poses: unseen maps, and poses on each [paper: 25 and 3]
     unseen_maps: int = 25
     poses: int = 3
+    transfer_maps: int = 300  # unseen maps of `transfer`
     reach_maps: int = 25  # unseen maps of `reach`, one start on each
     headings: int = 50  # redeployments of a plain vine [paper: 50]
 
@@ -64,17 +63,16 @@ PAPER = StudySize()
 QUICK = StudySize(
     seeds=2,
     repeats=2,
+    single_seeds=2,
     ablation_seeds=2,
     population=6,
     generations=2,
-    wide_population=4,
-    wide_generations=2,
-    making_population=4,
-    making_generations=1,
     training_maps=3,
     maps_at_once=2,
+    choice_maps=2,
     unseen_maps=3,
     poses=2,
+    transfer_maps=4,
     reach_maps=2,
     headings=6,
 )
@@ -149,9 +147,16 @@ def total_length_mm(design: Design) -> float:
 FIRST_UNSEEN = 900_001
 """Seed of the first map for testing; no design has trained on any of them."""
 
-SITES_KEPT = 64
+SITES_KEPT = 400
 
-DEFAULT_GROWTH = GrowthOptions()
+PAPER_GROWTH = GrowthOptions.published(
+    head_on_half_angle_rad=rad(1.0),
+    children_of_stuck="stop",
+    body="centerline",
+    pressure_stop=False,
+)
+"""How robots grow in every study that does not say otherwise: the paper's model, whose body is a
+line and which has no pressure. Nothing here depends on the default of `GrowthOptions`."""
 
 
 class StudyJob(Protocol):
@@ -206,7 +211,7 @@ class Testing:
     worlds: MapSettings  # the maps; generated ones
     poses: int  # poses on each
     task: PartSettings  # what counts; areas are exact unless it says otherwise
-    growth: GrowthOptions = DEFAULT_GROWTH  # how robots grow
+    growth: GrowthOptions = PAPER_GROWTH  # how robots grow
 
     @property
     def key(self) -> str:

@@ -16,6 +16,7 @@ from vinefab.studies.claims import (
     percent_text,
     ratio,
     seed_mean,
+    share_interval,
     spread,
 )
 
@@ -99,6 +100,13 @@ def test_spread_and_peak_are_those_of_each_run(rng):
     flat = values.reshape(3, -1)
     assert interval(values, spread).value == pytest.approx(flat.std(axis=1).mean())
     assert interval(values, peak).value == pytest.approx(np.percentile(flat, 95, axis=1).mean())
+
+
+def test_intervals_of_shares_end_at_0_and_1():
+    found = share_interval(np.array([1.0, 1.0, 0.9, 1.0])[None, :, None])
+    assert found.value == pytest.approx(0.975)
+    assert (found.low > 0.85, found.high) == (True, 1.0)
+    assert share_interval(np.array([0.0, 0.1, 0.0])[None, :, None]).low == 0.0
 
 
 def test_a_ratio_is_that_of_the_means(rng):

@@ -19,9 +19,9 @@ from vinefab.studies.claims import (
     PaperNumber,
     StudyResult,
     difference,
-    interval,
     interval_text,
     percent_text,
+    share_interval,
 )
 from vinefab.studies.paper_charts import forest
 from vinefab.studies.redeployment import BUFFER_MM, reach_designs, reach_test, redeployments
@@ -186,7 +186,7 @@ def _rows(
         rows += [
             PaperNumber(
                 what=f"{name}: reached by one branched, {NAMES[home]}",
-                ours=percent_text(interval(share)),
+                ours=percent_text(share_interval(share)),
             )
             for home, share in ones.get(name, {}).items()
         ]

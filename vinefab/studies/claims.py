@@ -165,6 +165,12 @@ def interval(values: Floats, statistic: Statistic = seed_mean) -> ConfidenceInte
     return _student(float(one.by_run.mean()), [one.run_share, one.map_share], [one.both_share])
 
 
+def share_interval(values: Floats) -> ConfidenceInterval:
+    """Return the interval of the mean of shares, which lies from 0 to 1."""
+    found = interval(values)
+    return replace(found, low=max(0.0, found.low), high=min(1.0, found.high))
+
+
 def difference(
     first: Floats,
     second: Floats,

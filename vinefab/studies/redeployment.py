@@ -30,6 +30,7 @@ from vinefab.studies.claims import (
     interval,
     interval_text,
     percent_text,
+    share_interval,
 )
 from vinefab.studies.paper_charts import Panel, reach_plan
 from vinefab.studies.study_jobs import (
@@ -357,16 +358,16 @@ def _rows(environment: str, found: dict[str, Redeployments], size: StudySize) ->
         PaperNumber(what=f"{name}: branching design", ours=design_words(design_from(part.design))),
         PaperNumber(
             what=f"{name}: reached by one branched deployment",
-            ours=percent_text(interval(part.one)),
+            ours=percent_text(share_interval(part.one)),
             paper=paper["one"],
         ),
         PaperNumber(
             what=f"{name}: maps of which it reaches more than {100 * MOST:.0f} %",
-            ours=percent_text(interval((part.one > MOST).astype(float))),
+            ours=percent_text(share_interval((part.one > MOST).astype(float))),
         ),
         PaperNumber(
             what=f"{name}: reached by {size.headings} of a plain vine",
-            ours=percent_text(interval(part.many)),
+            ours=percent_text(share_interval(part.many)),
             paper=paper["many"],
         ),
         PaperNumber(
@@ -376,7 +377,7 @@ def _rows(environment: str, found: dict[str, Redeployments], size: StudySize) ->
         ),
         PaperNumber(
             what=f"{name}: reached by one of a plain vine",
-            ours=percent_text(interval(part.each)),
+            ours=percent_text(share_interval(part.each)),
         ),
         PaperNumber(
             what=f"{name}: final shapes of {size.headings} headings",
@@ -407,11 +408,11 @@ def _open_rows(name: str, found: OpenBounds) -> list[PaperNumber]:
     return [
         PaperNumber(
             what=f"{name}, open bounds: reached by one branched deployment, all seeds",
-            ours=percent_text(interval(found.one)),
+            ours=percent_text(share_interval(found.one)),
         ),
         PaperNumber(
             what=f"{name}, open bounds: reached by the plain vine's redeployments",
-            ours=percent_text(interval(found.many)),
+            ours=percent_text(share_interval(found.many)),
         ),
         PaperNumber(
             what=f"{name}, open bounds: final shapes within them",

@@ -6,6 +6,8 @@ import pytest
 from vinefab.core.errors import BadInputError
 from vinefab.physics.anchoring import (
     ASSUMED_FRICTION,
+    FILM_N_MM,
+    SEAM_N_MM,
     NumberRange,
     amplification,
     amplification_interval,
@@ -26,20 +28,38 @@ def test_the_papers_six_branches() -> None:
         assert amplification([TURN_RAD] * engaged, 0.3) == pytest.approx(expected, abs=0.005)
 
 
-def test_the_papers_measurement_lies_in_the_interval_and_not_at_its_value() -> None:
-    found = amplification_interval([TURN_RAD] * 6, 4)
+MEASURED, POUCH_N, HELD_N = 6.54, 0.65, 4.25
+"""Of the paper's robot: how much more than one pouch it held, what one held, what it held."""
+
+
+def test_the_papers_measurement_lies_in_the_interval_of_its_engaged_branches() -> None:
+    """One of its six branches touched nothing, one hung slack: four or five were engaged."""
+    found = amplification_interval([TURN_RAD] * 6, 4, 5)
     assert found.low == pytest.approx(4 * math.exp(0.2 * TURN_RAD))
-    assert found.value == pytest.approx(6.86)
-    assert found.high == pytest.approx(6 * math.exp(0.8 * TURN_RAD))
-    assert found.low < 4.25 / 0.65 < found.value
+    assert found.value == pytest.approx(5.72, abs=0.005)
+    assert found.high == pytest.approx(5 * math.exp(0.8 * TURN_RAD))
+    assert found.low <= MEASURED <= found.high
+    assert POUCH_N * found.low <= HELD_N <= POUCH_N * found.high
 
 
-def test_the_low_end_takes_the_branches_that_turned_least() -> None:
-    found = amplification_interval([2.0, 0.0, 1.0], 1, NumberRange(low=0.1, value=0.2, high=0.3))
+def test_that_interval_could_have_missed_the_measurement() -> None:
+    """With four engaged, with all six, or at the friction of the prediction it does miss it."""
+    assert amplification_interval([TURN_RAD] * 6, 4, 4).high < MEASURED
+    assert MEASURED < amplification_interval([TURN_RAD] * 6, 6).low
+    likely = NumberRange(low=0.3, value=0.3, high=0.3)
+    assert amplification_interval([TURN_RAD] * 6, 4, 5, likely).high < MEASURED
+
+
+def test_the_bounds_take_the_branches_that_turned_least_and_most() -> None:
+    friction = NumberRange(low=0.1, value=0.2, high=0.3)
+    found = amplification_interval([2.0, 0.0, 1.0], 1, 2, friction)
     assert found.low == 1.0
+    assert found.high == pytest.approx(math.exp(0.3) + math.exp(0.6))
+    assert found.value == pytest.approx(2 / 3 * (1.0 + math.exp(0.2) + math.exp(0.4)))
     assert amplification_interval([2.0, 0.0], 0).low == 0.0
-    with pytest.raises(BadInputError, match="fewest"):
-        amplification_interval([1.0], 2)
+    for fewest, most in ((2, 1), (0, 2), (-1, 1)):
+        with pytest.raises(BadInputError, match="fewest, most"):
+            amplification_interval([1.0], fewest, most)
 
 
 def test_one_pouch_of_the_paper_holds_065_n() -> None:
@@ -66,11 +86,15 @@ def test_many_pouches_press_as_each_alone_does():
 
 def test_film_and_seam_cap_a_branch() -> None:
     # 14 mm: film 27.6 MPa x 0.0375 mm x 28 mm = 29 N, seam 0.446 N/mm x 28 mm = 12.5 N
-    allowed = 0.07 * 20.0 / math.pi
-    assert branch_limit_n(14.0, 0.0375, 27.6, allowed) == pytest.approx(12.48, abs=0.01)
-    assert branch_limit_n(14.0, 0.0375, 27.6, 9.0) == pytest.approx(28.98, abs=0.01)
+    assert branch_limit_n(14.0, SEAM_N_MM) == pytest.approx(12.48, abs=0.01)
+    assert branch_limit_n(14.0, FILM_N_MM) == pytest.approx(28.98, abs=0.01)
     assert branch_force_n(1.0, 20.0, 0.3, 12.48) == 12.48
     assert branch_force_n(1.0, 2.0, 0.3, 12.48) == pytest.approx(math.exp(0.6))
+
+
+def test_the_heavy_anchor_needs_24_mm_of_its_film() -> None:
+    # 0.05 mm of film at 27.6 MPa hold 66.7 N from 24.2 mm on, if the seam does not open before.
+    assert branch_limit_n(24.2, 27.6 * 0.05) == pytest.approx(66.7, abs=0.15)
 
 
 def test_5_g_hold_575_g() -> None:

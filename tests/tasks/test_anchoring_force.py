@@ -19,12 +19,24 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level, Pouch
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map, Pose
-from vinefab.physics.anchoring import amplification_interval, pouch_contact_mm2, tip_force_n
+from vinefab.physics.anchoring import (
+    amplification_interval,
+    branch_force_n,
+    branch_limit_n,
+    pouch_contact_mm2,
+    tip_force_n,
+)
+from vinefab.physics.seam import seam_load_n_mm
 from vinefab.tasks.anchoring_force import (
     STEP_BACK_MM,
+    AnchoredRobots,
     Anchoring,
-    EngagedLeaves,
+    GrownBatch,
+    Leaves,
+    Turns,
     gaps_mm,
     path_turn_rad,
     tip_gaps_mm,
@@ -47,10 +59,18 @@ def corridor() -> MapContext:
     return MapContext.of(Map(name="corridor", bounds=box(0, 0, 1000, 20)))
 
 
+def wrapped(turn_rad: float) -> list[tuple[float, float]]:
+    """A chain that is wrapped around contacts, at most 0.9 rad around each."""
+    count = max(1, math.ceil(abs(turn_rad) / 0.9))
+    headings = 0.3 + np.arange(count + 1) * turn_rad / count
+    steps = 5.0 * np.column_stack([np.cos(headings), np.sin(headings)])
+    return [(0.0, 0.0), *map(tuple, np.cumsum(steps, axis=0).tolist())]
+
+
 def test_turns_add_up_along_each_path_and_leaves_add_up(
     fork: Design, ended: Ended, room_context: MapContext
 ) -> None:
-    end = ended(fork, [LINE] * 3, turns=[1.0, 0.5, 2.0])
+    end = ended(fork, [wrapped(turn) for turn in (1.0, 0.5, -2.0)])
     score, terms = Anchoring(friction=0.3).evaluate(end, room_context)
     assert score == pytest.approx(math.exp(0.3 * 1.5) + math.exp(0.3 * 3.0))
     assert terms["engaged"] == 2
@@ -60,9 +80,18 @@ def test_turns_add_up_along_each_path_and_leaves_add_up(
 def test_joint_angles_count_on_request(
     fork: Design, ended: Ended, room_context: MapContext
 ) -> None:
-    end = ended(fork, [LINE] * 3, turns=[1.0, 0.5, 2.0])
+    end = ended(fork, [wrapped(turn) for turn in (1.0, 0.5, 2.0)])
+    assert Anchoring().count_joint_angles is False
     score, _ = Anchoring(friction=0.3, count_joint_angles=True).evaluate(end, room_context)
     assert score == pytest.approx(math.exp(0.3 * (1.5 + 0.5)) + math.exp(0.3 * (3.0 + 0.5)))
+
+
+def test_hinges_at_bases_wrap_nothing(fork: Design, ended: Ended, room_context: MapContext) -> None:
+    """Whatever a body's heading there, forwards or backwards, and however its hinge turned."""
+    for chain in (LINE, [(0, 0), (-10, 0)], [(0, 0), (0, 0), (-10, 0)]):
+        end = ended(fork, [chain] * 3, turns=[1.0, 0.5, 2.0])
+        assert path_turn_rad(end).tolist() == [0.0] * 3
+        assert Anchoring().evaluate(end, room_context)[0] == 2.0
 
 
 def test_a_leaf_that_did_not_emerge_holds_nothing(
@@ -78,7 +107,7 @@ def test_a_leaf_that_did_not_emerge_holds_nothing(
 def six(ended: Ended, turns: Sequence[float]) -> Deployment:
     levels = tuple(Level(branches=k, length_mm=50.0, fan_rad=1.0) for k in (2, 3))
     design = Design(name="six", trunk_length_mm=100.0, levels=levels, build=Build.standard(3))
-    return ended(design, [LINE] * 9, turns=[0.0] * 3 + list(turns))
+    return ended(design, [wrapped(turn) for turn in [0.0] * 3 + list(turns)])
 
 
 def test_six_branches_without_turns_hold_six_times_one(
@@ -108,14 +137,14 @@ def test_turns_reach_the_third_level(ended: Ended) -> None:
     levels = (Level(branches=2, length_mm=50.0, fan_rad=1.0),) * 2
     design = Design(name="deep", trunk_length_mm=100.0, levels=levels, build=Build.standard(3))
     turns = [1.0, 10.0, 20.0, 100.0, 200.0, 300.0, 400.0]
-    total = path_turn_rad(ended(design, [LINE] * 7, turns=turns))
-    assert total.tolist() == [1.0, 11.0, 21.0, 111.0, 211.0, 321.0, 421.0]
+    total = path_turn_rad(ended(design, [wrapped(turn) for turn in turns]))
+    assert total == pytest.approx([1.0, 11.0, 21.0, 111.0, 211.0, 321.0, 421.0])
 
 
 def test_only_pouches_wider_than_their_gap_are_engaged(
     fork: Design, ended: Ended, corridor: MapContext, room_context: MapContext
 ) -> None:
-    chains = [[(10, 10), (100, 10)], [(100, 10), (200, 10)], [(100, 10), (150, 0), (300, 0)]]
+    chains = [[(10, 10), (100, 10)], [(100, 10), (200, 10)], [(100, 0), (300, 0)]]
     end = ended(fork, chains)
     score, terms = POUCH.evaluate(end, corridor)
     assert (score, terms["leaves"], terms["engaged"]) == (2.0, 2.0, 2.0)
@@ -123,17 +152,22 @@ def test_only_pouches_wider_than_their_gap_are_engaged(
     for width, engaged in ((31.3, 0.0), (31.5, 2.0)):
         task = replace(POUCH, pouch_width_mm=width)
         assert task.evaluate(end, corridor)[0] == engaged
-    assert POUCH.evaluate(end, room_context)[1] == terms | {"engaged": 0.0, "low": 0.0, "high": 0.0}
+    nothing = {"engaged": 0.0, "low": 0.0, "high": 0.0}
+    assert POUCH.evaluate(end, room_context)[1] == terms | nothing
+    assert terms["ideal"] == 2.0
 
 
-def test_a_leaf_that_was_stopped_counts_unless_its_pouch_must_have_come_out(
+def test_the_pouch_of_a_leaf_that_was_stopped_has_not_come_out(
     fork: Design, ended: Ended, corridor: MapContext
 ) -> None:
     end = ended(fork, [[(10, 10), (100, 10)], [(100, 10), (200, 10)], [(100, 10), (140, 20)]])
     stop = np.array([Stop.FULL_LENGTH, Stop.FULL_LENGTH, Stop.HEAD_ON])
     stuck = replace(end, stop=stop)
-    assert POUCH.evaluate(stuck, corridor)[0] == 2.0
-    assert replace(POUCH, only_full_length=True).evaluate(stuck, corridor)[0] == 1.0
+    assert POUCH.evaluate(stuck, corridor)[0] == 1.0
+    assert POUCH.evaluate(stuck, corridor)[1]["ideal"] == 2.0
+    assert replace(POUCH, only_full_length=False).evaluate(stuck, corridor)[0] == 2.0
+    # Without pouches every leaf that came out counts, as in the paper.
+    assert Anchoring().evaluate(stuck, corridor)[0] == 2.0
 
 
 def test_a_tip_on_a_wall_has_its_gap_on_the_free_side(
@@ -262,46 +296,69 @@ def plainly(
     if width == 0.0 and build.pouch:
         side = math.sqrt(math.pi) * (build.pouch.radius_mm or 0.0)
         length, width = build.pouch.length_mm or side, build.pouch.width_mm or side
-    known = [load for load in (task.film_n_mm, task.seam_n_mm) if load > 0.0]
-    limit = 2.0 * build.widths_mm[-1] * min(known) if known else math.inf
-    leaves, found = 0, []
+    own = [contact_turn(end, branch) for branch in range(len(end.tree))]
+    if task.count_joint_angles:
+        own = [turn + abs(joint) for turn, joint in zip(own, end.tree.offset_rad, strict=True)]
+    leaves, found, ideal = 0, [], 0.0
     for leaf in np.flatnonzero(end.tree.is_leaf & end.deployed & (end.grown_mm > 0.0)).tolist():
-        if task.only_full_length and end.stop[leaf] != Stop.FULL_LENGTH:
-            continue
         leaves += 1
         turn, branch = 0.0, leaf
         while branch >= 0:
-            turn += end.contact_turn_rad[branch]
-            turn += abs(end.tree.offset_rad[branch]) if task.count_joint_angles else 0.0
+            turn += own[branch]
             branch = end.tree.parent[branch]
+        ideal += math.exp(task.friction * turn)
+        if width and task.only_full_length and end.stop[leaf] != Stop.FULL_LENGTH:
+            continue
         gap = plain_gap(end.chain_mm(leaf), context) if width else 0.0
         if width and 2.0 * width / math.pi <= gap:
             continue
         press = 2e-3 * build.pressure_kpa * pouch_contact_mm2(length, width, gap) if width else 0.0
-        found.append((turn, press))
+        found.append((turn, press, leaf))
     found.sort()
 
-    def amplified(friction: float) -> list[float]:
-        most = [limit / (press * friction) if press else math.inf for _, press in found]
-        return [
-            min(math.exp(friction * turn), cap) for (turn, _), cap in zip(found, most, strict=True)
-        ]
+    known = [load for load in (task.film_n_mm, task.seam_n_mm) if load > 0.0] or [math.inf]
+    limits = [branch_limit_n(build.end_widths_mm[k - 1], min(known)) for k in end.tree.level]
 
-    score = amplified(task.friction)
+    def amplified(friction: float, holding: list) -> float:
+        free, _ = pulled(end, own, [math.inf] * len(own), friction, holding)
+        held, _ = pulled(end, own, limits, friction, holding)
+        whole = sum(math.exp(friction * turn) for turn, *_ in holding)
+        return whole * (held / free if free else 1.0)
+
     count = math.ceil(len(found) * 2.0 / 3.0 - 1e-9)
+    force, capped = pulled(end, own, limits, task.friction, found)
     return {
-        "score": sum(score),
+        "score": amplified(task.friction, found),
         "leaves": leaves,
         "engaged": len(found),
-        "mean_turn_rad": sum(t for t, _ in found) / len(found) if found else 0.0,
-        "largest_turn_rad": max((t for t, _ in found), default=0.0),
-        "low": sum(amplified(task.friction_low)[:count]),
-        "high": sum(amplified(task.friction_high)),
-        "force_n": task.friction * sum(h * p for h, (_, p) in zip(score, found, strict=True)),
-        "capped": sum(
-            h < math.exp(task.friction * t) - 1e-12 for h, (t, _) in zip(score, found, strict=True)
-        ),
+        "mean_turn_rad": sum(t for t, *_ in found) / len(found) if found else 0.0,
+        "largest_turn_rad": max((t for t, *_ in found), default=0.0),
+        "low": amplified(task.friction_low, found[:count]),
+        "high": amplified(task.friction_high, found),
+        "ideal": ideal,
+        "force_n": force,
+        "capped": capped,
     }
+
+
+def pulled(
+    end: Deployment, own: list, limits: list, friction: float, holding: list, branch: int = 0
+) -> tuple[float, int]:
+    """Pull at a branch's base end, and how many branches are at their limit."""
+    carried, count = sum(press * friction for _, press, leaf in holding if leaf == branch), 0
+    for child in np.flatnonzero(end.tree.parent == branch).tolist():
+        more, limited = pulled(end, own, limits, friction, holding, child)
+        carried, count = carried + more, count + limited
+    pull = branch_force_n(carried, own[branch], friction, limits[branch])
+    return pull, count + (pull < branch_force_n(carried, own[branch], friction, math.inf))
+
+
+def contact_turn(end: Deployment, branch: int) -> float:
+    """Turns of a chain between its base and its tip."""
+    runs = np.diff(end.chain_mm(branch), axis=0)
+    runs = runs[np.hypot(*runs.T) > 0.0]
+    turns = np.diff(np.arctan2(runs[:, 1], runs[:, 0]))
+    return float(np.abs(np.remainder(turns + math.pi, math.tau) - math.pi).sum())
 
 
 def batch_of(body: str, pouch: Pouch | None) -> tuple[Batch, list[PreparedMap]]:
@@ -330,7 +387,7 @@ def batch_of(body: str, pouch: Pouch | None) -> tuple[Batch, list[PreparedMap]]:
         (Anchoring(), ROUND, "inflated"),
         (Anchoring(pouch_length_mm=20.0, pouch_width_mm=60.0), RECTANGLE, "centerline"),
         (Anchoring(count_joint_angles=True), RECTANGLE, "inflated"),
-        (Anchoring(only_full_length=True), RECTANGLE, "centerline"),
+        (Anchoring(only_full_length=False), RECTANGLE, "centerline"),
         (Anchoring(film_n_mm=0.02, seam_n_mm=0.004), RECTANGLE, "centerline"),
         (Anchoring(seam_n_mm=0.004, count_joint_angles=True), RECTANGLE, "inflated"),
     ],
@@ -363,11 +420,13 @@ def test_blocks_are_scored_as_leaf_by_leaf(task: Anchoring, pouch: Pouch | None,
     assert 0.0 < seen["engaged"] <= seen["leaves"]
     assert (seen["engaged"] < seen["leaves"]) == (pouch is not None)
     assert (seen["force_n"] > 0.0) == (pouch is not None)
-    assert (seen["capped"] > 0.0) == (task.seam_n_mm > 0.0)
+    if pouch is None or task.seam_n_mm < 0.1:
+        assert (seen["capped"] > 0.0) == (pouch is not None)
 
 
 def test_a_growth_is_worth_the_same_alone_and_among_others() -> None:
-    task = Anchoring(pouch_length_mm=20.0, pouch_width_mm=60.0, count_joint_angles=True)
+    pouch = {"pouch_length_mm": 20.0, "pouch_width_mm": 60.0}
+    task = Anchoring(**pouch, count_joint_angles=True, film_n_mm=0.0, seam_n_mm=0.0)
     batch, sites = batch_of("centerline", None)
     contexts = [site.context for site in sites]
 
@@ -405,51 +464,68 @@ def test_gaps_by_cells_are_those_of_all_edges(pillar_room: Map) -> None:
             assert gap == pytest.approx(plain_gap(chain, context), abs=1e-9)
 
 
-# --- Leaves that hold ------------------------------------------------------------------------
+# --- Robots that are pulled -----------------------------------------------------------------
 
 
-@pytest.fixture
-def engaged() -> EngagedLeaves:
-    """Three leaves of one robot, none of the next, and one of the third, which has no limit."""
-    return EngagedLeaves(
-        growths=3,
-        growth=np.array([0, 0, 0, 2]),
-        turns_rad=np.array([0.0, 1.0, 2.0, 3.0]),
-        press_n=np.array([2.0, 2.0, 0.0, 2.0]),
-        limit_n=np.array([0.9, 0.9, 0.9, np.inf]),
+def anchored(
+    end: Deployment,
+    press_n: Sequence[float],
+    limit_n: Sequence[float] | None,
+    engaged: Sequence[bool],
+) -> AnchoredRobots:
+    grown = GrownBatch.of(end)
+    turns = Turns.of(grown)
+    return AnchoredRobots(
+        grown=grown,
+        turns=turns,
+        leaves=Leaves.of(grown, turns),
+        engaged=np.array(engaged),
+        press_n=np.array(press_n),
+        limit_n=None if limit_n is None else np.array(limit_n),
     )
 
 
-def test_a_leaf_holds_e_to_the_turn_or_what_film_and_seam_stand(engaged: EngagedLeaves) -> None:
-    # Where the pouch's press is not known, nothing says how near the limit is.
-    assert engaged.amplifications(0.3) == pytest.approx([math.exp(0.3 * t) for t in range(4)])
-    assert engaged.amplifications(0.8) == pytest.approx(
-        [0.9 / 1.6, 0.9 / 1.6, math.exp(1.6), math.exp(2.4)]
-    )
-    assert engaged.amplifications(0.0).tolist() == [1.0] * 4
+def test_every_branch_the_trunk_included_holds_at_most_what_it_stands(
+    fork: Design, ended: Ended
+) -> None:
+    end = ended(fork, [wrapped(turn) for turn in (0.5, 1.0, 2.0)])
+    one, two = 2.0 * 0.3 * math.exp(0.3), 3.0 * 0.3 * math.exp(0.6)
+    trunk = math.exp(0.3 * 0.5)
+    for limits, held, capped in (
+        ((9.0, 9.0, 9.0), (one + two) * trunk, 0),
+        ((9.0, 0.5, 9.0), (0.5 + two) * trunk, 1),
+        ((1.0, 9.0, 9.0), 1.0, 1),
+        ((1.0, 0.5, 0.5), 1.0, 3),
+        ((9.0, 0.5, 0.5), 1.0 * trunk, 2),
+    ):
+        robots = anchored(end, [2.0, 3.0], limits, [True, True])
+        free_n, held_n, count = robots.pulls_n(0.3)
+        assert free_n[0] == pytest.approx((one + two) * trunk)
+        assert (held_n[0], count[0]) == (pytest.approx(held), capped)
+        whole = math.exp(0.3 * 1.5) + math.exp(0.3 * 2.5)
+        assert robots.amplification(0.3)[0] == pytest.approx(whole * held / free_n[0])
+        assert robots.ideal(0.3)[0] == pytest.approx(whole)
 
 
-def test_sums_and_largest_turns_are_per_robot(engaged: EngagedLeaves) -> None:
-    assert engaged.summed(engaged.turns_rad).tolist() == [3.0, 0.0, 3.0]
-    assert engaged.largest_turns_rad().tolist() == [2.0, 0.0, 3.0]
+def test_where_the_pouches_press_is_unknown_nothing_is_limited(fork: Design, ended: Ended) -> None:
+    end = ended(fork, [wrapped(turn) for turn in (0.5, 1.0, 2.0)])
+    robots = anchored(end, [0.0, 0.0], None, [True, True])
+    assert robots.amplification(0.3)[0] == robots.ideal(0.3)[0]
+    assert robots.pulls_n(0.3)[1][0] == 0.0
 
 
-def test_the_share_that_turned_least_is_rounded_up(engaged: EngagedLeaves) -> None:
-    assert engaged.are_among_first(2.0 / 3.0).tolist() == [True, True, False, True]
-    assert engaged.are_among_first(0.5).tolist() == [True, True, False, True]
-    assert engaged.are_among_first(1.0 / 3.0).tolist() == [True, False, False, True]
+def test_the_share_of_the_engaged_that_turned_least_is_rounded_up(ended: Ended) -> None:
+    end = six(ended, [0.6, 0.1, 0.2, 0.3, 0.4, 0.5])
+    robots = anchored(end, [0.0] * 6, None, [True, False, True, True, False, True])
+    assert robots.leaves.turn_rad == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    first = robots.are_among_first(0.5) & robots.engaged
+    assert first.tolist() == [True, False, True, False, False, False]
+    assert (robots.are_among_first(0.51) & robots.engaged).sum() == 3
+    assert robots.largest_turn_rad().tolist() == pytest.approx([0.6])
+    assert robots.amplification(0.3, 0.5)[0] == pytest.approx(math.exp(0.03) + math.exp(0.09))
 
 
-def test_robots_without_an_engaged_leaf_hold_nothing() -> None:
-    nothing = np.zeros(0)
-    engaged = EngagedLeaves(
-        growths=2,
-        growth=np.zeros(0, dtype=np.int64),
-        turns_rad=nothing,
-        press_n=nothing,
-        limit_n=nothing,
-    )
-    sums = engaged.summed(engaged.amplifications(0.3))
-    assert sums.dtype == np.float64
-    assert sums.tolist() == engaged.largest_turns_rad().tolist() == [0.0, 0.0]
-    assert len(engaged.are_among_first(0.5)) == 0
+def test_shipped_film_and_seam_are_the_limits_unless_told_otherwise() -> None:
+    film = read_profile(DEFAULT_RECIPE).material
+    assert Anchoring().film_n_mm == pytest.approx(film.strength_mpa.value * film.ply_mm.value)
+    assert Anchoring().seam_n_mm == pytest.approx(seam_load_n_mm(film.seam))

@@ -114,6 +114,47 @@ class Machine:
         return self.bed_width_mm.value - margin, self.bed_height_mm.value - margin
 
 
+SEAM_KEYS = ("burst_kpa", "burst_width_mm", "survived_kpa", "survived_width_mm")
+"""Fields of a material that say what is known of its seam."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeamTest:
+    """What is known of the pressure that a welded tube stands.
+
+    Parameters
+    ----------
+    pressure_kpa, width_mm
+        Gauge pressure in a tube, and its lay-flat width.
+    burst
+        Whether the tube burst there. One that survived stands more, nobody knows how much.
+    """
+
+    pressure_kpa: Quantity
+    width_mm: Quantity
+    burst: bool
+
+    @property
+    def is_measured_limit(self) -> bool:
+        """Whether seams are known to fail there: a tube of known width burst in a test."""
+        standings = {self.pressure_kpa.standing, self.width_mm.standing}
+        return self.burst and standings == {Standing.MEASURED}
+
+    def words(self) -> str:
+        """Return the test in words.
+
+        >>> assumed = {"standing": Standing.ASSUMED}
+        >>> pressure, width = Quantity(value=70.0, **assumed), Quantity(value=20.0, **assumed)
+        >>> SeamTest(pressure_kpa=pressure, width_mm=width, burst=False).words()
+        'a tube of 20 mm (assumed) survived 70 kPa (assumed)'
+        """
+        happened = "burst at" if self.burst else "survived"
+        return (
+            f"a tube of {self.width_mm.value:g} mm ({self.width_mm.standing}) {happened} "
+            f"{self.pressure_kpa.value:g} kPa ({self.pressure_kpa.standing})"
+        )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
     """A film and its seam.
@@ -131,7 +172,10 @@ class Material:
     friction
         Coefficient of friction against the environment.
     burst_kpa, burst_width_mm
-        Pressure at which a welded balloon of that lay-flat width burst.
+        Pressure at which a welded tube of that lay-flat width burst; None if none was burst.
+    survived_kpa, survived_width_mm
+        Pressure that a welded tube of that lay-flat width stood, where none was burst: a lower
+        bound.
     weldable
         Whether a laser can weld it.
     """
@@ -145,9 +189,30 @@ class Material:
     modulus_mpa: Quantity
     strength_mpa: Quantity
     friction: Quantity
-    burst_kpa: Quantity
-    burst_width_mm: Quantity
+    burst_kpa: Quantity | None = None
+    burst_width_mm: Quantity | None = None
+    survived_kpa: Quantity | None = None
+    survived_width_mm: Quantity | None = None
     weldable: bool
+
+    def __post_init__(self) -> None:
+        burst = self.burst_kpa is not None, self.burst_width_mm is not None
+        survived = self.survived_kpa is not None, self.survived_width_mm is not None
+        if sorted([burst, survived]) != [(False, False), (True, True)]:
+            given = [name for name in SEAM_KEYS if getattr(self, name) is not None]
+            allowed = "burst_kpa with burst_width_mm, or survived_kpa with survived_width_mm"
+            raise BadInputError("seam", ", ".join(given) or "no test", allowed)
+
+    @property
+    def seam(self) -> SeamTest:
+        """What is known of the pressure that its welded tubes stand."""
+        for kpa, width_mm, burst in (
+            (self.burst_kpa, self.burst_width_mm, True),
+            (self.survived_kpa, self.survived_width_mm, False),
+        ):
+            if kpa is not None and width_mm is not None:
+                return SeamTest(pressure_kpa=kpa, width_mm=width_mm, burst=burst)
+        raise AssertionError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

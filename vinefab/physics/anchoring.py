@@ -1,6 +1,6 @@
 """Anchoring force: pouches jammed in gaps, and bodies wrapped around corners.
 
-One pouch holds F_tip = 2 P A_c mu; a branch that turns by gamma on its way holds
+One pouch holds F_tip = 2 P A_c mu; a branch that is wrapped around contacts by gamma holds
 F_tip e^(mu gamma) (Eq. 1 and 2 of the paper). Which branches touch, and how firmly, is unknown
 beforehand: of six branches in the paper's test one touched nothing and one hung slack. A
 prediction is therefore an interval over friction and over the number of engaged branches.
@@ -16,7 +16,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.units import STANDARD_GRAVITY_M_S2
 from vinefab.core.validation import Floats
 from vinefab.physics.growth_pressure import capstan_factor
-from vinefab.physics.seam import N_MM2_PER_KPA
+from vinefab.physics.seam import N_MM2_PER_KPA, line_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm
 
 
@@ -84,27 +84,41 @@ def tip_force_n(pressure_kpa: float, contact_mm2: float, friction: float) -> flo
     return 2.0 * pressure_kpa * N_MM2_PER_KPA * contact_mm2 * friction
 
 
-def branch_limit_n(
-    width_mm: float, ply_mm: float, strength_mpa: float, allowed_n_mm: float
-) -> float:
+FILM_N_MM = 27.6 * 0.0375
+"""Load per mm of circumference at which Stretchlon 200 tears: strength [published, lower end for
+TPU film] times thickness [paper]."""
+
+SEAM_N_MM = line_load_n_mm(70.0, 20.0)
+"""Load per mm that its welded seam is known to stand: 70 kPa [paper] in a tube of 20 mm [assumed].
+No test to failure was found; seams may hold more."""
+
+
+def branch_limit_n(width_mm: float, weaker_n_mm: float) -> float:
     """Return the largest pull that a branch stands before the film tears or the seam opens.
 
     Parameters
     ----------
     width_mm
         Lay-flat lumen width of the branch; its circumference is 2 w.
-    ply_mm, strength_mpa
-        Thickness and strength of the film: it tears at sigma 2 w t.
-    allowed_n_mm
-        Line load that the seam stands, from a burst test. The pull is assumed to load the whole
-        circumference evenly, and no part of it to carry more than a seam does [assumed].
+    weaker_n_mm
+        The smaller of what film and seam stand, N per mm of circumference. The pull is assumed to
+        load the whole circumference evenly, and no part of it to carry more than a seam does
+        [assumed].
     """
-    return 2.0 * width_mm * min(strength_mpa * ply_mm, allowed_n_mm)
+    return 2.0 * width_mm * weaker_n_mm
 
 
-def branch_force_n(tip_n: float, turn_rad: float, friction: float, limit_n: float) -> float:
-    """Return the force of a branch: F_tip e^(mu gamma) (Eq. 2 of the paper), at most its limit."""
-    return min(limit_n, tip_n * capstan_factor(friction, turn_rad))
+def branch_force_n(carried_n: float, turn_rad: float, friction: float, limit_n: float) -> float:
+    """Return the pull at the base end of a branch, at most what it stands (Eq. 2 of the paper).
+
+    Parameters
+    ----------
+    carried_n
+        What its pouch, or all its children together, hold at its tip.
+    turn_rad
+        Its own turns at contacts.
+    """
+    return min(limit_n, carried_n * capstan_factor(friction, turn_rad))
 
 
 def amplification(turns_rad: Sequence[float], friction: float) -> float:
@@ -121,31 +135,37 @@ def amplification(turns_rad: Sequence[float], friction: float) -> float:
 
 
 def amplification_interval(
-    turns_rad: Sequence[float], fewest: int, friction: NumberRange = ASSUMED_FRICTION
+    turns_rad: Sequence[float],
+    fewest: int,
+    most: int | None = None,
+    friction: NumberRange = ASSUMED_FRICTION,
 ) -> NumberRange:
-    """Return the amplification over friction and over which branches are engaged.
+    """Return the amplification over friction and over how many branches are engaged.
 
     Parameters
     ----------
     turns_rad
-        Turn at contacts and base hinges on the way to each engaged branch's tip.
-    fewest
-        Least number of them that hold; the low bound takes those that turned least.
-    friction
-        Range of the coefficient.
+        Turn at contacts on the way to each branch's tip.
+    fewest, most
+        Least and greatest number of them that hold; all if ``most`` is None. The low bound takes
+        those that turned least, the high bound those that turned most, the estimate between them
+        the mean turn of ``most`` branches.
 
     Raises
     ------
     BadInputError
-        If ``fewest`` is negative or larger than the number of branches.
+        If the numbers do not rise, or are more than there are branches.
     """
-    if not 0 <= fewest <= len(turns_rad):
-        raise BadInputError("fewest", fewest, f"0 to {len(turns_rad)} engaged branches")
-    straightest = sorted(abs(turn) for turn in turns_rad)[:fewest]
+    most = len(turns_rad) if most is None else most
+    if not 0 <= fewest <= most <= len(turns_rad):
+        numbers = f"rising numbers from 0 to {len(turns_rad)} engaged branches"
+        raise BadInputError("fewest, most", [fewest, most], numbers)
+    rising = sorted(abs(turn) for turn in turns_rad)
+    factors = [capstan_factor(friction.value, turn) for turn in rising]
     return NumberRange(
-        low=amplification(straightest, friction.low),
-        value=amplification(turns_rad, friction.value),
-        high=amplification(turns_rad, friction.high),
+        low=amplification(rising[:fewest], friction.low),
+        value=most * math.fsum(factors) / max(1, len(factors)),
+        high=amplification(rising[len(rising) - most :], friction.high),
     )
 
 

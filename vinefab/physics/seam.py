@@ -6,6 +6,8 @@ in a narrow balloon fails in a wide trunk at a fraction of the pressure. Pressur
 
 import math
 
+from vinefab.model.laser import SeamTest
+
 
 def spot_at_mm(focus_spot_mm: float, focus_offset_mm: float, rayleigh_mm: float) -> float:
     """Return the beam's diameter away from focus: d sqrt(1 + (z / z_R)^2), Gaussian beam.
@@ -52,17 +54,22 @@ def membrane_stress_mpa(pressure_kpa: float, width_mm: float, ply_mm: float) -> 
 
 
 def allowed_line_load_n_mm(burst_kpa: float, burst_width_mm: float) -> float:
-    """Return the line load at which a seam failed in a burst test: N_allow = P_b w_b / pi.
+    """Return the line load on the seam of a tube that was tested: N_allow = P_b w_b / pi.
 
     Parameters
     ----------
     burst_kpa
-        Pressure at which a balloon burst.
+        Pressure at which the tube burst, or that it survived.
     burst_width_mm
-        Lay-flat width of that balloon. Without it a burst pressure says nothing about other
-        widths; the paper's 70 kPa is quoted without one.
+        Its lay-flat width. Without it a pressure says nothing about other widths; the paper's
+        70 kPa is quoted without one.
     """
     return line_load_n_mm(burst_kpa, burst_width_mm)
+
+
+def seam_load_n_mm(seam: SeamTest) -> float:
+    """Return the line load of a seam's test: at which it burst, or that it survived."""
+    return allowed_line_load_n_mm(seam.pressure_kpa.value, seam.width_mm.value)
 
 
 def burst_pressure_kpa(width_mm: float, allowed_n_mm: float) -> float:

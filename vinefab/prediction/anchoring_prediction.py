@@ -1,216 +1,211 @@
-"""Anchoring over many deployments: amplification always, newtons where there are pouches."""
+"""Anchoring over many deployments: what the simulation holds, beside the formula's ideal case."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from vinefab.core.validation import Floats, Ints
-from vinefab.model.deployment import Deployment
-from vinefab.model.design import Design, Pouch
+from vinefab.core.statistics import group_means
+from vinefab.core.validation import Floats
+from vinefab.model.design import Design
 from vinefab.model.laser import Material
-from vinefab.pages.html import Section, Table
-from vinefab.physics.anchoring import (
-    ASSUMED_FRICTION,
-    amplification,
-    branch_force_n,
-    branch_limit_n,
-    payload_over_mass,
-    pouch_contact_mm2,
-    tip_force_n,
-)
-from vinefab.physics.seam import allowed_line_load_n_mm
+from vinefab.pages.html import Headline, Section, Table
+from vinefab.physics.anchoring import payload_over_mass
+from vinefab.physics.seam import seam_load_n_mm
 from vinefab.prediction.family_deployments import FamilyDeployments
-from vinefab.prediction.measures import pouch_size_mm
-from vinefab.tasks.anchoring_force import path_turn_rad, tip_gaps_mm
+from vinefab.tasks.anchoring_force import IDLE_SHARE, AnchoredRobots, Anchoring
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OverMaps:
+    """A number over maps, each the mean of its deployments; over those where there is one map."""
+
+    median: float
+    # low, high: what 90 % of the maps lie between
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, values: Floats, maps: Sequence[str]) -> "OverMaps":
+        """Return the spread of one value per deployment; ``maps`` has the map of each."""
+        means = group_means(values, maps) if len(set(maps)) > 1 else values
+        low, median, high = np.percentile(means, [5.0, 50.0, 95.0]).tolist()
+        return cls(median=median, low=low, high=high)
+
+    def text(self, digits: int = 2) -> str:
+        """Return median and range as they are shown."""
+        numbers = (self.median, self.low, self.high)
+        median, low, high = (f"{number:.{digits}f}" for number in numbers)
+        return f"{median} ({low} to {high})"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldForces:
-    """Mean amplification for one share of engaged leaves and one coefficient of friction."""
+    """What is held at one coefficient of friction, over that of one pouch without any turn."""
 
     friction: float  # the coefficient
-    engaged_percent: float  # share of the deployed leaves that hold, those that turned least first
-    # mean over deployments of the force over that of one pouch without any turn
-    amplification: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Forces:
-    """Forces of a design that has pouches, over deployments."""
-
-    friction: Floats  # coefficients, rising, shape (k,)
-    # mean_n, p05_n, p95_n: for each coefficient, over deployments, shape (k,)
-    mean_n: Floats
-    p05_n: Floats
-    p95_n: Floats
-    # share of the leaves whose inflated pouch is wider than the gap that it ended in
-    engaged_percent: float
-    # share of the engaged leaves that film or seam limit at the greatest coefficient
-    limited_percent: float
-    pressure_kpa: float  # working pressure that they are for
-    mass_g: float  # film of the robot; 0 when it is not known
+    engaged: OverMaps  # by the engaged leaves, as far as film and seam stand it
+    some_idle: OverMaps  # the same with a third of them idle, those that turned most
+    ideal: OverMaps  # by every leaf that came out, and nothing fails: the formula
+    force_n: OverMaps  # by the engaged leaves, in newtons; 0 without pouches
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnchoringPrediction:
-    """Anchoring as an interval over friction and over which leaves are engaged."""
+    """Anchoring over deployments, for a range of friction."""
 
     label: str  # of the map family
     leaves: int  # leaves of the design
-    table: tuple[HeldForces, ...]  # every combination of friction and engaged share
-    forces: Forces | None = None  # in newtons, where the design has pouches
+    has_pouches: bool  # whether it has pouches, which alone hold
+    # at the least, the likely and the greatest friction
+    held: tuple[HeldForces, HeldForces, HeldForces]
+    # engaged_percent, nothing_percent, limited_percent: leaves that are engaged, deployments that
+    # hold nothing, deployments in which film or seam limits some branch at the greatest friction
+    engaged_percent: float
+    nothing_percent: float
+    limited_percent: float
+    pressure_kpa: float  # working pressure that forces are for
+    mass_g: float  # film of the robot; 0 when it is not known
 
-    def at(self, friction: float, engaged_percent: float) -> float:
-        """Return the amplification of one combination."""
-        return next(
-            held.amplification
-            for held in self.table
-            if held.friction == friction and held.engaged_percent == engaged_percent
-        )
+    @property
+    def likely(self) -> HeldForces:
+        """What is held at the friction that is assumed."""
+        return self.held[1]
 
 
-FRICTIONS = (ASSUMED_FRICTION.low, ASSUMED_FRICTION.value, ASSUMED_FRICTION.high)
-
-ENGAGED_PERCENT = (100.0, 66.7, 33.3)
-"""Two thirds held in the paper's test of six branches: one touched nothing, one hung slack."""
+def anchoring_on(material: Material) -> Anchoring:
+    """Return the anchoring task with the limits of a film and its seam."""
+    return Anchoring(
+        film_n_mm=material.strength_mpa.value * material.ply_mm.value,
+        seam_n_mm=seam_load_n_mm(material.seam),
+    )
 
 
 def predict_anchoring(
-    design: Design, result: FamilyDeployments, material: Material, mass_g: float = 0.0
+    design: Design, result: FamilyDeployments, task: Anchoring, mass_g: float = 0.0
 ) -> AnchoringPrediction:
-    """Return what a design is expected to hold in one prepared."""
-    turns = [leaf_turns_rad(deployment) for deployment in result.deployments]
-    table = tuple(
-        HeldForces(
-            friction=friction,
-            engaged_percent=percent,
-            amplification=float(np.mean([_held(found, percent, friction) for found in turns])),
-        )
-        for friction in FRICTIONS
-        for percent in ENGAGED_PERCENT
-    )
+    """Return what a design is expected to hold on one family of maps."""
+    robots = [
+        task.anchored(deployment, design.build, result.prepared_map(index).context)
+        for index, deployment in enumerate(result.deployments)
+    ]
+    frictions = (task.friction_low, task.friction, task.friction_high)
+    low, likely, high = (_held(robots, friction, result.outcomes.maps) for friction in frictions)
     leaves = int(result.deployments[0].tree.is_leaf.sum())
-    pouch = design.build.pouch
-    forces = _forces(design, pouch, result, material, mass_g) if pouch else None
+    engaged = np.array([np.count_nonzero(robot.engaged) for robot in robots])
+    limited = [robot.pulls_n(task.friction_high)[2][0] > 0.0 for robot in robots]
     return AnchoringPrediction(
-        label=result.prepared.label, leaves=leaves, table=table, forces=forces
-    )
-
-
-def leaf_turns_rad(deployment: Deployment) -> Floats:
-    """Return the turn on the way to each leaf's tip that came out, rising, shape (m,)."""
-    return np.sort(path_turn_rad(deployment)[_leaves(deployment)])
-
-
-def _leaves(deployment: Deployment) -> Ints:
-    out = deployment.tree.is_leaf & deployment.deployed & (deployment.grown_mm > 0.0)
-    return np.flatnonzero(out)
-
-
-def _held(turns_rad: Floats, percent: float, friction: float) -> float:
-    """Return the amplification with the straightest share of the leaves engaged."""
-    count = math.ceil(percent / 100.0 * len(turns_rad) - 0.01)
-    return amplification(turns_rad[:count].tolist(), friction)
-
-
-def _forces(
-    design: Design, pouch: Pouch, result: FamilyDeployments, material: Material, mass_g: float
-) -> Forces:
-    length_mm, width_mm = pouch_size_mm(pouch)
-    limit_n = branch_limit_n(
-        design.build.widths_mm[-1],
-        material.ply_mm.value,
-        material.strength_mpa.value,
-        allowed_line_load_n_mm(material.burst_kpa.value, material.burst_width_mm.value),
-    )
-    totals = np.zeros((len(result.deployments), len(FRICTIONS)))
-    leaves = engaged = limited = 0
-    for index, deployment in enumerate(result.deployments):
-        rows = _leaves(deployment)
-        gaps = tip_gaps_mm(deployment, rows, result.prepared_map(index).context)
-        contact = [pouch_contact_mm2(length_mm, width_mm, gap_mm) for gap_mm in gaps.tolist()]
-        turns = path_turn_rad(deployment)[rows]
-        forces = np.array(
-            [
-                [
-                    branch_force_n(
-                        tip_force_n(design.build.pressure_kpa, area, mu), float(turn), mu, limit_n
-                    )
-                    for mu in FRICTIONS
-                ]
-                for area, turn in zip(contact, turns, strict=True)
-            ]
-        ).reshape(-1, len(FRICTIONS))
-        totals[index] = forces.sum(axis=0)
-        leaves += int(deployment.tree.is_leaf.sum())
-        engaged += int(np.count_nonzero(contact))
-        limited += int(np.count_nonzero(forces[:, -1] >= limit_n))
-    p05, p95 = np.percentile(totals, [5.0, 95.0], axis=0)
-    return Forces(
-        friction=np.array(FRICTIONS),
-        mean_n=totals.mean(axis=0),
-        p05_n=p05,
-        p95_n=p95,
-        engaged_percent=100.0 * engaged / leaves,
-        limited_percent=100.0 * limited / max(1, engaged),
+        label=result.prepared.label,
+        leaves=leaves,
+        has_pouches=design.build.pouch is not None,
+        held=(low, likely, high),
+        engaged_percent=100.0 * float(engaged.mean()) / leaves,
+        nothing_percent=100.0 * float(np.mean(engaged == 0)),
+        limited_percent=100.0 * float(np.mean(limited)),
         pressure_kpa=design.build.pressure_kpa,
         mass_g=mass_g,
     )
 
 
+def _held(robots: Sequence[AnchoredRobots], friction: float, maps: Sequence[str]) -> HeldForces:
+    engaged, some_idle, ideal, force_n = np.array(
+        [
+            (
+                robot.amplification(friction)[0],
+                robot.amplification(friction, 1.0 - IDLE_SHARE)[0],
+                robot.ideal(friction)[0],
+                robot.pulls_n(friction)[1][0],
+            )
+            for robot in robots
+        ]
+    ).T
+    return HeldForces(
+        friction=friction,
+        engaged=OverMaps.of(engaged, maps),
+        some_idle=OverMaps.of(some_idle, maps),
+        ideal=OverMaps.of(ideal, maps),
+        force_n=OverMaps.of(force_n, maps),
+    )
+
+
+def anchoring_headline(found: AnchoringPrediction) -> Headline:
+    """Return what the simulation holds, with the ideal case beside it."""
+    likely, (least, _, most) = found.likely, found.held
+    ideal = likely.ideal
+    if not found.has_pouches:
+        return Headline(
+            name="anchoring, ideal case only",
+            value=f"{ideal.median:.1f} x",
+            detail=f"the design has no pouches: were every leaf that came out to hold like one, "
+            f"median over {found.label}, 90 % of the maps {ideal.low:.1f} to {ideal.high:.1f}, at "
+            f"friction {likely.friction:g} (assumed)",
+            tone="caution",
+        )
+    held, force_n = likely.engaged, likely.force_n
+    return Headline(
+        name="anchoring amplification",
+        value=f"{held.median:.1f} x",
+        detail=f"median over {found.label}, 90 % of the maps {held.low:.1f} to {held.high:.1f}, at "
+        f"friction {likely.friction:g}; {least.engaged.median:.1f} to {most.engaged.median:.1f} at "
+        f"{least.friction:g} to {most.friction:g} (assumed); {force_n.median:.2f} N "
+        f"({force_n.low:.2f} to {force_n.high:.2f}) at {found.pressure_kpa:g} kPa; "
+        f"{found.engaged_percent:.0f} % of the leaves jam, {found.nothing_percent:.0f} % of the "
+        f"deployments hold nothing (simulated). Ideal case, every leaf that came out jams: "
+        f"{ideal.median:.1f} x",
+        tone="good" if held.median >= 1.0 else "caution",
+    )
+
+
 ANCHORING_NOTE = (
-    "Force of all leaf pouches over that of one pouch without any turn: the sum of e^(mu gamma) "
-    "over the leaves that hold, gamma the turn at contacts and hinges on the way (equations 1 and "
-    "2 of the paper). Which leaves hold is not known beforehand: of six branches in the paper's "
-    "test one touched nothing and one hung slack. The friction of film on the obstacles is "
-    "assumed, 0.2 to 0.8; measure yours."
+    "Force at the base over that of one pouch without any turn: the sum of e^(mu gamma) over the "
+    "leaves that hold, gamma the turns at contacts on the way (equations 1 and 2 of the paper); "
+    "joints and hinges at bases, where no wall need be touched, wrap nothing. A leaf holds where "
+    "it grew in full, so that its pouch is out, and its inflated pouch is wider than the gap that "
+    "it ended in; no branch, the trunk included, "
+    "holds more than its film and seam stand. Of six branches in the paper's test one touched "
+    "nothing and one hung slack: a third of the engaged leaves may be idle. The friction of film "
+    "on the obstacles is assumed; measure yours."
 )
 
 
 def anchoring_section(anchoring: Sequence[AnchoringPrediction]) -> Section:
-    """Return anchoring amplification by friction and engaged leaves, and forces where known."""
-    tables = [_amplification_table(holding) for holding in anchoring]
-    tables += [
-        _force_table(holding.label, holding.forces) for holding in anchoring if holding.forces
-    ]
-    without = () if anchoring[0].forces else (
-        "The design has no pouches, so forces in newtons are not predicted.",
+    """Return anchoring by friction: engaged leaves, some of them idle, and the ideal case."""
+    tables = [_amplification_table(found) for found in anchoring]
+    tables += [_force_table(found) for found in anchoring if found.has_pouches]
+    without = () if anchoring[0].has_pouches else (
+        "The design has no pouches, so that every leaf that came out counts and forces in newtons "
+        "are not predicted: only the ideal case is.",
     )  # fmt: skip
     return Section(title="Anchoring", paragraphs=(ANCHORING_NOTE, *without), tables=tuple(tables))
 
 
-def _amplification_table(holding: AnchoringPrediction) -> Table:
-    frictions = sorted({held.friction for held in holding.table})
-    shares = sorted({held.engaged_percent for held in holding.table}, reverse=True)
-    rows = tuple(
-        (
-            f"{share:g} % of the leaves hold",
-            *(f"{holding.at(friction, share):.2f}" for friction in frictions),
-        )
-        for share in shares
+def _amplification_table(found: AnchoringPrediction) -> Table:
+    rows = (
+        ("leaves that are engaged", *(held.engaged.text() for held in found.held)),
+        ("a third of them idle", *(held.some_idle.text() for held in found.held)),
+        ("ideal case: every leaf that came out", *(held.ideal.text() for held in found.held)),
     )
     return Table(
-        caption=f"Mean amplification on {holding.label}, {holding.leaves} leaves, those that "
-        "turned least hold first (simulated paths, assumed friction)",
-        headings=("engaged", *(f"friction {friction:g}" for friction in frictions)),
+        caption=f"Amplification on {found.label}, {found.leaves} leaves: median over maps (90 % of "
+        f"the maps). {found.engaged_percent:.1f} % of the leaves are engaged; "
+        f"{found.nothing_percent:.1f} % of the deployments hold nothing (simulated paths, assumed "
+        "friction)",
+        headings=("what holds", *(f"friction {held.friction:g}" for held in found.held)),
         rows=rows,
     )
 
 
-def _force_table(label: str, forces: Forces) -> Table:
+def _force_table(found: AnchoringPrediction) -> Table:
     rows = []
-    for index, friction in enumerate(forces.friction.tolist()):
-        cells = (forces.mean_n[index], forces.p05_n[index], forces.p95_n[index])
-        over = payload_over_mass(cells[0], forces.mass_g) if forces.mass_g else None
-        ratio = "-" if over is None else f"{over:.0f}"
-        rows.append((f"{friction:g}", *(f"{value:.2f}" for value in cells), ratio))
+    for held in found.held:
+        force_n = held.force_n
+        ratio = f"{payload_over_mass(force_n.median, found.mass_g):.0f}" if found.mass_g else "-"
+        numbers = (force_n.median, force_n.low, force_n.high)
+        rows.append((f"{held.friction:g}", *(f"{number:.2f}" for number in numbers), ratio))
     return Table(
-        caption=f"Force on {label} at {forces.pressure_kpa:g} kPa: {forces.engaged_percent:.1f} % "
-        "of the leaves end in a gap narrower than their inflated pouch, and only those hold; "
-        f"{forces.limited_percent:.1f} % of them are limited by film or seam at the highest "
-        "friction (simulated paths, computed contact, assumed friction)",
-        headings=("friction", "mean N", "5 % N", "95 % N", "times its own mass"),
+        caption=f"Force on {found.label} at {found.pressure_kpa:g} kPa: only leaves that are "
+        f"engaged hold; film or seam limits some branch in {found.limited_percent:.1f} % of the "
+        "deployments at the highest friction (simulated paths, computed contact, assumed friction)",
+        headings=("friction", "median N", "5 % N", "95 % N", "times its own mass"),
         rows=tuple(rows),
     )

@@ -16,6 +16,7 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.prediction.measures import MEASURES, MeasureTable, measure_deployment
+from vinefab.tasks.anchoring_force import Anchoring
 from vinefab.tasks.evaluate import Poses, PreparedMap, poses_on
 
 FIRST_UNSEEN = 10_000_000
@@ -78,6 +79,7 @@ class PredictionPlan:
     seed: int = 0  # seed of the poses; map ``i`` of a family gets ``seed + i``
     # the growth model's choices; the inflated body by default, for a body has a width
     options: GrowthOptions = field(default_factory=lambda: GrowthOptions(body="inflated"))
+    anchoring: Anchoring = field(default_factory=Anchoring)  # how anchoring is scored
 
 
 def rules_text(options: GrowthOptions) -> str:
@@ -147,7 +149,11 @@ def deploy_family(
     terrain = launches.terrain.tolist()
     for index, deployment in enumerate(deployments):
         columns[index] = measure_deployment(
-            deployment, design, prepared.maps[terrain[index]].context, unpressed[index]
+            deployment,
+            design,
+            prepared.maps[terrain[index]].context,
+            unpressed[index],
+            plan.anchoring,
         )
         progress((index + 1) / len(deployments), f"{index + 1} of {len(deployments)} deployments")
     names = prepared.names

@@ -11,7 +11,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.validation import Floats, Ints
 from vinefab.model.deployment import Deployment, Stop
-from vinefab.model.design import Design, Pouch
+from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.physics.growth_pressure import (
     FITTED,
@@ -91,8 +91,8 @@ ANCHORING = Measure(
     unit="x",
     digits=2,
     better="more",
-    meaning="holding force over that of one pouch, at the assumed friction; every leaf that came "
-    "out counts, or with pouches those in a gap narrower than theirs",
+    meaning="holding force over that of one pouch, at the assumed friction; pouches in gaps "
+    "narrower than theirs count, or without any pouches every leaf that came out (ideal case)",
 )
 
 GROWN = Measure(
@@ -234,7 +234,11 @@ STUCK_STOPS = (Stop.HEAD_ON, Stop.CORNER, Stop.PRESSURE)
 
 
 def measure_deployment(
-    deployment: Deployment, design: Design, ground: MapContext, unpressed: Deployment
+    deployment: Deployment,
+    design: Design,
+    ground: MapContext,
+    unpressed: Deployment,
+    anchoring: Anchoring | None = None,
 ) -> Floats:
     """Return the measures of a deployment, in the order of `MEASURES`.
 
@@ -242,34 +246,23 @@ def measure_deployment(
     ----------
     unpressed
         The same deployment where no pressure stops it: what growth to every tip needs.
+    anchoring
+        How anchoring is scored; the task's defaults if None.
     """
+    anchoring = anchoring or Anchoring()
     score, terms = Coverage().evaluate(deployment, ground)
     reached, _ = Reach().evaluate(deployment, ground)
-    amplification, _ = _anchoring(design.build.pouch).evaluate(deployment, ground)
+    held = anchoring.anchored(deployment, design.build, ground).amplification(anchoring.friction)
     return np.array(
         [
             score,
             100.0 * terms["area"],
             100.0 * reached,
-            amplification,
+            held[0],
             *shares_percent(deployment),
             *worst_pressures_kpa(unpressed, design),
         ]
     )
-
-
-def pouch_size_mm(pouch: Pouch) -> tuple[float, float]:
-    """Return length and width of a pouch; of a round one, of the square of the same area."""
-    side_mm = math.sqrt(math.pi) * (pouch.radius_mm or 0.0)
-    return pouch.length_mm or side_mm, pouch.width_mm or side_mm
-
-
-def _anchoring(pouch: Pouch | None) -> Anchoring:
-    """Return the anchoring task for a design's pouches; without any, every leaf counts."""
-    if pouch is None:
-        return Anchoring()
-    length_mm, width_mm = pouch_size_mm(pouch)
-    return Anchoring(pouch_length_mm=length_mm, pouch_width_mm=width_mm)
 
 
 def shares_percent(deployment: Deployment) -> tuple[float, float, float]:

@@ -1,7 +1,7 @@
 """Predictions for a design over maps and unseen environments, and its report."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,9 +18,10 @@ from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Severity
 from vinefab.model.laser import LaserProfile, Standing
 from vinefab.pages.html import Headline, Report, Section, Tone, page_html
-from vinefab.physics.anchoring import ASSUMED_FRICTION
 from vinefab.prediction.anchoring_prediction import (
     AnchoringPrediction,
+    anchoring_headline,
+    anchoring_on,
     anchoring_section,
     predict_anchoring,
 )
@@ -201,7 +202,7 @@ def predict(
     progress: ProgressCallback = no_progress,
 ) -> Predicted:
     """Deploy a design on families of maps, measure it and check it with its deployments."""
-    plan = plan or PredictionPlan()
+    plan = replace(plan or PredictionPlan(), anchoring=anchoring_on(profile.material))
     progress(0.0, "preparing maps")
     prepared_families = [PreparedFamily.of(family, plan) for family in families]
     sizes = np.array([len(prepared.maps) for prepared in prepared_families]) / sum(
@@ -230,7 +231,7 @@ def predict(
         plan=plan,
         window=window_of(design, profile, [result.outcomes for result in results]),
         anchoring=tuple(
-            predict_anchoring(design, result, profile.material, mass_g) for result in results
+            predict_anchoring(design, result, plan.anchoring, mass_g) for result in results
         ),
         heat=heat,
         contacts=contact_range(design, main.prepared, plan.options),
@@ -334,7 +335,7 @@ def headlines(
     found = [_measured(outcomes, measure, contacts) for measure in (SEEN, REACH, COVERAGE)]
     found += [_measured(outcomes, measure, None, MANY_PERCENT) for measure in (STUCK, UNDEPLOYED)]
     holding = next(h for h in anchoring if h.label == outcomes.label)
-    found.append(_anchored(holding))
+    found.append(anchoring_headline(holding))
     if window is not None:
         found.append(_pressed(window))
     return tuple(headline for headline in found if headline is not None)
@@ -365,18 +366,6 @@ def _measured(
         detail=f"mean over {outcomes.label}, 95 % interval {low} to {high}{width}; 90 % of the "
         f"deployments {p05} to {p95} (simulated)",
         tone="caution" if most is not None and spread.mean >= most else "good",
-    )
-
-
-def _anchored(holding: AnchoringPrediction) -> Headline:
-    least = min(held.amplification for held in holding.table if held.engaged_percent > 50.0)
-    most = max(held.amplification for held in holding.table)
-    usual = holding.at(ASSUMED_FRICTION.value, 100.0)
-    return Headline(
-        name="anchoring amplification",
-        value=f"{least:.1f} to {most:.1f} x",
-        detail=f"{usual:.1f} x at friction {ASSUMED_FRICTION.value:g} (assumed) with all leaves "
-        "engaged; from two thirds of them at low friction to all at high friction (simulated)",
     )
 
 

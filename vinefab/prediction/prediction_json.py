@@ -8,7 +8,7 @@ from dataclasses import asdict
 
 from vinefab.core.jsontext import json_text
 from vinefab.core.units import deg
-from vinefab.prediction.anchoring_prediction import AnchoringPrediction
+from vinefab.prediction.anchoring_prediction import AnchoringPrediction, HeldForces
 from vinefab.prediction.heat_map import HeatMap
 from vinefab.prediction.measures import MEASURES, MeasureTable, spreads_content
 from vinefab.prediction.predict import Predicted, headlines, verdict_on
@@ -106,28 +106,26 @@ def _need(need: Need) -> dict[str, object]:
     return {"film_stored": need.storage, **numbers}
 
 
-def anchoring_content(prediction: AnchoringPrediction) -> dict[str, object]:
+def anchoring_content(found: AnchoringPrediction) -> dict[str, object]:
     """Return an anchoring prediction as it stands in JSON."""
-    forces = prediction.forces
+    percents = ("engaged_percent", "nothing_percent", "limited_percent")
     return {
-        "label": prediction.label,
-        "leaves": prediction.leaves,
-        "table": [
-            {
-                "friction": held.friction,
-                "engaged_percent": held.engaged_percent,
-                "amplification": round(held.amplification, 2),
-            }
-            for held in prediction.table
-        ],
-        "forces": None
-        if forces is None
-        else {
-            "pressure_kpa": forces.pressure_kpa,
-            "friction": forces.friction,
-            **{name: getattr(forces, name).round(2) for name in ("mean_n", "p05_n", "p95_n")},
-            "engaged_percent": round(forces.engaged_percent, 1),
-            "limited_percent": round(forces.limited_percent, 1),
+        "label": found.label,
+        "leaves": found.leaves,
+        "has_pouches": found.has_pouches,
+        "pressure_kpa": found.pressure_kpa,
+        "held": [_held_content(held) for held in found.held],
+        **{name: round(getattr(found, name), 1) for name in percents},
+    }
+
+
+def _held_content(held: HeldForces) -> dict[str, object]:
+    parts = ("engaged", "some_idle", "ideal", "force_n")
+    return {
+        "friction": held.friction,
+        **{
+            part: {name: round(v, 2) for name, v in asdict(getattr(held, part)).items()}
+            for part in parts
         },
     }
 

@@ -23,7 +23,7 @@ from vinefab.pages.figure import (
     svg_bytes,
 )
 from vinefab.pages.html import Picture, Section, Table
-from vinefab.physics.seam import allowed_line_load_n_mm, burst_pressure_kpa, hoop_strain
+from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, seam_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.prediction.measures import LOOSE_PRESSURE, TIGHT_PRESSURE, MeasureTable
 
@@ -37,7 +37,7 @@ class LevelPressure:
     # width_mm, inflated_mm: lay-flat width and inflated diameter
     width_mm: float
     inflated_mm: float
-    burst_kpa: float  # pressure at which its seam gives way
+    burst_kpa: float  # pressure that its seam stands: known to burst there, or to survive it
     allowed_kpa: float  # that over the safety factor
     strain_percent: float  # hoop strain at the working pressure
 
@@ -114,7 +114,7 @@ def window_of(
     if not np.isfinite(loose).any():
         return None
     film = profile.material
-    measured = {film.burst_kpa.standing, film.burst_width_mm.standing} == {Standing.MEASURED}
+    measured = film.seam.is_measured_limit
     return PressureWindow(
         loose=_need("loosely", loose, allowed_kpa),
         tight=_need("tightly", tight, allowed_kpa),
@@ -129,8 +129,7 @@ def burst_basis(profile: LaserProfile) -> str:
     """Return what burst pressures and strains rest on, in words."""
     film = profile.material
     return (
-        f"burst pressure from a test of {film.burst_kpa.value:g} kPa ({film.burst_kpa.standing}) "
-        f"at a width of {film.burst_width_mm.value:g} mm ({film.burst_width_mm.standing}), strain "
+        f"from one test: {film.seam.words()}; strain "
         f"with a modulus of {film.modulus_mpa.value:g} MPa ({film.modulus_mpa.standing})"
     )
 
@@ -150,7 +149,7 @@ def _need(storage: str, needed_kpa: Floats, allowed_kpa: float) -> Need:
 
 def _levels(design: Design, profile: LaserProfile, factor: float) -> tuple[LevelPressure, ...]:
     film, build = profile.material, design.build
-    stands_n_mm = allowed_line_load_n_mm(film.burst_kpa.value, film.burst_width_mm.value)
+    stands_n_mm = seam_load_n_mm(film.seam)
     parts = [
         ("trunk" if level == 1 else f"level {level}", level, width_mm)
         for level, width_mm in enumerate(build.widths_mm, start=1)
@@ -259,11 +258,11 @@ def window_section(window: PressureWindow, burst_basis: str) -> Section:
         ),
     )
     stands = Table(
-        caption=f"What each width stands, burst over allowed {window.safety_factor:g} (assumed), "
+        caption=f"What each width stands, over allowed {window.safety_factor:g} (assumed), "
         f"and how far it stretches at the working pressure of {window.working_kpa:g} kPa; "
         f"{burst_basis}",
         headings=(
-            "part", "lay-flat mm", "inflated mm", "bursts at kPa", "may take kPa", "hoop strain",
+            "part", "lay-flat mm", "inflated mm", "seam stands kPa", "may take kPa", "hoop strain",
         ),
         rows=tuple(
             (
@@ -280,7 +279,7 @@ def window_section(window: PressureWindow, burst_basis: str) -> Section:
     picture = Picture(
         image=svg_bytes(window_chart(window)),
         caption="Bars of growth: 5 to 95 % of the deployments, line at the median (simulated). "
-        "Bars of widths: what they may take; line where they burst "
+        "Bars of widths: what they may take; line at what their seams stand "
         f"({window.standing.value}).",
         wide=True,
     )

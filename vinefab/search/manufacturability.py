@@ -25,7 +25,7 @@ from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.spacing import capsules_of
 from vinefab.fabrication.rules.tree_and_base import CLAMP, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
-from vinefab.model.design import MOST_BRANCHES, Design
+from vinefab.model.design import MOST_BRANCHES, Build, Design
 from vinefab.model.laser import LaserProfile
 from vinefab.search.settings import RunSettings
 from vinefab.search.space import Bounds, Space
@@ -183,6 +183,20 @@ def _pouch(query: SpaceQuery) -> Iterator[BadInputError]:
     if pouch.flat_width_mm <= leaf_mm:
         words = f"{pouch.flat_width_mm:g} mm wide"
         yield _no(POUCH, "build.pouch", words, f"wider than the narrowest leaf, {leaf_mm:g} mm")
+    vine = Design(name="vine", trunk_length_mm=_VINE_MM, build=_leaf_alone(query, most))
+    full = 100.0 * max(
+        occupancies(vine, query.film_mm, query.limit(PACKING, "packing")), default=0.0
+    )
+    if full > query.limit(PACKING) * (1.0 + ROUNDING):
+        words = f"{pouch.flat_width_mm:g} mm wide"
+        allowed = f"narrower, or wider leaves: its film would fill {full:.0f} % of the narrowest"
+        yield _no(PACKING, "build.pouch", words, allowed)
+
+
+def _leaf_alone(query: SpaceQuery, depth: int) -> Build:
+    """Return the build of a vine as wide as the leaves of designs with so many levels."""
+    build = query.settings.build
+    return replace(build, trunk_width_mm=build.build(depth).widths_mm[-1]).build(1)
 
 
 def _angles(query: SpaceQuery) -> Iterator[BadInputError]:
@@ -237,12 +251,10 @@ def _least(query: SpaceQuery) -> Iterator[BadInputError]:
     design = space.design(corner)
     most = query.limit(PACKING)
     shares = occupancies(design, query.film_mm, query.limit(PACKING, "packing"))
-    full = 100.0 * max(shares, default=0.0)
+    full = 100.0 * max(shares[: len(design.levels)], default=0.0)
     if full > most * (1.0 + ROUNDING):
         branches = [level.branches for level in design.levels]
-        allowed = (
-            f"fewer, or a wider trunk: their film would fill {100.0 * max(shares):.0f} % of it"
-        )
+        allowed = f"fewer, or a wider trunk: their film would fill {full:.0f} % of it"
         yield _no(PACKING, "space.branches", f"at least {branches} by level", allowed)
     if window_penalty(design, query.profile, query.changed) > 0.0:
         allowed = (

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,21 @@ from vinefab.core.validation import Floats, Ints, number
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build
-from vinefab.physics.anchoring import ASSUMED_FRICTION, pouch_contacts_mm2
+from vinefab.model.tree import BranchTree
+from vinefab.physics.anchoring import (
+    ASSUMED_FRICTION,
+    FILM_N_MM,
+    SEAM_N_MM,
+    branch_limit_n,
+    pouch_contacts_mm2,
+)
 from vinefab.physics.seam import N_MM2_PER_KPA
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.tasks.exact_areas import TOUCHING_MM
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome, TaskOutcomes
+
+T = TypeVar("T", bound=np.generic)
 
 STEP_BACK_MM = 1e-3
 """Gaps are measured this far behind the tip."""
@@ -39,7 +48,6 @@ class GrownBatch(NamedTuple):
     first_point: Ints
     stop: Ints
     grown: Floats
-    turn: Floats
 
     @classmethod
     def of_block(cls, block: Block) -> "GrownBatch":
@@ -51,11 +59,10 @@ class GrownBatch(NamedTuple):
             tree=block.plan,
             branch=block.branch,
             room=block.room,
-            points=growth.points,
-            first_point=growth.first_point,
+            points=_fixed(growth.points),
+            first_point=_fixed(growth.first_point),
             stop=growth.stop,
             grown=growth.grown,
-            turn=growth.turn,
         )
 
     @classmethod
@@ -68,47 +75,69 @@ class GrownBatch(NamedTuple):
             tree=np.zeros(1, dtype=np.int64),
             branch=ends,
             room=np.array([0, len(deployment.points_mm)]),
-            points=deployment.points_mm,
-            first_point=deployment.first_point,
+            points=_fixed(deployment.points_mm),
+            first_point=_fixed(deployment.first_point),
             stop=deployment.stop,
             grown=deployment.grown_mm,
-            turn=deployment.contact_turn_rad,
         )
+
+
+class Turns(NamedTuple):
+    """The turns of n branches, and which of them are leaves."""
+
+    # own_rad, path_rad: sums of absolute turns at contacts, of each branch and from the base to
+    # each tip, shape (n,); neither joints nor hinges at bases: no wall need be touched there
+    own_rad: Floats
+    path_rad: Floats
+    is_leaf: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, grown: GrownBatch, joints_rad: Floats | None = None) -> "Turns":
+        """Return the turns of some growths; ``joints_rad``, one per branch, count beside them."""
+        from vinefab.tasks.kernels import tips_kernel  # noqa: PLC0415  numba takes a second
+
+        count = len(grown.stop)
+        own = np.zeros(count) if joints_rad is None else joints_rad.copy()
+        found = cls(own, np.empty(count), np.empty(count, dtype=np.bool_))
+        tips_kernel.turns(
+            grown.parent,
+            grown.tree_first,
+            grown.tree,
+            grown.branch,
+            grown.room,
+            grown.points,
+            grown.first_point,
+            *found,
+        )
+        return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Leaves:
-    """The m leaves of j growths that deployed, growth by growth."""
+    """The m leaves of j growths that deployed, growth by growth, those that turned least first."""
 
     growths: int  # number of growths
     growth: Ints  # growth of each leaf, rising, shape (m,)
-    turn_rad: Floats  # sum of absolute turns from the base to each tip, shape (m,)
+    branch: Ints  # index of each leaf among the branches of all growths, shape (m,)
+    turn_rad: Floats  # sum of absolute turns at contacts from the base to each tip, shape (m,)
     points_mm: Floats  # chain points of all growths, shape (p, 2)
     tip: Ints  # index of each tip among them, shape (m,)
 
     @classmethod
-    def of(cls, grown: GrownBatch, joints_rad: Floats | None, *, whole: bool) -> "Leaves":
-        """Return the leaves of some growths.
-
-        Parameters
-        ----------
-        joints_rad
-            Turns that count beside those of the growth, one per branch, or None.
-        whole
-            Whether only leaves grown to their full length count.
-        """
-        turn_rad, is_leaf = summed_turns(grown, joints_rad)
-        out = is_leaf & np.not_equal(grown.stop, Stop.NOT_DEPLOYED) & (grown.grown > 0.0)
-        if whole:
-            out &= np.equal(grown.stop, Stop.FULL_LENGTH)
+    def of(cls, grown: GrownBatch, turns: Turns) -> "Leaves":
+        """Return the leaves of some growths."""
+        out = turns.is_leaf & np.not_equal(grown.stop, Stop.NOT_DEPLOYED) & (grown.grown > 0.0)
         leaf = np.flatnonzero(out)
         growth = np.searchsorted(grown.branch, leaf, side="right") - 1
+        order = np.lexsort((turns.path_rad[leaf], growth))
+        leaf, growth = leaf[order], growth[order]
         # Every growth has one more entry in `first_point` than it has branches.
         tip = grown.room[growth] + grown.first_point[leaf + growth + 1] - 1
         return cls(
             growths=len(grown.tree),
             growth=growth,
-            turn_rad=turn_rad[leaf],
+            branch=leaf,
+            turn_rad=turns.path_rad[leaf],
             points_mm=grown.points,
             tip=tip,
         )
@@ -119,27 +148,9 @@ class Leaves:
         return slice(first, last)
 
 
-def summed_turns(grown: GrownBatch, joints_rad: Floats | None) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return the sum of absolute turns from the base to each tip, and which branches are leaves.
-
-    Parameters
-    ----------
-    joints_rad
-        Turns that count beside those of the growth, shape (n,), or None.
-    """
-    from vinefab.tasks.kernels import tips_kernel  # noqa: PLC0415  numba takes a second to import
-
-    total = grown.turn.copy()
-    if joints_rad is not None:
-        total += joints_rad
-    leaf = np.empty(len(total), dtype=np.bool_)
-    tips_kernel.turns(grown.parent, grown.tree_first, grown.tree, grown.branch, total, leaf)
-    return total, leaf
-
-
 def path_turn_rad(deployment: Deployment) -> Floats:
-    """Return the sum of absolute turns from the base to each tip, without joints, shape (n,)."""
-    return summed_turns(GrownBatch.of(deployment), None)[0]
+    """Return the sum of absolute turns at contacts from the base to each tip, shape (n,)."""
+    return Turns.of(GrownBatch.of(deployment)).path_rad
 
 
 def tip_gaps_mm(deployment: Deployment, branches: Ints, context: MapContext) -> Floats:
@@ -180,11 +191,18 @@ def gaps_mm(points_mm: Floats, tip: Ints, context: MapContext) -> Floats:
     return out
 
 
-def _fixed(array: Ints) -> Ints:
+def _fixed(array: NDArray[T]) -> NDArray[T]:
     # Arrays that may be written to are another type to the compiler, which would compile twice.
     view = array.view()
     view.setflags(write=False)
     return view
+
+
+Robot = tuple[BranchTree, Build | None]
+"""A planned tree, and how it is built if that is known."""
+
+Place = tuple[MapContext, int, int]
+"""A map, and which growths are on it: ``one .. two - 1``."""
 
 
 class Pouches(NamedTuple):
@@ -195,15 +213,14 @@ class Pouches(NamedTuple):
     width_mm: Floats
     # force per mm2 of contact on both walls together, 2 P; 0 where the pressure is unknown
     press_n_mm2: Floats
-    limit_n: Floats  # largest pull that one leaf stands, infinite where it is unknown
 
 
 def contacts(
-    leaves: Leaves, pouches: Pouches, places: Sequence[tuple[MapContext, int, int]]
+    leaves: Leaves, pouches: Pouches, places: Sequence[Place]
 ) -> tuple[NDArray[np.bool_], Floats]:
     """Return which leaves are engaged, and the area that each pouch presses on a wall.
 
-    ``places`` are the growths ``one .. two - 1`` on each map.
+    Without a pouch, every leaf is.
     """
     length_mm, width_mm = pouches.length_mm[leaves.growth], pouches.width_mm[leaves.growth]
     gap_mm, has_pouch = np.zeros(len(width_mm)), width_mm > 0.0
@@ -218,44 +235,90 @@ def contacts(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class EngagedLeaves:
-    """The m engaged leaves of j robots, robot by robot, those that turned least first."""
+class AnchoredRobots:
+    """Grown robots, j of them, that are pulled at their bases."""
 
-    growths: int  # number of robots
-    growth: Ints  # robot of each leaf, rising, shape (m,)
-    turns_rad: Floats  # turn on the way to each tip, shape (m,)
-    press_n: Floats  # force of each pouch on both its walls, shape (m,); 0 where it is unknown
-    limit_n: Floats  # largest pull that each leaf stands, shape (m,)
+    grown: GrownBatch
+    turns: Turns
+    leaves: Leaves  # the leaves that deployed, m of them
+    engaged: NDArray[np.bool_]  # which of them hold, shape (m,)
+    press_n: Floats  # force of each leaf's pouch on both its walls, shape (m,); 0 where unknown
+    limit_n: Floats | None  # largest pull that each branch stands, shape (n,); None where unknown
 
-    def amplifications(self, friction: float) -> Floats:
-        """Return the force of each leaf over that of its pouch alone, shape (m,).
+    def ideal(self, friction: float) -> Floats:
+        """Return the sum of e^(mu gamma) over all leaves that deployed, shape (j,).
 
-        e^(mu gamma), or less where film or seam fails before.
+        The formula of the paper: every leaf holds, and nothing ever fails.
         """
-        tip_n = self.press_n * friction
-        with np.errstate(divide="ignore", invalid="ignore"):
-            most = np.where(tip_n > 0.0, self.limit_n / tip_n, np.inf)
-        return np.asarray(np.minimum(np.exp(friction * self.turns_rad), most))
+        return self.summed(np.exp(friction * self.leaves.turn_rad))
 
-    def summed(self, values: Floats) -> Floats:
+    def amplification(self, friction: float, share: float = 1.0) -> Floats:
+        """Return the force of each robot over that of one of its pouches alone, shape (j,).
+
+        The sum of e^(mu gamma) over the leaves that hold, times the part of their force that film
+        and seam let through.
+
+        Parameters
+        ----------
+        share
+            Share of the engaged leaves that hold, those that turned least, rounded up.
+        """
+        holds = self.engaged & self.are_among_first(share)
+        found = self.summed(np.exp(friction * self.leaves.turn_rad) * holds)
+        if self.limit_n is None:
+            return found
+        free_n, held_n, _ = self.pulls_n(friction, share)
+        kept = np.divide(held_n, free_n, out=np.ones_like(found), where=free_n > 0.0)
+        return np.asarray(found * kept)
+
+    def pulls_n(self, friction: float, share: float = 1.0) -> tuple[Floats, Floats, Floats]:
+        """Return what each robot would hold if nothing failed, what it holds, and limited branches.
+
+        Each of shape (j,); the last is how many branches pull as much as film or seam stands.
+        From the tips to the base, every branch carries what those beyond it hold, times its own
+        e^(mu gamma), at most its limit.
+        """
+        from vinefab.tasks.kernels import tips_kernel  # noqa: PLC0415  as above
+
+        free_n = np.zeros(len(self.turns.own_rad))
+        holds = self.engaged & self.are_among_first(share)
+        free_n[self.leaves.branch] = friction * self.press_n * holds
+        held_n, capped = free_n.copy(), np.zeros(self.leaves.growths)
+        limit_n = np.full(len(free_n), np.inf) if self.limit_n is None else self.limit_n
+        factor = np.exp(friction * self.turns.own_rad)
+        grown = self.grown
+        tips_kernel.tensions(
+            grown.parent,
+            grown.tree_first,
+            grown.tree,
+            grown.branch,
+            factor,
+            limit_n,
+            free_n,
+            held_n,
+            capped,
+        )
+        trunk = grown.branch[:-1]
+        return free_n[trunk], held_n[trunk], capped
+
+    def summed(self, values: Floats | NDArray[np.bool_]) -> Floats:
         """Return the sum of one number per leaf over the leaves of each robot, shape (j,)."""
         # In the order of the leaves, so that no robot's sum depends on the others.
-        sums = np.bincount(self.growth, weights=values, minlength=self.growths)
+        sums = np.bincount(self.leaves.growth, weights=values, minlength=self.leaves.growths)
         return sums.astype(np.float64, copy=False)
 
     def are_among_first(self, share: float) -> NDArray[np.bool_]:
-        """Tell which leaves are among the share that turned least, rounded up, shape (m,)."""
-        ends = np.searchsorted(self.growth, np.arange(self.growths + 1))
-        count = np.ceil(np.diff(ends) * share - 1e-9)
-        rank = np.arange(len(self.growth)) - ends[self.growth]
-        return np.asarray(rank < count[self.growth])
+        """Tell which leaves are among the share of the engaged that turned least, shape (m,)."""
+        rank = np.cumsum(self.engaged)
+        count = self.summed(self.engaged)
+        before = np.cumsum(count) - count
+        growth = self.leaves.growth
+        return np.asarray(rank - before[growth] <= np.ceil(count * share - 1e-9)[growth])
 
-    def largest_turns_rad(self) -> Floats:
-        """Return the largest turn of each robot's leaves, shape (j,); 0 where it has none."""
-        ends = np.searchsorted(self.growth, np.arange(self.growths), side="right")
-        there = np.diff(ends, prepend=0) > 0
-        largest = np.zeros(self.growths)
-        largest[there] = self.turns_rad[ends[there] - 1]
+    def largest_turn_rad(self) -> Floats:
+        """Return the largest turn of each robot's engaged leaves, shape (j,); 0 without any."""
+        largest = np.zeros(self.leaves.growths)
+        np.maximum.at(largest, self.leaves.growth, self.leaves.turn_rad * self.engaged)
         return largest
 
 
@@ -267,11 +330,12 @@ IDLE_SHARE = 1.0 / 3.0
 class Anchoring:
     """Anchoring force of all leaf pouches over that of one pouch without any turn.
 
-    ``sum over engaged leaves of exp(mu gamma)``, gamma the absolute turns at contacts and base
-    hinges from the base to the leaf's tip (paper, equations 1 and 2; pressure and contact area
-    cancel). A leaf is engaged when it deployed and its inflated pouch is wider than the gap that
-    its tip ended in: free space across the branch there. The pouch is the one given here, or else
-    the design's own; without any, every leaf that deployed counts, as in the paper.
+    ``sum over engaged leaves of exp(mu gamma)``, gamma the absolute turns at contacts from the
+    base to the leaf's tip (paper, equations 1 and 2; pressure and contact area cancel). A leaf is
+    engaged when it grew in full, so that its pouch is out, and its inflated pouch is wider than
+    the gap that its tip ended in: free space across the branch there. The pouch is the one given
+    here, or else the design's own; without any, every leaf that deployed counts, as in the paper.
+    No branch, the trunk included, holds more than its film and its seam stand.
     """
 
     name: ClassVar[str] = "anchoring"
@@ -282,19 +346,20 @@ class Anchoring:
     # friction_low, friction_high: its range, for the interval in the terms
     friction_low: float = ASSUMED_FRICTION.low
     friction_high: float = ASSUMED_FRICTION.high
-    count_joint_angles: bool = False  # whether the planned angles at joints count as turns too
+    # whether the planned angles at joints count as turns too: nothing need be wrapped there
+    count_joint_angles: bool = False
     # pouch_length_mm, pouch_width_mm: flat size of every leaf's pouch, along and across; 0: the
     # design's own
     pouch_length_mm: float = 0.0
     pouch_width_mm: float = 0.0
-    # whether a leaf that stopped early counts as not engaged: its pouch sits at the very end of the
+    # whether the pouch of a leaf that stopped early holds nothing: it sits at the very end of the
     # film and has not everted
-    only_full_length: bool = False
+    only_full_length: bool = True
     # film_n_mm, seam_n_mm: pull per mm of circumference at which the film tears (strength times
-    # thickness) and the seam opens; 0: not known. Where one is known, as are pressure and pouch, no
-    # branch holds more than its weaker one.
-    film_n_mm: float = 0.0
-    seam_n_mm: float = 0.0
+    # thickness) and that the seam is known to stand; 0: no limit. By default those of the shipped
+    # film. They limit what is held where pressure and pouch are known.
+    film_n_mm: float = FILM_N_MM
+    seam_n_mm: float = SEAM_N_MM
 
     def __post_init__(self) -> None:
         number("task.friction", self.friction, 0.0, 3.0)
@@ -310,73 +375,86 @@ class Anchoring:
             number(f"task.{name}", getattr(self, name), 0.0, 1e6, "N/mm")
 
     def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
-        """Return the amplification and its terms; the design's own pouch is unknown here."""
-        joints_rad = np.abs(deployment.tree.offset_rad) if self.count_joint_angles else None
-        leaves = Leaves.of(GrownBatch.of(deployment), joints_rad, whole=self.only_full_length)
-        pouches = self._pouches([None], np.zeros(1, dtype=np.int64))
-        return self._outcomes(leaves, pouches, [(context, 0, 1)]).one(0)
+        """Return the amplification and its terms, with the pouches that are given here.
+
+        Those of a design are known only in a deployment that knows its design.
+        """
+        design = deployment.design
+        found = self.anchored(deployment, design.build if design else None, context)
+        return self.outcomes(found).one(0)
+
+    def anchored(
+        self, deployment: Deployment, build: Build | None, context: MapContext
+    ) -> AnchoredRobots:
+        """Return one grown robot, to be pulled."""
+        first = np.zeros(1, dtype=np.int64)
+        robots = [(deployment.tree, build)]
+        return self._anchored(GrownBatch.of(deployment), robots, first, [(context, 0, 1)])
 
     def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return amplification and terms for every growth of a block, with the designs' pouches."""
         used, which = np.unique(block.plan, return_inverse=True)
         plans = [block.plans.each[index] for index in used.tolist()]
+        places = [(contexts[terrain], one, two) for terrain, one, two in block.by_terrain()]
+        robots = [(plan.tree, plan.build) for plan in plans]
+        return self.outcomes(self._anchored(GrownBatch.of_block(block), robots, which, places))
+
+    def _anchored(
+        self, grown: GrownBatch, robots: Sequence[Robot], which: Ints, places: Sequence[Place]
+    ) -> AnchoredRobots:
+        """Return grown robots, to be pulled; ``which`` is the robot of each growth."""
         joints_rad = None
         if self.count_joint_angles:
-            own = [np.abs(plan.tree.offset_rad) for plan in plans]
-            joints_rad = np.concatenate([own[index] for index in which.tolist()])
-        leaves = Leaves.of(GrownBatch.of_block(block), joints_rad, whole=self.only_full_length)
-        places = [(contexts[terrain], one, two) for terrain, one, two in block.by_terrain()]
-        return self._outcomes(leaves, self._pouches([plan.build for plan in plans], which), places)
+            joints_rad = _by_branch([np.abs(tree.offset_rad) for tree, _ in robots], which)
+        turns = Turns.of(grown, joints_rad)
+        leaves = Leaves.of(grown, turns)
+        pouches = self._pouches([build for _, build in robots], which)
+        engaged, contact_mm2 = contacts(leaves, pouches, places)
+        if self.only_full_length:
+            is_whole = np.equal(grown.stop[leaves.branch], Stop.FULL_LENGTH)
+            engaged &= is_whole | (pouches.width_mm[leaves.growth] == 0.0)
+        press_n = pouches.press_n_mm2[leaves.growth] * contact_mm2 * engaged
+        limit_n = None
+        if press_n.any():
+            limit_n = _by_branch([self._limits_n(*robot) for robot in robots], which)
+        return AnchoredRobots(
+            grown=grown,
+            turns=turns,
+            leaves=leaves,
+            engaged=engaged,
+            press_n=press_n,
+            limit_n=limit_n,
+        )
 
-    def _outcomes(
-        self, leaves: Leaves, pouches: Pouches, places: Sequence[tuple[MapContext, int, int]]
-    ) -> TaskOutcomes:
+    def outcomes(self, found: AnchoredRobots) -> TaskOutcomes:
         """Return the amplification, its interval over friction and idle branches, and other terms.
 
         Terms: ``leaves`` that deployed; ``engaged`` of them; ``mean_turn_rad`` and
         ``largest_turn_rad`` of those; ``low``, the amplification at the low friction with a third
         of the engaged leaves idle, those that turned most; ``high``, with all at the high one;
-        ``force_n``, their total force, 0 where pouch or pressure is unknown; ``capped``, how many
-        are limited by film or seam.
+        ``ideal``, with every leaf that deployed engaged and nothing limited; ``force_n``, their
+        total force, 0 where pouch or pressure is unknown; ``capped``, how many branches film or
+        seam limit.
         """
-        is_engaged, contact_mm2 = contacts(leaves, pouches, places)
-        growth, turn_rad = leaves.growth[is_engaged], leaves.turn_rad[is_engaged]
-        order = np.lexsort((turn_rad, growth))
-        growth = growth[order]
-        engaged = EngagedLeaves(
-            growths=leaves.growths,
-            growth=growth,
-            turns_rad=turn_rad[order],
-            press_n=pouches.press_n_mm2[growth] * contact_mm2[is_engaged][order],
-            limit_n=pouches.limit_n[growth],
-        )
-        count, factor = engaged.summed(np.ones(len(growth))), engaged.amplifications(self.friction)
-        busy = engaged.are_among_first(1.0 - IDLE_SHARE)
-        capstan = np.exp(self.friction * engaged.turns_rad)
+        leaves, engaged = found.leaves, found.engaged
+        count = found.summed(engaged)
+        _, force_n, capped = found.pulls_n(self.friction)
         terms = {
             "leaves": np.bincount(leaves.growth, minlength=leaves.growths).astype(np.float64),
             "engaged": count,
-            "mean_turn_rad": engaged.summed(engaged.turns_rad) / np.maximum(count, 1.0),
-            "largest_turn_rad": engaged.largest_turns_rad(),
-            "low": engaged.summed(engaged.amplifications(self.friction_low) * busy),
-            "high": engaged.summed(engaged.amplifications(self.friction_high)),
-            "force_n": engaged.summed(factor * engaged.press_n) * self.friction,
-            "capped": engaged.summed(np.less(factor, capstan).astype(np.float64)),
+            "mean_turn_rad": found.summed(leaves.turn_rad * engaged) / np.maximum(count, 1.0),
+            "largest_turn_rad": found.largest_turn_rad(),
+            "low": found.amplification(self.friction_low, 1.0 - IDLE_SHARE),
+            "high": found.amplification(self.friction_high),
+            "ideal": found.ideal(self.friction),
+            "force_n": force_n,
+            "capped": capped,
         }
-        return TaskOutcomes(engaged.summed(factor), terms)
+        return TaskOutcomes(found.amplification(self.friction), terms)
 
     def _pouches(self, builds: Sequence[Build | None], which: Ints) -> Pouches:
-        """Return the pouches of growths, shape (j,) each.
-
-        Parameters
-        ----------
-        which
-            Design of each growth, shape (j,).
-        """
-        rows = [
-            (*self._pouch_mm(build), self._press_n_mm2(build), self._limit_n(build))
-            for build in builds
-        ]
+        """Return the pouches of growths, shape (j,) each; ``which`` is the design of each."""
+        rows = [(*self._pouch_mm(build), self._press_n_mm2(build)) for build in builds]
         return Pouches(*np.array(rows, dtype=np.float64)[which].T)
 
     def _pouch_mm(self, build: Build | None) -> tuple[float, float]:
@@ -394,9 +472,16 @@ class Anchoring:
         """Return the force per mm2 of contact on both walls together, 2 P; 0 where unknown."""
         return 2.0 * N_MM2_PER_KPA * build.pressure_kpa if build else 0.0
 
-    def _limit_n(self, build: Build | None) -> float:
-        """Return the largest pull that one leaf stands, infinite where it is unknown."""
+    def _limits_n(self, tree: BranchTree, build: Build | None) -> Floats:
+        """Return the largest pull that each branch stands at its narrower end, shape (n,)."""
         known = [load for load in (self.film_n_mm, self.seam_n_mm) if load > 0.0]
         if build is None or not known:
-            return math.inf
-        return 2.0 * build.widths_mm[-1] * min(known)
+            return np.full(len(tree), np.inf)
+        ends = zip(build.widths_mm, build.end_widths_mm, strict=True)
+        limit_n = [branch_limit_n(min(widths_mm), min(known)) for widths_mm in ends]
+        return np.array(limit_n)[tree.level - 1]
+
+
+def _by_branch(each: Sequence[Floats], which: Ints) -> Floats:
+    """Return numbers of robots' branches for every growth, one after the other."""
+    return np.concatenate([each[index] for index in which.tolist()])

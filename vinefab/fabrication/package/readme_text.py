@@ -314,10 +314,8 @@ def _measure(design: Design, job: Job, profile: LaserProfile) -> list[str]:
         "Open the mouth with a blunt tool; if it is fused, trim it back by a few millimetres.",
         "Look along the seam at crotches and tips first: that is where it fails.",
         f"Inflate slowly behind a shield, first to a quarter of {design.build.pressure_kpa:g} kPa"
-        " (working pressure of the design). Rated seam:"
-        f" {_value(profile.material.burst_kpa, 'kPa')}"
-        f" at {_value(profile.material.burst_width_mm, 'mm')} lay-flat width; a wider tube holds"
-        " less.",
+        " (working pressure of the design). Known of the seam:"
+        f" {profile.material.seam.words()}, lay-flat; a wider tube holds less.",
         f"Write down: kerf, seam width, widths, burst pressure; recipe {profile.recipe.name}, job"
         f" {job.name}.",
     ]

@@ -263,7 +263,7 @@ class FixTargets:
         """Return the largest working pressure that the seams stand at a build's widths."""
         material = self.profile.material
         safe = safe_pressure_kpa(build.widest_mm, material, self.of_rule(BURST))
-        return math.floor(1000.0 * min(safe, material.burst_kpa.value)) / 1000.0
+        return math.floor(1000.0 * min(safe, material.seam.pressure_kpa.value)) / 1000.0
 
     def _sheet_mm(self) -> tuple[float, float]:
         """Return the room for the bare body: the bed less seam, kerf and the mouth's overcut."""

@@ -26,7 +26,7 @@ PACKING_SHARE = 0.1
 def occupancies(
     design: Design, film_mm: float, packing: float = PACKING_SHARE
 ) -> tuple[float, ...]:
-    """Return, for each level that has children, how much of its lumen its descendants fill.
+    """Return, for each level that film rides in, how much of its lumen that film fills.
 
     While a branch grows, all its undeployed descendants are drawn through it one level after
     the other, the branches of one level side by side. A branch of width w has a solid cross-section
@@ -36,10 +36,15 @@ def occupancies(
         occupancy_i = max over j > i of  n_ij w_j film / packing / (w_i^2 / pi)
 
     with n_ij descendants of level j per branch of level i. Where a level tapers, w_i is its width
-    at the end and w_j at the beginning. The branch's own inverted wall is not counted. The formula
-    is vinefab's and uncalibrated; it neglects that levels of uneven branch lengths overlap.
+    at the end and w_j at the beginning; leaves are as wide as their pouches. A pouch wider than its
+    own branch rides in that too, so that the leaves are the last level then. The branch's own
+    inverted wall is not counted. The formula is vinefab's and uncalibrated; it neglects that levels
+    of uneven branch lengths overlap.
     """
-    widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
+    widths_mm, ends_mm = list(design.build.widths_mm), design.build.end_widths_mm
+    pouch = design.build.pouch
+    pouch_mm = pouch.flat_width_mm if pouch else 0.0
+    widths_mm[-1] = max(widths_mm[-1], pouch_mm)
     shares = []
     for above in range(len(design.levels)):
         count, most_mm = 1, 0.0
@@ -47,6 +52,8 @@ def occupancies(
             count *= design.levels[below].branches
             most_mm = max(most_mm, count * widths_mm[below + 1])
         shares.append(most_mm * film_mm / packing / lumen_area_mm2(ends_mm[above]))
+    if pouch_mm > ends_mm[-1]:
+        shares.append(pouch_mm * film_mm / packing / lumen_area_mm2(ends_mm[-1]))
     return tuple(shares)
 
 
@@ -101,7 +108,7 @@ def check_width_ratio(subject: Subject, limits: Limits) -> RuleApplied:
 
 
 def check_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
-    """VF-W03: folded descendants leave room in the lumen that they ride in."""
+    """VF-W03: folded descendants and pouches leave room in the lumen that they ride in."""
     if subject.profile is None:
         return RuleNotApplicable(reason="needs a recipe, for the film's thickness")
     film_mm = subject.profile.material.ply_mm.value * subject.profile.material.plies
@@ -110,13 +117,19 @@ def check_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppl
         _level_violation(
             subject,
             level,
-            f"what grows out of level {level} fills too much of it: fewer or narrower children",
+            _too_full(level, is_leaf=level == subject.design.depth),
             (100.0 * share, broken),
         )
         for level, share in enumerate(found, start=1)
         if (broken := limits.most(100.0 * share))
     ]
     return RuleApplied(checked=len(found), violations=tuple(violations))
+
+
+def _too_full(level: int, *, is_leaf: bool) -> str:
+    if is_leaf:
+        return f"the pouch fills too much of the level {level} that it rides in: narrow or widen it"
+    return f"what grows out of level {level} fills too much of it: fewer or narrower children"
 
 
 def _level_violation(
@@ -144,7 +157,7 @@ WIDTH_RATIO = Rule(
 )
 PACKING = Rule(
     id="VF-W03",
-    title="folded descendants within the parent's lumen",
+    title="folded descendants and pouches within the lumen they ride in",
     unit="%",
     limits={"error": 60.0, "warning": 30.0, "packing": 0.1},
     reason="undeployed film rides inside the body and jams when it is packed (uncalibrated)",

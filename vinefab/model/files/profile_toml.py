@@ -7,10 +7,11 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, Field
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, located
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import Form, read_toml, validated
 from vinefab.model.laser import (
+    SEAM_KEYS,
     EnergyWindow,
     LaserProfile,
     Machine,
@@ -101,8 +102,10 @@ class MaterialForm(NamedForm):
     modulus_mpa: Positive
     strength_mpa: Positive
     friction: NotNegative
-    burst_kpa: Positive
-    burst_width_mm: Positive
+    burst_kpa: Positive | None = None
+    burst_width_mm: Positive | None = None
+    survived_kpa: Positive | None = None
+    survived_width_mm: Positive | None = None
 
 
 class OperationForm(Form):
@@ -143,6 +146,8 @@ class MeasuredForm(Form):
 
     burst_kpa: Positive | None = None
     burst_width_mm: Positive | None = None
+    survived_kpa: Positive | None = None
+    survived_width_mm: Positive | None = None
     friction: NotNegative | None = None
 
 
@@ -211,10 +216,10 @@ def profile_of(document: Mapping[str, Any], path: Path) -> LaserProfile:
     """Return the profile of a recipe file's content."""
     form = _formed(RecipeForm, document, path)
     _ensure_seals(form, path)
-    material = _material(_read(MaterialForm, _beside(path, "material", form.material)))
+    material = _material_at(_beside(path, "material", form.material))
     return LaserProfile(
         machine=_machine(_read(MachineForm, _beside(path, "machine", form.machine))),
-        material=_with_measured(material, form.measured),
+        material=_with_measured(material, form.measured, path),
         recipe=Recipe(
             name=form.name,
             title=form.title,
@@ -229,15 +234,28 @@ def profile_of(document: Mapping[str, Any], path: Path) -> LaserProfile:
     )
 
 
-def _with_measured(material: Material, form: MeasuredForm | None) -> Material:
+def _with_measured(material: Material, form: MeasuredForm | None, path: Path) -> Material:
     """Return a material with its measured values replaced."""
     found = _nouns(form) if form else {}
-    return replace(
-        material,
-        burst_kpa=found.get("burst_kpa", material.burst_kpa),
-        burst_width_mm=found.get("burst_width_mm", material.burst_width_mm),
-        friction=found.get("friction", material.friction),
-    )
+    friction = found.pop("friction", material.friction)
+    if not found:
+        return replace(material, friction=friction)
+    if "burst_kpa" in found and "survived_kpa" in found:
+        value = found["survived_kpa"].words()
+        raise BadInputError("measured.survived_kpa", value, "not beside measured.burst_kpa", path)
+    known = material.seam
+    burst = "burst_kpa" in found or ("survived_kpa" not in found and known.burst)
+    kind = "burst" if burst else "survived"
+    # A width alone says how wide the tube of the pressure was that is known, whichever it is.
+    widths = [found[name] for name in found if name.endswith("_width_mm")]
+    if len(widths) > 1:
+        value = found["survived_width_mm"].words()
+        allowed = "not beside measured.burst_width_mm"
+        raise BadInputError("measured.survived_width_mm", value, allowed, path)
+    seam: dict[str, Any] = dict.fromkeys(SEAM_KEYS)
+    seam[f"{kind}_kpa"] = found.get(f"{kind}_kpa", known.pressure_kpa)
+    seam[f"{kind}_width_mm"] = widths[0] if widths else known.width_mm
+    return replace(material, friction=friction, **seam)
 
 
 def _windows(form: CouponsForm | None) -> tuple[EnergyWindow, ...]:
@@ -259,7 +277,7 @@ def read_machine(name_or_path: str | Path) -> Machine:
 
 def read_material(name_or_path: str | Path) -> Material:
     """Return a material; errors as in `read_profile`."""
-    return _material(_read(MaterialForm, locate("material", name_or_path)))
+    return _material_at(locate("material", name_or_path))
 
 
 def _ensure_seals(form: RecipeForm, path: Path) -> None:
@@ -335,14 +353,16 @@ def _machine(form: MachineForm) -> Machine:
     )
 
 
-def _material(form: MaterialForm) -> Material:
-    return Material(
-        name=form.name,
-        title=form.title,
-        plies=form.plies,
-        weldable=form.weldable,
-        **_nouns(form),
-    )
+def _material_at(path: Path) -> Material:
+    form = _read(MaterialForm, path)
+    with located(path):
+        return Material(
+            name=form.name,
+            title=form.title,
+            plies=form.plies,
+            weldable=form.weldable,
+            **_nouns(form),
+        )
 
 
 def _operation(form: OperationForm) -> OperationSettings:

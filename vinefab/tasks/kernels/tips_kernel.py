@@ -1,4 +1,4 @@
-"""Compiled parts of anchoring: turns on the way to each tip, and how wide free space is there."""
+"""Compiled parts of anchoring: turns on the way to each tip, gaps there, and pulls on branches."""
 
 import math
 
@@ -9,12 +9,12 @@ from vinefab.core.compiling import compiled, inlined
 # ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
 
 
-# --- Turns ------------------------------------------------------------------------------------
+# --- Turns and tensions -----------------------------------------------------------------------
 
 
 @compiled
-def turns(parent, tree_first, tree, branch, total, leaf):
-    """Add up turns from the base to each tip, and mark the branches without children.
+def turns(parent, tree_first, tree, branch, room, points, first_point, own, total, leaf):
+    """Add up the turns at contacts of each branch and from the base to each tip, and mark leaves.
 
     Parameters
     ----------
@@ -24,21 +24,77 @@ def turns(parent, tree_first, tree, branch, total, leaf):
         Where each tree begins.
     tree
         Tree of each growth, shape (j,).
-    branch
-        Where the branches of each growth begin, shape (j + 1,).
+    branch, room
+        Where the branches and the chain points of each growth begin, shape (j + 1,).
+    points, first_point
+        As in `vinefab.growth.arrays.Growth`.
+    own
+        Other turns of each branch, to which those at its contacts are added.
     total
-        The turns of each branch itself; added up in place.
+        Where the sums from the base to each tip go.
     leaf
         Where the marks go, for each branch.
     """
     for j in range(len(tree)):
-        first, own = branch[j], tree_first[tree[j]]
+        first, planned = branch[j], tree_first[tree[j]]
         for k in range(branch[j + 1] - first):
+            # Every growth has one more entry in `first_point` than it has branches.
+            chain = first_point[first + k + j], first_point[first + k + j + 1]
+            own[first + k] += _contact_turns(points, room[j] + chain[0], room[j] + chain[1])
+            total[first + k] = own[first + k]
             leaf[first + k] = True
-            above = parent[own + k]
+            above = parent[planned + k]
             if above >= 0:
                 total[first + k] += total[first + above]
                 leaf[first + above] = False
+
+
+@inlined
+def _contact_turns(points, one, two):
+    """Return the sum of absolute turns between base and tip of a chain, where it is wrapped."""
+    total, ux, uy = 0.0, 0.0, 0.0
+    for k in range(one, two - 1):
+        dx, dy = points[k + 1, 0] - points[k, 0], points[k + 1, 1] - points[k, 1]
+        if (dx != 0.0) | (dy != 0.0):
+            # The first stretch turns at the base hinge, which is no contact.
+            if (ux != 0.0) | (uy != 0.0):
+                total += math.atan2(abs(ux * dy - uy * dx), ux * dx + uy * dy)
+            ux, uy = dx, dy
+    return total
+
+
+@compiled
+def tensions(parent, tree_first, tree, branch, factor, limit, free, held, capped):
+    """Compute the pull at the base end of every branch: all that holds beyond it.
+
+    Parameters
+    ----------
+    parent, tree_first, tree, branch
+        As in `turns`.
+    factor
+        Capstan factor of each branch's own turns.
+    limit
+        Largest pull that each branch stands, N.
+    free, held
+        Force of each engaged leaf's pouch, N, 0 for other branches; the pulls go there: ``free``
+        if nothing ever failed, ``held`` with every branch at most at its limit.
+    capped
+        Where the number of limited branches of each growth goes, shape (j,).
+    """
+    for j in range(len(tree)):
+        first, planned = branch[j], tree_first[tree[j]]
+        capped[j] = 0.0
+        for k in range(branch[j + 1] - first - 1, -1, -1):
+            this = first + k
+            free[this] *= factor[this]
+            held[this] *= factor[this]
+            if held[this] > limit[this]:
+                held[this] = limit[this]
+                capped[j] += 1.0
+            above = parent[planned + k]
+            if above >= 0:
+                free[first + above] += free[this]
+                held[first + above] += held[this]
 
 
 # --- Gaps -------------------------------------------------------------------------------------

@@ -25,6 +25,7 @@ from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Build, Design, Level, Pouch
+from vinefab.model.map import Map
 from vinefab.search.loop import Search
 from vinefab.search.record.result import RunIdentity
 from vinefab.search.run import generated_maps, penalty_of
@@ -41,7 +42,7 @@ class StudySize:
     seeds: int = 10  # runs per setting, each on training maps of its own [paper: 5]
     repeats: int = 10  # runs of `convergence` and `search` [paper: 10]
     single_seeds: int = 24  # runs per setting of `maps`: as many maps, where each trains on one
-    ablation_seeds: int = 10  # runs per setting of `ablation`
+    ablation_seeds: int = 5  # runs per setting of `ablation`
     # population, generations: size of a search on coverage; 100 is the size of the paper's swarm in
     # MATLAB
     population: int = 100
@@ -147,7 +148,7 @@ def total_length_mm(design: Design) -> float:
 FIRST_UNSEEN = 900_001
 """Seed of the first map for testing; no design has trained on any of them."""
 
-SITES_KEPT = 400
+MAPS_KEPT = 600
 
 PAPER_GROWTH = GrowthOptions.published(
     head_on_half_angle_rad=rad(1.0),
@@ -191,7 +192,7 @@ class Training:
         ``mean``, the fitness of each generation; ``evaluations``; ``penalty``.
         """
         settings = self.settings
-        maps = generated_maps(settings.maps)
+        maps = [world(settings.maps, index) for index in range(settings.maps.count)]
         result = Search.of(settings, maps, penalty_of(settings)).run()
         return {
             "design": plain_design(result.best),
@@ -242,13 +243,30 @@ def run_job(job: StudyJob) -> dict[str, Any]:
 
 def site(worlds: MapSettings, index: int) -> PreparedMap:
     """Return one of some generated maps, made ready."""
-    return _site(worlds.environment, worlds.seed + index, tuple(sorted(worlds.options.items())))
+    return _site(*_place(worlds, index))
 
 
-@lru_cache(maxsize=SITES_KEPT)
-def _site(environment: str, seed: int, options: tuple[tuple[str, object], ...]) -> PreparedMap:
+def world(worlds: MapSettings, index: int) -> Map:
+    """Return one of some generated maps; many runs train on the same ones."""
+    return _world(*_place(worlds, index))
+
+
+MapOptions = tuple[tuple[str, object], ...]
+
+
+def _place(worlds: MapSettings, index: int) -> tuple[str, int, MapOptions]:
+    return worlds.environment, worlds.seed + index, tuple(sorted(worlds.options.items()))
+
+
+@lru_cache(maxsize=MAPS_KEPT)
+def _site(environment: str, seed: int, options: MapOptions) -> PreparedMap:
+    return PreparedMap.of(_world(environment, seed, options))
+
+
+@lru_cache(maxsize=MAPS_KEPT)
+def _world(environment: str, seed: int, options: MapOptions) -> Map:
     maps = MapSettings(environment=environment, count=1, seed=seed, options=dict(options))
-    return PreparedMap.of(generated_maps(maps)[0])
+    return generated_maps(maps)[0]
 
 
 SETTINGS = "settings.json"

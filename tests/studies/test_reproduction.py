@@ -71,7 +71,7 @@ def test_all_experiments_stand_on_the_page_and_in_the_numbers(folder):
 def test_fabricable_winners_pass_the_check(folder):
     document = json.loads((folder / "reproduction.json").read_text())
     for found in document["experiments"]["price"]["data"].values():
-        assert found["passes"]["fabricable"] == QUICK.seeds
+        assert found["passes"]["fabricable"] == QUICK.making_seeds
         assert np.shape(found["free"]) == np.shape(found["fabricable"])
 
 

@@ -81,6 +81,7 @@ def making_run(size: StudySize, environment: str, task: str, number: int) -> Run
 def price(store: JobStore) -> StudyResult:
     """Search with and without asking for a manufacturable robot, seed by seed."""
     size = store.size
+    designs = size.population * size.generations
     pairs = {
         f"{NAMES[home]}, {task}": _pair(store, home, task)
         for task in TASKS
@@ -90,9 +91,9 @@ def price(store: JobStore) -> StudyResult:
         name="price",
         title="The price of fabricability (beyond the paper)",
         protocol=(
-            f"The same search ({size.population} designs, {size.generations} "
-            f"generations: {size.population * size.generations} designs a run; {size.seeds} seeds, "
-            "each on training maps of its own) with and without `fabricable = true`: with it, "
+            f"The same search ({designs} designs in {size.generations} generations; "
+            f"{size.making_seeds} seeds, each on training maps of its own) with and without "
+            "`fabricable = true`: with it, "
             "designs that break the rules of the shipped recipe rank below all others. A pair has "
             "the same seed, training maps and poses; seeds and maps are drawn together for both. "
             f"{size.unseen_maps} unseen maps, {size.poses} poses. Widths, clearances and limits "
@@ -126,7 +127,7 @@ def price(store: JobStore) -> StudyResult:
 
 def _pair(store: JobStore, home: str, task: str) -> Pair:
     size = store.size
-    free_runs = [making_run(size, home, task, number) for number in range(size.seeds)]
+    free_runs = [making_run(size, home, task, number) for number in range(size.making_seeds)]
     made_runs = [with_evaluation(run, fabricable=True) for run in free_runs]
     found = trained(store, [*free_runs, *made_runs])
     scores = study_scores(
@@ -135,9 +136,9 @@ def _pair(store: JobStore, home: str, task: str) -> Pair:
     checked = store.do([FullCheckJob(design=run["design"]) for run in found], "checking")
     passing = [part["passes"] for part in checked]
     return Pair(
-        free=scores[: size.seeds],
-        made=scores[size.seeds :],
-        passes=(sum(passing[: size.seeds]), sum(passing[size.seeds :])),
+        free=scores[: size.making_seeds],
+        made=scores[size.making_seeds :],
+        passes=(sum(passing[: size.making_seeds]), sum(passing[size.making_seeds :])),
     )
 
 
@@ -156,7 +157,7 @@ def _rows(name: str, pair: Pair, size: StudySize) -> list[PaperNumber]:
         ),
         PaperNumber(
             what=f"{name}: winners that pass the whole check, free; fabricable",
-            ours=f"{pair.passes[0]} of {size.seeds}; {pair.passes[1]} of {size.seeds}",
+            ours="; ".join(f"{passing} of {size.making_seeds}" for passing in pair.passes),
         ),
     ]
 

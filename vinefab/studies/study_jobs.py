@@ -43,6 +43,7 @@ class StudySize:
     repeats: int = 10  # runs of `convergence` and `search` [paper: 10]
     single_seeds: int = 24  # runs per setting of `maps`: as many maps, where each trains on one
     ablation_seeds: int = 5  # runs per setting of `ablation`
+    making_seeds: int = 6  # pairs of runs per setting of `price`
     # population, generations: size of a search on coverage; 100 is the size of the paper's swarm in
     # MATLAB
     population: int = 100
@@ -66,6 +67,7 @@ QUICK = StudySize(
     repeats=2,
     single_seeds=2,
     ablation_seeds=2,
+    making_seeds=2,
     population=6,
     generations=2,
     training_maps=3,

@@ -107,7 +107,7 @@ def test_lost_parts_are_done_again_with_the_same_numbers(folder, tmp_path, capsy
         assert (again / name).read_bytes() == (folder / name).read_bytes()
     written = [p for p in (again / "parts").iterdir() if p.stat().st_mtime_ns > newest]
     assert {path.name for path in written} == {path.name for path in lost}
-    assert "claims hold" in capsys.readouterr().out
+    assert "claims of the paper hold" in capsys.readouterr().out
 
 
 def test_another_size_is_refused_in_one_line(folder, capsys):

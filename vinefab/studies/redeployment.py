@@ -155,8 +155,8 @@ def trunk_end(world: Map, robot: Deployment) -> str:
 
 def shape_count(world: Map, grown: list[Deployment]) -> int:
     """Return how many whole shapes the trunks have within the bounds."""
-    lines = [shapely.LineString(robot.chain_mm(0)) for robot in grown]
-    lines = shapely.intersection(lines, world.bounds.buffer(AT_BOUNDS_MM))
+    whole = [shapely.LineString(robot.chain_mm(0)) for robot in grown]
+    lines = shapely.intersection(whole, world.bounds.buffer(AT_BOUNDS_MM))
     one, two = np.triu_indices(len(lines), 1)
     apart_mm = np.zeros((len(lines), len(lines)))
     apart_mm[one, two] = shapely.hausdorff_distance(lines[one], lines[two], densify=FINENESS)

@@ -42,8 +42,8 @@ class StudySize:
     seeds: int = 10  # runs per setting, each on training maps of its own [paper: 5]
     repeats: int = 10  # runs of `convergence` and `search` [paper: 10]
     single_seeds: int = 24  # runs per setting of `maps`: as many maps, where each trains on one
-    ablation_seeds: int = 5  # runs per setting of `ablation`
-    making_seeds: int = 6  # pairs of runs per setting of `price`
+    ablation_seeds: int = 10  # runs per setting of `ablation`
+    making_seeds: int = 10  # pairs of runs per setting of `price`
     # population, generations: size of a search on coverage; 100 is the size of the paper's swarm in
     # MATLAB
     population: int = 100

@@ -16,6 +16,7 @@ from vinefab.studies.claims import (
     percent_text,
     ratio,
     seed_mean,
+    share_interval,
     spread,
 )
 
@@ -48,7 +49,8 @@ def test_seeds_count_for_what_differs_between_them(rng):
     """Runs far apart from each other leave a wide interval however many maps there are."""
     runs = np.array([0.0, 1.0, 2.0, 3.0, 4.0])[:, None, None]
     found = interval(runs + 0.01 * rng.normal(size=(5, 200, 1)))
-    assert found.high - found.low > 2.0
+    # Student's law with four degrees of freedom, as of five numbers: 0 to 4.
+    assert found.high - found.low == pytest.approx(2.0 * 2.776 * np.sqrt(2.5 / 5), rel=0.02)
 
 
 def test_shared_maps_are_paired(rng):
@@ -57,6 +59,7 @@ def test_shared_maps_are_paired(rng):
     better = maps + 0.05
     assert difference(better, maps).held
     assert difference(better, maps).low == pytest.approx(0.05)
+    assert difference(better, maps).p == pytest.approx(0.0, abs=1e-9)
     assert difference(better, maps, same_maps=False).verdict == "not held: undecided"
 
 
@@ -99,6 +102,13 @@ def test_spread_and_peak_are_those_of_each_run(rng):
     assert interval(values, peak).value == pytest.approx(np.percentile(flat, 95, axis=1).mean())
 
 
+def test_intervals_of_shares_end_at_0_and_1():
+    found = share_interval(np.array([1.0, 1.0, 0.9, 1.0])[None, :, None])
+    assert found.value == pytest.approx(0.975)
+    assert (found.low > 0.85, found.high) == (True, 1.0)
+    assert share_interval(np.array([0.0, 0.1, 0.0])[None, :, None]).low == 0.0
+
+
 def test_a_ratio_is_that_of_the_means(rng):
     first, second = rng.normal(2.0, 0.1, (1, 50, 3)), rng.normal(4.0, 0.1, (1, 6, 3))
     found = ratio(first, second)
@@ -109,25 +119,73 @@ def test_a_ratio_is_that_of_the_means(rng):
     assert beyond.held
 
 
-def test_intervals_cover_the_truth_as_often_as_they_say():
-    """Of 100 intervals of 95 %, 88 or more hold the true mean: fewer has a chance of 0.1 %."""
+def experiments(rng, groups, runs, maps):
+    """Groups of designs of one kind on the same maps: runs, maps and both together differ."""
+    ease = rng.normal(0.0, 0.1, (1, maps, 1))
+    for _ in range(groups):
+        worth = rng.normal(0.0, 0.05, (runs, 1, 1)) + rng.normal(0.0, 0.05, (runs, maps, 1))
+        yield ease + worth + rng.normal(0.0, 0.08, (runs, maps, 3))
+
+
+def off_0(found):
+    return found.low > 0.0 or found.high < 0.0
+
+
+@pytest.mark.parametrize("runs", [5, 10])
+def test_false_alarms_are_about_5_percent(runs):
+    """Of 500 differences that are 0, 13 to 38 look real: 99 % of samples from a law of 5 %."""
     rng = np.random.default_rng(8)
-    held = 0
-    for _ in range(100):
-        found = interval(rng.normal(0.0, 1.0, (1, 60, 1)))
-        held += found.low <= 0.0 <= found.high
-    assert held >= 88
+    alarms = 0
+    for _ in range(500):
+        one, two = experiments(rng, 2, runs, 25)
+        alarms += off_0(difference(one, two))
+    assert 13 <= alarms <= 38
 
 
-def known_interval(low=0.1, above=0.99, value=0.25, high=0.4):
-    return ConfidenceInterval(value=value, low=low, high=high, above=above)
+def test_intervals_of_means_ratios_and_paired_runs_cover_the_truth_as_often_as_they_say():
+    """Each of three kinds of 95 % intervals misses the truth 5 % of the time."""
+    rng = np.random.default_rng(9)
+    missed = np.zeros(3)
+    for _ in range(250):
+        (one,), (other,) = experiments(rng, 1, 10, 25), experiments(rng, 1, 10, 40)
+        missed[0] += off_0(interval(one))
+        missed[1] += off_0(ratio(2.0 + one, 2.0 + other))
+        kind = rng.normal(0.0, 0.1, (10, 1, 1))
+        (one, two) = experiments(rng, 2, 10, 25)
+        missed[2] += off_0(difference(kind + one, kind + two, same_runs=True))
+    assert np.all(missed >= 4)
+    assert np.all(missed <= 22)
+
+
+def test_what_runs_and_maps_both_hold_is_counted_once():
+    """Ten groups of noise without runs or maps that differ: its error is that of all its cells."""
+    rng = np.random.default_rng(4)
+    errors = [interval(rng.normal(0.0, 1.0, (10, 25, 1))).error for _ in range(100)]
+    assert np.mean(errors) == pytest.approx(1.0 / np.sqrt(250), rel=0.25)
+
+
+def test_spreads_and_peaks_do_not_alarm_more_often_than_they_say():
+    rng = np.random.default_rng(6)
+    alarms = np.zeros(2)
+    for _ in range(20):
+        one, two = experiments(rng, 2, 5, 12)
+        alarms += [off_0(difference(one, two, statistic)) for statistic in (spread, peak)]
+    assert np.all(alarms <= 4)  # more have a chance of 0.3 % at 5 %
+
+
+def known_interval(value=0.25, error=0.05, degrees=1e9, half=0.15):
+    return ConfidenceInterval(
+        value=value, low=value - half, high=value + half, error=error, degrees=degrees
+    )
 
 
 @pytest.mark.parametrize(
-    ("above", "p"), [(0.99, 0.02), (0.01, 0.02), (0.5, 1.0), (1.0, 1 / 4000), (0.75, 0.5)]
+    ("value", "error", "p"),
+    [(2.0, 1.0, 0.0455), (-2.0, 1.0, 0.0455), (0.0, 1.0, 1.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)],
 )
-def test_p_is_twice_the_smaller_share_beyond_0(above, p):
-    assert known_interval(above=above).p == pytest.approx(p)
+def test_p_is_that_of_students_law(value, error, p):
+    assert known_interval(value, error).p == pytest.approx(p, abs=1e-4)
+    assert known_interval(12.706, 1.0, degrees=1.0).p == pytest.approx(0.05, abs=1e-4)
 
 
 def test_numbers_are_written_with_their_interval():
@@ -138,15 +196,24 @@ def test_numbers_are_written_with_their_interval():
 
 
 def test_a_claim_shows_difference_p_confidence_and_the_kept_designs():
-    claim = Claim(text="t", tested=known_interval(), kept=known_interval(low=-0.1))
+    claim = Claim(
+        text="t",
+        tested=known_interval(error=0.1),
+        kept=known_interval(half=0.35),
+        kind="calibrated",
+    )
     assert claim.cells() == (
-        "held", "t", "0.250 [0.100, 0.400]", "0.020", "99.0 %",
-        "0.250 [-0.100, 0.400], not held: undecided",
+        "held", "calibrated", "t", "0.250 [0.100, 0.400]", "0.012", "99.4 %",
+        "0.250 [-0.100, 0.600], not held: undecided",
     )  # fmt: skip
-    sure = Claim(text="t", tested=known_interval(above=1.0), digits=2)
-    assert sure.cells()[2:] == ("0.25 [0.10, 0.40]", "< 0.001", "> 99.9 %", "-")
+    sure = Claim(text="t", tested=known_interval(), digits=2)
+    assert sure.cells()[1:] == (
+        "of the paper", "t", "0.25 [0.10, 0.40]", "< 0.001", "> 99.9 %", "-"
+    )  # fmt: skip
+    assert claim.plain()["kind"] == "calibrated"
     assert claim.plain()["difference"] == {
-        "value": 0.25, "low": 0.1, "high": 0.4, "above": 0.99, "p": pytest.approx(0.02)
+        "value": 0.25, "low": pytest.approx(0.1), "high": 0.4,
+        "above": pytest.approx(0.9938, abs=1e-4), "p": pytest.approx(0.0124, abs=1e-4),
     }  # fmt: skip
 
 
@@ -155,9 +222,21 @@ def test_held_claims_are_counted_and_corrected_for_their_number():
         claims = tuple(Claim(text="t", tested=found) for found in intervals)
         return StudyResult(name="n", title="t", protocol=(), rows=(), claims=claims)
 
-    sure, weak = known_interval(above=1.0), known_interval(above=0.98)
-    open_ = known_interval(low=-0.1, above=0.9)
+    sure, weak = known_interval(), known_interval(error=0.12)
+    open_ = known_interval(half=0.35, error=0.2)
     results = [result(sure, weak), result(open_)]
     assert held(results) == (2, 3)
-    # Twice 0.04 is more than 5 %: only the sure one is left.
+    # Twice 0.037 is more than 5 %: only the sure one is left.
+    assert held_corrected(results) == 1
+
+
+@pytest.mark.parametrize("kind", ["our threshold", "calibrated"])
+def test_only_claims_of_the_paper_are_counted(kind):
+    claims = (
+        Claim(text="t", tested=known_interval()),
+        Claim(text="u", tested=known_interval(), kind=kind),
+        Claim(text="v", tested=known_interval(-0.25), kind=kind),
+    )
+    results = [StudyResult(name="n", title="t", protocol=(), rows=(), claims=claims)]
+    assert held(results) == (1, 1)
     assert held_corrected(results) == 1

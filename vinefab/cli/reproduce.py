@@ -38,13 +38,15 @@ def reproduce_command(
     size = QUICK if quick else PAPER
     with output.progress("reproduce") as show:
         done = reproduce(names, out, size, workers=workers, tell=show, announce=output.say)
-    table = Table("experiment", "verdict", "claim", "difference [95 %]", "p")
+    table = Table("experiment", "verdict", "kind", "claim", "difference [95 %]", "p")
     for finding in done.findings:
         for claim in finding.claims:
-            table.add_row(finding.name, *claim.cells()[:4])
+            table.add_row(finding.name, *claim.cells()[:5])
     output.show(table)
     held, claims = done.held
-    output.say(f"{held} of {claims} claims hold; {done.spent_s:.0f} s of work in this session")
+    output.say(
+        f"{held} of {claims} claims of the paper hold; {done.spent_s:.0f} s of work in this session"
+    )
     output.say(f"read this first: {out / PAGE}")
     output.say(f"        numbers: {out / NUMBERS}")
     return 0

@@ -19,21 +19,19 @@ from vinefab.studies.claims import (
     PaperNumber,
     StudyResult,
     difference,
-    interval,
     interval_text,
     percent_text,
+    share_interval,
 )
 from vinefab.studies.paper_charts import forest
-from vinefab.studies.redeployment import BUFFER_MM, reach_run, reach_test, redeployments
-from vinefab.studies.study_jobs import JobStore, StudySize
+from vinefab.studies.redeployment import BUFFER_MM, reach_designs, reach_test, redeployments
+from vinefab.studies.study_jobs import PAPER_GROWTH, JobStore, StudySize
 from vinefab.studies.study_runs import (
     ENVIRONMENTS,
     NAMES,
     Exchange,
     coverage_run,
-    kept,
     study_scores,
-    trained,
 )
 
 SLIM = BuildSettings(trunk_width_mm=24.0, width_ratio=0.65)
@@ -48,7 +46,7 @@ class AblationVariant:
 
     name: str  # what it is called
     asks: tuple[str, ...] = (SPECIALIZATION, REACHABILITY)  # which conclusions it may touch
-    growth: GrowthOptions = field(default_factory=GrowthOptions.published)  # how robots grow
+    growth: GrowthOptions = PAPER_GROWTH  # how robots grow
     clip: str = "free"  # what the sensors see
     space: SpaceSettings = field(default_factory=SpaceSettings)  # the design space
     loops: float = 1.0  # share of the Cave's short cuts that are open
@@ -87,17 +85,17 @@ VARIANTS = (
     BASE,
     AblationVariant(
         name="head-on half-angle 5 degrees",
-        growth=GrowthOptions.published(head_on_half_angle_rad=rad(5.0)),
+        growth=replace(PAPER_GROWTH, head_on_half_angle_rad=rad(5.0)),
     ),
     AblationVariant(
         name="head-on half-angle 15 degrees",
-        growth=GrowthOptions.published(head_on_half_angle_rad=rad(15.0)),
+        growth=replace(PAPER_GROWTH, head_on_half_angle_rad=rad(15.0)),
     ),
     AblationVariant(
-        name="stuck children deploy", growth=GrowthOptions.published(children_of_stuck="deploy")
+        name="stuck children deploy", growth=replace(PAPER_GROWTH, children_of_stuck="deploy")
     ),
     AblationVariant(
-        name="inflated body, 24 mm trunk", growth=GrowthOptions.published(body="inflated")
+        name="inflated body, 24 mm trunk", growth=replace(PAPER_GROWTH, body="inflated")
     ),
     AblationVariant(
         name="fan: theta to either side",
@@ -188,7 +186,7 @@ def _rows(
         rows += [
             PaperNumber(
                 what=f"{name}: reached by one branched, {NAMES[home]}",
-                ours=percent_text(interval(share)),
+                ours=percent_text(share_interval(share)),
             )
             for home, share in ones.get(name, {}).items()
         ]
@@ -236,11 +234,11 @@ def _one(
 
 def _reach_designs(store: JobStore) -> dict[str, dict[str, Any]]:
     """Return the kept designs of `reach`, as slim as all others here."""
-    size, designs = store.size, {}
+    slimmed = {}
     for environment in ENVIRONMENTS:
-        runs = trained(store, [reach_run(size, environment, n) for n in range(size.seeds)])
-        designs[environment] = slim(runs[kept(runs)]["design"])
-    return designs
+        designs, best = reach_designs(store, environment)
+        slimmed[environment] = slim(designs[best])
+    return slimmed
 
 
 def slim(design: Mapping[str, Any]) -> dict[str, Any]:
@@ -258,7 +256,7 @@ def _picture(results: Mapping[str, Mapping[str, ConfidenceInterval]]) -> Picture
     figure = forest(panels, list(results), "difference of scores or shares (simulated)")
     return Picture(
         image=svg_bytes(figure),
-        caption="Four conclusions under every variant (simulated), with 95 % bootstrap intervals "
-        "over seeds and maps.",
+        caption="Four conclusions under every variant (simulated), with 95 % intervals over seeds "
+        "and maps.",
         wide=True,
     )

@@ -59,7 +59,12 @@ WALLS_PER_CELL = 5.5
 
 CELL_MM = 500.0 / CELLS
 
-BENCH_GROWTH = GrowthOptions.published(children_of_stuck="deploy")
+BENCH_GROWTH = GrowthOptions(
+    head_on_half_angle_rad=math.radians(1.0),
+    children_of_stuck="deploy",
+    body="centerline",
+    pressure_stop=False,
+)
 """Children of stuck branches grow, so that every branch of every growth counts."""
 
 

@@ -1,19 +1,19 @@
-"""Numbers beside the paper's with bootstrap intervals, and claims that hold or do not."""
+"""Numbers beside the paper's with intervals, and claims of three kinds that hold or do not."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from scipy.stats import t as student
 
 from vinefab.core.rng import child
 from vinefab.core.statistics import holm
-from vinefab.core.validation import Floats, Ints
+from vinefab.core.validation import Floats
 from vinefab.pages.html import Picture
 
-RESAMPLES = 4000
-
-BLOCK = 250
+RESAMPLES = 1000
 
 _STREAM = 1801
 
@@ -38,13 +38,14 @@ def peak(values: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConfidenceInterval:
-    """A number with its 95 % interval."""
+    """A number with its 95 % interval by Student's law."""
 
     value: float  # the number
     # low, high: the interval
     low: float
     high: float
-    above: float  # share of the resamples above 0
+    error: float  # standard error
+    degrees: float  # degrees of freedom
 
     @property
     def held(self) -> bool:
@@ -52,9 +53,16 @@ class ConfidenceInterval:
         return self.low > 0.0
 
     @property
+    def above(self) -> float:
+        """Confidence that the number is above 0: 1 less the one-sided p-value."""
+        if self.error == 0.0:
+            return 0.5 if self.value == 0.0 else float(self.value > 0.0)
+        return float(student.cdf(self.value / self.error, self.degrees))
+
+    @property
     def p(self) -> float:
-        """Two-sided bootstrap p-value of a difference of 0; at least 1 in `RESAMPLES`."""
-        return min(1.0, max(2.0 * min(self.above, 1.0 - self.above), 1.0 / RESAMPLES))
+        """Two-sided p-value of a number of 0."""
+        return min(1.0, 2.0 * min(self.above, 1.0 - self.above))
 
     @property
     def verdict(self) -> str:
@@ -63,17 +71,104 @@ class ConfidenceInterval:
             return "held"
         return "not held: reversed" if self.high < 0.0 else "not held: undecided"
 
+    def moved(self, value: float) -> "ConfidenceInterval":
+        """Return another number that is known as well."""
+        by = value - self.value
+        return replace(self, value=value, low=self.low + by, high=self.high + by)
+
+
+class VarianceShare(NamedTuple):
+    """One source of a number's variance."""
+
+    variance: float  # how much of it
+    degrees: float  # degrees of freedom of its estimate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CrossedSample:
+    """A statistic of some runs on some maps: what varies with the runs, and what with the maps."""
+
+    by_run: Floats  # the statistic of every run, shape (runs,)
+    # the statistic of every run on every map, or where it is no mean in every resample of maps;
+    # two groups that met the same maps meet the same resamples. Shape (runs, maps or resamples)
+    cells: Floats
+    maps: int  # how many maps
+    factor: float  # variance of the statistic over maps, by the variance along the cells
+
+    @classmethod
+    def of(cls, values: Floats, statistic: Statistic) -> "CrossedSample":
+        """Return scores of shape (runs, maps, poses); poses stay with their map."""
+        count = values.shape[1]
+        by_run = statistic(values.reshape(len(values), -1))
+        if statistic is seed_mean:
+            return cls(by_run=by_run, cells=values.mean(axis=2), maps=count, factor=1.0 / count)
+        draws = child(0, _STREAM).integers(0, count, (RESAMPLES, count))
+        cells = np.array([statistic(run[draws].reshape(RESAMPLES, -1)) for run in values])
+        return cls(by_run=by_run, cells=cells, maps=count, factor=count / max(count - 1.0, 1.0))
+
+    def minus(self, other: "CrossedSample") -> "CrossedSample":
+        """Return the differences of the same runs on the same maps."""
+        return CrossedSample(
+            by_run=self.by_run - other.by_run,
+            cells=self.cells - other.cells,
+            maps=self.maps,
+            factor=self.factor,
+        )
+
+    @property
+    def run_share(self) -> VarianceShare:
+        """What differs between runs."""
+        return _share_of_mean(self.by_run)
+
+    @property
+    def map_share(self) -> VarianceShare:
+        """What differs between maps."""
+        return _along_maps(self.cells.mean(axis=0), self)
+
+    @property
+    def both_share(self) -> VarianceShare:
+        """What differs with runs and maps together: both of the other shares hold it."""
+        count = len(self.by_run)
+        if min(count, self.maps) < 2:
+            return VarianceShare(0.0, 0.0)
+        own = self.cells - self.cells.mean(axis=0)
+        variance = float(own.var(axis=1, ddof=1).sum()) / (count - 1.0) / count * self.factor
+        return VarianceShare(variance, (count - 1.0) * (self.maps - 1.0))
+
+
+def _share_of_mean(found: Floats) -> VarianceShare:
+    """Return the variance of the mean of independent numbers."""
+    count = len(found)
+    return VarianceShare(float(found.var(ddof=1)) / count if count > 1 else 0.0, count - 1.0)
+
+
+def _along_maps(found: Floats, sample: CrossedSample) -> VarianceShare:
+    """Return the share of maps in numbers along the cells of a sample."""
+    if sample.maps < 2:
+        return VarianceShare(0.0, 0.0)
+    return VarianceShare(sample.factor * float(found.var(ddof=1)), sample.maps - 1.0)
+
 
 def interval(values: Floats, statistic: Statistic = seed_mean) -> ConfidenceInterval:
-    """Return a statistic of scores with its bootstrap interval.
+    """Return a statistic of scores, averaged over runs, with its interval by Student's law.
+
+    Runs and maps are two crossed samples: the variance is that between runs plus that between
+    maps less what both hold, with Satterthwaite's degrees of freedom. With one run the interval
+    is over maps only, with one map over runs only.
 
     Parameters
     ----------
     values
-        Scores, shape (runs, maps, poses). Runs and maps are drawn with replacement; the poses on
-        a map stay together, for they share its walls.
+        Scores, shape (runs, maps, poses).
     """
-    return _interval([_resampled(values, statistic, _draws(values, 0, 1))], [values], statistic)
+    one = CrossedSample.of(values, statistic)
+    return _student(float(one.by_run.mean()), [one.run_share, one.map_share], [one.both_share])
+
+
+def share_interval(values: Floats) -> ConfidenceInterval:
+    """Return the interval of the mean of shares, which lies from 0 to 1."""
+    found = interval(values)
+    return replace(found, low=max(0.0, found.low), high=min(1.0, found.high))
 
 
 def difference(
@@ -91,10 +186,18 @@ def difference(
     first, second
         Scores, each of shape (runs, maps, poses).
     """
-    one = _resampled(first, statistic, _draws(first, 0, 1))
-    draws = _draws(second, 0 if same_runs else 2, 1 if same_maps else 3)
-    two = _resampled(second, statistic, draws)
-    return _interval([one, two], [first, second], statistic)
+    one, two = CrossedSample.of(first, statistic), CrossedSample.of(second, statistic)
+    value = float(one.by_run.mean() - two.by_run.mean())
+    if same_maps and same_runs:
+        pairs = one.minus(two)
+        return _student(value, [pairs.run_share, pairs.map_share], [pairs.both_share])
+    runs = [one.run_share, two.run_share]
+    if same_runs:
+        runs = [_share_of_mean(one.by_run - two.by_run)]
+    maps = [one.map_share, two.map_share]
+    if same_maps:
+        maps = [_along_maps(one.cells.mean(axis=0) - two.cells.mean(axis=0), one)]
+    return _student(value, [*runs, *maps], [one.both_share, two.both_share])
 
 
 def ratio(first: Floats, second: Floats, *, beyond: float = 0.0) -> ConfidenceInterval:
@@ -105,50 +208,48 @@ def ratio(first: Floats, second: Floats, *, beyond: float = 0.0) -> ConfidenceIn
     first, second
         Scores of the same runs on different maps, shapes (runs, ..., ...).
     """
-    one = _resampled(first, seed_mean, _draws(first, 0, 1))
-    two = _resampled(second, seed_mean, _draws(second, 0, 3))
-    shares = one / two - 1.0 - beyond
-    return _summary(float(first.mean() / second.mean() - 1.0 - beyond), shares)
+    share = float(first.mean() / second.mean())
+    # To first order a ratio varies as the difference of both sides, each over its mean.
+    scaled = difference(
+        share * first / first.mean(),
+        share * second / second.mean(),
+        same_maps=False,
+        same_runs=True,
+    )
+    return scaled.moved(share - 1.0 - beyond)
 
 
-def _interval(
-    samples: list[Floats], values: list[Floats], statistic: Statistic
+def _student(
+    value: float, shares: Sequence[VarianceShare], twice: Sequence[VarianceShare]
 ) -> ConfidenceInterval:
-    found = [float(statistic(v.reshape(len(v), -1)).mean()) for v in values]
-    if len(samples) == 1:
-        return _summary(found[0], samples[0])
-    return _summary(found[0] - found[1], samples[0] - samples[1])
-
-
-def _summary(value: float, samples: Floats) -> ConfidenceInterval:
-    low, high = np.percentile(samples, [2.5, 97.5]).tolist()
-    # Ties count by half: two groups that are the same have a chance of one half.
-    above = float((samples > 0.0).mean() + 0.5 * (samples == 0.0).mean())
-    return ConfidenceInterval(value=value, low=low, high=high, above=above)
-
-
-def _draws(values: Floats, runs: int, maps: int) -> tuple[Ints, Ints]:
-    """Return which runs and maps each resample takes, shapes (resamples, runs or maps)."""
-    count, places = values.shape[:2]
-    drawn_runs = child(0, _STREAM, runs).integers(0, count, (RESAMPLES, count))
-    drawn_maps = child(0, _STREAM, maps).integers(0, places, (RESAMPLES, places))
-    return drawn_runs, drawn_maps
-
-
-def _resampled(values: Floats, statistic: Statistic, draws: tuple[Ints, Ints]) -> Floats:
-    """Return the statistic of every resample, in blocks that fit the caches."""
-    runs, maps = draws
-    blocks = []
-    for first in range(0, RESAMPLES, BLOCK):
-        some = slice(first, first + BLOCK)
-        taken = values[runs[some, :, None], maps[some, None, :]]
-        blocks.append(statistic(taken.reshape(*taken.shape[:2], -1)).mean(axis=1))
-    return np.concatenate(blocks)
+    """Return the interval of a number from shares of its variance and what they count twice."""
+    whole, least = sum(s.variance for s in shares), max(s.variance for s in shares)
+    variance = max(whole - sum(s.variance for s in twice), least)
+    if variance <= 1e-24 * (1.0 + value * value):
+        return ConfidenceInterval(value=value, low=value, high=value, error=0.0, degrees=1.0)
+    weighed = sum(s.variance**2 / s.degrees for s in (*shares, *twice) if s.degrees > 0.0)
+    degrees, error = variance**2 / weighed, math.sqrt(variance)
+    half = float(student.ppf(0.975, degrees)) * error
+    return ConfidenceInterval(
+        value=value, low=value - half, high=value + half, error=error, degrees=degrees
+    )
 
 
 LEVEL = 0.05
 
-CLAIM_HEADINGS = ("verdict", "claim", "difference [95 %]", "p", "confidence", "kept designs only")
+ClaimKind = Literal["of the paper", "our threshold", "calibrated"]
+"""Who says it: the paper; the paper, but with a limit that is ours; or nobody any more, because
+the maps were set so that it comes out. Only the first kind is counted as held or not."""
+
+CLAIM_HEADINGS = (
+    "verdict",
+    "kind",
+    "claim",
+    "difference [95 %]",
+    "p",
+    "confidence",
+    "kept designs only",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,7 +263,7 @@ class PaperNumber:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """An ordering that the paper claims, as a difference that should be above 0."""
+    """An ordering, as a difference that should be above 0."""
 
     text: str  # the claim
     tested: ConfidenceInterval  # the difference over all seeds and maps
@@ -170,11 +271,18 @@ class Claim:
     # such choice
     kept: ConfidenceInterval | None = None
     digits: int = 3  # decimals to print
+    kind: ClaimKind = "of the paper"  # whose claim it is
+
+    @property
+    def counted(self) -> bool:
+        """Whether it counts as held or not: whether the paper says it."""
+        return self.kind == "of the paper"
 
     def plain(self) -> dict[str, Any]:
         """Return it as it stands in JSON."""
         return {
             "claim": self.text,
+            "kind": self.kind,
             "verdict": self.tested.verdict,
             "difference": _plain(self.tested),
             "kept_designs": None
@@ -189,7 +297,8 @@ class Claim:
             kept = f"{interval_text(self.kept, self.digits)}, {self.kept.verdict}"
         difference = interval_text(self.tested, self.digits)
         sure = _percent(self.tested.above)
-        return self.tested.verdict, self.text, difference, p_text(self.tested.p), sure, kept
+        probability = p_text(self.tested.p)
+        return self.tested.verdict, self.kind, self.text, difference, probability, sure, kept
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,14 +329,19 @@ class StudyResult:
 
 
 def held(findings: Sequence[StudyResult]) -> tuple[int, int]:
-    """Return how many claims hold, and how many there are."""
-    claims = [claim for finding in findings for claim in finding.claims]
+    """Return how many claims of the paper hold, and how many there are."""
+    claims = counted_claims(findings)
     return sum(claim.tested.held for claim in claims), len(claims)
 
 
+def counted_claims(findings: Sequence[StudyResult]) -> list[Claim]:
+    """Return the claims of the paper: those with a limit of ours and calibrated ones left out."""
+    return [claim for finding in findings for claim in finding.claims if claim.counted]
+
+
 def held_corrected(findings: Sequence[StudyResult]) -> int:
-    """Return how many claims hold still when p is corrected for their number (Holm)."""
-    tested = [claim.tested for finding in findings for claim in finding.claims]
+    """Return how many claims of the paper hold when p is corrected for their number (Holm)."""
+    tested = [claim.tested for claim in counted_claims(findings)]
     corrected = holm([found.p for found in tested])
     return sum(found.held and p < LEVEL for found, p in zip(tested, corrected, strict=True))
 
@@ -243,12 +357,12 @@ def percent_text(found: ConfidenceInterval) -> str:
 
 
 def p_text(p: float) -> str:
-    """Return a p-value; a bootstrap of so many resamples tells none apart below 0.001."""
+    """Return a p-value, not closer than 0.001."""
     return "< 0.001" if p < 0.001 else f"{p:.3f}"
 
 
 def _percent(share: float) -> str:
-    """Return a confidence; a bootstrap never makes sure."""
+    """Return a confidence, which is never sure."""
     return "> 99.9 %" if share > 0.999 else f"{100 * share:.1f} %"
 
 

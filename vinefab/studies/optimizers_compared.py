@@ -58,7 +58,8 @@ def optimizer_study(store: JobStore) -> StudyResult:
         title="Search methods (S.I.-B)",
         protocol=(
             f"Sensor coverage in the Grid, {size.repeats} seeds each, "
-            f"{size.population * size.generations} designs each. The winners are tested on "
+            f"{size.population * size.generations} designs each, each seed on training maps of "
+            "its own. The winners are tested on "
             f"{size.unseen_maps} unseen maps with {size.poses} poses. The paper's own evolutionary "
             "algorithm is not published; this one is vinefab's.",
             f"Speed is the number of designs evaluated until the best of a generation, averaged "
@@ -78,10 +79,12 @@ def optimizer_study(store: JobStore) -> StudyResult:
             Claim(
                 text="Swarm and evolution are similar: swarm above 95 % of evolution",
                 tested=difference(swarm, SIMILAR * evolution),
+                kind="our threshold",
             ),
             Claim(
                 text="Swarm and evolution are similar: evolution above 95 % of swarm",
                 tested=difference(evolution, SIMILAR * swarm),
+                kind="our threshold",
             ),
             Claim(
                 text="The swarm is faster than evolution (designs saved)",
@@ -91,6 +94,7 @@ def optimizer_study(store: JobStore) -> StudyResult:
             Claim(
                 text="The swarm finds better designs than random search",
                 tested=difference(swarm, scores["random"]),
+                kind="our threshold",
             ),
         ),
         pictures=(

@@ -13,18 +13,19 @@ from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Picture
 from vinefab.search.manufacturability import ManufacturabilityPenalty
-from vinefab.search.settings import PartSettings, RunSettings, plain_settings
+from vinefab.search.settings import RunSettings, plain_settings
 from vinefab.search.space import BuildSettings
-from vinefab.studies.anchor_holding import SPACE
+from vinefab.studies.anchor_holding import ANCHORING, SPACE
 from vinefab.studies.claims import PaperNumber, StudyResult, difference, interval, interval_text
 from vinefab.studies.paper_charts import Bar, grouped_bars
-from vinefab.studies.redeployment import REACH
+from vinefab.studies.redeployment import REACH, reach_run
 from vinefab.studies.study_jobs import JobStore, StudySize, design_from
 from vinefab.studies.study_runs import (
     COVERAGE,
     ENVIRONMENTS,
     NAMES,
     coverage_run,
+    measured_fast,
     study_scores,
     trained,
     unseen_test,
@@ -52,7 +53,7 @@ class FullCheckJob:
         return {"passes": making(design) == 0.0 and making.passes(design)}
 
 
-TASKS = {"coverage": COVERAGE, "reach": REACH, "anchoring": PartSettings(name="anchoring")}
+TASKS = {"coverage": COVERAGE, "reach": REACH, "anchoring": ANCHORING}
 POUCHED = BuildSettings(pouch=Pouch(shape="rectangle", length_mm=25.0, width_mm=40.0))
 
 
@@ -68,18 +69,19 @@ class Pair:
 
 
 def making_run(size: StudySize, environment: str, task: str, number: int) -> RunSettings:
-    """Return a short run on a task that need not be made; anchors have a pouch on each leaf."""
+    """Return a run on a task that need not be made; anchors have a pouch on each leaf."""
+    if task == "reach":
+        return reach_run(size, environment, number)
     run = coverage_run(size, environment, number)
-    search = replace(
-        run.search, population=size.making_population, generations=size.making_generations
-    )
-    run = replace(run, name=f"{task}_{environment}", task=TASKS[task], search=search)
-    return replace(run, space=SPACE, build=POUCHED) if task == "anchoring" else run
+    if task == "coverage":
+        return run
+    return replace(run, name=f"{task}_{environment}", task=ANCHORING, space=SPACE, build=POUCHED)
 
 
 def price(store: JobStore) -> StudyResult:
     """Search with and without asking for a manufacturable robot, seed by seed."""
     size = store.size
+    designs = size.population * size.generations
     pairs = {
         f"{NAMES[home]}, {task}": _pair(store, home, task)
         for task in TASKS
@@ -89,8 +91,9 @@ def price(store: JobStore) -> StudyResult:
         name="price",
         title="The price of fabricability (beyond the paper)",
         protocol=(
-            f"The same search ({size.making_population} designs, {size.making_generations} "
-            f"generations, {size.seeds} seeds) with and without `fabricable = true`: with it, "
+            f"The same search ({designs} designs in {size.generations} generations; "
+            f"{size.making_seeds} seeds, each on training maps of its own) with and without "
+            "`fabricable = true`: with it, "
             "designs that break the rules of the shipped recipe rank below all others. A pair has "
             "the same seed, training maps and poses; seeds and maps are drawn together for both. "
             f"{size.unseen_maps} unseen maps, {size.poses} poses. Widths, clearances and limits "
@@ -124,18 +127,18 @@ def price(store: JobStore) -> StudyResult:
 
 def _pair(store: JobStore, home: str, task: str) -> Pair:
     size = store.size
-    free_runs = [making_run(size, home, task, number) for number in range(size.seeds)]
+    free_runs = [making_run(size, home, task, number) for number in range(size.making_seeds)]
     made_runs = [with_evaluation(run, fabricable=True) for run in free_runs]
     found = trained(store, [*free_runs, *made_runs])
     scores = study_scores(
-        store, [unseen_test(size, run["design"], home, TASKS[task]) for run in found]
+        store, [unseen_test(size, run["design"], home, measured_fast(TASKS[task])) for run in found]
     )
     checked = store.do([FullCheckJob(design=run["design"]) for run in found], "checking")
     passing = [part["passes"] for part in checked]
     return Pair(
-        free=scores[: size.seeds],
-        made=scores[size.seeds :],
-        passes=(sum(passing[: size.seeds]), sum(passing[size.seeds :])),
+        free=scores[: size.making_seeds],
+        made=scores[size.making_seeds :],
+        passes=(sum(passing[: size.making_seeds]), sum(passing[size.making_seeds :])),
     )
 
 
@@ -154,7 +157,7 @@ def _rows(name: str, pair: Pair, size: StudySize) -> list[PaperNumber]:
         ),
         PaperNumber(
             what=f"{name}: winners that pass the whole check, free; fabricable",
-            ours=f"{pair.passes[0]} of {size.seeds}; {pair.passes[1]} of {size.seeds}",
+            ours="; ".join(f"{passing} of {size.making_seeds}" for passing in pair.passes),
         ),
     ]
 
@@ -169,7 +172,6 @@ def _picture(pairs: dict[str, Pair], label: str) -> Picture:
     }
     return Picture(
         image=svg_bytes(grouped_bars(groups, {}, f"{label} (simulated)")),
-        caption="Winners on unseen maps (simulated), with 95 % bootstrap intervals over seeds and "
-        "maps.",
+        caption="Winners on unseen maps (simulated), with 95 % intervals over seeds and maps.",
         wide=True,
     )

@@ -14,13 +14,15 @@ from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow
+from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
-from vinefab.model.map import Pose
+from vinefab.model.map import Map, Pose
 from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Picture
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.studies.claims import (
     Claim,
+    ClaimKind,
     ConfidenceInterval,
     PaperNumber,
     StudyResult,
@@ -28,11 +30,12 @@ from vinefab.studies.claims import (
     interval,
     interval_text,
     percent_text,
+    share_interval,
 )
 from vinefab.studies.paper_charts import Panel, reach_plan
 from vinefab.studies.study_jobs import (
-    DEFAULT_GROWTH,
     FIRST_UNSEEN,
+    PAPER_GROWTH,
     JobStore,
     StudySize,
     Testing,
@@ -51,6 +54,7 @@ from vinefab.studies.study_runs import (
     study_scores,
     trained,
     unseen_test,
+    with_evaluation,
 )
 from vinefab.tasks.evaluate import PreparedMap, poses_on
 from vinefab.tasks.reach import near_chains
@@ -59,18 +63,23 @@ FAN_DEG = 120.0
 """Headings are spread evenly over so much, around the start's own."""
 
 SAME_MM = 10.0
-"""Final shapes whose tips are nearer than this, directly or through others, count as one."""
+"""Final shapes nearer than this all along, directly or through others, count as one."""
+
+FINENESS = 0.02
+"""Shapes are compared at their corners and at points between, this share of a segment apart."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RedeploymentJob:
-    """An unbranched robot on one map, from one place, with many headings."""
+    """A robot on one map, from one place, with many headings or with that of the start."""
 
     design: Mapping[str, Any]  # as plain values
     worlds: MapSettings  # the map: the first of these
-    headings: int  # how many
+    headings: int  # how many; 1: the start's own
     buffer_mm: float  # distance from the body that counts as reached
-    growth: GrowthOptions = DEFAULT_GROWTH  # how robots grow
+    growth: GrowthOptions = PAPER_GROWTH  # how robots grow
+    # whether the bounds let robots through: what lies beyond them counts for nothing
+    open_bounds: bool = False
 
     @property
     def key(self) -> str:
@@ -80,24 +89,27 @@ class RedeploymentJob:
     def run(self) -> dict[str, Any]:
         """Return the share of free space reached by all together, and the final shapes.
 
-        ``shapes``; ``stops``, how often each reason stopped a growth; ``each``, the mean share
-        that one deployment reaches.
+        ``shapes``, of whole trunks; ``tips``, groups of their tips; ``ends``, how many trunks ended
+        how; ``each``, the mean share that one deployment reaches.
         """
         place = site(self.worlds, 0)
         grown = self.deployments(place)
-        tips_mm = np.array([deployment.tips_mm[0] for deployment in grown])
         each = [self.reached(place, [deployment]) for deployment in grown]
-        stops = [Stop(int(deployment.stop[0])).label for deployment in grown]
+        ends = [trunk_end(place.world, deployment) for deployment in grown]
         return {
             "share": self.reached(place, grown),
             "each": float(np.mean(each)),
-            "shapes": _groups(tips_mm),
-            "stops": {stop.label: stops.count(stop.label) for stop in Stop},
+            "shapes": shape_count(place.world, grown),
+            "tips": tip_groups(np.array([deployment.tips_mm[0] for deployment in grown])),
+            "ends": {name: ends.count(name) for name in ENDS},
         }
 
     def deployments(self, place: PreparedMap) -> list[Deployment]:
         """Return one growth for each heading."""
         ((start,),) = poses_on([place], 1, [self.worlds.seed])
+        terrain = Terrain.of(without_bounds(place.world)) if self.open_bounds else place.terrain
+        if self.headings == 1:
+            return [grow(design_from(self.design), terrain, start, self.growth)]
         middle_rad = place.world.starts[0].pose.heading_rad
         half_rad = math.radians(FAN_DEG / 2.0)
         design = design_from(self.design)
@@ -105,16 +117,54 @@ class RedeploymentJob:
             Pose(x_mm=start.x_mm, y_mm=start.y_mm, heading_rad=middle_rad + offset)
             for offset in np.linspace(-half_rad, half_rad, self.headings).tolist()
         ]
-        return [grow(design, place.terrain, pose, self.growth) for pose in poses]
+        return [grow(design, terrain, pose, self.growth) for pose in poses]
 
     def reached(self, place: PreparedMap, grown: list[Deployment]) -> float:
         """Return the share of free space within the buffer of all bodies together."""
-        near = near_chains([d.chain_mm(0).tolist() for d in grown], self.buffer_mm)
+        chains = [chain for deployment in grown for chain in deployed_chains(deployment)]
+        near = near_chains(chains, self.buffer_mm)
         return float(shapely.intersection(near, place.context.free).area / place.context.area_mm2)
 
 
-def _groups(tips_mm: Floats) -> int:
-    """Return how many groups of tips there are."""
+def deployed_chains(robot: Deployment) -> list[list[list[float]]]:
+    """Return the chain points of every branch that emerged."""
+    return [robot.chain_mm(int(branch)).tolist() for branch in np.flatnonzero(robot.deployed)]
+
+
+def without_bounds(world: Map) -> Map:
+    """Return a map whose bounds are too far away for any robot here to meet."""
+    return replace(world, bounds=shapely.box(*world.bounds.buffer(2.0 * LONG_MM).bounds))
+
+
+AT_BOUNDS_MM = 0.1
+"""A tip so near to the bounds ended there."""
+
+BEYOND = "beyond the open bounds"
+
+ENDS = (*(stop.label + place for stop in Stop for place in (" at the bounds", "")), BEYOND)
+"""How a trunk may end: why it stopped, and where."""
+
+
+def trunk_end(world: Map, robot: Deployment) -> str:
+    """Return how a trunk ended."""
+    tip, label = shapely.Point(robot.tips_mm[0]), Stop(int(robot.stop[0])).label
+    if tip.distance(world.bounds.exterior) < AT_BOUNDS_MM:
+        return f"{label} at the bounds"
+    return label if world.bounds.contains(tip) else BEYOND
+
+
+def shape_count(world: Map, grown: list[Deployment]) -> int:
+    """Return how many whole shapes the trunks have within the bounds."""
+    whole = [shapely.LineString(robot.chain_mm(0)) for robot in grown]
+    lines = shapely.intersection(whole, world.bounds.buffer(AT_BOUNDS_MM))
+    one, two = np.triu_indices(len(lines), 1)
+    apart_mm = np.zeros((len(lines), len(lines)))
+    apart_mm[one, two] = shapely.hausdorff_distance(lines[one], lines[two], densify=FINENESS)
+    return int(connected_components((apart_mm + apart_mm.T) < SAME_MM)[0])
+
+
+def tip_groups(tips_mm: Floats) -> int:
+    """Return how many groups of tips there are, which says nothing of the ways to them."""
     apart_mm = np.hypot(*(tips_mm[:, None] - tips_mm[None]).transpose(2, 0, 1))
     return int(connected_components(apart_mm < SAME_MM)[0])
 
@@ -138,14 +188,8 @@ REACH = PartSettings(name="reach", parameters={"buffer_mm": BUFFER_MM})
 def reach_run(size: StudySize, environment: str, number: int) -> RunSettings:
     """Return a run that is paid for what it reaches and for nothing else, as in the paper."""
     run = coverage_run(size, environment, number)
-    return replace(
-        run,
-        name=f"reach_{environment}",
-        task=REACH,
-        search=replace(
-            run.search, population=size.wide_population, generations=size.wide_generations
-        ),
-    )
+    run = with_evaluation(run, maps_per_generation=size.reach_maps_at_once)
+    return replace(run, name=f"reach_{environment}", task=REACH)
 
 
 def redeployments(size: StudySize, environment: str) -> list[RedeploymentJob]:
@@ -161,6 +205,34 @@ def redeployments(size: StudySize, environment: str) -> list[RedeploymentJob]:
     ]
 
 
+OPEN = "grid"
+"""The environment that is tested with open bounds too; a Cave is closed in by its own rock."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OpenBounds:
+    """The same comparison where the bounds let robots through, each of shape (runs, maps, 1)."""
+
+    one: Floats  # share reached by one deployment of each branching design
+    many: Floats  # by all redeployments of the plain vine together
+    shapes: Floats  # their whole shapes within the bounds
+    ends: dict[str, int]  # how many of them ended how
+
+    @classmethod
+    def measured(cls, store: JobStore, designs: list[dict[str, Any]]) -> "OpenBounds":
+        """Measure it for some branching designs."""
+        plain = [replace(job, open_bounds=True) for job in redeployments(store.size, OPEN)]
+        branched = [replace(job, design=design, headings=1) for design in designs for job in plain]
+        many = store.do(plain, "redeploying")
+        ones = [part["share"] for part in store.do(branched, "redeploying")]
+        return cls(
+            one=np.array(ones).reshape(len(designs), -1, 1),
+            many=_column(many, "share"),
+            shapes=_column(many, "shapes"),
+            ends=_ends(many),
+        )
+
+
 def reach_test(size: StudySize, design: dict[str, Any], environment: str) -> Testing:
     """Return the test of one deployment on the same maps, from the same places."""
     worlds = maps_of(environment, FIRST_UNSEEN, size.reach_maps)
@@ -174,12 +246,15 @@ class Redeployments:
     design: dict[str, Any]  # the kept design
     one: Floats  # share reached by one deployment of it, shape (1, maps, 1)
     all_seeds: Floats  # the same for all trained designs, shape (runs, maps, 1)
-    # many, each, shapes: share reached by all redeployments of the plain vine together, by one of
-    # them on average, and the number of final shapes, each of shape (1, maps, 1)
+    # many, each, shapes, tips: share reached by all redeployments of the plain vine together, by
+    # one of them on average, the number of final shapes, and that of groups of tips; the shape
+    # of each is (1, maps, 1)
     many: Floats
     each: Floats
     shapes: Floats
-    stops: dict[str, int]  # how often each reason stopped a plain vine
+    tips: Floats
+    ends: dict[str, int]  # how many plain vines ended how
+    open: OpenBounds | None  # the same with open bounds, where that makes a difference
 
 
 def redeployment_study(store: JobStore) -> StudyResult:
@@ -197,7 +272,8 @@ def redeployment_study(store: JobStore) -> StudyResult:
             f"branches) and deployed once from that place. {size.reach_maps} unseen maps of 500 mm "
             "in each environment, areas exact.",
             f"Buffer, lengths and map size are assumed: the paper publishes none of them. Two "
-            f"final shapes count as one when their tips lie within {SAME_MM:g} mm. The paper shows "
+            f"final shapes count as one when they are within {SAME_MM:g} mm of each other all "
+            "along, directly or through others. The paper shows "
             "one example of each environment and does not say whether its design had met that map "
             "in training; here no map was met.",
         ),
@@ -209,6 +285,9 @@ def redeployment_study(store: JobStore) -> StudyResult:
             "The branching designs are as large as Table 1 allows, because nothing is charged for "
             "film here: no such robot can be cut ('price' says what those that can be made reach). "
             "The buffer reaches through thin walls in this measure, for both kinds of robot alike.",
+            "Most plain vines slide along the bounds of the Grid and end in a corner there; the "
+            "paper does not say whether its maps had walls around them. With open bounds a robot "
+            "leaves the map, and only what it reaches within counts.",
             "How far a tree gets in a Cave is decided by how interconnected its passages are: with "
             "every short cut open, as here, most places can be reached in a few bends; with 0.4 of "
             "them open ('ablation'), long tours remain that five levels cannot follow. The share "
@@ -220,7 +299,9 @@ def redeployment_study(store: JobStore) -> StudyResult:
                 "one": part.all_seeds.tolist(),
                 "many": part.many.ravel().tolist(),
                 "shapes": part.shapes.ravel().tolist(),
-                "stops": part.stops,
+                "tips": part.tips.ravel().tolist(),
+                "ends": part.ends,
+                **(_open_data(part.open) if part.open else {}),
                 "design": part.design,
             }
             for environment, part in found.items()
@@ -228,24 +309,45 @@ def redeployment_study(store: JobStore) -> StudyResult:
     )
 
 
+def reach_designs(store: JobStore, environment: str) -> tuple[list[dict[str, Any]], int]:
+    """Return the designs trained for reach, and which of them is kept."""
+    runs = [reach_run(store.size, environment, number) for number in range(store.size.seeds)]
+    designs = [run["design"] for run in trained(store, runs)]
+    return designs, kept(store, runs, designs)
+
+
 def _measured(store: JobStore, environment: str) -> Redeployments:
     size = store.size
-    runs = trained(store, [reach_run(size, environment, number) for number in range(size.seeds)])
+    designs, best = reach_designs(store, environment)
     again = store.do(redeployments(size, environment), "redeploying")
-    all_seeds = study_scores(store, [reach_test(size, run["design"], environment) for run in runs])
-
-    def column(name: str) -> Floats:
-        return np.array([part[name] for part in again], dtype=float).reshape(1, -1, 1)
+    all_seeds = study_scores(store, [reach_test(size, design, environment) for design in designs])
 
     return Redeployments(
-        design=runs[kept(runs)]["design"],
-        one=all_seeds[kept(runs)][None],
+        design=designs[best],
+        one=all_seeds[best][None],
         all_seeds=all_seeds,
-        many=column("share"),
-        each=column("each"),
-        shapes=column("shapes"),
-        stops={name: sum(part["stops"][name] for part in again) for name in again[0]["stops"]},
+        many=_column(again, "share"),
+        each=_column(again, "each"),
+        shapes=_column(again, "shapes"),
+        tips=_column(again, "tips"),
+        ends=_ends(again),
+        open=OpenBounds.measured(store, designs) if environment == OPEN else None,
     )
+
+
+def _column(parts: list[dict[str, Any]], name: str) -> Floats:
+    return np.array([part[name] for part in parts], dtype=float).reshape(1, -1, 1)
+
+
+def _ends(parts: list[dict[str, Any]]) -> dict[str, int]:
+    """Return how many trunks ended how, the ways that occur only."""
+    counts = {name: sum(part["ends"][name] for part in parts) for name in ENDS}
+    return {name: count for name, count in counts.items() if count}
+
+
+def _ends_text(ends: dict[str, int]) -> str:
+    whole = sum(ends.values())
+    return f"of {whole}: " + ", ".join(f"{name.replace('_', ' ')} {n}" for name, n in ends.items())
 
 
 def _rows(environment: str, found: dict[str, Redeployments], size: StudySize) -> list[PaperNumber]:
@@ -256,16 +358,16 @@ def _rows(environment: str, found: dict[str, Redeployments], size: StudySize) ->
         PaperNumber(what=f"{name}: branching design", ours=design_words(design_from(part.design))),
         PaperNumber(
             what=f"{name}: reached by one branched deployment",
-            ours=percent_text(interval(part.one)),
+            ours=percent_text(share_interval(part.one)),
             paper=paper["one"],
         ),
         PaperNumber(
             what=f"{name}: maps of which it reaches more than {100 * MOST:.0f} %",
-            ours=percent_text(interval((part.one > MOST).astype(float))),
+            ours=percent_text(share_interval((part.one > MOST).astype(float))),
         ),
         PaperNumber(
             what=f"{name}: reached by {size.headings} of a plain vine",
-            ours=percent_text(interval(part.many)),
+            ours=percent_text(share_interval(part.many)),
             paper=paper["many"],
         ),
         PaperNumber(
@@ -275,7 +377,7 @@ def _rows(environment: str, found: dict[str, Redeployments], size: StudySize) ->
         ),
         PaperNumber(
             what=f"{name}: reached by one of a plain vine",
-            ours=percent_text(interval(part.each)),
+            ours=percent_text(share_interval(part.each)),
         ),
         PaperNumber(
             what=f"{name}: final shapes of {size.headings} headings",
@@ -283,9 +385,40 @@ def _rows(environment: str, found: dict[str, Redeployments], size: StudySize) ->
             paper=paper["shapes"],
         ),
         PaperNumber(
-            what=f"{name}: what stopped the plain vines",
-            ours=", ".join(f"{stop} {n}" for stop, n in part.stops.items() if n),
+            what=f"{name}: groups of tips of {size.headings} headings",
+            ours=interval_text(interval(part.tips), 1),
         ),
+        PaperNumber(what=f"{name}: how plain vines end", ours=_ends_text(part.ends)),
+        *(_open_rows(name, part.open) if part.open else []),
+    ]
+
+
+def _open_data(found: OpenBounds) -> dict[str, Any]:
+    return {
+        "open_bounds": {
+            "one": found.one.tolist(),
+            "many": found.many.ravel().tolist(),
+            "shapes": found.shapes.ravel().tolist(),
+            "ends": found.ends,
+        }
+    }
+
+
+def _open_rows(name: str, found: OpenBounds) -> list[PaperNumber]:
+    return [
+        PaperNumber(
+            what=f"{name}, open bounds: reached by one branched deployment, all seeds",
+            ours=percent_text(share_interval(found.one)),
+        ),
+        PaperNumber(
+            what=f"{name}, open bounds: reached by the plain vine's redeployments",
+            ours=percent_text(share_interval(found.many)),
+        ),
+        PaperNumber(
+            what=f"{name}, open bounds: final shapes within them",
+            ours=interval_text(interval(found.shapes), 1),
+        ),
+        PaperNumber(what=f"{name}, open bounds: how plain vines end", ours=_ends_text(found.ends)),
     ]
 
 
@@ -302,16 +435,35 @@ def _claims(environment: str, found: dict[str, Redeployments], size: StudySize) 
             text=f"{name}: it reaches more than {100 * MOST:.0f} % (share above that)",
             tested=_above(part.all_seeds, MOST),
             kept=_above(part.one, MOST),
+            kind="our threshold",
         ),
         Claim(
             text=f"{name}: {size.headings} plain deployments reach less than 70 % (share below)",
             tested=_above(-part.many, -0.7),
+            kind=SET_BY[environment],
         ),
         Claim(
             text=f"{name}: {size.headings} headings condense to fewer than {few:g} shapes",
             tested=_above(-part.shapes, -few),
             digits=1,
+            kind=SET_BY[environment],
         ),
+        *(_open_claims(name, part.open, size) if part.open else []),
+    ]
+
+
+SET_BY: dict[str, ClaimKind] = {"grid": "our threshold", "cave": "calibrated"}
+"""What plain vines reach: in the Cave its short cuts were set by that."""
+
+
+def _open_claims(name: str, found: OpenBounds, size: StudySize) -> list[Claim]:
+    return [
+        Claim(
+            text=f"{name}, open bounds: one branched deployment reaches more than "
+            f"{size.headings} plain ones",
+            tested=difference(found.one, found.many),
+            kind="our threshold",
+        )
     ]
 
 
@@ -325,7 +477,7 @@ def _picture(size: StudySize, found: dict[str, Redeployments]) -> Picture:
         job = redeployments(size, environment)[0]
         place = site(job.worlds, 0)
         ((pose,),) = poses_on([place], 1, [job.worlds.seed])
-        one = grow(design_from(found[environment].design), place.terrain, pose, DEFAULT_GROWTH)
+        one = grow(design_from(found[environment].design), place.terrain, pose, PAPER_GROWTH)
         shares = [found[environment].one[0, 0, 0], found[environment].many[0, 0, 0]]
         titles = ("one branched deployment", f"{size.headings} of a plain vine")
         for title, share, grown in zip(

@@ -102,11 +102,14 @@ def numbers_text(done: Reproduction) -> str:
 SUMMARY = (
     "Glick et al., Branching Vine Robots for Unmapped Environments (2022). All numbers are "
     "simulated unless a row says measured (the paper's hardware) or computed.",
-    "A claim is a difference that should be above 0. It is held when all of its 95 % bootstrap "
-    "interval is, over seeds and maps, with poses kept together with their map and maps paired "
-    "where both sides met the same ones. 'Undecided' means that the interval holds 0. p is "
-    "two-sided, from the same resamples; confidence is the share of them above 0. The last column "
-    "is the interval for the kept designs alone, which is what the paper compares: over maps only.",
+    "A claim is a difference that should be above 0. It is held when all of its 95 % interval is. "
+    "Intervals are Student's, with the variance between seeds and that between maps, poses kept "
+    "together with their map, and maps or seeds paired where both sides met the same ones; of "
+    "differences that are 0 about 5 % are taken for real (measured by simulation). 'Undecided' "
+    "means that the interval holds 0. The last column is the interval for the kept designs alone, "
+    "which is what the paper compares: over maps only.",
+    "Only claims of the paper are counted. 'Our threshold' marks those with a limit or a form "
+    "that the paper does not give, 'calibrated' those that come out because maps were set so.",
 )
 
 DIFFERENCES = (
@@ -119,7 +122,8 @@ DIFFERENCES = (
     "first full results showed Cave designs a quarter worse on unseen maps than in training, and "
     "training grew to 24 maps of which every generation meets 6, at the same number of "
     "evaluations. That change was made after a look at the final table, on the test maps of that "
-    "time; nothing else was.",
+    "time. Sizes, intervals and kinds of claims were set later still, after all claims had been "
+    "seen at a smaller size.",
     "Cave maps: at first 0.4 of a Cave's possible short cuts were open, and one tree reached 85 % "
     "of unseen Caves. On training maps and maps of their own it was not the search that kept trees "
     "short but long tours, and fifty plain vines reached 43 % there, not the paper's 62 %. With "
@@ -127,11 +131,13 @@ DIFFERENCES = (
     "so that was taken, for every experiment, before the new Caves' test maps were met. The "
     "'ablation' keeps the old Cave.",
     "Tests: the paper compares one kept design of five on one set of 75 evaluations, and shows one "
-    "map of each environment for reach. Here every claim is tested over all seeds and 25 unseen "
-    "maps; small differences that the paper calls an improvement may be undecided here.",
-    "Growth: a tip that meets a wall within 1 degree of head-on stops, a tip in a corner stops, "
-    "and what would grow from a branch that stopped stays inside. The paper says none of this; "
-    "'ablation' changes the angle and what stays inside.",
+    "map of each environment for reach. Here every claim is tested over all seeds, each of which "
+    "trained on maps of its own, and over unseen maps; small differences that the paper calls an "
+    "improvement may be undecided here.",
+    "Growth: the body is a line and no pressure stops it, as in the paper. A tip that meets a wall "
+    "within 1 degree of head-on stops, a tip in a corner stops, and what would grow from a branch "
+    "that stopped stays inside: the paper says none of this; 'ablation' changes the angle and what "
+    "stays inside.",
 )
 
 
@@ -163,7 +169,8 @@ def study_page(findings: Sequence[StudyResult], size: StudySize) -> Report:
 def _summary_section(findings: Sequence[StudyResult]) -> Section:
     holding, claims = held(findings)
     corrected = (
-        f"{holding} of {claims} claims hold one by one; corrected for their number (Holm), "
+        f"{holding} of {claims} claims of the paper hold one by one; corrected for their number "
+        f"(Holm), "
         f"{held_corrected(findings)} still do."
     )
     rows = tuple((finding.name, *claim.cells()) for finding in findings for claim in finding.claims)

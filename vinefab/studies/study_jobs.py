@@ -7,8 +7,10 @@ order, and once for several experiments.
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import lru_cache
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Protocol, Self
 
@@ -18,12 +20,13 @@ from vinefab.core.atomic import ensure_writable, is_ours, write_text
 from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.jsontext import json_text
+from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Build, Design, Level, Pouch
+from vinefab.model.map import Map
 from vinefab.search.loop import Search
-from vinefab.search.parallel.worker_processes import WorkerProcesses
 from vinefab.search.record.result import RunIdentity
 from vinefab.search.run import generated_maps, penalty_of
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
@@ -33,27 +36,26 @@ from vinefab.tasks.shipped_tasks import make_task
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudySize:
-    """Numbers of runs, maps and poses; the defaults are the paper's where it gives them."""
+    """Numbers of runs, maps and poses; the defaults are the paper's or larger."""
 
     seed: int = 1  # seed of the first run; run ``i`` has the i-th seed after it
-    seeds: int = 5  # runs per setting, of which the best is kept [paper: 5]
+    seeds: int = 10  # runs per setting, each on training maps of its own [paper: 5]
     repeats: int = 10  # runs of `convergence` and `search` [paper: 10]
-    ablation_seeds: int = 3  # runs per setting of `ablation`
+    single_seeds: int = 24  # runs per setting of `maps`: as many maps, where each trains on one
+    ablation_seeds: int = 10  # runs per setting of `ablation`
+    making_seeds: int = 10  # pairs of runs per setting of `price`
     # population, generations: size of a search on coverage; 100 is the size of the paper's swarm in
     # MATLAB
     population: int = 100
     generations: int = 40
-    # wide_population, wide_generations: the same for `reach` and `anchor`
-    wide_population: int = 60
-    wide_generations: int = 25
-    # making_population, making_generations: the same for `price`
-    making_population: int = 20
-    making_generations: int = 15
     training_maps: int = 24  # maps that a design is trained on
     maps_at_once: int = 6  # how many of them, drawn anew, every generation meets
+    reach_maps_at_once: int = 2  # the same in training for reach, whose areas take longest
+    choice_maps: int = 24  # maps on which the kept design of several is chosen
     # unseen_maps, poses: unseen maps, and poses on each [paper: 25 and 3]
     unseen_maps: int = 25
     poses: int = 3
+    transfer_maps: int = 300  # unseen maps of `transfer`
     reach_maps: int = 25  # unseen maps of `reach`, one start on each
     headings: int = 50  # redeployments of a plain vine [paper: 50]
 
@@ -63,17 +65,17 @@ PAPER = StudySize()
 QUICK = StudySize(
     seeds=2,
     repeats=2,
+    single_seeds=2,
     ablation_seeds=2,
+    making_seeds=2,
     population=6,
     generations=2,
-    wide_population=4,
-    wide_generations=2,
-    making_population=4,
-    making_generations=1,
     training_maps=3,
     maps_at_once=2,
+    choice_maps=2,
     unseen_maps=3,
     poses=2,
+    transfer_maps=4,
     reach_maps=2,
     headings=6,
 )
@@ -148,9 +150,16 @@ def total_length_mm(design: Design) -> float:
 FIRST_UNSEEN = 900_001
 """Seed of the first map for testing; no design has trained on any of them."""
 
-SITES_KEPT = 64
+MAPS_KEPT = 600
 
-DEFAULT_GROWTH = GrowthOptions.published()
+PAPER_GROWTH = GrowthOptions.published(
+    head_on_half_angle_rad=rad(1.0),
+    children_of_stuck="stop",
+    body="centerline",
+    pressure_stop=False,
+)
+"""How robots grow in every study that does not say otherwise: the paper's model, whose body is a
+line and which has no pressure. Nothing here depends on the default of `GrowthOptions`."""
 
 
 class StudyJob(Protocol):
@@ -185,7 +194,7 @@ class Training:
         ``mean``, the fitness of each generation; ``evaluations``; ``penalty``.
         """
         settings = self.settings
-        maps = generated_maps(settings.maps)
+        maps = [world(settings.maps, index) for index in range(settings.maps.count)]
         result = Search.of(settings, maps, penalty_of(settings)).run()
         return {
             "design": plain_design(result.best),
@@ -205,7 +214,7 @@ class Testing:
     worlds: MapSettings  # the maps; generated ones
     poses: int  # poses on each
     task: PartSettings  # what counts; areas are exact unless it says otherwise
-    growth: GrowthOptions = DEFAULT_GROWTH  # how robots grow
+    growth: GrowthOptions = PAPER_GROWTH  # how robots grow
 
     @property
     def key(self) -> str:
@@ -220,7 +229,7 @@ class Testing:
         poses = poses_on(sites, self.poses, range(first, first + self.worlds.count))
         task = make_task(self.task.name, self.task.parameters)
         score = score_design(design_from(self.design), sites, poses, task, self.growth)
-        shape = self.worlds.count, len(poses[0])
+        shape = self.worlds.count, self.poses
         names = tuple(score.evaluations[0].terms)
         terms = {name: [e.terms[name] for e in score.evaluations] for name in names}
         return {
@@ -236,13 +245,30 @@ def run_job(job: StudyJob) -> dict[str, Any]:
 
 def site(worlds: MapSettings, index: int) -> PreparedMap:
     """Return one of some generated maps, made ready."""
-    return _site(worlds.environment, worlds.seed + index, tuple(sorted(worlds.options.items())))
+    return _site(*_place(worlds, index))
 
 
-@lru_cache(maxsize=SITES_KEPT)
-def _site(environment: str, seed: int, options: tuple[tuple[str, object], ...]) -> PreparedMap:
+def world(worlds: MapSettings, index: int) -> Map:
+    """Return one of some generated maps; many runs train on the same ones."""
+    return _world(*_place(worlds, index))
+
+
+MapOptions = tuple[tuple[str, object], ...]
+
+
+def _place(worlds: MapSettings, index: int) -> tuple[str, int, MapOptions]:
+    return worlds.environment, worlds.seed + index, tuple(sorted(worlds.options.items()))
+
+
+@lru_cache(maxsize=MAPS_KEPT)
+def _site(environment: str, seed: int, options: MapOptions) -> PreparedMap:
+    return PreparedMap.of(_world(environment, seed, options))
+
+
+@lru_cache(maxsize=MAPS_KEPT)
+def _world(environment: str, seed: int, options: MapOptions) -> Map:
     maps = MapSettings(environment=environment, count=1, seed=seed, options=dict(options))
-    return PreparedMap.of(generated_maps(maps)[0])
+    return generated_maps(maps)[0]
 
 
 SETTINGS = "settings.json"
@@ -268,15 +294,15 @@ class JobStore:
         self.workers = workers
         self.tell = tell
         self.spent_s = 0.0
-        self._pool: WorkerProcesses | None = None
+        self._pool: ProcessPoolExecutor | None = None
         _begin(folder, size)
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *failure: object) -> None:
+    def __exit__(self, *failure: object) -> None:
         if self._pool is not None:
-            self._pool.__exit__(kind, *failure)
+            self._pool.shutdown(cancel_futures=True)
             self._pool = None
 
     def finished(self) -> list[str]:
@@ -325,7 +351,7 @@ class JobStore:
             first = keys.pop(0)
             yield first, run_job(todo[first])
             # One pool for all: a process takes seconds to start.
-            self._pool = WorkerProcesses(self.workers)
+            self._pool = ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"))
         found = self._pool.map(run_job, [todo[key] for key in keys])
         yield from zip(keys, found, strict=True)
 

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 
 import pytest
 from hypothesis import settings
@@ -9,6 +10,12 @@ from hypothesis import settings
 # Timings on shared machines say nothing, so no deadline; the same examples every run.
 settings.register_profile("vinefab", deadline=None, derandomize=True)
 settings.load_profile("vinefab")
+
+# Tests in the background, or under nohup, ignore these, and so would the programs that they start.
+for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):
+    number = getattr(signal, name, None)
+    if number is not None and signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, usual)
 
 
 @pytest.fixture

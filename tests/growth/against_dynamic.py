@@ -27,7 +27,6 @@ LENGTH_MM = 1200.0
 WIDTH_MM = 20.0
 STATIONS = 241
 TOUCH_MM = 1.0
-SAME_PATH = 0.05
 
 
 class Case(NamedTuple):
@@ -42,6 +41,7 @@ class Case(NamedTuple):
     shifted: Floats  # dynamic, from a start 1 mm aside: how sure the comparison itself is
     knees: list[KneeBranch]  # both sides
     turns: list[KneeBranch]
+    follows: bool = False  # the dynamic chain passes the boxes where the growth model does
 
 
 def points_of(branch: KneeBranch) -> Floats:
@@ -119,7 +119,7 @@ def row(arena: Arena, case: Case) -> str:
     cells = [
         f"{case.seed} {case.heading_deg:5.1f} {case.stop.name:12s} {length_mm(case.stopped):5.0f}"
     ]
-    cells.append(f"{case.push_n:5.2f} N")
+    cells.append(f"{case.push_n:5.2f} N {'same' if case.follows else 'other'}")
     cells += [cell(chain, case) for chain in (case.shifted, case.stopped)]
     for branch in (*case.knees, *case.turns):
         ended = "-" if branch.stop is None else branch.stop.name
@@ -162,11 +162,19 @@ def mean_and_median(values: list[float]) -> str:
     return f"mean {np.mean(values):6.1f} median {np.median(values):6.1f}"
 
 
-def follows(case: Case) -> bool:
-    """Tell whether the dynamic chain goes where the growth model does, as far as that goes."""
-    grown = length_mm(case.stopped) / LENGTH_MM
-    apart = np.hypot(*(stations(case.stopped) - stations(case.dynamic)).T)
-    return bool(apart[: int(grown * (STATIONS - 1)) + 1].mean() < SAME_PATH * LENGTH_MM)
+def follows(arena: Arena, case: Case) -> bool:
+    """Tell whether the dynamic chain has passed all boxes where the growth model did.
+
+    As far as that grew: no box lies between the two bodies.
+    """
+    grown = round(length_mm(case.stopped) / LENGTH_MM * (STATIONS - 1)) + 1
+    one, other = (stations(chain)[:grown] for chain in (case.stopped, case.dynamic))
+    loop = np.concatenate([one, other[::-1], one[:1]]) @ [1.0, 1.0j]
+    for box in arena.boxes:
+        seen = loop - complex(box.x_mm, box.y_mm)
+        if abs(np.angle(seen[1:] / seen[:-1]).sum()) > 1.0:
+            return False
+    return True
 
 
 def summary(cases: list[Case], name: str) -> list[str]:
@@ -213,15 +221,16 @@ def main() -> int:
         arena = arena_of(seed, side_mm)
         terrain = Terrain.of(arena.map())
         for heading_deg in np.linspace(45.0, 135.0, headings).tolist():
-            cases.append(case_of(arena, terrain, seed, heading_deg, chain))
+            case = case_of(arena, terrain, seed, heading_deg, chain)
+            cases.append(case._replace(follows=follows(arena, case)))
             sys.stdout.write(row(arena, cases[-1]) + "\n")
             sys.stdout.flush()
         if folder is not None:
             draw(arena, cases[-headings:], folder / f"boxes{side_mm:.0f}_{seed}.png")
     full = [case for case in cases if case.stop is Stop.FULL_LENGTH]
     stuck = [case for case in cases if case.stop is not Stop.FULL_LENGTH]
-    same = [case for case in stuck if follows(case)]
-    other = [case for case in stuck if not follows(case)]
+    same = [case for case in stuck if case.follows]
+    other = [case for case in stuck if not case.follows]
     lines = [*summary(full, "full length"), *summary(stuck, "stopped")]
     lines += summary(same, "stopped, same path until then")
     lines += summary(other, "stopped, another path before")

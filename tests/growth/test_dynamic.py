@@ -14,6 +14,8 @@ from vinefab.model.map import Pose
 
 
 def load(name: str) -> ModuleType:
+    if name in sys.modules:
+        return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
@@ -86,3 +88,37 @@ def test_friction_asks_for_more_push(dynamic):
         for one in (vine, vine._replace(friction=0.3))
     )
     assert rough_n > 1.2 * smooth_n
+
+
+@pytest.fixture(scope="module")
+def comparison() -> ModuleType:
+    load("dynamic")
+    load("knee")
+    return load("against_dynamic")
+
+
+UP = np.array([[350.0, 21.0], [350.0, 600.0]])
+
+
+def test_errors_hold_a_shorter_body_at_its_tip(comparison):
+    short, long = np.array([[0.0, 0.0], [300.0, 0.0]]), np.array([[0.0, 0.0], [1200.0, 0.0]])
+    tip_mm, shape = comparison.errors(short, long)
+    assert tip_mm == pytest.approx(900.0)
+    assert shape == pytest.approx(0.5 * 900.0**2 / 1200.0**2, rel=0.01)
+
+
+def test_bodies_on_two_sides_of_a_box_take_different_paths(dynamic, comparison):
+    one = dynamic.Box(x_mm=400.0, y_mm=300.0, half_width_mm=30.0, half_height_mm=20.0, turn_rad=0.4)
+    arena = dynamic.Arena(700.0, (one,))
+    beyond = np.array([[350.0, 21.0], [460.0, 300.0], [350.0, 600.0]])
+    near = np.array([[350.0, 21.0], [340.0, 300.0], [350.0, 600.0]])
+    case = comparison.Case(0, 90.0, None, 0.0, beyond, UP, beyond, [], [])
+    assert not comparison.follows(arena, case)
+    assert comparison.follows(arena, case._replace(dynamic=near))
+
+
+def test_contacts_are_named_from_base_to_tip(dynamic, comparison):
+    one = dynamic.Box(x_mm=380.0, y_mm=300.0, half_width_mm=24.0, half_height_mm=20.0, turn_rad=0.0)
+    arena = dynamic.Arena(700.0, (one,))
+    body = np.array([*UP, [350.0, 693.2], [693.2, 693.2]])
+    assert comparison.contacts(arena, body) == ["0", "N", "E"]

@@ -25,7 +25,10 @@ bench: $(READY)
 	$(BIN)/vinefab bench --million
 
 fuzz: $(READY)
-	$(BIN)/python tests/growth/fuzz.py
+	$(BIN)/python tests/attack/growth.py 20000
+	$(BIN)/python tests/attack/files.py 3000
+	$(BIN)/python tests/attack/names.py
+	$(BIN)/python tests/attack/kills.py 20
 
 thorough: check fuzz outlines
 	$(BIN)/python tests/fabrication/rules/mutate.py

@@ -7,7 +7,6 @@ import sys
 import pytest
 
 from vinefab.fabrication.formats.dxf_format import read_dxf
-from vinefab.fabrication.formats.svg_format import read_svg
 
 
 def checks(vinefab, *arguments):
@@ -145,16 +144,30 @@ def test_fix_that_finds_nothing_says_so(vinefab, plain, tmp_path):
     assert "clears VF-L04; nothing written" in words
 
 
-@pytest.mark.parametrize(("option", "suffix"), [("--svg", ".svg"), ("--dxf", ".dxf")])
-def test_findings_are_drawn_on_layers_that_are_not_cut(vinefab, plain, tmp_path, option, suffix):
+def test_findings_are_drawn_on_layers_that_are_not_cut(vinefab, plain, tmp_path):
     plain.write_text(plain.read_text() + "[build]\ntail_mm = 100.0\n")
-    picture = tmp_path / f"findings{suffix}"
-    code, words, _ = vinefab("check", plain, option, picture)
+    picture = tmp_path / "findings.dxf"
+    code, words, _ = vinefab("check", plain, "--dxf", picture)
     assert code == 1
     assert f"wrote {picture}" in words
-    drawing = read_svg(picture) if suffix == ".svg" else read_dxf(picture)
+    drawing = read_dxf(picture)
     assert {path.layer for path in drawing.paths} == {"VF_90_REG", "VF_91_DOC"}
     assert drawing.oddities == ()
-    code, _, complaint = vinefab("check", plain, option, tmp_path / "findings.txt")
+
+
+def test_findings_are_drawn_as_a_picture_and_not_as_a_job(vinefab, plain, tmp_path):
+    plain.write_text(plain.read_text() + "[build]\ntail_mm = 100.0\n")
+    svg, png = tmp_path / "findings.svg", tmp_path / "findings.png"
+    code, words, _ = vinefab("check", plain, "--svg", svg, "--png", png)
+    assert code == 1
+    assert f"wrote {svg}" in words
+    assert f"wrote {png}" in words
+    assert "VF_" not in svg.read_text()
+    assert png.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("kind", ["svg", "png", "dxf"])
+def test_a_picture_of_another_kind_is_refused(vinefab, plain, tmp_path, kind):
+    code, _, complaint = vinefab("check", plain, f"--{kind}", tmp_path / "findings.txt")
     assert code == 2
-    assert suffix in complaint
+    assert f".{kind}" in complaint

@@ -5,14 +5,18 @@ import subprocess
 import sys
 import textwrap
 import time
+from xml.etree import ElementTree
+from zipfile import ZipFile
 
 import pytest
+from rich.table import Table
 
+from vinefab.cli.common_options import CommandOutput
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.calibration.coupon_results import read_results
 from vinefab.pages.figure import blank, house_style, svg_bytes
 
-LONGEST_S = 10.0  # of one refusal, with the start of Python on a busy computer
+LONGEST_S = 10.0  # of one refusal, in processor time
 MOST_BYTES = 2 << 30
 
 PLAIN = 'schema = "vinefab/design-1"\nname = "d"\n[trunk]\nlength = 120.0\n'
@@ -47,6 +51,31 @@ def deep_uses():
     return "".join(
         f'<g id="g{n}">{"<g>" * 200}<use href="#g{n + 1}"/>{"</g>" * 200}</g>' for n in range(20)
     )
+
+
+def dxf(*entities):
+    """A drawing of release 12: (type, group codes and values) per entity, blocks among them."""
+    plain = [("SECTION", {2: "BLOCKS"})] if entities[0][0] == "BLOCK" else []
+    tags = [*plain, *entities, ("ENDSEC", {}), ("EOF", {})]
+    return "".join(
+        f"0\n{kind}\n" + "".join(f"{code}\n{value}\n" for code, value in values.items())
+        for kind, values in tags
+    )
+
+
+def dxf_blocks(levels, insert):
+    """Blocks of ten copies of the block before; the last one is inserted."""
+    entities = [("BLOCK", {8: 0, 2: "B0"}), ("LINE", {8: 0, 11: 9, 21: 9}), ("ENDBLK", {8: 0})]
+    for level in range(1, levels + 1):
+        copy = ("INSERT", {8: 0, 2: f"B{level - 1}"})
+        entities += [("BLOCK", {8: 0, 2: f"B{level}"}), *[copy] * 10, ("ENDBLK", {8: 0})]
+    entities += [("ENDSEC", {}), ("SECTION", {2: "ENTITIES"})]
+    return dxf(*entities, ("INSERT", {8: 0, 2: f"B{levels}", **insert}))
+
+
+def long_polyline():
+    marks = "100\nAcDbEntity\n8\n0\n100\nAcDbPolyline\n"
+    return f"0\nLWPOLYLINE\n{marks}" + "10\n1\n20\n1\n" * 40_000
 
 
 def geojson(facts="{}", name='"d"'):
@@ -96,6 +125,8 @@ REFUSED = {
         lambda: PLAIN + "[build]\nwidths_mm = [1e7]",
         "build.widths_mm[1] is 10000000.0; allowed: less than or equal to 10000",
     ),
+    "key in capitals": ("d.toml", lambda: PLAIN.replace("length", "LENGTH"), "trunk.LENGTH is 120"),
+    "long key": ("d.toml", lambda: PLAIN + f'"{"k" * 100_000}" = 1', "no such key"),
     "half a letter": ("m.geojson", lambda: geojson(name='"x\\ud800"'), "vinefab.name is 'x"),
     "NaN facts": ("m.geojson", lambda: geojson('{"a": [1, NaN]}'), "vinefab.facts.a[2] is nan"),
     "infinite facts": ("m.geojson", lambda: geojson('{"a": 1e999}'), "vinefab.facts.a is inf"),
@@ -122,6 +153,17 @@ REFUSED = {
     ),
     "nested empty uses": ("m.svg", lambda: SVG % nested_uses(""), "over 50000 elements in uses"),
     "deep uses": ("m.svg", lambda: SVG % deep_uses(), "nested deeper"),
+    "array of blocks": (
+        "m.dxf",
+        lambda: dxf_blocks(0, {70: 10**9, 71: 10**9, 44: 1, 45: 1}),
+        "over 50000 entities in blocks, every copy counted",
+    ),
+    "blocks of blocks": ("m.dxf", lambda: dxf_blocks(12, {}), "over 50000 entities in blocks"),
+    "polyline in blocks": (
+        "m.dxf",
+        lambda: dxf_blocks(0, {}).replace("0\nLINE\n", f"{long_polyline()}0\nLINE\n"),
+        "over 50000 entities in blocks",
+    ),
 }
 
 
@@ -149,10 +191,11 @@ def refusals(tmp_path_factory):
         from vinefab.cli.main import main
         resource.setrlimit(resource.RLIMIT_DATA, (int(sys.argv[1]),) * 2)
         for case, command in json.loads(sys.stdin.read()).items():
-            words, begin = io.StringIO(), time.monotonic()
+            words, begin = io.StringIO(), time.process_time()
             with contextlib.redirect_stderr(words):
                 code = main(command)
-            print(json.dumps([case, code, words.getvalue(), time.monotonic() - begin]), flush=True)
+            seconds = time.process_time() - begin
+            print(json.dumps([case, code, words.getvalue(), seconds]), flush=True)
         """
     )
     done = subprocess.run(
@@ -209,10 +252,15 @@ def test_a_sheet_with_comments_and_media_still_hides(vinefab, tmp_path):
     assert "'display:none': 1" in output
 
 
-NAMES = ["cost $\\foo$ map", "map \U0010ffff \u4e2d\u6587 \U0001f600"]
+NAMES = {
+    "dollars": "cost $\\foo$ map",
+    "no glyph": "map \U0010ffff \u4e2d\u6587 \U0001f600",
+    "long": "x" * 100_000,
+    "many lines": "x\n" * 1_000,
+}
 
 
-@pytest.mark.parametrize("name", NAMES, ids=["dollars", "no glyph"])
+@pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
 def test_names_are_drawn_as_they_are(recwarn, name):
     with house_style():
         figure, axes = blank()
@@ -223,7 +271,47 @@ def test_names_are_drawn_as_they_are(recwarn, name):
     assert not recwarn.list
 
 
-@pytest.mark.parametrize("name", NAMES, ids=["dollars", "no glyph"])
+OBEYED = "a\0b\x1b]0;own\x07\x9b2J\u202e\ufffe[/red]<script>"
+"""What terminals, XML and rich's markup do not take as text."""
+
+
+def test_no_name_is_obeyed_by_xml_or_a_terminal(vinefab, tmp_path):
+    path, picture = tmp_path / "m.geojson", tmp_path / "m.svg"
+    path.write_text(geojson(name=json.dumps(OBEYED)))
+    code, said, words = vinefab("map", "info", path, "--svg", picture)
+    assert (code, words) == (0, "")
+    assert "[/red]<script>" in said
+    assert all(letter.isprintable() or letter == "\n" for letter in said)
+    assert ElementTree.fromstring(picture.read_bytes()).tag.endswith("svg")  # noqa: S314  our own
+
+
+def test_no_path_in_an_error_is_obeyed_by_a_terminal(vinefab, tmp_path):
+    code, _, words = vinefab("map", "info", tmp_path / "a\x1b]0;own\x07.geojson")
+    assert code == 2
+    assert words.strip().isprintable()
+
+
+def test_cells_of_tables_are_no_markup(capsys):
+    table = Table(OBEYED)
+    table.add_row(OBEYED)
+    CommandOutput().show(table)
+    said = capsys.readouterr().out
+    assert said.count("[/red]<script>") == 2
+    assert all(letter.isprintable() or letter == "\n" for letter in said)
+
+
+def test_a_rig_of_such_a_name_is_made(vinefab, tmp_path):
+    path, rig = tmp_path / "m.geojson", tmp_path / "rig"
+    path.write_text(geojson(name=json.dumps(OBEYED)))
+    options = ("--fit-mm", 100, "--allow-empty", "--no-pictures")
+    code, said, words = vinefab("rig", path, "--out", rig, *options)
+    assert (code, words) == (0, ""), said
+    with ZipFile(rig / "bed_01.3mf") as archive:
+        root = ElementTree.fromstring(archive.read("3D/3dmodel.model"))  # noqa: S314  our own
+    assert "[/red]<script>" in root[0].text
+
+
+@pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
 def test_maps_of_such_names_are_described(vinefab, tmp_path, name):
     path = tmp_path / "m.geojson"
     path.write_text(geojson(name=json.dumps(name)))
@@ -237,6 +325,58 @@ def test_a_cell_longer_than_the_csv_reader_allows(tmp_path):
     with pytest.raises(BadInputError, match=r"line 2: line is 'aaa.*field larger") as refused:
         read_results(path)
     assert len(str(refused.value)) < 300
+
+
+def test_equal_outlines_by_the_thousand_are_one(vinefab, tmp_path):
+    path = tmp_path / "m.svg"
+    path.write_text(SVG % ('<circle cx="200" cy="200" r="80"/>' * 4_000))
+    begin = time.process_time()
+    code, output, words = vinefab("map", "import", path, "--out", tmp_path / "m.geojson")
+    assert (code, words) == (0, "")
+    assert "repeated_outlines_removed: 3999" in output
+    assert time.process_time() - begin < LONGEST_S
+
+
+def test_sizes_at_the_limit_of_floats_bring_no_warning(vinefab, tmp_path, recwarn):
+    path = tmp_path / "m.csv"
+    room = "r,0,0\nr,100,0\nr,100,60\nr,0,1e-308\n"
+    path.write_text(room + "p,40,20\np,60,20\np,60,40\np,40,40\n")
+    code, _, words = vinefab("map", "import", path, "--out", tmp_path / "m.geojson")
+    assert code == 2
+    assert words.count("\n") == 1
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize("value", ["1e308", "-1", "nan", "inf", "9" * 5000])
+def test_readings_are_numbers_that_can_be_fitted(tmp_path, value):
+    path = tmp_path / "results.csv"
+    path.write_text(f"measure,setting,value,unit\nseam,weldcut,{value},m\n")
+    with pytest.raises(BadInputError, match="0 or more, at most 1e"):
+        read_results(path)
+
+
+def test_a_quote_that_does_not_end_hides_no_reading(tmp_path):
+    path = tmp_path / "results.csv"
+    path.write_text('measure,setting,value,unit\nseam,"weldcut,0.4,mm\n')
+    with pytest.raises(BadInputError, match=r"line 2: line is 'seam,.*comma-separated cells"):
+        read_results(path)
+
+
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [
+        ("m.dxf", "there is no such file"),
+        ("/dev/zero", "no such file"),
+        ("/proc/self/mem", "read:"),
+    ],
+)
+def test_links_to_what_is_no_file(vinefab, tmp_path, target, words):
+    path = tmp_path / "m.dxf"
+    path.symlink_to(target)
+    code, _, said = vinefab("map", "import", path, "--out", tmp_path / "m.geojson")
+    assert code == 2
+    assert said.startswith(f"error: {path}: ")
+    assert words in said
 
 
 def test_a_value_is_never_printed_whole():

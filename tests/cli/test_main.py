@@ -1,10 +1,19 @@
 """The last net of the command line: what nobody foresaw is one line, a log and exit code 3."""
 
+import logging
+import os
 import re
+import shlex
+import subprocess
+import sys
+import warnings
 from pathlib import Path
 
+import pytest
+
 import vinefab
-from vinefab.cli.main import main
+from vinefab.cli.common_options import CommandOutput
+from vinefab.cli.main import main, run
 
 SOURCES = Path(vinefab.__file__).parent
 
@@ -29,6 +38,31 @@ def test_an_unforeseen_error_is_one_line_and_a_log(monkeypatch, capsys, tmp_path
     assert vinefab.__version__ in text
 
 
+def test_the_log_holds_arguments_that_are_no_text(monkeypatch, capsys, tmp_path):
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr("vinefab.cli.profiles.profile_list", broken)
+    assert main(["profiles", "--json", "\udcff.json"]) == 3
+    assert "fault of vinefab" in capsys.readouterr().err
+    (log,) = tmp_path.glob("vinefab-error-*.log")
+    assert "\\udcff.json" in log.read_text()
+
+
+def test_letters_that_a_terminal_cannot_show_are_escaped(tmp_path):
+    path = tmp_path / "\udcff.geojson"
+    done = subprocess.run(
+        [sys.executable, "-m", "vinefab", "map", "grid", "--out", path],
+        env=os.environ | {"PYTHONIOENCODING": "ascii:strict"},
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"\\ufffd.geojson" in done.stdout
+    assert path.is_file()
+
+
 def test_a_log_that_cannot_be_written_is_said(monkeypatch, capsys, tmp_path):
     def broken(*_: object) -> None:
         raise RecursionError
@@ -48,3 +82,53 @@ def test_there_is_no_other_net():
         if nets.search(line)
     ]
     assert found == ["cli/main.py"]
+
+
+def test_warnings_of_packages_are_shown_to_developers_alone(monkeypatch, capsys):
+    def noisy(_: object) -> int:
+        warnings.warn("overflow encountered in exp", RuntimeWarning, stacklevel=1)
+        logging.getLogger("matplotlib.font_manager").warning("findfont: not found")
+        return 0
+
+    monkeypatch.setattr("vinefab.cli.main.main", noisy)
+    monkeypatch.setattr("sys.warnoptions", [])
+    with pytest.raises(SystemExit):
+        run()
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr("sys.warnoptions", ["error"])
+    with pytest.raises(RuntimeWarning, match="overflow"):
+        run()
+
+
+@pytest.mark.parametrize(
+    ("redirection", "code"),
+    [
+        ("profiles >&-", 0),
+        ("profiles >/dev/full", 2),
+        ("profiles <&- >/dev/null", 0),
+        ("profiles nothing 2>/dev/full", 2),
+        ("profiles nothing >&- 2>&-", 2),
+    ],
+)
+def test_closed_and_full_outputs_are_no_fault(redirection, code):
+    script = f"{shlex.quote(sys.executable)} -m vinefab {redirection}"
+    ended = subprocess.run(["sh", "-c", script], capture_output=True, text=True, check=False)
+    assert (ended.returncode, "fault" in ended.stderr) == (code, False), ended.stderr
+
+
+def test_a_reader_that_closes_the_pipe_is_told_by_the_exit_code():
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-m", "vinefab", "profiles"]
+    ended = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, check=False)
+    os.close(writing)
+    assert (ended.returncode, ended.stderr) == (141, b"")
+
+
+def test_what_an_earlier_version_moved_aside_is_named_and_kept(tmp_path, capsys):
+    aside = tmp_path / ".coupons.old.abc"
+    aside.mkdir()
+    (aside / "notes.txt").write_text("mine")
+    CommandOutput().ensure_folder(tmp_path / "coupons", "coupon.json")
+    assert f"note: {aside} has files of" in capsys.readouterr().out
+    assert (aside / "notes.txt").read_text() == "mine"

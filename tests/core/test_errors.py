@@ -1,6 +1,12 @@
 import pytest
 
-from vinefab.core.errors import BadInputError, UnknownNameError, VinefabError, located
+from vinefab.core.errors import (
+    BadInputError,
+    UnknownNameError,
+    UnreadableFileError,
+    VinefabError,
+    located,
+)
 
 
 def test_bad_input_says_file_key_value_and_what_is_allowed():
@@ -15,6 +21,18 @@ def test_bad_input_keeps_to_one_short_line():
     text = str(BadInputError("key", "line\nbreak " + "x" * 500, "less"))
     assert "\n" not in text
     assert len(text) < 100
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        BadInputError("k" * 10_000, 1, "less"),
+        UnknownNameError("key", "k" * 10_000, ["colour"]),
+        UnreadableFileError("a.svg", "<g>" * 10_000),
+    ],
+)
+def test_long_names_are_shortened(error):
+    assert len(str(error)) < 1_100
 
 
 def test_missing_value_is_called_missing():

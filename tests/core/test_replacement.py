@@ -11,7 +11,7 @@ import pytest
 
 from vinefab.core.atomic import new_folder
 from vinefab.core.errors import CannotWriteError, ForeignFileError
-from vinefab.core.hashing import MANIFEST_NAME, sha256_of
+from vinefab.core.hashing import MANIFEST_NAME, digests_in, manifest_text, sha256_of
 from vinefab.core.replacement import INCOMPLETE_NAME
 
 MARK = "job.json"
@@ -221,6 +221,30 @@ def test_a_manifest_that_names_files_elsewhere_removes_nothing(tmp_path):
     mine.write_text("mine")
     manifest = out / MANIFEST_NAME
     digest = sha256_of(b"mine")
-    manifest.write_text(f"{manifest.read_text()}{digest}  ../mine.txt\n{digest}  {mine}\n")
+    listed = digests_in(manifest.read_text())
+    manifest.write_text(manifest_text(listed | {"../mine.txt": digest, str(mine): digest}))
     write(out, "2", [MARK])
     assert mine.read_text() == "mine"
+
+
+def test_a_manifest_that_the_user_changed_is_refused_like_any_file(tmp_path):
+    out = tmp_path / "out"
+    write(out, "1", [MARK])
+    manifest = out / MANIFEST_NAME
+    whole = manifest.read_text()
+    for edited in (f"{whole}{sha256_of(b'mine')}  my notes.txt\n", "my own list\n"):
+        manifest.write_text(edited)
+        with pytest.raises(ForeignFileError, match=f"{MANIFEST_NAME}: was changed since"):
+            write(out, "2", [MARK])
+        assert manifest.read_text() == edited
+    write(out, "2", [MARK], force=True)
+    assert "vinefab 2" in (out / MARK).read_text()
+
+
+def test_a_manifest_of_an_earlier_version_has_no_digest_of_its_own(tmp_path):
+    out = tmp_path / "out"
+    write(out, "1", [MARK])
+    lines = (out / MANIFEST_NAME).read_text().splitlines()
+    (out / MANIFEST_NAME).write_text("\n".join([lines[0], *lines[2:]]) + "\n")
+    write(out, "2", [MARK])
+    assert "vinefab 2" in (out / MARK).read_text()

@@ -361,6 +361,7 @@ def test_a_bed_too_small_for_joints(make_map, make_printer):
         ("entry_width_mm", math.inf),
         ("scale", 0.0),
         ("most_parts", 0),
+        ("most_parts", 10_000),
     ],
 )
 def test_options_out_of_range(key, value):

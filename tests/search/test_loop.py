@@ -1,6 +1,8 @@
 """Whole runs: results, stopping, refusals, and poses drawn ahead."""
 
+import gc
 import math
+import tracemalloc
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -406,3 +408,26 @@ def test_a_search_measures_areas_fast_unless_the_task_says_how(
     assert task_of(small, Reach()) == Reach(area="fast")
     assert task_of(small, Reach(area="exact")) == Reach(area="exact")
     assert task_of(small, Leaves()) == Leaves()
+
+
+def test_a_run_holds_no_more_than_its_history(small: RunSettings, maps: Maps) -> None:
+    held: list[int] = []
+
+    def watch(progress: Progress) -> None:
+        if progress.generation == 20:
+            tracemalloc.start()
+        elif progress.generation == 80:
+            gc.collect()
+            held.append(tracemalloc.get_traced_memory()[0])
+            tracemalloc.stop()
+
+    settings = replace(small, search=SearchSettings(population=6, generations=81, seed=3))
+    history = optimize(settings, maps[:1], progress=watch).history
+    per_generation = sum(_array_bytes(generation) for generation in history) / len(history)
+    # A generation is some arrays with a header each; whatever else grew would be a leak.
+    assert held[0] / 60 < per_generation + 3000
+
+
+def _array_bytes(generation: Generation) -> int:
+    arrays = (generation.x, generation.fitness, generation.composite, generation.penalty)
+    return sum(array.nbytes for array in (*arrays, *generation.terms.values()))

@@ -111,6 +111,7 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
         ("[maps.options]\nsize = 5", "maps.options.size", "size_mm"),
         ('[maps]\nseed = 3\nfiles = ["a"]', "maps.seed", "not together with maps.files"),
         ("[maps]\nfiles = []", "maps.files", "at least one"),
+        (f'name = "{"x" * 91}"', "name", "at most 90 characters"),
         ('[task]\nname = "coverage"\nradius = 3', "task.radius", "radius_mm"),
         ('[task]\nname = "coverage"\nradius_mm = nan', "task.radius_mm", "above 0"),
         ("[task]\nradius = 3", "task.radius", "radius_mm"),

@@ -16,14 +16,13 @@ from vinefab.cli.common_options import (
     ensure_apart,
     ensure_kind,
 )
-from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.core.atomic import ensure_writable, write_bytes, write_text
 from vinefab.fabrication.checking import (
     Deployed,
     check_design,
     check_lines,
     deployed_lines,
-    drawing_text,
-    findings_drawing,
+    findings_file,
     verdict,
 )
 from vinefab.fabrication.rules.catalog import parsed_limits
@@ -33,7 +32,6 @@ from vinefab.model.files.design_toml import design_text, read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
-from vinefab.model.job import Job
 from vinefab.prediction.fix_proposal import FixProposal, propose_fix, score_change_lines
 
 
@@ -56,11 +54,12 @@ def check_command(
     ] = None,
     svg: Annotated[
         Path | None,
-        typer.Option("--svg", help="Write an SVG that marks the findings; not to be cut."),
+        typer.Option("--svg", help="Draw the robot with the findings in place; not to be cut."),
     ] = None,
+    png: Annotated[Path | None, typer.Option("--png", help="The same picture as a PNG.")] = None,
     dxf: Annotated[
         Path | None,
-        typer.Option("--dxf", help="The same as a DXF, on layers that are not cut."),
+        typer.Option("--dxf", help="The findings on the sheet, on layers that are not cut."),
     ] = None,
     fix: Annotated[
         Path | None,
@@ -85,6 +84,7 @@ def check_command(
     robot, profile, limits = read_design(design), read_profile(recipe), parsed_limits(limit or [])
     worlds = [read_map(path) for path in maps or []]
     ensure_kind("--svg", svg, (".svg",), force=force)
+    ensure_kind("--png", png, (".png",), force=force)
     ensure_kind("--dxf", dxf, (".dxf",), force=force)
     if fix is not None:
         ensure_apart("--fix", fix, locate("design", design), "the design itself")
@@ -98,7 +98,11 @@ def check_command(
     output.give_json(checks_text(report))
     for line in [*deployed_lines(deployed), *check_lines(report, verbose=verbose)]:
         output.say(line)
-    _draw(output, findings_drawing(robot, profile, report) if svg or dxf else None, (svg, dxf))
+    for path in (svg, png, dxf):
+        if path is not None:
+            content = findings_file(robot, profile, report, path)
+            write_bytes(path, content, force=force)
+            output.say(f"wrote {path}")
     if fix is None:
         return EXIT_FINDINGS if report.blocking else 0
     with output.progress("fixing") as progress:
@@ -106,14 +110,6 @@ def check_command(
     return _write_fix(
         output, proposal, [*score_change_lines(robot, proposal.design or robot, worlds)], fix
     )
-
-
-def _draw(output: CommandOutput, drawing: Job | None, paths: tuple[Path | None, ...]) -> None:
-    """Write the drawing of the findings to the requested files."""
-    for path in paths:
-        if path is not None and drawing is not None:
-            write_text(path, drawing_text(drawing, path), force=output.force)
-            output.say(f"wrote {path}")
 
 
 def _write_fix(output: CommandOutput, proposal: FixProposal, scores: list[str], fix: Path) -> int:

@@ -1,20 +1,24 @@
 """Options that commands share, and `CommandOutput`: messages, results and progress."""
 
 import math
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
-from vinefab.core.atomic import ensure_writable, write_text
+from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_text
 from vinefab.core.errors import BadInputError
+from vinefab.core.plain_text import visible
+from vinefab.core.replacement import moved_aside
 from vinefab.core.units import rad
 from vinefab.model.map import Pose
 
@@ -44,6 +48,14 @@ PoseIn = Annotated[
 ]
 
 
+class _PlainConsole(Console):
+    """Prints texts as they are: no markup in them, and nothing that a terminal would obey."""
+
+    def render_str(self, text: str, **options: Any) -> Text:  # noqa: ANN401  as in rich
+        """Return a text to print: messages and the cells of tables."""
+        return super().render_str(visible(text), **{**options, "markup": False})
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandOutput:
     """Where a command's messages, results and progress go."""
@@ -56,16 +68,25 @@ class CommandOutput:
     """For messages and progress; one, so that messages appear above the bar."""
 
     def __post_init__(self) -> None:
-        console = Console(stderr=self.json_out == "-", quiet=self.quiet, highlight=False)
+        console = _PlainConsole(stderr=self.json_out == "-", quiet=self.quiet, highlight=False)
         object.__setattr__(self, "console", console)
 
     def say(self, text: str = "") -> None:
         """Print a line for the user."""
-        self.console.print(text, markup=False, soft_wrap=True)
+        self.console.print(text, soft_wrap=True)
 
     def show(self, table: Table) -> None:
         """Print a table for the user."""
         self.console.print(table)
+
+    def ensure_folder(self, path: Path, mark: str) -> None:
+        """Check, before any long work, that a folder may be filled; name what lies beside it."""
+        ensure_own_folder(path, mark, force=self.force)
+        for aside in moved_aside(path):
+            self.say(
+                f"note: {aside} has files of {path} from before a run was killed; vinefab leaves "
+                "it alone: move out what you miss, then remove it"
+            )
 
     def ensure_json(self) -> None:
         """Check, before work that takes long, that `give_json` will be able to write."""
@@ -107,7 +128,9 @@ def ensure_kind(option: str, path: Path | None, endings: tuple[str, ...], *, for
 
 def ensure_apart(option: str, path: Path, source: Path, what: str) -> None:
     """Check that what is to be written is another file than what is read."""
-    if path.resolve() == source.resolve() or (path.exists() and path.samefile(source)):
+    # Unlike Path.resolve, realpath takes a link that leads to itself.
+    same = os.path.realpath(path) == os.path.realpath(source)
+    if same or (path.exists() and source.exists() and path.samefile(source)):
         raise BadInputError(option, str(path), f"another file than {what}")
 
 

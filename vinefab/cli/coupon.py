@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, Quiet, RecipeIn
-from vinefab.core.atomic import ensure_own_folder, ensure_unchanged, new_folder, write_bytes
+from vinefab.core.atomic import ensure_unchanged, new_folder, write_bytes
 from vinefab.fabrication.calibration.coupon_package import RESULTS_NAME, coupon_files, make_coupons
 from vinefab.fabrication.checking import check_lines
 from vinefab.fabrication.formats.laser_formats import broken_formats
@@ -29,7 +29,7 @@ def coupon_command(
     Example: vinefab coupon --recipe co2_60w__stretchlon_200 --out coupons
     """
     output = CommandOutput(quiet=quiet, force=force)
-    ensure_own_folder(out, MARK, force=force)
+    output.ensure_folder(out, MARK)
     ensure_unchanged(out / RESULTS_NAME, force=force)
     coupons = make_coupons(read_profile(recipe))
     for line in (*check_lines(coupons.report), *broken_formats()):

@@ -7,7 +7,7 @@ import typer
 from rich.table import Table
 
 from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, Quiet
-from vinefab.core.atomic import ensure_own_folder, new_folder
+from vinefab.core.atomic import new_folder
 from vinefab.demonstration import DemoSettings, run_demo
 
 MARK = "results.json"
@@ -28,7 +28,7 @@ def demo_command(
     Example: vinefab demo --out demo
     """
     output = CommandOutput(quiet=quiet, force=force)
-    ensure_own_folder(out, MARK, force=force)
+    output.ensure_folder(out, MARK)
     output.say("vinefab demo: sensor coverage in a Grid environment, a robot that can be cut")
     settings = DemoSettings(seed=seed, generations=generations, population=population)
     with output.progress("demo") as show, new_folder(out, MARK, force=force) as folder:

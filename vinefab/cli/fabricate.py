@@ -14,7 +14,7 @@ from vinefab.cli.common_options import (
     Quiet,
     RecipeIn,
 )
-from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_bytes, write_folder
+from vinefab.core.atomic import ensure_writable, write_bytes, write_folder
 from vinefab.fabrication.checking import check_lines
 from vinefab.fabrication.formats.laser_formats import broken_formats
 from vinefab.fabrication.job.placement import SheetOptions
@@ -60,7 +60,7 @@ def fabricate_command(
     Example: vinefab fabricate three_level_tree --out package --allow-uncalibrated
     """
     output = CommandOutput(quiet=quiet, force=force)
-    ensure_own_folder(out, PACKAGE_MARK, force=force)
+    output.ensure_folder(out, PACKAGE_MARK)
     archive = out.with_name(f"{out.name}.zip")
     if make_zip:
         ensure_writable(archive, force=force)

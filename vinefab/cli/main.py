@@ -1,18 +1,25 @@
 """The program ``vinefab``: finds the command, and turns errors into one line and an exit code."""
 
 import importlib
+import logging
 import os
 import shlex
+import signal
 import sys
+import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from io import TextIOWrapper
 from tempfile import NamedTemporaryFile
 from traceback import format_exception
 from typing import Annotated, cast
 
 import typer
 
-from vinefab.core.errors import InterruptedRunError, VinefabError
+from vinefab.core.errors import InterruptedRunError, VinefabError, shortened
+from vinefab.core.interruption import StopRequest, stop_requests
+from vinefab.core.plain_text import visible
 from vinefab.core.version import __version__
 
 
@@ -91,9 +98,9 @@ COMMANDS = {
 }
 """Every command, in the order of ``--help``."""
 
+MOST_LETTERS = 2_000  # of a line that names an error
 EXIT_BAD_INPUT = 2
 EXIT_UNFORESEEN = 3
-EXIT_INTERRUPTED = 130
 INTERRUPTED = "interrupted; what was being written was left as it was"
 EXIT_BROKEN_PIPE = 141
 
@@ -148,40 +155,64 @@ def _not_loaded() -> None:
 
 def main(arguments: Sequence[str]) -> int:
     """Run one command line and return its exit code."""
+    if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
+        # Names of files and designs may hold letters that the terminal cannot show.
+        sys.stdout.reconfigure(errors="backslashreplace")
+    with stop_requests() as request:
+        return _run_command(arguments, request)
+
+
+def _run_command(arguments: Sequence[str], request: StopRequest) -> int:
     named = [argument for argument in arguments if not argument.startswith("-")]
     try:
         app = build_app(named[0] if named and named[0] in COMMANDS else None)
         result = app(list(arguments) or ["--help"], prog_name="vinefab", standalone_mode=False)
-        sys.stdout.flush()
-    except BrokenPipeError:
+        if sys.stdout is not None:  # as with >&- in a shell
+            sys.stdout.flush()
+    except (BrokenPipeError, SystemExit):  # typer makes the second of the first
         # The reader has closed the pipe; nothing more can be written to it.
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  stays open until the end
         return EXIT_BROKEN_PIPE
     except (Exception, KeyboardInterrupt) as error:  # the last net of the project, the only one
-        return _print_error(*_explained(error, arguments))
+        return _print_error(*_explained(error, arguments, request))
     code = result if isinstance(result, int) else 0
     # Some versions of typer return it instead of raising.
-    return _print_error(INTERRUPTED, code) if code == EXIT_INTERRUPTED else code
+    return _print_error(INTERRUPTED, request.exit_code) if request.number else code
 
 
 def run() -> None:
-    """Run the program: the entry point of the installed command."""
-    sys.exit(main(sys.argv[1:]))
+    """Run the program: the entry point of the installed command.
+
+    Warnings and log messages of the packages below are for developers: ``python -W default -m
+    vinefab`` shows the warnings.
+    """
+    logging.getLogger().addHandler(logging.NullHandler())
+    with warnings.catch_warnings():
+        if not sys.warnoptions:
+            warnings.simplefilter("ignore")
+        code = main(sys.argv[1:])
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        # All is done; what is left could only end in a traceback.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    sys.exit(code)
 
 
-def _explained(error: BaseException, arguments: Sequence[str]) -> tuple[str, int]:
+def _explained(
+    error: BaseException, arguments: Sequence[str], request: StopRequest
+) -> tuple[str, int]:
     """Return what to print of an error, and the exit code."""
+    if isinstance(error, InterruptedRunError):
+        return str(error), request.exit_code
+    # A request may have come where other code made another error of it.
+    if request.number or isinstance(error, KeyboardInterrupt | typer.Abort):
+        return INTERRUPTED, request.exit_code
     match error:
         case UsageProblem():
             return cast("typer.BadParameter", error).format_message(), EXIT_BAD_INPUT
-        case InterruptedRunError():
-            return str(error), EXIT_INTERRUPTED
         case VinefabError():
             return str(error), EXIT_BAD_INPUT
         case OSError():
             return f"{error.filename or 'output'}: {error.strerror}", EXIT_BAD_INPUT
-        case KeyboardInterrupt() | typer.Abort():
-            return INTERRUPTED, EXIT_INTERRUPTED
     return _unforeseen(error, arguments), EXIT_UNFORESEEN
 
 
@@ -191,7 +222,12 @@ def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:
     log = f"{about}\n{shlex.join(['vinefab', *arguments])}\n\n{''.join(format_exception(error))}"
     try:
         with NamedTemporaryFile(
-            "w", prefix="vinefab-error-", suffix=".log", delete=False, encoding="utf-8"
+            "w",
+            prefix="vinefab-error-",
+            suffix=".log",
+            delete=False,
+            encoding="utf-8",
+            errors="backslashreplace",
         ) as stream:
             stream.write(log)
         where = f"please report it with the log {stream.name}"
@@ -201,5 +237,7 @@ def _unforeseen(error: BaseException, arguments: Sequence[str]) -> str:
 
 
 def _print_error(message: str, code: int) -> int:
-    typer.echo(f"error: {' '.join(message.split())}", err=True)
+    line = shortened(visible(" ".join(message.split())), MOST_LETTERS)
+    with suppress(OSError):  # a terminal that was closed, or a full disk; the code still tells
+        typer.echo(f"error: {line}", err=True)
     return code

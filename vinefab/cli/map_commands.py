@@ -95,6 +95,10 @@ def import_command(
     unknown: Annotated[
         str | None, typer.Option(help="ROS: unseen cells are obstacle (default) or free.")
     ] = None,
+    least_obstacle_mm2: Annotated[
+        float | None,
+        typer.Option(help="ROS: leave out obstacles smaller than this, as noise; default: none."),
+    ] = None,
     start: Annotated[
         str | None, typer.Option(help="Start as X,Y,DEG in the map; default: the roomiest place.")
     ] = None,
@@ -113,6 +117,7 @@ def import_command(
         scale_mm_per_unit=scale_mm_per_unit,
         simplify_mm=simplify_mm,
         unknown=unknown,
+        least_obstacle_mm2=least_obstacle_mm2,
         start=pose_from(start, "--start"),
         join_mm=join_mm,
         layers=tuple(layer or ()),

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, Quiet, numbers_from
-from vinefab.core.atomic import ensure_own_folder, write_folder
+from vinefab.core.atomic import write_folder
 from vinefab.fabrication.checking import check_lines
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.map_geojson import read_map
@@ -63,7 +63,7 @@ def rig_command(
     Example: vinefab rig grid.geojson --printer generic_220 --fit-mm 400 --out rig
     """
     output = CommandOutput(quiet=quiet, force=force)
-    ensure_own_folder(out, RIG_MARK, force=force)
+    output.ensure_folder(out, RIG_MARK)
     world = read_map(map_file)
     sheet_width_mm, sheet_depth_mm = numbers_from("--sheet-mm", sheet_mm, 2)
     options = RigOptions(

@@ -37,7 +37,7 @@ class BadInputError(VinefabError, ValueError):
     def __str__(self) -> str:
         where = f"{self.source}: " if self.source else ""
         given = "is missing" if self.value is None else f"is {_brief(self.value)}"
-        return f"{where}{self.key} {given}; allowed: {self.allowed}"
+        return f"{where}{shortened(self.key)} {given}; allowed: {self.allowed}"
 
     def at(self, source: str | Path) -> "BadInputError":
         """Return the same error with the file that holds the value."""
@@ -53,7 +53,7 @@ class UnreadableFileError(VinefabError, OSError):
         super().__init__(source, problem)
 
     def __str__(self) -> str:
-        return f"{self.source}: {self.problem}"
+        return f"{self.source}: {shortened(self.problem, MOST_LETTERS)}"
 
 
 class UnknownNameError(VinefabError, KeyError):
@@ -77,10 +77,11 @@ class UnknownNameError(VinefabError, KeyError):
     def __str__(self) -> str:
         where = f"{self.source}: " if self.source else ""
         there = f"there are: {', '.join(self.known)}" if self.known else "there are none"
+        name = shortened(repr(self.name))
         if self.problem:
-            return f"{where}{self.kind} {self.name!r} does not load ({self.problem}); {there}"
+            return f"{where}{self.kind} {name} does not load ({self.problem}); {there}"
         hint = nearest(self.name, self.known)
-        return f"{where}no {self.kind} is called {self.name!r}{hint}; {there}"
+        return f"{where}no {self.kind} is called {name}{hint}; {there}"
 
     def at(self, source: str | Path) -> "UnknownNameError":
         """Return the same error with the file that holds the name."""
@@ -116,13 +117,16 @@ class CannotWriteError(VinefabError, OSError):
 class WorkersLostError(VinefabError, ConnectionError):
     """All workers are lost; finished work is kept."""
 
-    def __init__(self, where: str, problem: str) -> None:
+    def __init__(
+        self, where: str, problem: str, advice: str = "--resume continues the recorded run"
+    ) -> None:
         self.where = where
         self.problem = problem
-        super().__init__(where, problem)
+        self.advice = advice
+        super().__init__(where, problem, advice)
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.problem}; --resume continues the recorded run"
+        return f"{self.where}: {self.problem}; {self.advice}"
 
 
 class InterruptedRunError(VinefabError, InterruptedError):
@@ -215,6 +219,15 @@ class _Beginning(Repr):
 _MOST_PRINTED = 10**60
 _DIGITS_PER_BIT = 0.30103
 _BEGINNING = _Beginning()
+
+
+MOST_LETTERS = 1_000
+"""Of the words of other programs in one line."""
+
+
+def shortened(text: str, most: int = 200) -> str:
+    """Return a text that goes into one line, its middle left out if it is long."""
+    return text if len(text) <= most else f"{text[: most // 2]} ... {text[-most // 2 :]}"
 
 
 def _brief(value: object) -> str:

@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-from vinefab.core.jsontext import GENERATOR
+from vinefab.core.jsontext import GENERATOR, OWN_MARK
 
 
 def sha256_of(data: bytes) -> str:
@@ -35,12 +35,26 @@ def fingerprint(*parts: object) -> str:
 
 MANIFEST_NAME = "MANIFEST.sha256"
 _HASH_AND_GAP = 66
+_OF_LINES = "# sha256 of the lines below: "
 
 
 def manifest_text(digests: Mapping[str, str]) -> str:
     """Return a manifest from SHA-256 digests by file name; names keep their order."""
-    lines = [f"# {GENERATOR}", *(f"{digest}  {name}" for name, digest in digests.items())]
-    return "\n".join(lines) + "\n"
+    lines = "".join(f"{digest}  {name}\n" for name, digest in digests.items())
+    return f"# {GENERATOR}\n{_OF_LINES}{sha256_of(lines.encode())}\n{lines}"
+
+
+def is_manifest_as_written(text: str) -> bool:
+    """Tell whether vinefab wrote a manifest and nobody changed it since.
+
+    Of a manifest without a digest of its own lines, as earlier versions wrote it, only the first
+    is known.
+    """
+    mark, _, rest = text.partition("\n")
+    own, _, lines = rest.partition("\n")
+    if OWN_MARK.decode() not in mark:
+        return False
+    return not own.startswith(_OF_LINES) or own == _OF_LINES + sha256_of(lines.encode())
 
 
 def listed_in(text: str) -> list[tuple[str, str]]:

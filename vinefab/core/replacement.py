@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 
 from vinefab.core.errors import CannotWriteError, ForeignFileError
-from vinefab.core.hashing import MANIFEST_NAME, listed_in, sha256_of_file
+from vinefab.core.hashing import MANIFEST_NAME, is_manifest_as_written, listed_in, sha256_of_file
 from vinefab.core.jsontext import GENERATOR, OWN_MARK
 
 INCOMPLETE_NAME = "INCOMPLETE.txt"
@@ -46,6 +46,11 @@ def staging_folder(folder: Path) -> Path:
 def is_incomplete(folder: Path) -> bool:
     """Tell whether a run was killed while it replaced the files of a folder."""
     return (folder / INCOMPLETE_NAME).is_file()
+
+
+def moved_aside(folder: Path) -> list[Path]:
+    """Return hidden folders beside one in which earlier versions left old files when killed."""
+    return sorted(path for path in folder.parent.glob(f".{folder.name}.old.*") if path.is_dir())
 
 
 def replace_files(folder: Path, staging: Path, *, force: bool) -> None:
@@ -105,15 +110,21 @@ def _owned(folder: Path) -> Owned:
 def _is_as_written(folder: Path, name: str, owned: Owned) -> bool:
     """Tell whether a file is there and is what vinefab wrote."""
     path = folder / name
-    plain = path.is_file() and not path.is_symlink()
-    return plain and (name == MANIFEST_NAME or sha256_of_file(path) in owned.get(name, ()))
+    if path.is_symlink() or not path.is_file():
+        return False
+    if sha256_of_file(path) in owned.get(name, ()):
+        return True
+    return name == MANIFEST_NAME and is_manifest_as_written(
+        path.read_text(encoding="utf-8", errors="replace")
+    )
 
 
 def _refuse_conflicts(
     folder: Path, names: list[str], stale: list[str], owned: Owned, *, force: bool
 ) -> None:
     gone = {folder / name for name in stale}
-    for name in names:
+    # The manifest first: without it no other file is known.
+    for name in sorted(names, key=lambda name: name != MANIFEST_NAME):
         path = folder / name
         for above in path.relative_to(folder).parents:
             place = folder / above
@@ -129,7 +140,7 @@ def _refuse_conflicts(
         ):
             problem = (
                 "was changed since vinefab wrote it"
-                if name in owned
+                if name in owned or name == MANIFEST_NAME
                 else "was not written by vinefab"
             )
             raise ForeignFileError(path, problem)

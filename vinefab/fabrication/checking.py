@@ -9,16 +9,20 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.core.errors import ReadBackError
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.rules.annotation import annotated_job
+from vinefab.fabrication.rules.catalog import FLAT_RULES, RULES
 from vinefab.fabrication.rules.rule import LimitChanges
-from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Corridor, MapCorridors, RigFacts, Subject
 from vinefab.maps.passages import narrow_passages
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
-from vinefab.model.finding import CheckReport, Finding, Severity
+from vinefab.model.finding import CheckReport, Finding, RuleSkipped, Severity
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
+
+MANY_BRANCHES = 1500
+"""The paths of larger designs take long: they are made only where nothing else forbids cutting."""
 
 MOST_CORRIDORS = 50
 """Most corridors of a map that are checked, narrowest first."""
@@ -43,12 +47,6 @@ def corridors_in(name: str, free: BaseGeometry, scale: float = 1.0) -> MapCorrid
         ),
     )
 
-
-_PEN_SHARE = 1.0 / 800.0
-"""Stroke width of pictures for people, in sheet sizes: about a pixel where one fills a screen."""
-
-_THICKEST_PEN_MM = 1.25
-"""Thicker strokes would fill the letters of such a picture."""
 
 _SIGNS = {Severity.ERROR: "ERROR", Severity.WARNING: "warn ", Severity.INFO: "info "}
 
@@ -78,11 +76,38 @@ def check_design(
         A test rig, for the rules about its parts.
     """
     corridors = tuple(map_corridors(world) for world in maps)
+    if design.branch_count > MANY_BRANCHES:
+        flat = replace(subject_of(design, None, deployed), profile=profile)
+        return _check_in_steps(replace(flat, corridors=corridors, rig=rig), profile, limits)
     subject = replace(subject_of(design, profile, deployed), corridors=corridors, rig=rig)
     return run_checks(subject, limits)
 
 
-def subject_of(design: Design, profile: LaserProfile, deployed: Deployed = ()) -> Subject:
+def _check_in_steps(
+    flat: Subject, profile: LaserProfile, limits: LimitChanges | None
+) -> CheckReport:
+    """Return the report of a large design, whose paths are made only if nothing else blocks it.
+
+    Parameters
+    ----------
+    flat
+        The design without the paths of the laser.
+    """
+    report = run_checks(flat, limits, only=FLAT_RULES)
+    others = [rule for rule in (*RULES, *RULES.broken) if rule not in FLAT_RULES]
+    if not report.blocking:
+        subject = replace(flat, job=laser_job(flat.design, profile))
+        return merged_reports(report, run_checks(subject, limits, only=others))
+    reason = (
+        f"not looked at: the paths of {flat.design.branch_count} branches take long, and "
+        "what was found forbids cutting them"
+    )
+    skipped = (*report.skipped, *(RuleSkipped(rule=rule, reason=reason) for rule in others))
+    # A waiver may be of a finding that was not looked for.
+    return replace(report, skipped=skipped, stale_waivers=())
+
+
+def subject_of(design: Design, profile: LaserProfile | None, deployed: Deployed = ()) -> Subject:
     """Return what the rules check, deployments with the names of their maps included."""
     map_names, deployments = tuple(name for name, _ in deployed), tuple(d for _, d in deployed)
     return Subject.of(design, profile, deployments=deployments, map_names=map_names)
@@ -93,26 +118,31 @@ def findings_drawing(design: Design, profile: LaserProfile, report: CheckReport)
     return annotated_job(laser_job(design, profile), report.findings)
 
 
-def drawing_text(drawing: Job, path: Path) -> str:
-    """Return a drawing as the text of an SVG or a DXF, by the end of a path's name."""
-    # ezdxf takes long to load, which a check without a picture has no use for.
+def findings_file(design: Design, profile: LaserProfile, report: CheckReport, path: Path) -> bytes:
+    """Return the findings in place, as the DXF, SVG or PNG that a path's name asks for."""
+    if path.suffix.lower() == ".dxf":
+        return _drawing_dxf(findings_drawing(design, profile, report), path).encode()
+    # Plotting takes long to load, which a check without a picture has no use for.
+    from vinefab.fabrication.findings_picture import findings_picture  # noqa: PLC0415
+    from vinefab.pages.figure import png_bytes, svg_bytes  # noqa: PLC0415
+
+    picture = findings_picture(design, profile, report)
+    return svg_bytes(picture) if path.suffix.lower() == ".svg" else png_bytes(picture)
+
+
+def _drawing_dxf(drawing: Job, path: Path) -> str:
+    """Return a drawing as the text of a DXF, read back and compared."""
+    # ezdxf takes long to load too.
     from vinefab.fabrication.formats.dxf_format import DXF  # noqa: PLC0415
     from vinefab.fabrication.formats.laser_drawing import LaserFileSpec  # noqa: PLC0415
     from vinefab.fabrication.formats.readback import file_problems  # noqa: PLC0415
-    from vinefab.fabrication.formats.svg_format import SVG  # noqa: PLC0415
 
-    laser_format = SVG if path.suffix.lower() == ".svg" else DXF
-    spec = LaserFileSpec(job=drawing, hairline_mm=_pen_mm(drawing))
-    text = laser_format.write(spec)
-    problems = file_problems(laser_format, text.encode(), spec)
+    spec = LaserFileSpec(job=drawing)
+    text = DXF.write(spec)
+    problems = file_problems(DXF, text.encode(), spec)
     if problems:
         raise ReadBackError(path, problems[0])
     return text
-
-
-def _pen_mm(drawing: Job) -> float:
-    pen = max(drawing.sheet_width_mm, drawing.sheet_height_mm) * _PEN_SHARE
-    return min(pen, _THICKEST_PEN_MM)
 
 
 def deployed_lines(deployed: Deployed) -> list[str]:

@@ -5,7 +5,7 @@ import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, overload
 
 import numpy as np
 
@@ -226,6 +226,37 @@ class Block:
         )
 
 
+def _deployments_of(block: Block) -> list[Deployment]:
+    return [block.deployment(index) for index in range(len(block))]
+
+
+class Regrown(Sequence[Deployment]):
+    """The growths of a batch, none of which is kept: growing takes microseconds."""
+
+    def __init__(self, batch: "Batch") -> None:
+        self._batch = batch
+
+    def __len__(self) -> int:
+        return len(self._batch)
+
+    @overload
+    def __getitem__(self, index: int) -> Deployment: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> "list[Deployment]": ...
+
+    def __getitem__(self, index: int | slice) -> Deployment | list[Deployment]:
+        """Return one growth, or some."""
+        if isinstance(index, slice):
+            return [self[one] for one in range(*index.indices(len(self)))]
+        (one,) = self._batch.worked(range(len(self))[index], 1, _deployments_of)
+        return one
+
+    def __iter__(self) -> Iterator[Deployment]:
+        for block in self._batch.each(_deployments_of):
+            yield from block
+
+
 class Batch:
     """Every design from every launch: growth number ``launch * designs + design``.
 
@@ -295,8 +326,12 @@ class Batch:
 
     def deployments(self, over: BlockMapper = map) -> list[Deployment]:
         """Return every growth as `vinefab.growth.simulator.grow` does."""
-        blocks = self.each(lambda b: [b.deployment(k) for k in range(len(b))], over)
+        blocks = self.each(_deployments_of, over)
         return [deployment for block in blocks for deployment in block]
+
+    def regrown(self) -> "Regrown":
+        """Return every growth, grown again whenever it is asked for: for more than memory holds."""
+        return Regrown(self)
 
     def _block(self, first: int, size: int, scratch: Workspace) -> Block:
         """Grow the growths ``first .. first + size - 1``, as far as they exist."""

@@ -100,6 +100,14 @@ class Segment:
             return self.chord_mm**2 * turn / 12.0 * (1.0 + turn**2 / 30.0)
         return self.chord_mm**2 * (turn - math.sin(turn)) / (8.0 * math.sin(turn / 2.0) ** 2)
 
+    @property
+    def box_mm(self) -> tuple[float, float, float, float]:
+        """Bounding box: least x, least y, greatest x, greatest y; exact for arcs."""
+        ends = [self.start_mm, self.end_mm]
+        points = [*ends, *_extremes_mm(self)] if self.bulge else ends
+        x, y = zip(*points, strict=True)
+        return min(x), min(y), max(x), max(y)
+
     def direction_rad(self, *, at_end: bool = False) -> float:
         """Return the direction of travel at the start or the end, -pi to pi."""
         (x0, y0), (x1, y1) = self.start_mm, self.end_mm
@@ -202,12 +210,20 @@ class Contour:
     @property
     def segments(self) -> Iterator[Segment]:
         """The lines and arcs in order."""
-        points = [(float(x), float(y)) for x, y in self.points_mm]
+        points = _pairs(self.points_mm)
         ends = points[1:] + points[:1]
         for start, end, bulge, part, branch in zip(
             points, ends, self.bulges.tolist(), self.parts, self.branches, strict=False
         ):
             yield Segment(start_mm=start, end_mm=end, bulge=bulge, part=part, branch=branch)
+
+    def _arcs(self) -> Iterator[tuple[int, Segment]]:
+        """Yield the arcs in order, each with its place among the segments."""
+        bulges, places = self.bulges.tolist(), np.flatnonzero(self.bulges)
+        following = (places + 1) % len(self.points_mm)
+        ends = zip(_pairs(self.points_mm[places]), _pairs(self.points_mm[following]), strict=True)
+        for place, (start, end) in zip(places.tolist(), ends, strict=True):
+            yield place, Segment(start_mm=start, end_mm=end, bulge=bulges[place])
 
     @property
     def length_mm(self) -> float:
@@ -237,18 +253,19 @@ class Contour:
         tolerance_mm
             Largest distance between an arc and its chords.
         """
-        runs = [segment.flattened_mm(tolerance_mm)[:-1] for segment in self.segments]
-        if not self.closed:
-            runs.append(self.points_mm[-1:])
-        return np.concatenate(runs)
+        runs, done = [], 0
+        for place, arc in self._arcs():
+            runs += [self.points_mm[done:place], arc.flattened_mm(tolerance_mm)[:-1]]
+            done = place + 1
+        # The lines after the last arc; the points of an open contour include its end.
+        return np.concatenate([*runs, self.points_mm[done:]])
 
     @property
     def box_mm(self) -> tuple[float, float, float, float]:
         """Bounding box: least x, least y, greatest x, greatest y; exact for arcs."""
-        points = [self.points_mm]
-        points.extend(_extremes_mm(segment) for segment in self.segments if segment.bulge)
-        stacked = np.concatenate(points)
-        (x0, y0), (x1, y1) = stacked.min(axis=0), stacked.max(axis=0)
+        extremes = [point for _, arc in self._arcs() for point in _extremes_mm(arc)]
+        points = np.concatenate([self.points_mm, np.array(extremes).reshape(-1, 2)])
+        (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
         return float(x0), float(y0), float(x1), float(y1)
 
     def moved(self, angle_rad: float, dx_mm: float, dy_mm: float) -> "Contour":
@@ -269,15 +286,18 @@ class Contour:
         return drawn
 
 
-def _extremes_mm(arc: Segment) -> Floats:
-    """Return the points where an arc is farthest along an axis, shape (k, 2), k at most 4."""
-    x, y = arc.center_mm
-    turn = arc.turn_rad
+def _pairs(points_mm: Floats) -> list[tuple[float, float]]:
+    return [(x, y) for x, y in points_mm.tolist()]
+
+
+def _extremes_mm(arc: Segment) -> list[tuple[float, float]]:
+    """Return the points where an arc is farthest along an axis, at most 4."""
+    (x, y), turn, radius = arc.center_mm, arc.turn_rad, arc.radius_mm
     first = math.atan2(arc.start_mm[1] - y, arc.start_mm[0] - x)
     found = []
     for quarter in range(4):
         angle = quarter * math.pi / 2
         travelled = (angle - first) % math.tau if turn > 0 else (first - angle) % math.tau
         if travelled < abs(turn):
-            found.append((x + arc.radius_mm * math.cos(angle), y + arc.radius_mm * math.sin(angle)))
-    return np.array(found).reshape(-1, 2)
+            found.append((x + radius * math.cos(angle), y + radius * math.sin(angle)))
+    return found

@@ -5,12 +5,14 @@ import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, cast
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
+from vinefab.core.errors import shortened
 from vinefab.core.jsontext import GENERATOR
 
 INK = "#1d2a30"
@@ -45,12 +47,24 @@ _STYLE: dict[Any, Any] = {
 }
 
 
+MOST_LETTERS, MOST_LINES = 120, 8  # of one text in a figure; longer ones leave no room for it
+
+
+def _shorten_texts(figure: Figure) -> None:
+    """Leave out the middle of the long texts of a figure: names may have any length."""
+    for text in cast("list[Text]", figure.findobj(Text)):
+        lines = text.get_text().split("\n")[:MOST_LINES]
+        text.set_text("\n".join(shortened(line, MOST_LETTERS) for line in lines))
+
+
 @contextmanager
 def house_style() -> Iterator[None]:
     """Draw and save in the house's style, without changing global settings."""
     with mpl.rc_context(_STYLE), warnings.catch_warnings():
         # A name with a letter that no font has is drawn with boxes; that is no news to a user.
         warnings.filterwarnings("ignore", message=r"Glyph \d+")
+        # Nor that texts of the most letters leave a small figure no room to arrange itself.
+        warnings.filterwarnings("ignore", message="constrained_layout not applied")
         yield
 
 
@@ -80,11 +94,17 @@ def plan_axes(
 def svg_bytes(figure: Figure) -> bytes:
     """Return a figure as SVG; the same figure gives the same bytes."""
     stream = io.BytesIO()
+    _shorten_texts(figure)
     with house_style():
         figure.savefig(
             stream, format="svg", bbox_inches="tight", metadata={"Date": None, "Creator": GENERATOR}
         )
-    return re.sub(rb' d="[^"]*"', _shortened, stream.getvalue())
+    # matplotlib repeats every text in a comment, with characters that XML forbids.
+    valid = _NOT_XML.sub(b"?", stream.getvalue())
+    return re.sub(rb' d="[^"]*"', _shortened, valid)
+
+
+_NOT_XML = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f]|\xef\xbf[\xbe\xbf]")
 
 
 def _shortened(path: re.Match[bytes]) -> bytes:
@@ -95,6 +115,7 @@ def _shortened(path: re.Match[bytes]) -> bytes:
 def pdf_bytes(figure: Figure) -> bytes:
     """Return a figure as a page of PDF; the same figure gives the same bytes."""
     stream = io.BytesIO()
+    _shorten_texts(figure)
     with house_style():
         figure.savefig(
             stream,
@@ -108,6 +129,7 @@ def pdf_bytes(figure: Figure) -> bytes:
 def png_bytes(figure: Figure, dpi: int = 150) -> bytes:
     """Return a figure as PNG."""
     stream = io.BytesIO()
+    _shorten_texts(figure)
     with house_style():
         figure.savefig(
             stream, format="png", dpi=dpi, bbox_inches="tight", metadata={"Software": GENERATOR}

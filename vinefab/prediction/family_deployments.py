@@ -123,7 +123,7 @@ class FamilyDeployments:
     """A design's deployments on one family of maps."""
 
     prepared: PreparedFamily
-    deployments: tuple[Deployment, ...]  # map by map, pose by pose
+    deployments: Sequence[Deployment]  # map by map, pose by pose; grown again when asked for
     outcomes: MeasureTable  # one row of measures for each
 
     def prepared_map(self, index: int) -> PreparedMap:
@@ -147,12 +147,12 @@ def deploy_family(
         unpressed = _grown(design, launches, replace(plan.options, pressure_stop=False))
     columns = np.empty((len(deployments), len(MEASURES)))
     terrain = launches.terrain.tolist()
-    for index, deployment in enumerate(deployments):
+    for index, (deployment, unstopped) in enumerate(zip(deployments, unpressed, strict=True)):
         columns[index] = measure_deployment(
             deployment,
             design,
             prepared.maps[terrain[index]].context,
-            unpressed[index],
+            unstopped,
             plan.anchoring,
         )
         progress((index + 1) / len(deployments), f"{index + 1} of {len(deployments)} deployments")
@@ -166,8 +166,8 @@ def deploy_family(
     return FamilyDeployments(prepared=prepared, deployments=deployments, outcomes=outcomes)
 
 
-def _grown(design: Design, launches: Launches, options: GrowthOptions) -> tuple[Deployment, ...]:
-    return tuple(Batch(Plans.of([design], options), launches, options).deployments())
+def _grown(design: Design, launches: Launches, options: GrowthOptions) -> Sequence[Deployment]:
+    return Batch(Plans.of([design], options), launches, options).regrown()
 
 
 def typical(outcomes: MeasureTable, key: str, shares: Sequence[float]) -> list[int]:

@@ -1,7 +1,8 @@
 """Predictions for a design over maps and unseen environments, and its report."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -14,9 +15,10 @@ from vinefab.fabrication.package.prepare import (
     prepare,
     recipe_cautions,
 )
+from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Severity
-from vinefab.model.laser import LaserProfile, Standing
+from vinefab.model.laser import LaserProfile, RecipeStatus, Standing
 from vinefab.pages.html import Headline, Report, Section, Tone, page_html
 from vinefab.prediction.anchoring_prediction import (
     AnchoringPrediction,
@@ -137,7 +139,9 @@ class Predicted:
         self, origin: Origin, more: Sequence[Section] = (), progress: ProgressCallback = no_progress
     ) -> Report:
         """Return the whole report."""
-        words, tone = verdict_on(self.prepared.report, self.window)
+        words, tone = verdict_on(
+            self.prepared.report, self.window, self.prepared.profile.recipe.status
+        )
         return Report(
             title=f"{self.prepared.design.name}: predictions and fabrication",
             verdict=words,
@@ -222,8 +226,7 @@ def predict(
     progress(0.92, "where it goes on one map")
     heat = heat_map_of(design, prepared_families[0].maps[0], plan)
     progress(0.94, "design rules")
-    deployments = [deployment for result in results for deployment in result.deployments]
-    prepared = prepare(design, profile, deployments)
+    prepared = prepare(design, profile, _AllDeployments(results))
     mass_g = _mass_g(prepared)
     return Predicted(
         prepared=prepared,
@@ -239,6 +242,22 @@ def predict(
         effects=effects,
         tolerance=scatter,
     )
+
+
+class _AllDeployments(Collection[Deployment]):
+    """The deployments of all families, none of which is kept."""
+
+    def __init__(self, results: Sequence[FamilyDeployments]) -> None:
+        self._parts = [result.deployments for result in results]
+
+    def __len__(self) -> int:
+        return sum(len(part) for part in self._parts)
+
+    def __iter__(self) -> Iterator[Deployment]:
+        return chain.from_iterable(self._parts)
+
+    def __contains__(self, deployment: object) -> bool:
+        return any(deployment is one for one in self)
 
 
 def part_of(progress: ProgressCallback, start: float, end: float) -> ProgressCallback:
@@ -259,9 +278,14 @@ FEW_MAPS = 10
 """With fewer maps, bootstrap intervals are too narrow to be trusted."""
 
 
-def verdict_on(report: CheckReport, window: PressureWindow | None) -> tuple[str, Tone]:
+def verdict_on(
+    report: CheckReport, window: PressureWindow | None, status: RecipeStatus
+) -> tuple[str, Tone]:
     """Return in one sentence whether a robot is manufacturable and deployable, and the tone."""
-    name = report.design
+    verified = status is not RecipeStatus.UNVERIFIED
+    name, made = report.design, "is manufacturable"
+    if not verified:
+        made += " by the rules (laser recipe unverified)"
     if report.blocking:
         broken = ", ".join(sorted({finding.rule for finding in report.blocking}))
         return (
@@ -269,10 +293,10 @@ def verdict_on(report: CheckReport, window: PressureWindow | None) -> tuple[str,
             "bad",
         )
     if window is None:
-        return f"{name} is manufacturable, but has no room to emerge from any of the poses.", "bad"
+        return f"{name} {made}, but has no room to emerge from any of the poses.", "bad"
     if not window.is_open:
         return (
-            f"{name} is manufacturable, but hardly deployable: growth to the worst tip needs "
+            f"{name} {made}, but hardly deployable: growth to the worst tip needs "
             f"{window.needed_kpa:.1f} kPa even with film stored loosely, and its widest part is "
             f"limited to {window.allowed_kpa:.1f} kPa.",
             "bad",
@@ -280,12 +304,12 @@ def verdict_on(report: CheckReport, window: PressureWindow | None) -> tuple[str,
     room = f"{window.needed_kpa:.1f} to {window.allowed_kpa:.1f} kPa"
     if not window.holds_working:
         return (
-            f"{name} is manufacturable, and deployable at {room}; its working pressure of "
+            f"{name} {made}, and deployable at {room}; its working pressure of "
             f"{window.working_kpa:g} kPa is outside this window.",
             "caution",
         )
-    tone: Tone = "good" if window.is_open_tight else "caution"
-    return f"{name} is manufacturable, and deployable at {room} with film stored loosely.", tone
+    tone: Tone = "good" if window.is_open_tight and verified else "caution"
+    return f"{name} {made}, and deployable at {room} with film stored loosely.", tone
 
 
 def cautions(

@@ -8,6 +8,7 @@ from dataclasses import asdict
 
 from vinefab.core.jsontext import json_text
 from vinefab.core.units import deg
+from vinefab.pages.html import Tone
 from vinefab.prediction.anchoring_prediction import AnchoringPrediction, HeldForces
 from vinefab.prediction.heat_map import HeatMap
 from vinefab.prediction.measures import MEASURES, MeasureTable, spreads_content
@@ -22,7 +23,7 @@ SCHEMA = "vinefab/prediction-1"
 
 def prediction_text(found: Predicted, origin: Origin) -> str:
     """Return all predictions as JSON."""
-    verdict, tone = verdict_on(found.prepared.report, found.window)
+    verdict, tone = _verdict(found)
     return json_text(
         SCHEMA,
         {
@@ -45,9 +46,14 @@ def prediction_text(found: Predicted, origin: Origin) -> str:
 
 def summary_lines(found: Predicted) -> list[str]:
     """Return the verdict and the numbers to take away as lines for the user."""
-    verdict, _ = verdict_on(found.prepared.report, found.window)
+    verdict, _ = _verdict(found)
     shown = headlines(found.main.outcomes, found.window, found.anchoring, found.contacts)
     return [verdict, *(f"  {line.name}: {line.value} ({line.detail})" for line in shown)]
+
+
+def _verdict(found: Predicted) -> tuple[str, Tone]:
+    prepared = found.prepared
+    return verdict_on(prepared.report, found.window, prepared.profile.recipe.status)
 
 
 def _field(outcomes: MeasureTable) -> dict[str, object]:

@@ -13,6 +13,9 @@ from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import Form, read_toml, validated
 from vinefab.model.map import Map
 
+MOST_PARTS = 2000
+"""Most parts that may be asked for: every one is a solid, a file and a place on a bed."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Printer:
@@ -179,7 +182,7 @@ class RigOptions:
             raise BadInputError("rig.mark_depth_mm", self.mark_depth_mm, allowed)
         number("rig.bed_margin_mm", self.bed_margin_mm, 0.0, 1000.0, "mm")
         number("rig.sliver_mm", self.sliver_mm, 0.0, 1.0, "mm")
-        whole("rig.most_parts", self.most_parts, 1, 100_000)
+        whole("rig.most_parts", self.most_parts, 1, MOST_PARTS)
 
     def gap_mm(self, printer: Printer) -> float:
         """Return the gap around what is pushed into each other."""

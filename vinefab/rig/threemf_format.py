@@ -8,12 +8,13 @@ import io
 import zipfile
 from collections.abc import Iterator, Sequence
 from xml.etree import ElementTree as Tree
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
 from vinefab.core.errors import UnreadableFileError
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import one_line
 from vinefab.rig.part import Mesh, PartFormat, PartItem, ReadPart, RigPart
 
 MODEL = "3D/3dmodel.model"
@@ -129,7 +130,7 @@ def _short(value: float) -> str:
 
 
 def _escaped(text: str) -> str:
-    return quoteattr(text)[1:-1]
+    return escape(one_line(text))
 
 
 THREEMF = PartFormat(suffix=".3mf", write=threemf_bytes, read=read_threemf, per_bed=True)

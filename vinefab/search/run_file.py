@@ -205,10 +205,16 @@ def _build(form: RunBuildForm) -> BuildSettings:
     return BuildSettings(**form.model_dump(exclude={"pouch"}), pouch=pouch)
 
 
+MOST_LETTERS = 90
+"""Of a run's name: the best designs are called after it, some with a number behind."""
+
+
 def _name(form: RunForm, path: Path) -> str:
     name = path.stem if form.name is None else form.name
     if not name or name.startswith(".") or not all(c.isalnum() or c in "_-." for c in name):
         raise BadInputError("name", name, "letters, digits, '_', '-' and '.'")
+    if len(name) > MOST_LETTERS:
+        raise BadInputError("name", name, f"at most {MOST_LETTERS} characters")
     return name
 
 

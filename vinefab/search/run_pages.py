@@ -49,7 +49,9 @@ def list_runs(folder: Path) -> RunListing:
     for path in paths:
         try:
             with damage_errors(path):
-                rows.append(plain_summary(RunArchive.read(path)))
+                row = plain_summary(RunArchive.read(path))
+                json_text("vinefab/runs-1", row)  # raises ValueError if a number is not finite
+            rows.append(row)
         except UnreadableFileError as error:
             broken.append(str(error))
     return RunListing(rows=tuple(rows), broken=tuple(broken))

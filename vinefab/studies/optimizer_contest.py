@@ -4,10 +4,8 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +23,7 @@ from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.pages.charts import panels_of_strips
 from vinefab.pages.figure import svg_bytes
 from vinefab.search.loop import Search
+from vinefab.search.parallel.worker_processes import WorkerProcesses
 from vinefab.search.record.result import RunIdentity, package_versions
 from vinefab.search.run import environment_options, generated_maps, penalty_of
 from vinefab.search.settings import PartSettings, RunSettings, plain_settings
@@ -226,7 +225,7 @@ def _run_all(contest_runs: Sequence[ContestRun], jobs: int) -> Iterator[ContestR
     if jobs == 1 or len(contest_runs) < 2:
         yield from map(run_contest, contest_runs)
         return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with WorkerProcesses(jobs) as pool:
         yield from pool.map(run_contest, contest_runs)
 
 

@@ -7,10 +7,8 @@ order, and once for several experiments.
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Protocol, Self
 
@@ -25,6 +23,7 @@ from vinefab.core.version import __version__
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.search.loop import Search
+from vinefab.search.parallel.worker_processes import WorkerProcesses
 from vinefab.search.record.result import RunIdentity
 from vinefab.search.run import generated_maps, penalty_of
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
@@ -269,15 +268,15 @@ class JobStore:
         self.workers = workers
         self.tell = tell
         self.spent_s = 0.0
-        self._pool: ProcessPoolExecutor | None = None
+        self._pool: WorkerProcesses | None = None
         _begin(folder, size)
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *failure: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *failure: object) -> None:
         if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+            self._pool.__exit__(kind, *failure)
             self._pool = None
 
     def finished(self) -> list[str]:
@@ -326,7 +325,7 @@ class JobStore:
             first = keys.pop(0)
             yield first, run_job(todo[first])
             # One pool for all: a process takes seconds to start.
-            self._pool = ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"))
+            self._pool = WorkerProcesses(self.workers)
         found = self._pool.map(run_job, [todo[key] for key in keys])
         yield from zip(keys, found, strict=True)
 

@@ -8,8 +8,9 @@ import pytest
 import shapely
 
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.job.marks import text_strokes_mm, text_width_mm
+from vinefab.fabrication.job.marks import region, text_strokes_mm, text_width_mm
 from vinefab.fabrication.job.placement import SheetOptions
+from vinefab.model.job import Operation
 
 
 def test_every_letter_and_digit_has_strokes_of_its_own_inside_its_cell():
@@ -80,7 +81,7 @@ def test_robots_of_a_full_bed_are_named_by_their_numbers(make_plan, marking):
     assert job.facts["robots_placed"] == 2
     left_out = job.facts["marks_left_out"]
     assert [words for words in left_out if "label" in words] == [
-        f"no room for the label of plan, part {number} of 2" for number in (1, 2)
+        f"room only for the number in the label of plan, part {number} of 2" for number in (1, 2)
     ]
 
 
@@ -98,3 +99,67 @@ def test_a_letter_with_a_two_letter_capital_keeps_its_width(make_plan, marking):
     assert all(shapely.LineString(s.points_mm).distance(body) >= 3.0 for s in strokes)
     usable = shapely.box(10.0, 10.0, 590.0, 390.0)
     assert all(usable.covers(shapely.LineString(s.points_mm)) for s in strokes)
+
+
+NESTED = {
+    "many plain": ((40.0,), (), 100.0, 60.0, 6),
+    "few plain": ((40.0,), (), 100.0, 60.0, 3),
+    "narrow": ((16.0,), (), 140.0, 40.0, 8),
+    "trees": ((40.0, 24.0), ((3, 90.0, 1.6),), 100.0, 60.0, 3),
+    "thin trees": ((24.0, 14.0, 9.0), ((2, 80.0, 1.4), (2, 60.0, 1.2)), 80.0, 50.0, 3),
+}
+
+
+def nested(make_plan, make_fan, marking, case):
+    widths, fans, trunk, tail, copies = NESTED[case]
+    levels = tuple(make_fan(count, length, np.degrees(angle)) for count, length, angle in fans)
+    design = make_plan(widths, levels=levels, trunk=trunk, tail=tail)
+    return laser_job(design, bed_of(marking, 600.0, 300.0), SheetOptions(copies=copies))
+
+
+def bodies_of(job):
+    """The area of each robot, by its number."""
+    found = {}
+    for path in job.along(Operation.WELDCUT):
+        found[int(path.label.split("part ")[1].split()[0])] = region(path.contour)
+    return found
+
+
+def labels_of(job, word):
+    """The lines of each label or leader, by the number of its robot."""
+    found = {}
+    for path in job.along(Operation.MARK):
+        if path.label.startswith(word):
+            number = int(path.label.split("part ")[1].split()[0])
+            found.setdefault(number, []).append(path.contour.points_mm)
+    return found
+
+
+def nearest(shape, bodies):
+    return min(bodies, key=lambda number: shape.distance(bodies[number]))
+
+
+@pytest.mark.parametrize("case", NESTED)
+def test_labels_of_nested_robots_lie_beside_their_own(make_plan, make_fan, marking, case):
+    job = nested(make_plan, make_fan, marking, case)
+    bodies, labels, leaders = bodies_of(job), labels_of(job, "label"), labels_of(job, "leader")
+    assert len(bodies) > 1
+    boxes = {
+        number: shapely.box(*shapely.MultiLineString(lines).bounds)
+        for number, lines in labels.items()
+    }
+    for number, box in boxes.items():
+        if number in leaders:
+            (line,) = leaders[number]
+            assert box.distance(shapely.Point(line[0])) < 1.0
+            assert nearest(shapely.Point(line[-1]), bodies) == number
+            assert all(shapely.LineString(line).distance(b) > 3.0 for b in bodies.values())
+        else:
+            assert nearest(box, bodies) == number
+            assert box.distance(bodies[number]) <= 41.0
+        assert not any(box.intersects(body) for body in bodies.values())
+    tree = shapely.STRtree(list(boxes.values()))
+    assert len(tree.query(list(boxes.values()), "intersects")[0]) == len(boxes)
+    said = " ".join(job.facts.get("marks_left_out", ()))
+    for number in bodies.keys() - labels.keys():
+        assert f"no room for the label of {job.name}, part {number} of" in said

@@ -10,6 +10,7 @@ from shapely import LineString, Point, Polygon
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.passes import weldcut_offset_mm
 from vinefab.fabrication.job.placement import SheetOptions
+from vinefab.fabrication.job.tile_jobs import VERIFICATION, VERIFY
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.model.job import Operation
 from vinefab.model.outline import Part
@@ -114,6 +115,38 @@ def test_targets_are_shared_far_apart_and_off_the_body(trees, small_bed, name):
             assert min(math.dist(point, other) for other in others) < 1e-6
         assert len(regs) == 4  # two crosses of two lines
     assert tile.facts["tiles"] == len(job.tiles)
+
+
+@pytest.mark.parametrize("name", ["tree", "vine"])
+def test_a_tile_verifies_its_place_before_anything_else(trees, small_bed, name):
+    job = laser_job(trees[name], small_bed)
+    (whole,) = (path.contour for path in job.along(Operation.WELDCUT))
+    body = Polygon(whole.flattened_mm())
+    made = {}
+    for tile in job.tiles:
+        lines = [path for path in tile.paths if path.label == VERIFICATION]
+        ends = [back(tile, path.contour).points_mm for path in lines]
+        window = np.array([tile.facts["window_x_mm"], tile.facts["window_y_mm"]])
+        made[tile.facts["tile"]] = np.array(tile.facts["targets_made_mm"]).reshape(-1, 2) + window
+        if tile.facts["tile"] == 1:
+            assert lines == []
+            continue
+        assert tile.paths[:4] == tuple(lines)
+        assert {(path.operation, path.variant) for path in lines} == {(Operation.MARK, VERIFY)}
+        others = made[tile.facts["aligned_to_tile"]]
+        for one in ends:
+            # Diagonal lines of a target's length, whose middle is that of a cross of the other.
+            assert np.abs(np.diff(one, axis=0)) == pytest.approx(8.0 / math.sqrt(2.0), abs=0.01)
+            assert np.hypot(*(others - one.mean(axis=0)).T).min() < 1e-6
+            assert body.distance(LineString(one)) >= 3.0
+
+
+def test_without_a_mark_nothing_is_marked_to_verify(trees, small_bed):
+    operations = {k: v for k, v in small_bed.recipe.operations.items() if k != Operation.MARK}
+    recipe = dataclasses.replace(small_bed.recipe, operations=operations)
+    job = laser_job(trees["vine"], dataclasses.replace(small_bed, recipe=recipe))
+    assert len(job.tiles) > 1
+    assert not any(path.label == VERIFICATION for tile in job.tiles for path in tile.paths)
 
 
 @pytest.mark.parametrize("name", ["tree", "tapered", "vine"])

@@ -1,3 +1,4 @@
+import csv
 import hashlib
 import io
 import json
@@ -23,11 +24,14 @@ from vinefab.fabrication.package.job_json import fluence_mj_mm2, operation_energ
 from vinefab.fabrication.package.prepare import (
     PackageContent,
     Prepared,
+    package,
     package_files,
     page_content,
+    prepare,
     zip_bytes,
 )
-from vinefab.model.design import Design
+from vinefab.model.design import Build, Design
+from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import (
@@ -232,6 +236,17 @@ def test_the_readme_warns_where_colours_are_not_enough(content: PackageContent) 
     assert "does not write: mark, weld, reg, doc" in text
 
 
+def test_titles_are_text_in_readme_and_bill(content: PackageContent) -> None:
+    profile = content.profile
+    titled = replace(profile, material=replace(profile.material, title="=1+1\x1b[2J\0\n0\nLINE"))
+    files = package_files(replace(content, profile=titled))
+    readme, bill = files["README.txt"].decode(), files["bom.csv"].decode()
+    assert all(letter.isprintable() or letter == "\n" for letter in readme)
+    assert "\n0\n" not in readme
+    cells = [cell for row in csv.reader(io.StringIO(bill)) for cell in row]
+    assert not [cell for cell in cells if cell.startswith(tuple("=+-@\t\r"))]
+
+
 def test_the_readme_warns_of_a_robot_larger_than_the_bed(content: PackageContent) -> None:
     assert "beyond the bed" not in words(content)
     small = Job(name="s", sheet_width_mm=144.9, sheet_height_mm=80, paths=content.job.paths)
@@ -280,10 +295,12 @@ def test_the_page_is_no_good_news_while_no_coupon_confirmed_the_recipe(
     prepared = Prepared(design=design, profile=profile, job=laser_job(design, profile), report=calm)
     page = page_content(prepared)
     assert page.tone == "caution"
+    assert page.verdict.endswith("; laser recipe unverified")
     assert "No coupon has confirmed the laser recipe" in page_html(page)
     tried = replace(profile, recipe=replace(profile.recipe, status=RecipeStatus.COUPON_OK))
     page = page_content(replace(prepared, profile=tried))
     assert (page.tone, page.cautions) == ("good", ())
+    assert "unverified" not in page.verdict
 
 
 def check_in(folder: Path, command: list[str]) -> subprocess.CompletedProcess[str]:
@@ -300,3 +317,15 @@ def check_in(folder: Path, command: list[str]) -> subprocess.CompletedProcess[st
 
 def words(content: PackageContent) -> str:
     return " ".join(package_files(content)["README.txt"].decode().split())
+
+
+def test_the_readme_of_tiles_names_the_layer_that_verifies_their_place() -> None:
+    vine = Design(name="long", trunk_length_mm=1300.0, build=Build.standard(1))
+    prepared = prepare(vine, read_profile("co2_60w__stretchlon_200"))
+    files = package(prepared)
+    words = " ".join(files["README.txt"].decode().split())
+    assert "run the layer VF_10_MARK_verify of a tile first and alone" in words
+    assert "VF_10_MARK_verify, a colour of its own: diagonal crosses of 4 lines" in words
+    for suffix in (".dxf", ".svg", ".lbrn2", "_polyline.dxf"):
+        assert b"VF_10_MARK_verify" in files[f"tile_2_outline{suffix}"]
+        assert b"VF_10_MARK_verify" not in files[f"tile_1_outline{suffix}"]

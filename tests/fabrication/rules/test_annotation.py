@@ -1,23 +1,18 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
-from vinefab.fabrication.checking import drawing_text, findings_drawing
 from vinefab.fabrication.rules.annotation import MOST_MARKED, LayoutPlacement, annotated_job
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
-from vinefab.model.finding import CheckReport
 from vinefab.model.job import Operation
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
-
-CALM = CheckReport(design="any", recipe="any", run=(), skipped=(), findings=())
 
 Make = Callable[..., Design]
 
@@ -32,15 +27,6 @@ def test_markers_lie_where_the_outline_lies(make: Make, profile: LaserProfile) -
     drawn = shapely.LineString(outline.contour.flattened_mm())
     bare = shapely.LineString(placed.on_sheet(subject.outline.contour.flattened_mm()))
     assert shapely.hausdorff_distance(drawn, bare) == pytest.approx(0.55, abs=0.1)
-
-
-@pytest.mark.parametrize(("sheet_mm", "pen"), [(1000.0, "1.25"), (400.0, "0.5"), (5000.0, "1.25")])
-def test_lines_are_thick_enough_for_a_screen(
-    make: Make, profile: LaserProfile, sheet_mm: float, pen: str
-) -> None:
-    drawing = findings_drawing(make((2, 60.0, 60.0), trunk_mm=60.0, tail_mm=60.0), profile, CALM)
-    drawing = replace(drawing, sheet_width_mm=sheet_mm, sheet_height_mm=sheet_mm)
-    assert f'stroke-width="{pen}"' in drawing_text(drawing, Path("findings.svg"))
 
 
 def test_nothing_in_it_is_ever_cut(make: Make, profile: LaserProfile) -> None:

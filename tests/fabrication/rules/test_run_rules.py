@@ -4,6 +4,7 @@ from dataclasses import replace
 import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.fabrication import checking
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Subject
@@ -11,6 +12,7 @@ from vinefab.model.design import Design, Waiver
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.shipped import names
 from vinefab.model.finding import Severity
+from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
 
 Make = Callable[..., Design]
@@ -147,3 +149,32 @@ def test_merged_reports_equal_one_report_of_all_rules(
     assert merged_reports(run_checks(before), run_checks(after, only=("VF-X01",))) == run_checks(
         after
     )
+
+
+FAN = (4, 100.0, 170.0)
+
+
+def without_paths(*_: object) -> Job:
+    raise AssertionError("the paths of a design that is blocked were made")
+
+
+def test_the_paths_of_a_large_design_that_is_blocked_are_not_made_and_no_rule_is_lost(
+    make: Make, profile: LaserProfile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(checking, "MANY_BRANCHES", 3)
+    monkeypatch.setattr(checking, "laser_job", without_paths)
+    report = checking.check_design(make(FAN, (4, 200.0, 170.0)), profile)
+    assert "VF-T03" in {finding.rule for finding in report.blocking}
+    reported = [*(run.rule for run in report.run), *(skipped.rule for skipped in report.skipped)]
+    assert sorted(reported) == sorted(RULES)
+    reasons = {skipped.rule: skipped.reason for skipped in report.skipped}
+    assert {"VF-S01", "VF-L02"} <= {rule for rule, why in reasons.items() if "not looked at" in why}
+    assert "21 branches" in reasons["VF-S01"]
+
+
+def test_a_large_design_that_nothing_blocks_is_checked_in_full(
+    make: Make, profile: LaserProfile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = checking.check_design(make(FAN), profile)
+    monkeypatch.setattr(checking, "MANY_BRANCHES", 3)
+    assert checking.check_design(make(FAN), profile) == whole

@@ -1,3 +1,4 @@
+import io
 import math
 import subprocess
 from itertools import pairwise
@@ -318,6 +319,65 @@ def test_files_that_are_no_dxf(tmp_path, data):
     with pytest.raises((UnreadableFileError, BadInputError)) as caught:
         import_map(path, ImportOptions())
     assert "\n" not in str(caught.value)
+
+
+HUGE = {
+    "bulge": lambda s: s.add_lwpolyline([(9, 9, 1e308), (80, 9, 0), (80, 60, 0)], "xyb"),
+    "angle": lambda s: s.add_arc((90, 90), 40, 0, 1e308),
+    "radius": lambda s: s.add_circle((90, 90), 1e308),
+}
+
+
+@pytest.mark.parametrize("kind", HUGE)
+def test_huge_numbers_are_refused_without_a_warning(drawn, recwarn, kind):
+    with pytest.raises((UnreadableFileError, BadInputError)):
+        drawn(HUGE[kind])
+    assert not recwarn.list
+
+
+def binary(version):
+    """A binary drawing of a square with a circular block in it."""
+    document = ezdxf.new(version)
+    document.header["$INSUNITS"] = 4
+    document.modelspace().add_polyline2d(BOX, close=True)
+    document.blocks.new("B").add_circle((0, 0), 10)
+    document.modelspace().add_blockref("B", (150, 100), dxfattribs={"xscale": 2, "yscale": 2})
+    stream = io.BytesIO()
+    document.write(stream, fmt="bin")
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_binary_drawings(tmp_path, version):
+    path = tmp_path / "binary.dxf"
+    path.write_bytes(binary(version))
+    world = import_map(path, FINE)
+    assert world.bounds.area == 200_000
+    assert world.obstacles[0].area == pytest.approx(400 * math.pi, rel=1e-4)
+
+
+@pytest.mark.parametrize(("version", "lost"), [("R12", 14), ("R2010", 59), ("R2010", 9000)])
+def test_truncated_binary_drawings(tmp_path, version, lost):
+    path = tmp_path / "broken.dxf"
+    path.write_bytes(binary(version)[:-lost])  # within a number, but for the last
+    with pytest.raises(UnreadableFileError, match=r"not a DXF file|damaged"):
+        import_map(path, ImportOptions())
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"0\nLINE\n" * 2_000_001, "about 2000001 values; at most 2000000"),
+        (b"AutoCAD Binary DXF\r\n" + bytes(17_000_000), "at most 2000000"),
+        (bytes(129 << 20), "larger than"),
+    ],
+    ids=["text", "binary", "zeros"],
+)
+def test_files_too_large_for_the_reader_are_refused_unread(tmp_path, data, words):
+    path = tmp_path / "large.dxf"
+    path.write_bytes(data)
+    with pytest.raises(UnreadableFileError, match=words):
+        import_map(path, ImportOptions())
 
 
 def test_a_number_that_can_only_be_guessed_is_refused(drawn, tmp_path):

@@ -1,4 +1,5 @@
 import math
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from shapely import Point, Polygon
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.hashing import sha256_of_file
+from vinefab.maps.cleanup import raster
 from vinefab.maps.importers.ros_map import import_ros
 from vinefab.maps.importers.source_drawing import ImportOptions
 from vinefab.model.files.map_geojson import map_text, read_map
@@ -285,3 +287,34 @@ def test_bad_import_options_name_the_option(
     with pytest.raises(BadInputError) as caught:
         importing(box_world(), ImportOptions(**options))
     assert caught.value.key == key
+
+
+def noisy_room(cells: int, share: float) -> np.ndarray:
+    """Return an image: a free room in which a share of the cells, drawn at random, is occupied."""
+    pixels = np.full((cells, cells), FREE, dtype=np.uint8)
+    pixels[np.random.default_rng(1).random(pixels.shape) < share] = OCCUPIED
+    return pixels
+
+
+def test_noise_is_refused_at_once_and_can_be_left_out(
+    importing: Import, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(raster, "MANY_EDGES", 3_000)
+    monkeypatch.setattr(raster, "MOST_OBSTACLES", 100)
+    with monkeypatch.context() as patch:
+        patch.setattr(raster, "straighten", None)
+        with pytest.raises(BadInputError, match=r"obstacles with .* as of noise.*least-obstacle"):
+            importing(noisy_room(100, 0.3))
+    world = importing(noisy_room(100, 0.3), ImportOptions(least_obstacle_mm2=40 * 50.0**2))
+    assert 0 < len(world.obstacles) < 100
+    assert world.facts["obstacles_left_out"] > 100
+
+
+def test_a_large_image_takes_few_bytes_per_cell() -> None:
+    free = np.ones((1000, 1000), dtype=np.bool_)
+    placement = raster.GridPlacement(cell_mm=10.0)
+    tracemalloc.start()
+    raster.raster_map("large", free, placement, raster.RasterOptions(), {})
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 9 * free.size

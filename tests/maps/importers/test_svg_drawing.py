@@ -7,11 +7,13 @@ import svgelements
 from shapely import Polygon
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
+from vinefab.maps.cleanup import assemble
 from vinefab.maps.generators.grid import grid_map
 from vinefab.maps.importers import svg_drawing as svg_map
 from vinefab.maps.importers.importers import import_map
 from vinefab.maps.importers.source_drawing import ImportOptions, run_flat
 from vinefab.maps.importers.svg_drawing import path_outlines
+from vinefab.model.files.map_geojson import map_text
 
 PAGE = 'xmlns="http://www.w3.org/2000/svg" width="200mm" height="100mm" viewBox="0 0 200 100"'
 BOUNDS = '<rect width="200" height="100" fill="none" stroke="black"/>'
@@ -291,3 +293,10 @@ def test_short_entities_are_what_drawing_programs_write(drawn):
 def test_only_text_is_no_drawing(drawn):
     with pytest.raises(BadInputError, match=r"without outlines: .*'text': 1"):
         drawn("<text>hello</text>", frame="")
+
+
+def test_many_obstacles_give_the_same_map_as_few(drawn, monkeypatch):
+    row = "".join(f'<rect x="{10 * k + 5.3}" y="20.7" width="5" height="5"/>' for k in range(18))
+    few = drawn(row)
+    monkeypatch.setattr(assemble, "_MANY_OBSTACLES", 0)
+    assert map_text(drawn(row)) == map_text(few)

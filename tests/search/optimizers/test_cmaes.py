@@ -143,3 +143,18 @@ def test_points_are_drawn_from_the_packages_distribution() -> None:
     scale = np.outer(spread, spread)
     assert (np.abs(np.cov(one.T) - np.cov(other.T)) < 6.0 * error * scale).all()
     assert np.corrcoef(one[:, 0], one[:, 1])[0, 1] > 0.3
+
+
+def test_a_distribution_that_noise_has_blown_up_begins_again_and_its_state_comes_back() -> None:
+    search, resumed = started(1), started(1)
+    search.tell(search.ask(), np.arange(12.0))
+    search._search._sigma = 1e9
+    search.tell(search.ask(), np.arange(12.0))
+    np.testing.assert_array_equal(search._search.spread, started(2)._search.spread)
+    resumed.restore(search.state())
+    for _ in range(3):
+        x = search.ask()
+        np.testing.assert_array_equal(resumed.ask(), x)
+        assert len(np.unique(x[:, 1])) > 6
+        search.tell(x, -x[:, 1])
+        resumed.tell(x, -x[:, 1])

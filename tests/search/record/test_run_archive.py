@@ -23,6 +23,7 @@ from vinefab.search.record.run_archive import (
     settings_from_plain,
 )
 from vinefab.search.record.store import RunStore
+from vinefab.search.run_pages import list_runs
 from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
 from vinefab.search.space import Bounds, BuildSettings
 
@@ -66,6 +67,33 @@ def test_a_record_without_its_session_is_damaged(
         connection.execute("DELETE FROM session")
     with pytest.raises(UnreadableFileError, match="its session is missing"):
         RunArchive.read(tmp_path / RECORD_FILE).result()
+
+
+@pytest.mark.parametrize("versions", ["7", "[]", "{}", "null"])
+def test_a_record_without_versions_is_not_resumed(
+    tmp_path: Path, small: RunSettings, maps: Maps, versions: str
+) -> None:
+    recorded(tmp_path, small, maps)
+    with closing(sqlite3.connect(tmp_path / RECORD_FILE)) as connection, connection:
+        connection.execute("UPDATE run SET value = ? WHERE key = 'versions'", (versions,))
+    identity = RunIdentity.of(small, maps)
+    with pytest.raises(UnreadableFileError, match="is damaged or no record"):
+        RunStore.open(tmp_path, identity, maps=maps, resume=True)
+
+
+def test_a_record_of_infinite_times_is_listed_as_unreadable(
+    tmp_path: Path, small: RunSettings, maps: Maps
+) -> None:
+    recorded(tmp_path, small, maps)
+    with closing(sqlite3.connect(tmp_path / RECORD_FILE)) as connection, connection:
+        connection.execute("UPDATE generation SET seconds = 1e308")
+        connection.execute(
+            "UPDATE session SET seconds = replace(seconds, '0.', '1e999, \"x\": 0.')"
+        )
+        connection.execute("UPDATE finalist SET fitness = 9e999")
+    listing = list_runs(tmp_path)
+    assert not listing.rows
+    assert len(listing.broken) == 1
 
 
 def test_all_settings_read_back_the_same(small: RunSettings) -> None:

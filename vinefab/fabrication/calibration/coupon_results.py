@@ -58,6 +58,9 @@ MEASURES = {
 }
 """What may be measured, and the unit that the fit works in; empty for outcomes in words."""
 
+_LARGEST = 1e9
+"""Of a reading, in any unit: profiles hold no larger number."""
+
 OUTCOMES = ("nothing", "weld", "weldcut", "cut", "burnt")
 """Outcomes of a line of the energy matrix."""
 
@@ -193,7 +196,7 @@ def _readings(lines: list[str], path: Path) -> Iterator[Reading]:
 
 def _cells(line: str, place: str) -> list[str]:
     try:
-        return [cell.strip() for cell in next(csv.reader([line]))]
+        return [cell.strip() for cell in next(csv.reader([line], strict=True))]
     except csv.Error as error:
         raise BadInputError("line", line, f"comma-separated cells ({error})", place) from error
 
@@ -235,6 +238,6 @@ def _number(text: str, key: str, place: str) -> float:
         value = float(text)
     except ValueError as error:
         raise BadInputError(key, text, "a number", place) from error
-    if not math.isfinite(value) or value < 0.0:
-        raise BadInputError(key, text, "a finite number, 0 or more", place)
+    if not 0.0 <= value <= _LARGEST:
+        raise BadInputError(key, text, f"a finite number, 0 or more, at most {_LARGEST:g}", place)
     return value

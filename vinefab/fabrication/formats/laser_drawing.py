@@ -16,6 +16,7 @@ from types import MappingProxyType
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR, plain
+from vinefab.core.plain_text import one_line
 from vinefab.core.registry import Registry
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
@@ -183,12 +184,6 @@ def metadata(job: Job, colours: Colours) -> dict[str, str]:
     facts = {one_line(key): _as_line(value) for key, value in job.facts.items()}
     # vinefab's own entries come first and are not overridden: the file is recognized by them.
     return {**own, **{key: value for key, value in facts.items() if key not in own}}
-
-
-def one_line(text: str) -> str:
-    """Return a text without line breaks and control characters, which end a DXF or XML string."""
-    printable = (char if char.isprintable() else " " for char in text)
-    return " ".join("".join(printable).split())
 
 
 def _as_line(value: object) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import one_line
 from vinefab.core.validation import Floats
 from vinefab.fabrication.formats.laser_drawing import (
     DEFAULT,
@@ -21,7 +22,6 @@ from vinefab.fabrication.formats.laser_drawing import (
     StyledPath,
     flattened_contour,
     metadata,
-    one_line,
     styled_paths,
     xml_root,
 )

@@ -11,6 +11,7 @@ import svgwrite
 from svgwrite.extensions import Inkscape
 
 from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.plain_text import one_line
 from vinefab.fabrication.formats.laser_drawing import (
     DEFAULT,
     HAIRLINE_MM,
@@ -21,7 +22,6 @@ from vinefab.fabrication.formats.laser_drawing import (
     ReadDrawing,
     StyledPath,
     metadata,
-    one_line,
     styled_paths,
     xml_root,
 )

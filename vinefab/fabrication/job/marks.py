@@ -4,11 +4,12 @@ Marks lie outside the body, because a mark weakens film under pressure.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.validation import Floats
@@ -142,13 +143,31 @@ def label_lines(name: str, profile: LaserProfile, part: tuple[int, int]) -> list
     return [name, profile.recipe.name, f"{version} part {part[0]} of {part[1]}"]
 
 
-class FreeRoom:
-    """The area of a sheet that no path occupies."""
+BESIDE_MM = 40.0
+"""A label that is farther from its robot gets a leader, where the sheet holds several."""
 
-    def __init__(self, paths: Sequence[LaserPath], within: Box) -> None:
+LEADER_MM = 80.0
+"""Longest leader."""
+
+
+_NEARER_MM = 1.0
+"""By so much a label is nearer to its own robot than to any other."""
+
+
+class FreeRoom:
+    """The area of a sheet that no path occupies.
+
+    Of several robots, ``bodies`` are the areas, so that a label stands beside its own one.
+    """
+
+    def __init__(
+        self, paths: Sequence[LaserPath], within: Box, bodies: Sequence[shapely.Geometry] = ()
+    ) -> None:
         self.within = within
+        self.bodies = shapely.STRtree(list(bodies))
         self.taken = shapely.union_all([region(path.contour) for path in paths])
         shapely.prepare(self.taken)
+        shapely.prepare(self.bodies.geometries)
 
     def has(self, contour: Contour) -> bool:
         """Whether a mark lies on the sheet, clear of everything else."""
@@ -161,43 +180,134 @@ class FreeRoom:
         self.taken = shapely.union(self.taken, shape)
         shapely.prepare(self.taken)
 
-    def box_near(self, size_mm: tuple[float, float], to_mm: tuple[float, float]) -> Box | None:
-        """Return the free box of a size whose middle is nearest to a point, or None."""
+    def box_near(
+        self, size_mm: tuple[float, float], to_mm: tuple[float, float], own: int = 0
+    ) -> Box | None:
+        """Return the free box of a size at a robot whose middle is nearest to a point, or None."""
+        for boxes in self._free_boxes(size_mm, to_mm, self._around(own, BESIDE_MM)):
+            beside = boxes[self._beside(boxes, own)]
+            if len(beside):
+                return _bounds(beside[0])
+        return None
+
+    def box_led(
+        self, size_mm: tuple[float, float], to_mm: tuple[float, float], own: int
+    ) -> tuple[Box, Contour] | None:
+        """Return the free box nearest to a point with a clear leader to a robot, or None."""
+        body = self.bodies.geometries[own]
+        for boxes in self._free_boxes(size_mm, to_mm, self._around(own, LEADER_MM)):
+            near = boxes[shapely.dwithin(body, boxes, LEADER_MM)]
+            near = near[~shapely.dwithin(body, near, 2.0 * CLEAR_MM)]
+            ends = shapely.get_coordinates(shapely.shortest_line(near, body)).reshape(-1, 2, 2)
+            share = 1.0 - CLEAR_MM / np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+            ends[:, 1] = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
+            lines = shapely.linestrings(ends)
+            clear = np.asarray(~shapely.dwithin(self.taken, lines, CLEAR_MM - 1e-6))
+            # It must not seem to lead to another robot.
+            clear &= self._alone(np.asarray(shapely.points(ends[:, 1])), own)
+            if clear.any():
+                row = int(clear.argmax())
+                return _bounds(near[row]), Contour.polyline(ends[row], closed=False)
+        return None
+
+    def _around(self, own: int, far_mm: float) -> Box:
+        """Return where a label of a robot may lie; anywhere if there is but one robot."""
+        if len(self.bodies) < 2:
+            return self.within
+        x0, y0, x1, y1 = _bounds(self.bodies.geometries[own])
+        return x0 - far_mm, y0 - far_mm, x1 + far_mm, y1 + far_mm
+
+    def _free_boxes(
+        self, size_mm: tuple[float, float], to_mm: tuple[float, float], around: Box
+    ) -> Iterator[NDArray[np.object_]]:
+        """Yield the free boxes of a size in a part of the sheet, those nearest to a point first."""
         x0, y0, x1, y1 = self.within
         across = np.arange(x0, x1 - size_mm[0] + 1e-9, _STEP_MM)
         up = np.arange(y0, y1 - size_mm[1] + 1e-9, _STEP_MM)
+        across = across[(across + size_mm[0] >= around[0]) & (across <= around[2])]
+        up = up[(up + size_mm[1] >= around[1]) & (up <= around[3])]
         x, y = (grid.ravel() for grid in np.meshgrid(across, up))
         away = np.hypot(x + size_mm[0] / 2 - to_mm[0], y + size_mm[1] / 2 - to_mm[1])
         for rows in np.array_split(np.argsort(away, kind="stable"), max(1, len(x) // 500)):
             boxes = shapely.box(x[rows], y[rows], x[rows] + size_mm[0], y[rows] + size_mm[1])
-            free = np.flatnonzero(~shapely.dwithin(self.taken, boxes, CLEAR_MM))
-            if len(free):
-                row = rows[free[0]]
-                low = float(x[row]), float(y[row])
-                return *low, low[0] + size_mm[0], low[1] + size_mm[1]
-        return None
+            yield np.asarray(boxes)[~shapely.dwithin(self.taken, boxes, CLEAR_MM)]
+
+    def _beside(self, boxes: NDArray[np.object_], own: int) -> NDArray[np.bool_]:
+        """Return which boxes lie beside a robot, and nearer to it than to any other."""
+        if len(self.bodies) < 2:
+            return np.ones(len(boxes), dtype=np.bool_)
+        beside = np.asarray(shapely.dwithin(self.bodies.geometries[own], boxes, BESIDE_MM))
+        beside[beside] = self._alone(boxes[beside], own)
+        return beside
+
+    def _alone(self, shapes: NDArray[np.object_], own: int) -> NDArray[np.bool_]:
+        """Return which shapes are clearly nearer to a robot than to any other."""
+        mine = shapely.distance(shapes, self.bodies.geometries[own])
+        reach = np.asarray(mine + _NEARER_MM)
+        rows, met = self.bodies.query(shapes, predicate="dwithin", distance=reach)
+        alone = np.ones(len(shapes), dtype=np.bool_)
+        alone[rows[met != own]] = False
+        return alone
 
 
-def label_paths(
-    lines: Sequence[str], free: FreeRoom, near_mm: tuple[float, float], label: str, name: str
-) -> tuple[LaserPath, ...]:
-    """Return a text as strokes near a point, horizontal or vertical; none if there is no room."""
+def _bounds(box: shapely.Geometry) -> Box:
+    x0, y0, x1, y1 = shapely.bounds(box).tolist()
+    return x0, y0, x1, y1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabelTarget:
+    """What a label is written beside."""
+
+    near_mm: tuple[float, float]  # where it would best stand
+    label: str  # description of its paths
+    name: str  # of the design
+    own: int  # place of the robot among the bodies
+
+
+def label_paths(lines: Sequence[str], free: FreeRoom, target: LabelTarget) -> tuple[LaserPath, ...]:
+    """Return a text as strokes beside its robot, horizontal or vertical; none without room.
+
+    Where there is room only farther away, a leader shows whose label it is.
+    """
     for height in HEIGHTS_MM:
-        wide = max(text_width_mm(line, height) for line in lines)
-        high = height * (1.0 + _LINE * (len(lines) - 1))
         found = [
             (box, upright)
-            for upright, size in ((False, (wide, high)), (True, (high, wide)))
-            if (box := free.box_near(size, near_mm)) is not None
+            for upright, size in _sizes(lines, height)
+            if (box := free.box_near(size, target.near_mm, target.own)) is not None
         ]
         if found:
-            box, upright = min(found, key=lambda one: math.dist(_middle(one[0]), near_mm))
-            free.take(shapely.box(*box))
-            return tuple(
-                _mark(stroke, label, name)
-                for stroke in _strokes(lines, height, box, upright=upright)
-            )
+            box, upright = min(found, key=lambda one: math.dist(_middle(one[0]), target.near_mm))
+            return _written(lines, free, target, (height, box, upright))
+    if len(free.bodies) < 2:
+        return ()
+    height = HEIGHTS_MM[-1]
+    for upright, size in _sizes(lines, height):
+        led = free.box_led(size, target.near_mm, target.own)
+        if led is not None:
+            paths = _written(lines, free, target, (height, led[0], upright))
+            free.take(shapely.LineString(led[1].points_mm))
+            return *paths, mark(led[1], f"leader of the {target.label}", target.name)
     return ()
+
+
+def _sizes(
+    lines: Sequence[str], height: float
+) -> tuple[tuple[bool, tuple[float, float]], tuple[bool, tuple[float, float]]]:
+    """Return the size of a text, horizontal and upright."""
+    wide = max(text_width_mm(line, height) for line in lines)
+    high = height * (1.0 + _LINE * (len(lines) - 1))
+    return (False, (wide, high)), (True, (high, wide))
+
+
+def _written(
+    lines: Sequence[str], free: FreeRoom, target: LabelTarget, place: tuple[float, Box, bool]
+) -> tuple[LaserPath, ...]:
+    """Return the strokes of a text in a box, which is free no more."""
+    height, box, upright = place
+    free.take(shapely.box(*box))
+    strokes = _strokes(lines, height, box, upright=upright)
+    return tuple(_mark(stroke, target.label, target.name) for stroke in strokes)
 
 
 def mark(contour: Contour, label: str, name: str) -> LaserPath:
@@ -255,12 +365,13 @@ def marks_of(
     """Return fold lines and labels of robots, as far as there is room."""
     if Operation.MARK not in profile.recipe.operations:
         return Marking()
-    free = FreeRoom(bodies, within)
     placed = [robot for robot in robots if robot.placement]
+    areas = [max((region(p.contour) for p in robot.paths), key=shapely.area) for robot in placed]
+    free = FreeRoom(bodies, within, areas)
     folds = [_fold(robot, free) for robot in placed]
     for path in (path for fold in folds for path in fold.paths):
         free.take(FreeRoom([path], within).taken)
-    labels = [_label(robot, free, profile) for robot in placed]
+    labels = [_label(robot, free, profile, own) for own, robot in enumerate(placed)]
     made = [*folds, *labels]
     return Marking(
         paths=tuple(path for one in made for path in one.paths),
@@ -276,15 +387,20 @@ def _fold(robot: SheetRobot, free: FreeRoom) -> Marking:
     return Marking(paths=paths, left_out=() if paths else (f"no room for the {label}",))
 
 
-def _label(robot: SheetRobot, free: FreeRoom, profile: LaserProfile) -> Marking:
+def _label(robot: SheetRobot, free: FreeRoom, profile: LaserProfile, own: int) -> Marking:
+    """Return the label of a robot; where all of it has no room, the number of the part alone."""
     name = robot.design.name
-    lines = label_lines(name, profile, (robot.number, robot.count))
+    full = label_lines(name, profile, (robot.number, robot.count))
     tail = robot.on_sheet(robot.body.outline.contour).points_mm
     x, y = ((tail[0] + tail[-1]) / 2.0).tolist()
     label = f"label of {robot.title}"
-    paths = label_paths(lines, free, (x, y), label, name)
-    if not paths:
-        return Marking(left_out=(f"no room for the {label}",))
-    blank = unwritten("".join(lines))
-    left_out = (f"no strokes for {blank} in the {label}",) if blank else ()
-    return Marking(paths=paths, left_out=left_out)
+    target = LabelTarget(near_mm=(x, y), label=label, name=name, own=own)
+    paths = label_paths(full, free, target)
+    if paths:
+        blank = unwritten("".join(full))
+        left_out = (f"no strokes for {blank} in the {label}",) if blank else ()
+        return Marking(paths=paths, left_out=left_out)
+    if robot.count > 1:
+        paths = label_paths([f"{robot.number}/{robot.count}"], free, target)
+    what = f"room only for the number in the {label}" if paths else f"no room for the {label}"
+    return Marking(paths=paths, left_out=(what,))

@@ -45,6 +45,12 @@ _GRID_MM = 5.0
 TARGET = "registration target"
 """Label of the lines of a registration target."""
 
+VERIFICATION = "verification mark"
+"""Label of what a tile marks first of all, over the targets that it is aligned by."""
+
+VERIFY = "verify"
+"""Variant of verification marks, which gives them a layer of their own."""
+
 _TURNS_RAD = (0.0, math.pi / 2, math.pi / 4, -math.pi / 4)
 
 
@@ -153,11 +159,22 @@ def _pair(box: Box, taken: shapely.Geometry) -> list[Point]:
 
 
 def target_paths(tile: FilmTile, profile: LaserProfile) -> list[LaserPath]:
-    """Return a tile's registration targets: those that it makes, then those that it finds."""
+    """Return a tile's registration targets: those that it makes, then those that it finds.
+
+    Where the laser can mark, a diagonal cross on each target found comes before both: if the film
+    lies right, its middle is that of the cross that an earlier tile marked.
+    """
     made = [mark(line, TARGET, "") for line in _crosses(tile.made_mm)]
-    if Operation.MARK not in profile.recipe.operations:
+    verifying: list[LaserPath] = []
+    if Operation.MARK in profile.recipe.operations:
+        settings = profile.settings(Operation.MARK)
+        verifying = [
+            replace(mark(line, VERIFICATION, ""), variant=VERIFY, settings=settings)
+            for line in _crosses(tile.found_mm, turn_rad=math.pi / 4)
+        ]
+    else:
         made = [_reg(path.contour) for path in made]
-    return [*made, *(_reg(line) for line in _crosses(tile.found_mm))]
+    return [*verifying, *made, *(_reg(line) for line in _crosses(tile.found_mm))]
 
 
 def tile_jobs(
@@ -234,10 +251,11 @@ def _reg(contour: Contour) -> LaserPath:
     return LaserPath(operation=Operation.REG, contour=contour, label=TARGET)
 
 
-def _crosses(middles_mm: Sequence[Point]) -> list[Contour]:
-    half, lines = TARGET_MM / 2.0, []
+def _crosses(middles_mm: Sequence[Point], turn_rad: float = 0.0) -> list[Contour]:
+    lines = []
+    dx0, dy0 = TARGET_MM / 2.0 * math.cos(turn_rad), TARGET_MM / 2.0 * math.sin(turn_rad)
     for x, y in middles_mm:
-        for dx, dy in ((half, 0.0), (0.0, half)):
+        for dx, dy in ((dx0, dy0), (-dy0, dx0)):
             ends = np.array([[x - dx, y - dy], [x + dx, y + dy]])
             lines.append(Contour.polyline(ends, closed=False))
     return lines

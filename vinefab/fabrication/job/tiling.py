@@ -106,8 +106,8 @@ def stretches(axes: BranchAxes, contour: Contour, places_mm: list[list[float]]) 
     for segment in contour.segments:
         row = rows[segment.branch]
         for part in _parted(axes, row, segment, places_mm[row]):
-            middle = part.flattened_mm()
-            station = axes.station_mm(row, (middle[0] + middle[-1]) / 2.0)
+            (x0, y0), (x1, y1) = part.start_mm, part.end_mm
+            station = axes.station_mm(row, ((x0 + x1) / 2.0, (y0 + y1) / 2.0))
             piece = row, bisect(places_mm[row], station)
             found.append(Stretch(segment=part, piece=piece))
     return found
@@ -183,7 +183,7 @@ def film_tiles(
     boxes: dict[Piece, Box] = {}
     for stretch in (stretch for found in parted for stretch in found):
         piece = _joined(axes, places, stretch.piece)
-        box = Contour.from_segments([stretch.segment], closed=False).box_mm
+        box = stretch.segment.box_mm
         boxes[piece] = union_box(boxes[piece], box) if piece in boxes else box
     fits = _fit(boxes, room_mm, pass_through=pass_through)
     grown = _grown(axes, places, boxes, fits)

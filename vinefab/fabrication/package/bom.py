@@ -44,7 +44,7 @@ def bom_text(job: Job, profile: LaserProfile) -> str:
     writer.writerow(COLUMNS)
     for line in bill_of_materials(job, profile):
         writer.writerow([line.item, f"{line.value:.6g}", line.unit, line.standing, line.basis])
-    writer.writerow(["bill of materials", "", "", "", f"{job.name}, {GENERATOR}"])
+    writer.writerow(["bill of materials", "", "", "", f"{GENERATOR}: {job.name}"])
     return stream.getvalue()
 
 

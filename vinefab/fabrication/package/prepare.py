@@ -2,7 +2,7 @@
 
 import io
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 from vinefab.core.hashing import MANIFEST_NAME, manifest_text, sha256_of
@@ -85,7 +85,7 @@ class Prepared:
 def prepare(
     design: Design,
     profile: LaserProfile,
-    deployments: Sequence[Deployment] = (),
+    deployments: Collection[Deployment] = (),
     *,
     sheet: SheetOptions = ONE,
     r12: bool = False,
@@ -110,7 +110,7 @@ def prepare(
         If the sheet cannot hold the designs, or the recipe lacks an operation.
     """
     job = laser_job(design, profile, sheet)
-    subject = replace(Subject.on_sheet(design, profile, job), deployments=tuple(deployments))
+    subject = replace(Subject.on_sheet(design, profile, job), deployments=deployments)
     report = run_checks(subject)
     others = _others(design, sheet)
     beside = tuple(_beside(other, profile, job) for other in others)
@@ -251,7 +251,7 @@ def page_content(prepared: Prepared) -> Report:
     design, profile = prepared.design, prepared.profile
     return Report(
         title=f"{design.name}: fabrication",
-        verdict=verdict(prepared.report),
+        verdict=_verdict(prepared),
         tone=_tone(prepared),
         cautions=recipe_cautions(profile),
         facts=design_facts(prepared),
@@ -262,6 +262,12 @@ def page_content(prepared: Prepared) -> Report:
             _no_predictions(),
         ),
     )
+
+
+def _verdict(prepared: Prepared) -> str:
+    """Return what rules and recipe say together, in one line."""
+    words = verdict(prepared.report)
+    return f"{words}; laser recipe unverified" if recipe_cautions(prepared.profile) else words
 
 
 def _tone(prepared: Prepared) -> Tone:

@@ -6,6 +6,7 @@ from itertools import pairwise
 from textwrap import fill
 
 from vinefab.core.jsontext import GENERATOR
+from vinefab.core.plain_text import one_line
 from vinefab.fabrication.formats.dxf_format import DXF, DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import (
     Colours,
@@ -17,7 +18,7 @@ from vinefab.fabrication.formats.laser_drawing import (
 from vinefab.fabrication.formats.laser_formats import LASER_FORMATS
 from vinefab.fabrication.formats.lightburn_format import LIGHTBURN, LIGHTBURN_LIBRARY
 from vinefab.fabrication.formats.svg_format import SVG
-from vinefab.fabrication.job.tile_jobs import TARGET
+from vinefab.fabrication.job.tile_jobs import TARGET, VERIFICATION, VERIFY
 from vinefab.fabrication.package.bom import film_piece_mm
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
@@ -62,7 +63,7 @@ def readme_text(design: Design, job: Job, profile: LaserProfile, colours: Colour
         readme_section("1. Film", _film(job, profile)),
         readme_section("2. Coupon first", _coupon(job, profile, colours)),
         readme_section("3. The file", _file(job, colours)),
-        *([readme_section("3a. In tiles", _tiles(job, profile))] if job.tiles else []),
+        *([readme_section("3a. In tiles", _tiles(job, profile, colours))] if job.tiles else []),
         readme_section(
             "4. Layers, in the order in which they must run", _layers(job, profile, colours)
         ),
@@ -151,7 +152,7 @@ def _file(job: Job, colours: Colours) -> list[str]:
     return steps
 
 
-def _tiles(job: Job, profile: LaserProfile) -> list[str]:
+def _tiles(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
     by_laser = any(path.label == TARGET for path in job.along(Operation.MARK))
     makes = "Each tile marks crosses on the film for later tiles."
     if not by_laser:
@@ -166,7 +167,7 @@ def _tiles(job: Job, profile: LaserProfile) -> list[str]:
         f"{makes} Move the film on without letting the plies slide, then align: the two crosses"
         " drawn on the REG layer of a tile (never cut) must lie on the two marked on the film"
         " (print-and-cut alignment, or by the pointer).",
-        _alignment(job, profile),
+        _alignment(job, profile, colours),
         "Paths run twice over 12 mm where tiles meet: that is meant.",
     ]
     for tile in job.tiles[1:]:
@@ -178,18 +179,29 @@ def _tiles(job: Job, profile: LaserProfile) -> list[str]:
     return steps
 
 
-def _alignment(job: Job, profile: LaserProfile) -> str:
+def _alignment(job: Job, profile: LaserProfile, colours: Colours) -> str:
     """Return how well a tile must be aligned, and how that is verified before it is run."""
     seam = min(
         profile.settings(operation).seam_width_mm.value
         for operation in (Operation.WELD, Operation.WELDCUT)
         if job.along(operation)
     )
+    verify = "Verify it before a tile is run: let the pointer go along the two crosses"
+    if Operation.MARK in colours.styles and any(
+        path.label == VERIFICATION for path in job.along(Operation.MARK)
+    ):
+        layer = f"{colours.styles[Operation.MARK].layer}_{VERIFY}"
+        verify = (
+            f"Verify it: run the layer {layer} of a tile first and alone. It marks a diagonal cross"
+            " on each of the two crosses; where the middles of the two differ by more than the"
+            " tolerance, align again and judge by the newest mark. Then let the pointer go along"
+            " the two crosses"
+        )
     return (
         f"Tolerance: both crosses, and the ends of the paths of the tile before, must lie within"
         f" {seam / 2.0:.2g} mm (half the seam, computed) of where the file has them, or the seam"
-        " may leak where the tiles meet. Verify it before a tile is run: let the pointer go along"
-        " the two crosses and along the last 12 mm of the paths that are there already."
+        f" may leak where the tiles meet. {verify} and along the last 12 mm of the paths that are"
+        " there already."
     )
 
 
@@ -208,7 +220,14 @@ def _layers(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
         style = colours.styles.get(operation)
         if style is None or not job.along(operation):
             continue
-        count, length = len(job.along(operation)), job.length_mm(operation)
+        paths = [path for path in job.along(operation) if path.label != VERIFICATION]
+        verifying = len(job.along(operation)) - len(paths)
+        if verifying:
+            lines.append(
+                f"{style.layer}_{VERIFY}, a colour of its own: diagonal crosses of {verifying}"
+                f" lines that verify where a tile lies (section 3a). Settings of {style.layer}."
+            )
+        count, length = len(paths), sum(path.contour.length_mm for path in paths)
         text = f"{style.layer}, colour {style.rgb} (DXF {style.aci}): {_MEANING[operation]}."
         text += f" {count} path{'s' if count > 1 else ''}, {length:.0f} mm."
         if operation.is_machined:
@@ -347,7 +366,7 @@ def readme_section(title: str, items: Sequence[str]) -> str:
 
 def _paragraph(lead: str, text: str) -> str:
     return fill(
-        text,
+        one_line(text),
         width=_WIDTH,
         initial_indent=lead,
         subsequent_indent=" " * len(lead),

@@ -55,6 +55,14 @@ SHEET_RULES = frozenset(
 )
 """Rules about a sheet, its recipe and its files: they run once on a sheet of several robots."""
 
+JOB_RULES = frozenset(
+    rule.id for rule in (BUILT_WIDTH, SEAM_WIDTH, BED, MARKS, PATHS, ORDER, MACHINE)
+)
+"""Rules about the paths of the laser; a rule of another package may ask for them too."""
+
+FLAT_RULES = frozenset(rule.id for rule in _BUILTIN) - JOB_RULES
+"""Rules that need no paths of the laser."""
+
 COMMAND_LINE = "--limit"
 
 

@@ -298,8 +298,9 @@ def check_turn(subject: Subject, limits: Limits) -> RuleApplied:
 
 def _path_turn_rad(tree: BranchTree, subject: Subject) -> Floats:
     """Return the sum of absolute turns from the base to each branch's tip, shape (n,)."""
-    contacts = [_summed_along(tree, d.contact_turn_rad) for d in subject.deployments]
-    worst = np.max(contacts, axis=0) if contacts else np.zeros(len(tree))
+    worst = np.zeros(len(tree))
+    for deployment in subject.deployments:
+        worst = np.maximum(worst, _summed_along(tree, deployment.contact_turn_rad))
     return np.asarray(_summed_along(tree, np.abs(tree.offset_rad)) + worst)
 
 

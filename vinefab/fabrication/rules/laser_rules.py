@@ -364,7 +364,7 @@ def check_film(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
         return _NO_PROFILE
     roll_mm = subject.profile.material.roll_width_mm.value
     box = shapely.minimum_rotated_rectangle(
-        shapely.MultiPoint(subject.outline.contour.flattened_mm().tolist())
+        shapely.multipoints(subject.outline.contour.flattened_mm())
     )
     x, y = shapely.get_coordinates(box)[:3].T
     sides = ((x[1:] - x[:-1]) ** 2 + (y[1:] - y[:-1]) ** 2) ** 0.5

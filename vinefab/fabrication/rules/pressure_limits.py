@@ -4,7 +4,7 @@ Narrow leaves at the end of long, winding paths need much pressure to grow; the 
 at the least. Whether anything is left between the two decides whether a robot can be deployed.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from vinefab.fabrication.rules.rule import (
@@ -265,7 +265,7 @@ def worst_growth(subject: Subject, constants: GrowthConstants, fitted_mm: float)
     diameters_mm = [inflated_diameter_mm(end_mm) for end_mm in build.end_widths_mm]
     by_level = [constants.at_diameter(diameter_mm, fitted_mm) for diameter_mm in diameters_mm]
     level = tree.level.tolist()
-    found = [
+    found = (
         WorstBranch(
             pressure_kpa=path.pressure_kpa(by_level[level[branch] - 1], riding[branch]),
             branch=branch,
@@ -273,20 +273,16 @@ def worst_growth(subject: Subject, constants: GrowthConstants, fitted_mm: float)
         )
         for place, paths in _paths(subject)
         for branch, path in paths.items()
-    ]
+    )
     # Equal tips differ in the last digits only: the first of them stands for all.
     return max(found, key=lambda worst: round(worst.pressure_kpa, 9))
 
 
-def _paths(subject: Subject) -> list[tuple[str, dict[int, GrowthPath]]]:
-    tree = subject.layout.tree
-    free = ("in free space", dict(enumerate(planned_paths(tree))))
-    grown = [
-        (f"on {name}", grown_paths(deployment))
-        for name, deployment in zip(subject.deployment_names, subject.deployments, strict=True)
-    ]
+def _paths(subject: Subject) -> Iterator[tuple[str, dict[int, GrowthPath]]]:
     # A branch that got stuck on a map still has to grow in free space, which is always checked.
-    return [free, *grown]
+    yield "in free space", dict(enumerate(planned_paths(subject.layout.tree)))
+    for name, deployment in zip(subject.deployment_names, subject.deployments, strict=True):
+        yield f"on {name}", grown_paths(deployment)
 
 
 def _violation(

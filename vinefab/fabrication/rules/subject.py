@@ -1,6 +1,6 @@
 """What the rules check: a design, its profile, and all that is derived from them."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import shapely
@@ -70,7 +70,7 @@ class Subject:
     job: Job | None  # the paths of the laser; None without a profile
     # Problems found when each written file was read back; None if none was written.
     readback: Mapping[str, tuple[str, ...]] | None = None
-    deployments: tuple[Deployment, ...] = ()  # simulated, for rules about growth paths
+    deployments: Collection[Deployment] = ()  # simulated, for rules about growth paths
     map_names: tuple[str, ...] = ()  # of each deployment's map; empty to number them
     rig: RigFacts | None = None
     corridors: tuple[MapCorridors, ...] = ()  # of maps or rigs
@@ -82,7 +82,7 @@ class Subject:
         profile: LaserProfile | None = None,
         *,
         readback: Mapping[str, tuple[str, ...]] | None = None,
-        deployments: tuple[Deployment, ...] = (),
+        deployments: Collection[Deployment] = (),
         map_names: tuple[str, ...] = (),
         sheet: SheetOptions = ONE,
     ) -> "Subject":

@@ -119,6 +119,8 @@ def without_repeats(points: Floats, changes: Changes) -> Floats:
     if len(points) < 2:
         return points
     steps = np.hypot(*np.diff(points, axis=0).T)
+    if steps.min() > SAME_POINT_MM:
+        return points
     kept = np.append(True, steps > SAME_POINT_MM)
     changes.add("duplicate_points_removed", int((~kept).sum()))
     return np.asarray(points[kept])

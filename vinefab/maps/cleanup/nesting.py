@@ -27,7 +27,19 @@ _SHARED_EDGE = "F***1****"
 
 def repeats(outlines: list[Polygon], near_mm: float) -> NDArray[np.bool_]:
     """Return for every outline whether it repeats an earlier one."""
-    rings = shapely.get_exterior_ring(np.array(outlines, dtype=np.object_))
+    every = shapely.get_exterior_ring(np.array(outlines, dtype=np.object_))
+    # Thousands of equal ones are found at once, not pair by pair.
+    first: dict[bytes, int] = {}
+    for number, ring in enumerate(shapely.to_wkb(every)):
+        first.setdefault(ring, number)
+    again = np.ones(len(every), dtype=np.bool_)
+    again[list(first.values())] = False
+    again[~again] = _repeats_by_distance(every[~again], near_mm)
+    return again
+
+
+def _repeats_by_distance(rings: _Geometries, near_mm: float) -> NDArray[np.bool_]:
+    """Return for every ring whether it repeats an earlier one."""
     boxes = shapely.bounds(rings).reshape(-1, 4)
     low = np.asarray(shapely.points(boxes[:, :2]), dtype=np.object_)
     later, earlier = shapely.STRtree(low).query(low, predicate="dwithin", distance=2 * near_mm)

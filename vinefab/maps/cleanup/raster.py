@@ -249,6 +249,10 @@ def _nearest_to(solid: Polygon, lines: Lines) -> Ints:
     return np.flatnonzero(off <= off.min() + _LEAST_TOLERANCE)
 
 
+MOST_OBSTACLES, MANY_EDGES, MOST_EDGES = 5000, 300_000, 4_000_000
+"""Most obstacles of a grid whose walls have many cell edges, and most edges of any: beyond, a grid
+is noise, which takes minutes to straighten and which no robot can be planned in."""
+
 LEAST_CELL_MM = 0.01
 LARGEST_CELL_MM = 1e6
 """Cells outside this range are not those of a map in millimetres."""
@@ -338,6 +342,7 @@ def raster_map(
         )
     region, corner, left_out = _region(free, placement, options.start)
     islands = _Islands.of(region, options.least_obstacle_mm2 / placement.cell_mm**2)
+    _refuse_noise(len(islands.loops) - 1, sum(len(loop) for loop in islands.loops))
     result = straighten(islands.loops, max(tolerance_mm / placement.cell_mm, _LEAST_TOLERANCE))
     walls = placement.to_map(shapely.transform(result.polygon, lambda cells: cells + corner))
     return Map(
@@ -383,6 +388,17 @@ class _Islands:
         }
 
 
+def _refuse_noise(obstacles: int, edges: int) -> None:
+    if edges > MOST_EDGES or (edges > MANY_EDGES and obstacles > MOST_OBSTACLES):
+        raise BadInputError(
+            "image",
+            f"{obstacles} obstacles with {edges} cell edges, as of noise",
+            f"at most {MOST_OBSTACLES} obstacles where there are more than {MANY_EDGES} edges, and "
+            f"{MOST_EDGES} edges; leave small ones out (--least-obstacle-mm2), or smooth the image "
+            "with a median filter",
+        )
+
+
 def _region(
     free: Mask, placement: GridPlacement, start: Pose | None
 ) -> tuple[Mask, Floats, dict[str, object]]:
@@ -390,7 +406,10 @@ def _region(
     labels, count = ndimage.label(free)
     if count == 0:
         raise BadInputError("image", "no free cell", "at least one free cell")
-    sizes = np.bincount(labels.ravel())
+    # Row by row: `bincount` copies what it counts as 8-byte integers.
+    sizes = np.zeros(count + 1, dtype=np.int64)
+    for row in labels:
+        np.add.at(sizes, row, 1)
     sizes[0] = 0
     wanted = int(sizes.argmax()) if start is None else _label_at(labels, placement, start)
     rows, columns = ndimage.find_objects(labels, max_label=wanted)[wanted - 1]

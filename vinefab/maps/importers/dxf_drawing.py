@@ -3,11 +3,12 @@
 import io
 import logging
 import math
+import struct
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from ezdxf import recover
@@ -333,9 +334,17 @@ _READERS: dict[str, Callable[[DXFGraphic, str], list[DrawingItem]]] = {
 if TYPE_CHECKING:
     from ezdxf.document import Drawing as Document
 
-_LARGEST_BYTES = 512 << 20
+_LARGEST_BYTES = 128 << 20
+_MOST_TAGS = 2_000_000
+"""Pairs of group code and value: ezdxf takes 3 us and 270 bytes for each."""
+_MOST_MENDED_TAGS = 1_000_000
+"""In a damaged file, which is read twice."""
+_BINARY = b"AutoCAD Binary DXF"
+_BYTES_PER_BINARY_TAG = 8
 _MOST_ENTITIES = 500_000
 _DEEPEST_BLOCK = 16
+_MOST_COPIED = 50_000
+"""Entities that come out of blocks, every copy counted: each takes about 50 us."""
 _MM = {
     1: ("inches", 25.4),
     2: ("feet", 304.8),
@@ -367,6 +376,7 @@ _BROKEN = (
     ArithmeticError,
     RecursionError,
     StopIteration,
+    struct.error,
 )
 """What ezdxf raises on files with damage that it does not expect."""
 
@@ -375,6 +385,7 @@ _GUESSED = (AuditError.INVALID_INTEGER_VALUE, AuditError.INVALID_FLOATING_POINT_
 _NO_OUTPUT = logging.NullHandler()
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what becomes infinite is refused by its place
 def import_dxf(path: Path, options: ImportOptions) -> Map:
     """Return the map in a DXF drawing.
 
@@ -399,11 +410,17 @@ def _document(path: Path) -> tuple["Document", int]:
     data = read_bytes(path, _LARGEST_BYTES)
     if not data.strip():
         raise UnreadableFileError(path, "is empty")
+    tags = _tag_count(data)
+    if tags > _MOST_TAGS:
+        problem = f"is a drawing of about {tags} values; at most {_MOST_TAGS} can be read"
+        raise UnreadableFileError(path, f"{problem}: save only the layers that are walls")
     # Its warnings are not printed beside the one line that a user gets.
     logging.getLogger("ezdxf").addHandler(_NO_OUTPUT)
     try:
         document, repaired = readfile(path), 0
-    except (OSError, *_BROKEN):
+    except (OSError, *_BROKEN) as error:
+        if tags > _MOST_MENDED_TAGS:
+            raise _not_dxf(path, error) from error
         document, repaired = _recovered(path, data)
     if b"$INSUNITS" not in data:
         # ezdxf assumes metres then; the file names no unit.
@@ -411,13 +428,23 @@ def _document(path: Path) -> tuple["Document", int]:
     return document, repaired
 
 
+def _tag_count(data: bytes) -> int:
+    if data.startswith(_BINARY):
+        return len(data) // _BYTES_PER_BINARY_TAG
+    return max(data.count(b"\n"), data.count(b"\r")) // 2
+
+
+def _not_dxf(path: Path, error: Exception) -> UnreadableFileError:
+    problem = " ".join(str(error).split()) or type(error).__name__
+    return UnreadableFileError(path, f"is not a DXF file: {problem[:120]}")
+
+
 def _recovered(path: Path, data: bytes) -> tuple["Document", int]:
     """Return a damaged document, if only its structure had to be repaired."""
     try:
         document, auditor = recover.read(io.BytesIO(data))
     except (OSError, *_BROKEN) as error:
-        problem = " ".join(str(error).split()) or type(error).__name__
-        raise UnreadableFileError(path, f"is not a DXF file: {problem[:120]}") from error
+        raise _not_dxf(path, error) from error
     for fix in (*auditor.fixes, *auditor.errors):
         if fix.code in _GUESSED:
             raise UnreadableFileError(path, f"is a damaged DXF file: {fix.message}")
@@ -454,6 +481,26 @@ def _layer(entity: DXFGraphic) -> str:
     return str(entity.dxf.layer) if entity.dxf.hasattr("layer") else "0"
 
 
+def _size(entity: DXFGraphic) -> int:
+    """Return how many simple entities take as long to copy."""
+    points: int
+    match entity.dxftype():
+        case "LWPOLYLINE":
+            points = len(entity)  # type: ignore[arg-type]
+        case "POLYLINE":
+            points = len(entity.vertices)  # type: ignore[attr-defined]
+        case "SPLINE" | "HELIX":
+            points = entity.control_point_count() + entity.fit_point_count()  # type: ignore[attr-defined]
+        case "HATCH" | "MPOLYGON":
+            paths: list[Any] = entity.paths  # type: ignore[attr-defined]
+            held = [path.edges if isinstance(path, EdgePath) else path.vertices for path in paths]
+            points = sum(map(len, held))
+        case _:
+            points = 0
+    # ezdxf copies a polyline vertex by vertex, all that came before with each.
+    return 1 + points // 2 + points**2 // 25_000
+
+
 @dataclass(slots=True)
 class _Walk:
     """Traversal of model space and the blocks inserted in it."""
@@ -463,10 +510,12 @@ class _Walk:
     read: Counter[str] = field(default_factory=Counter)
     ignored: Counter[str] = field(default_factory=Counter)
     seen: int = 0
+    copied: int = 0
+    sizes: dict[str, int] = field(default_factory=dict)  # of blocks, with all that is in them
 
     def items(self, space: Iterable[DXFGraphic]) -> list[DrawingItem]:
         found: list[DrawingItem] = []
-        for entity, layer, where in self._leaves(space, None, "", 0):
+        for entity, layer, where in self._leaves(space, None, ""):
             kind = entity.dxftype()
             hidden = self._hidden(entity, layer)
             if hidden is not None:
@@ -493,7 +542,7 @@ class _Walk:
         return None
 
     def _leaves(
-        self, space: Iterable[DXFGraphic], outer: str | None, inside: str, depth: int
+        self, space: Iterable[DXFGraphic], outer: str | None, inside: str
     ) -> Iterator[tuple[DXFGraphic, str, str]]:
         """Yield entities other than blocks, with their layer and their name in messages."""
         for entity in space:
@@ -507,7 +556,7 @@ class _Walk:
             layer = outer if outer is not None and layer == "0" else layer
             where = f"{kind} {inside}" if inside else f"{kind} (handle {entity.dxf.handle})"
             if isinstance(entity, Insert):
-                yield from self._of_block(entity, layer, inside, depth)
+                yield from self._of_block(entity, layer, inside)
             elif kind == "MLINE":
                 parts = entity.virtual_entities()  # type: ignore[attr-defined]
                 yield from ((part, layer, where) for part in parts)
@@ -515,23 +564,41 @@ class _Walk:
                 yield entity, layer, where
 
     def _of_block(
-        self, insert: Insert, layer: str, inside: str, depth: int
+        self, insert: Insert, layer: str, inside: str
     ) -> Iterator[tuple[DXFGraphic, str, str]]:
         name = insert.dxf.name
-        inside = inside or f"in block {name} (INSERT handle {insert.dxf.handle})"
-        if depth >= _DEEPEST_BLOCK:
-            raise BadInputError(inside, f"blocks {depth} deep", f"at most {_DEEPEST_BLOCK}")
+        if not inside:
+            inside = f"in block {name} (INSERT handle {insert.dxf.handle})"
+            self._count_copies(insert, inside)
         if insert.block() is None:
             self.ignored[f"INSERT of the missing block {name}"] += 1
             return
-        if insert.mcount > _MOST_ENTITIES:
-            raise BadInputError(inside, f"{insert.mcount} copies", f"at most {_MOST_ENTITIES}")
         if layer in self.document.layers and self.document.layers.get(layer).is_frozen():
             self.ignored[f"on layer {layer}, which is frozen"] += 1
             return
         for single in insert.multi_insert() if insert.mcount > 1 else [insert]:
             parts = single.virtual_entities(skipped_entity_callback=self._skipped)
-            yield from self._leaves(parts, layer, inside, depth + 1)
+            yield from self._leaves(parts, layer, inside)
+
+    def _count_copies(self, insert: Insert, inside: str) -> None:
+        """Refuse copies of blocks before they are made: a small file can ask for 10^18."""
+        self.copied += self._copied_by(insert, inside, 0)
+        if self.copied > _MOST_COPIED:
+            value = f"over {_MOST_COPIED} entities in blocks, every copy counted"
+            raise BadInputError(inside, value, "fewer; explode large blocks in the drawing program")
+
+    def _copied_by(self, insert: Insert, inside: str, depth: int) -> int:
+        name = insert.dxf.name
+        if depth >= _DEEPEST_BLOCK:
+            raise BadInputError(inside, f"blocks {depth} deep", f"at most {_DEEPEST_BLOCK}")
+        if name not in self.sizes:
+            self.sizes[name] = 1 + sum(
+                self._copied_by(part, inside, depth + 1)
+                if isinstance(part, Insert)
+                else _size(part)
+                for part in insert.block() or ()
+            )
+        return insert.mcount * self.sizes[name]
 
     def _skipped(self, entity: DXFGraphic, reason: str) -> None:
         if entity.dxftype() in _READERS:

@@ -67,7 +67,7 @@ def import_geojson(path: Path, options: ImportOptions) -> Map:
     largest is the bounds, its holes are obstacles), closed lines are outlines and open ones are
     joined; points are counted and left out. ``properties.role`` may name bounds and obstacles.
     """
-    options.refuse(("layers", "unknown"), "a GeoJSON file", path)
+    options.refuse(("layers", "unknown", "least_obstacle_mm2"), "a GeoJSON file", path)
     document = _document(path)
     if "vinefab" in document:
         options.refuse(_ONLY_DRAWINGS, "a map that vinefab wrote", path)

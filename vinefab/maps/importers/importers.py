@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from vinefab.core.errors import BadInputError
 from vinefab.core.registry import Registry
 from vinefab.maps.importers.csv_polygons import import_csv
@@ -92,4 +94,6 @@ def import_map(source: Path, options: ImportOptions) -> Map:
     suffix = source.suffix.lower()
     if suffix not in known:
         raise BadInputError("source", str(source), f"a file ending in {', '.join(known)}")
-    return known[suffix].read(source, options)
+    # Sizes near the limits of floats are refused, or found equal, by what is done with them.
+    with np.errstate(all="ignore"):
+        return known[suffix].read(source, options)

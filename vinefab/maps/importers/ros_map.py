@@ -158,7 +158,11 @@ def import_ros(path: Path, options: ImportOptions) -> Map:
             path.stem,
             free if unknown == "obstacle" else ~occupied,
             source.placement(scale),
-            RasterOptions(simplify_mm=options.simplify_mm, start=options.start),
+            RasterOptions(
+                simplify_mm=options.simplify_mm,
+                least_obstacle_mm2=options.least_obstacle_mm2 or 0.0,
+                start=options.start,
+            ),
             facts,
         )
     return replace(world, environment="ros")

@@ -172,6 +172,8 @@ class ImportOptions:
         Largest distance between imported walls and those of the source.
     unknown
         Meaning of cells of a ROS map that were never seen: ``obstacle`` or ``free``.
+    least_obstacle_mm2
+        Obstacles of a ROS map smaller than this are left out, as noise.
     start
         Where robots start, in the map's millimetres.
     join_mm
@@ -191,6 +193,7 @@ class ImportOptions:
     scale_mm_per_unit: float | None = None
     simplify_mm: float | None = None
     unknown: str | None = None
+    least_obstacle_mm2: float | None = None
     start: Pose | None = None
     join_mm: float | None = None
     layers: tuple[str, ...] = ()
@@ -268,7 +271,7 @@ def drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> M
 
 
 def _drawing_map(path: Path, drawing: SourceDrawing, options: ImportOptions) -> Map:
-    options.refuse(("unknown",), "a drawing", path)
+    options.refuse(("unknown", "least_obstacle_mm2"), "a drawing", path)
     if not drawing.items:
         held = drawing.facts.get("ignored") or "nothing"
         raise BadInputError("drawing", f"without outlines: {held}", "lines, outlines or areas")

@@ -460,14 +460,13 @@ class _Walk:
 
     def _is_page(self, ring: Ring) -> bool:
         """Return whether an outline is the rectangle of the page."""
-        points = np.unique(ring.hull(), axis=0)
-        if len(points) != 4:
-            return False
-        corner, size = self.page[:2], self.page[2:]
+        points, corner, size = ring.hull(), self.page[:2], self.page[2:]
         slack = 1e-6 * float(size.max())
         low = np.abs(points.min(axis=0) - corner).max()
         high = np.abs(points.max(axis=0) - corner - size).max()
-        return bool(size.min() > 0.0 and low <= slack and high <= slack)
+        if not (size.min() > 0.0 and low <= slack and high <= slack):
+            return False
+        return len(np.unique(points, axis=0)) == 4
 
 
 def _outlines(node: Node) -> list[Subpath]:
@@ -489,7 +488,7 @@ def _outlines(node: Node) -> list[Subpath]:
 
 def _simple(node: Node) -> list[Subpath]:
     names = ("x", "y", "width", "height", "rx", "ry", "r", "cx", "cy", "x1", "y1", "x2", "y2")
-    at = {name: length_px(node, name) for name in names}
+    at = {name: length_px(node, name) if name in node.attributes else 0.0 for name in names}
     for name in ("width", "height", "rx", "ry", "r"):
         if at[name] < 0.0:
             raise BadInputError(f"{node.where}: {name}", at[name], "at least 0")

@@ -105,11 +105,15 @@ def read_bytes(path: Path, most_bytes: int = 1 << 30) -> bytes:
     """Return the content of a file."""
     existing_file(path)
     try:
-        if path.stat().st_size > most_bytes:
-            raise UnreadableFileError(path, f"is larger than {most_bytes} bytes")
-        return path.read_bytes()
+        too_large = path.stat().st_size > most_bytes
+        data = b"" if too_large else path.read_bytes()
     except PermissionError as error:
         raise UnreadableFileError(path, "no permission to read it") from error
+    except OSError as error:
+        raise UnreadableFileError(path, f"cannot be read: {error.strerror}") from error
+    if too_large:
+        raise UnreadableFileError(path, f"is larger than {most_bytes} bytes")
+    return data
 
 
 def read_text(path: Path, most_bytes: int = 1 << 30) -> str:

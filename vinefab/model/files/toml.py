@@ -70,9 +70,12 @@ def _rank(detail: ErrorDetails) -> int:
 def _as_bad_input(
     model: type[BaseModel], detail: ErrorDetails, source: str | Path
 ) -> BadInputError:
-    location = tuple(part for part in detail["loc"] if not _is_union_tag(part))
+    *above, last = detail["loc"] or ("",)
+    unknown = detail["type"] == "extra_forbidden"  # then the last part is the user's own
+    parts = [part for part in above if not _is_union_tag(part)]
+    location = (*parts, last) if unknown or not _is_union_tag(last) else tuple(parts)
     key = _dotted(location)
-    if detail["type"] == "extra_forbidden":
+    if unknown:
         known = _known_keys(model, location[:-1])
         hint = nearest(str(location[-1]), known)
         return BadInputError(

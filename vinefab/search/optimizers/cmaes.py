@@ -44,6 +44,12 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
         reals, rest = v[:, : self._Nco], v[:, self._Nco :]
         return np.clip(reals, 0.0, 1.0), self._discretization(rest) if self._Nin else rest
 
+    @property
+    def spread(self) -> Floats:
+        """Standard deviation of each coordinate, shape (d,)."""
+        deviations: Floats = self._sigma * self._A * np.sqrt(np.diag(self._C))
+        return deviations
+
     def learn(self, v: Floats) -> None:
         """Update mean and covariance by points in the order of their fitness, best first.
 
@@ -195,6 +201,9 @@ def _square_of(chance: Any) -> Any:  # noqa: ANN401 - a number or an array
 
 
 _STREAM = 1405
+_RUN_AWAY = 1e3
+"""Largest standard deviation, in ranges. Noise can let it grow without end: then all points are
+clipped to the bounds, nothing is learned, and in the end numbers overflow."""
 LEAST_POPULATION = 4
 """Fewer points give no covariance."""
 
@@ -236,12 +245,14 @@ class Cma:
     The algorithm gets ranks instead of fitness: of the values themselves it uses only the spread,
     to weigh points outside the bounds, and penalties would inflate that.
 
+    A distribution that runs away is replaced by the first one; the run's record keeps its best.
+
     An inactive coordinate is sampled like any other and selected by chance: its mean and spread
     stay the same in expectation until designs with that level are evaluated again.
     """
 
     def __init__(self, config: CmaConfig, axes: SearchAxes, population: int, seed: int) -> None:
-        self._seed = seed
+        self._config, self._seed = config, seed
         self._population = population
         counts = np.array(axes.choices)
         self._real = np.flatnonzero(counts == 0)
@@ -271,6 +282,8 @@ class Cma:
         """Update the distribution by the ranks of the points."""
         # Ties keep the order in which they were sampled.
         self._search.learn(self._sampled_points()[np.argsort(-fitness, kind="stable")])
+        if not (self._search.spread / self._ranges).max() < _RUN_AWAY:
+            self._search = self._new_search(self._config)
         self._sampled = None
         self._generation += 1
 
@@ -280,7 +293,8 @@ class Cma:
             return {"generation": 0}
         state: dict[str, object] = {"generation": self._generation}
         known = vars(self._search)
-        state |= {name: np.array(known[name], dtype=float) for name in _ARRAYS if name in known}
+        arrays = [name for name in _ARRAYS if known.get(name) is not None]
+        state |= {name: np.array(known[name], dtype=float) for name in arrays}
         state |= {name: _plain(known[name]) for name in _NUMBERS if name in known}
         return state
 
@@ -294,17 +308,21 @@ class Cma:
             elif name in _NUMBERS:
                 setattr(self._search, name, value)
 
-    def _new_search(self, config: CmaConfig) -> Any:  # noqa: ANN401 - cmaes has no types here
+    @property
+    def _ranges(self) -> Floats:
+        """Range of each coordinate of the distribution."""
+        whole = self._counts[self._integer].astype(np.float64)
+        return np.concatenate([np.ones(len(self._real)), whole])
 
+    def _new_search(self, config: CmaConfig) -> Any:  # noqa: ANN401 - cmaes has no types here
         whole = self._counts[self._integer]
-        ranges = np.concatenate([np.ones(len(self._real)), whole])
         middles = np.concatenate([np.full(len(self._real), 0.5), (whole - 1.0) / 2.0])
         return Distribution(
             x_space=[[0.0, 1.0]] * len(self._real) or None,
             z_space=[list(range(count)) for count in whole.tolist()] or None,
             population_size=self._population,
             mean=middles,
-            cov=np.diag((config.spread * ranges) ** 2),
+            cov=np.diag((config.spread * self._ranges) ** 2),
         )
 
 

@@ -24,6 +24,7 @@ from typing import Any
 
 from vinefab.core.errors import BadInputError, UnknownNameError, WorkersLostError
 from vinefab.core.hashing import sha256_of
+from vinefab.core.interruption import stops_deferred
 from vinefab.core.validation import Floats
 from vinefab.search.evaluator import Evaluations, Evaluator, EvaluatorSpec
 from vinefab.search.parallel.executor import in_work_units
@@ -242,29 +243,43 @@ class DaskEvaluator:
     def _local_client(self) -> Iterator[Any]:
         """Start workers on this computer that only this run can use, and connect to them."""
         import dask  # noqa: PLC0415 - optional
-        from distributed import Client, LocalCluster  # noqa: PLC0415 - optional
+        from distributed import Client  # noqa: PLC0415 - optional
+
+        stack = ExitStack()
+        try:
+            # Begun and ended undisturbed: a half of a cluster can be neither used nor closed.
+            with stops_deferred():
+                # Private, because workers import from it: dask's own is shared by all users.
+                folder = TemporaryDirectory(prefix="vinefab-", ignore_cleanup_errors=True)
+                private = stack.enter_context(folder)
+                stack.enter_context(dask.config.set(_without_http()))  # also for later workers
+                stack.enter_context(dask.config.set({"temporary-directory": private}))
+                cluster = stack.enter_context(self._local_cluster(private))
+                client = stack.enter_context(Client(cluster))  # type: ignore[no-untyped-call]
+                self._restart = lambda: (cluster.scale(0), cluster.scale(self.count))
+            yield client
+        finally:
+            with stops_deferred():
+                stack.close()
+
+    def _local_cluster(self, folder: str) -> Any:  # noqa: ANN401 - as above
+        from distributed import LocalCluster  # noqa: PLC0415 - optional
         from distributed.security import Security  # noqa: PLC0415 - optional
 
-        with ExitStack() as stack:
-            # Private, because workers import from it: dask's own is shared by all users.
-            folder = TemporaryDirectory(prefix="vinefab-", ignore_cleanup_errors=True)
-            private = stack.enter_context(folder)
-            stack.enter_context(dask.config.set(_without_http()))  # also for later workers
-            cluster = stack.enter_context(
-                LocalCluster(  # type: ignore[no-untyped-call]
-                    n_workers=self.count,
-                    threads_per_worker=1,
-                    security=Security.temporary(),  # type: ignore[no-untyped-call]
-                    # A fixed port would be taken, and a warning given, beside another cluster.
-                    scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
-                    local_directory=private,
-                    memory_limit=0,
-                    silence_logs="CRITICAL",
-                )
+        try:
+            return LocalCluster(  # type: ignore[no-untyped-call]
+                n_workers=self.count,
+                threads_per_worker=1,
+                security=Security.temporary(),  # type: ignore[no-untyped-call]
+                # A fixed port would be taken, and a warning given, beside another cluster.
+                scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+                local_directory=folder,
+                memory_limit=0,
+                silence_logs="CRITICAL",
             )
-            client = stack.enter_context(Client(cluster))  # type: ignore[no-untyped-call]
-            self._restart = lambda: (cluster.scale(0), cluster.scale(self.count))
-            yield client
+        except RuntimeError as error:
+            problem = f"a worker ended while it started ({error})"
+            raise WorkersLostError(f"cluster {self.address}", problem) from error
 
     def _count_workers(self, client: Any) -> int:  # noqa: ANN401 - as above
         """Return the number of worker threads, waiting for the first worker."""

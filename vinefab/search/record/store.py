@@ -269,9 +269,10 @@ class RunStore:
         with damage_errors(self.path):
             entries = dict(self._connection.execute("SELECT key, value FROM run").fetchall())
             recorded = recorded_identity(entries, self.path)
-        if problem := self.identity.differs_from(recorded):
+            problem = self.identity.differs_from(recorded)
+            self.drift = tuple(self.identity.drift(recorded))
+        if problem is not None:
             raise problem.at(self.path)
-        self.drift = tuple(self.identity.drift(recorded))
         # The winner's origin names the versions with which the run began.
         self.identity = recorded
 

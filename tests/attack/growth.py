@@ -1,13 +1,16 @@
-"""Growth on nasty maps, by the thousand: ``make fuzz``, or ``python tests/growth/fuzz.py 20000``.
+"""Growth on nasty maps, by the thousand: ``make fuzz``, or ``python tests/attack/growth.py 20000``.
 
 Counts are printed for every kind of map. Every growth must end, stay in free space, and be the
-same by the compiled kernel and by its readable twin.
+same by the compiled kernel and by its readable twin. As many again are grown twice, the second time
+after the whole world was mirrored, turned, scaled or shifted, its obstacles reordered, or its walls
+refined: lengths and stops must be the same within `SAME`. Growths that starts, obstacles or bounds
+moved by `NUDGE` change as well are ties, which rounding may settle either way; they are counted.
 """
 
 import math
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -15,14 +18,15 @@ from shapely import Polygon, box
 from shapely.affinity import affine_transform
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.errors import BadInputError
 from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
-from vinefab.model.deployment import Deployment
+from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.map import Map, Pose
+from vinefab.model.map import LARGEST_MM, Map, Pose
 
 UNIT = 100.0
 GROWTHS_PER_MAP = 40
@@ -30,6 +34,11 @@ DESIGNS_PER_MAP = 4
 MOST_EVENTS = 2_000
 EXACT = 2e-9
 """Share of the map's size that chains may differ by, and be outside free space by."""
+
+SAME = 1e-6
+"""Share of the map's size that lengths may differ by after a move of everything."""
+NUDGE = 1e-8
+"""Share of the map's size, and radians, that things are moved by to see whether one is a tie."""
 
 Shapes = list[Polygon]
 
@@ -241,6 +250,223 @@ def fuzz_map(counts: Counts, kind: str, seed: int) -> None:
         counts.seeds.append(seed)
 
 
+@dataclass(frozen=True, slots=True)
+class Move:
+    """A change of the whole world that must change no length and no stop."""
+
+    matrix: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 1.0)  # rows a b, c d
+    shift: tuple[float, float] = (0.0, 0.0)  # in sizes of the map
+    reorders: bool = False
+    refines: bool = False
+
+    @property
+    def scale(self) -> float:
+        a, b, c, d = self.matrix
+        return math.sqrt(abs(a * d - b * c))
+
+    @property
+    def mirrors(self) -> bool:
+        a, b, c, d = self.matrix
+        return a * d - b * c < 0.0
+
+    def pose(self, pose: Pose, size_mm: float) -> Pose:
+        a, b, c, d = self.matrix
+        x, y = pose.x_mm, pose.y_mm
+        u, v = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+        return Pose(
+            x_mm=a * x + b * y + self.shift[0] * size_mm,
+            y_mm=c * x + d * y + self.shift[1] * size_mm,
+            heading_rad=math.atan2(c * u + d * v, a * u + b * v),
+        )
+
+    def world(self, world: Map, rng: np.random.Generator) -> Map:
+        dx, dy = (one * max(world.size_mm) for one in self.shift)
+        obstacles = list(world.obstacles)
+        if self.reorders:
+            obstacles = [obstacles[n] for n in rng.permutation(len(obstacles))]
+        shapes = [affine_transform(one, (*self.matrix, dx, dy)) for one in obstacles]
+        if self.refines:
+            shapes = [refined(one, rng) for one in shapes]
+        bounds = affine_transform(world.bounds, (*self.matrix, dx, dy))
+        return Map(name="moved", bounds=bounds, obstacles=tuple(shapes))
+
+
+def refined(shape: Polygon, rng: np.random.Generator) -> Polygon:
+    """Return a polygon with one to three more corners on each side, begun at another corner."""
+    ring = np.roll(shapely.get_coordinates(shape.exterior)[:-1], rng.integers(0, 99), axis=0)
+    corners: list[tuple[float, float]] = []
+    for one, other in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+        shares = np.sort(rng.uniform(0.1, 0.9, rng.integers(1, 4)))
+        corners += [tuple(one), *(tuple(one + share * (other - one)) for share in shares)]
+    return Polygon(corners)
+
+
+def random_move(rng: np.random.Generator, name: str, world: Map) -> Move:
+    """Return a move of one of the `MOVES`."""
+    if name == "turn":
+        angle = rng.choice([rng.uniform(-np.pi, np.pi), np.pi / 2.0, math.asin(0.6)])
+        c, s = math.cos(angle), math.sin(angle)
+        return Move(matrix=(c, -s, s, c))
+    if name == "scale":
+        scale = float(rng.choice([0.013, 0.7, 3.0, 170.0]))
+        if scale * max(map(abs, world.bounds.bounds)) > LARGEST_MM / 10.0:
+            scale = 1.0 / scale
+        return Move(matrix=(scale, 0.0, 0.0, scale))
+    if name == "shift":
+        return Move(shift=tuple(rng.uniform(-3.0, 3.0, 2).tolist()))
+    if name == "mirror":
+        return Move(matrix=(-1.0, 0.0, 0.0, 1.0))
+    return Move(reorders=name == "reorder", refines=name == "refine")
+
+
+MOVES = ("mirror", "turn", "scale", "shift", "reorder", "refine")
+
+
+@dataclass
+class MoveCounts:
+    """What was seen under one kind of move."""
+
+    growths: int = 0
+    branches: int = 0
+    stopped: int = 0  # branches that a wall stopped
+    ties: int = 0
+    differ: int = 0
+    worst: float = 0.0  # difference of a length in sizes of the map, ties left out
+    seeds: list[tuple[str, int]] = field(default_factory=list)
+
+
+def mirrored_order(grown: Deployment) -> list[int]:
+    """Return for every branch the one that a mirror of the tree puts in its place."""
+    parents = grown.tree.parent.tolist()
+    children: dict[int, list[int]] = {}
+    for branch, parent in enumerate(parents):
+        children.setdefault(parent, []).append(branch)
+    other = {-1: -1}
+    for branch, parent in enumerate(parents):
+        siblings = children[parent]
+        there = children[other[parent]]
+        other[branch] = there[-1 - siblings.index(branch)]
+    return [other[branch] for branch in range(len(parents))]
+
+
+def length_difference(one: Deployment, other: Deployment, move: Move, size_mm: float) -> float:
+    """Return how much lengths differ at most, in sizes of the map; infinity if stops do."""
+    order = mirrored_order(one) if move.mirrors else list(range(len(one.stop)))
+    if other.stop[order].tolist() != one.stop.tolist():
+        return math.inf
+    return float(
+        np.abs(other.grown_mm[order] / move.scale - one.grown_mm).max(initial=0.0) / size_mm
+    )
+
+
+def is_tie(
+    grown: Deployment, design: Design, terrain: Terrain, options: GrowthOptions, seed: int
+) -> bool:
+    """Tell whether a start or obstacles a little beside end it otherwise too, or in a wall."""
+    size_mm, rng = max(terrain.world.size_mm), np.random.default_rng(seed)
+    for number, nudge in enumerate(NUDGE * rng.normal(size=(24, 3))):
+        pose = Pose(
+            x_mm=grown.pose.x_mm + nudge[0] * size_mm,
+            y_mm=grown.pose.y_mm + nudge[1] * size_mm,
+            heading_rad=grown.pose.heading_rad + nudge[2],
+        )
+        near = Terrain.of(nudged(terrain.world, rng)) if number % 3 == 2 else terrain
+        if not near.is_free(pose):
+            return True
+        beside = grow(design, near, pose, options, "kernel")
+        if length_difference(grown, beside, Move(), size_mm) > 100.0 * NUDGE:
+            return True
+    return False
+
+
+def nudged(world: Map, rng: np.random.Generator) -> Map:
+    """Return a map whose obstacles each moved, grew and shrank a little, its bounds sheared."""
+    size_mm = max(world.size_mm)
+    x, y = world.bounds.centroid.coords[0]
+    up, over = NUDGE * rng.normal(size=2)
+    bounds = affine_transform(world.bounds, (1.0, up, over, 1.0, -up * y, -over * x))
+    shapes = []
+    for obstacle in world.obstacles:
+        x, y = obstacle.centroid.coords[0]
+        wide, high, dx, dy = NUDGE * rng.normal(size=4)
+        move = (1 + wide, 0.0, 0.0, 1 + high, dx * size_mm - wide * x, dy * size_mm - high * y)
+        shapes.append(affine_transform(obstacle, move))
+    return Map(name="nudged", bounds=bounds, obstacles=tuple(shapes))
+
+
+def move_map(counts: MoveCounts, name: str, kind: str, seed: int) -> None:
+    """Grow some trees on one map and on the same map moved, and count."""
+    rng = np.random.default_rng([73, MOVES.index(name), list(KINDS).index(kind), seed])
+    terrain = Terrain.of(nasty_map(rng, kind))
+    if len(terrain.walls().wall) == 0:
+        return
+    size_mm, move = max(terrain.world.size_mm), random_move(rng, name, terrain.world)
+    moved = Terrain.of(move.world(terrain.world, rng))
+    options = GrowthOptions(
+        head_on_half_angle_rad=math.radians(float(rng.choice([0.0, 1.0, 15.0]))),
+        children_of_stuck=str(rng.choice(["stop", "deploy"])),
+    )
+    designs = [nasty_design(rng, size_mm) for _ in range(DESIGNS_PER_MAP)]
+    if move.mirrors:  # only fans of equal branches have a mirror image
+        designs = [
+            replace(one, levels=tuple(replace(level, growth=1.0) for level in one.levels))
+            for one in designs
+        ]
+    scaled = [scaled_design(one, move.scale) for one in designs]
+    for _ in range(GROWTHS_PER_MAP // DESIGNS_PER_MAP):
+        pose = nasty_pose(rng, terrain)
+        there = move.pose(pose, size_mm)
+        for design, large in zip(designs, scaled, strict=True):
+            before = grow(design, terrain, pose, options, "kernel")
+            counts.growths += 1
+            counts.branches += int(before.deployed.sum())
+            counts.stopped += int((before.deployed & (before.stop != Stop.FULL_LENGTH)).sum())
+            try:
+                after = grow(large, moved, there, options, "kernel")
+                off = length_difference(before, after, move, size_mm)
+            except BadInputError:  # the start is in a wall now
+                off = math.inf
+            if off <= SAME:
+                counts.worst = max(counts.worst, off)
+            elif is_tie(before, design, terrain, options, seed):
+                counts.ties += 1
+            else:
+                counts.differ += 1
+                counts.seeds.append((kind, seed))
+
+
+def scaled_design(design: Design, scale: float) -> Design:
+    """Return a design whose lengths are multiplied."""
+    return replace(
+        design,
+        trunk_length_mm=design.trunk_length_mm * scale,
+        levels=tuple(replace(one, length_mm=one.length_mm * scale) for one in design.levels),
+    )
+
+
+def moves(growths: int) -> dict[str, MoveCounts]:
+    """Return counts for every kind of move after at least so many growths in all."""
+    found = {name: MoveCounts() for name in MOVES}
+    for name, counts in found.items():
+        kinds, seed = list(KINDS), 0
+        while counts.growths < growths / len(MOVES):
+            move_map(counts, name, kinds[seed % len(kinds)], seed)
+            seed += 1
+    return found
+
+
+def move_lines(found: dict[str, MoveCounts]) -> list[str]:
+    """Return a table of the counts."""
+    heads = ("growths", "branches", "stopped", "ties", "differ", "worst")
+    lines = [f"{'move':10s}" + "".join(f"{head:>10s}" for head in heads)]
+    for name, one in found.items():
+        lines.append(
+            f"{name:10s}{one.growths:10d}{one.branches:10d}{one.stopped:10d}{one.ties:10d}"
+            f"{one.differ:10d}{one.worst:10.1e}" + (f"  maps {one.seeds[:5]}" if one.seeds else "")
+        )
+    return lines
+
+
 def fuzz(growths: int) -> dict[str, Counts]:
     """Return counts for every kind of map after at least so many growths in all."""
     found = {kind: Counts() for kind in KINDS}
@@ -264,8 +490,11 @@ def main() -> int:
             f"{one.endless:10d}{one.outside:10d}{one.deepest:10.1e}{one.disagree:10d}"
             + (f"  maps {one.seeds[:5]}" if one.seeds else "")
         )
+    moved = moves(growths)
+    lines += ["", *move_lines(moved)]
     failures = sum(one.failures for one in found.values())
-    total = sum(one.growths for one in found.values())
+    failures += sum(one.differ for one in moved.values())
+    total = sum(one.growths for one in (*found.values(), *moved.values()))
     lines.append(f"{total} growths, {failures} failures")
     sys.stdout.write("\n".join(lines) + "\n")
     return 1 if failures else 0

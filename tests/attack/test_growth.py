@@ -1,0 +1,67 @@
+"""A little of ``make fuzz`` in every run of the tests."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+GROWTHS = 600
+
+
+@pytest.fixture(scope="module")
+def fuzz() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("fuzz", Path(__file__).with_name("growth.py"))
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["fuzz"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_growth_on_nasty_maps(fuzz):
+    found = fuzz.fuzz(GROWTHS)
+    assert sum(counts.growths for counts in found.values()) >= GROWTHS
+    for kind, counts in found.items():
+        assert counts.failures == 0, (kind, counts)
+        # The maps are in the way: more events than branches, and trees beyond the trunk.
+        assert counts.events > 1.5 * counts.branches > 1.5 * counts.growths
+
+
+def test_failures_are_seen(fuzz, monkeypatch):
+    monkeypatch.setattr(fuzz, "MOST_EVENTS", 3)
+    monkeypatch.setattr(fuzz, "EXACT", -1.0)
+    counts = fuzz.Counts()
+    fuzz.fuzz_map(counts, "rounded", 1)
+    assert counts.endless == 1
+    assert counts.outside == counts.disagree == counts.growths > 0
+    assert counts.seeds == [1]
+
+
+def test_moved_worlds_give_the_same_growths(fuzz):
+    found = fuzz.moves(240)
+    assert set(found) == set(fuzz.MOVES)
+    for name, counts in found.items():
+        assert counts.differ == 0, (name, counts)
+        assert counts.ties <= counts.growths // 4
+        assert counts.stopped > 0
+
+
+def test_growths_that_differ_are_seen(fuzz, monkeypatch):
+    monkeypatch.setattr(fuzz, "SAME", -1.0)
+    monkeypatch.setattr(fuzz, "is_tie", lambda *_: False)
+    counts = fuzz.MoveCounts()
+    fuzz.move_map(counts, "turn", "stars", 1)
+    assert counts.differ == counts.growths > 0
+    assert counts.seeds[0] == ("stars", 1)
+
+
+def test_a_start_beside_a_corner_is_a_tie(fuzz):
+    """Half a nudge to one side it slides along the wall, to the other it passes."""
+    world = fuzz.Map(name="m", bounds=fuzz.box(0, 0, 9, 9), obstacles=(fuzz.box(4, 4, 5, 5),))
+    terrain, options = fuzz.Terrain.of(world), fuzz.GrowthOptions()
+    design = fuzz.Design(name="d", trunk_length_mm=6.0, build=fuzz.Build.standard(1))
+    for x_mm, tie in ((4.0, True), (3.0, False)):
+        pose = fuzz.Pose(x_mm=x_mm, y_mm=1.0, heading_rad=fuzz.math.pi / 2.0)
+        grown = fuzz.grow(design, terrain, pose, options, "kernel")
+        assert fuzz.is_tie(grown, design, terrain, options, 1) == tie

@@ -1,0 +1,76 @@
+"""Ctrl-C, SIGTERM and SIGHUP end code alike; what is ignored stays ignored."""
+
+import os
+import signal
+import threading
+
+import pytest
+
+from vinefab.core.interruption import REQUESTS, stop_requests, stops_deferred
+
+
+@pytest.mark.parametrize("number", REQUESTS)
+def test_each_request_is_a_keyboard_interrupt_and_gives_its_exit_code(number):
+    usual = signal.getsignal(number)
+    with pytest.raises(KeyboardInterrupt), stop_requests() as request:
+        signal.raise_signal(number)
+    assert request.exit_code == 128 + number
+    assert signal.getsignal(number) is usual
+
+
+def test_a_request_that_the_caller_ignores_stays_ignored():
+    usual = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with stop_requests() as request:
+            signal.raise_signal(signal.SIGHUP)
+        assert request.number == 0
+    finally:
+        signal.signal(signal.SIGHUP, usual)
+
+
+@pytest.mark.parametrize("number", REQUESTS)
+def test_a_deferred_request_is_raised_after_the_block(number):
+    done = []
+
+    def deferred():
+        with stops_deferred():
+            os.kill(os.getpid(), number)
+            done.append("rest of the block")
+            raise OSError("a process got the request too")
+
+    with stop_requests() as request:
+        with pytest.raises(KeyboardInterrupt):
+            deferred()
+        assert request.number == number
+    assert done
+    assert not signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_a_request_that_no_exception_could_report_comes_again():
+    class Swallowing:
+        def __del__(self):
+            signal.raise_signal(signal.SIGTERM)
+
+    def swallowed():
+        Swallowing()
+        threading.Event().wait(5.0)
+
+    with stop_requests() as request, pytest.raises(KeyboardInterrupt):
+        swallowed()
+    assert request.exit_code == 143
+
+
+def test_another_thread_than_the_main_one_is_left_alone():
+    failed = []
+
+    def work():
+        try:
+            with stop_requests(), stops_deferred():
+                pass
+        except ValueError as error:
+            failed.append(error)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert not failed

@@ -1,0 +1,70 @@
+"""Worker processes end with the one that began them, and a lost one is said."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from vinefab.core.errors import WorkersLostError
+from vinefab.search.parallel.worker_processes import WorkerProcesses
+
+PROGRAM = """
+import os, sys, time
+from vinefab.search.parallel.worker_processes import WorkerProcesses
+
+def work(path):
+    with open(path, "w") as stream:
+        stream.write(str(os.getpid()))
+    time.sleep(60)
+
+if __name__ == "__main__":
+    with WorkerProcesses(1) as processes:
+        list(processes.map(work, sys.argv[1:]))
+"""
+
+
+def kill_itself(number: int) -> None:
+    os.kill(os.getpid(), number)
+
+
+def test_a_worker_that_is_killed_is_one_error_and_no_hang():
+    with (
+        pytest.raises(WorkersLostError, match="was killed, perhaps for want of memory; run the"),
+        WorkerProcesses(1) as processes,
+    ):
+        list(processes.map(kill_itself, [signal.SIGKILL]))
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_workers_end_with_the_process_that_began_them(tmp_path, number):
+    (tmp_path / "program.py").write_text(PROGRAM)
+    told = tmp_path / "pid"
+    began = subprocess.Popen(
+        [sys.executable, tmp_path / "program.py", told],
+        start_new_session=True,
+        stderr=subprocess.DEVNULL,
+    )
+    _wait_for(lambda: told.exists() and told.read_text())
+    worker = int(told.read_text())
+    os.kill(began.pid, number)
+    began.wait(20)
+    _wait_for(lambda: not _is_alive(worker))
+
+
+def _wait_for(condition):
+    for _ in range(400):
+        if condition():
+            return
+        time.sleep(0.05)
+    pytest.fail("not within 20 s")
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        with open(f"/proc/{process}/stat") as stream:  # noqa: PTH123
+            return stream.read().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False

@@ -1,0 +1,146 @@
+"""Ending on request: Ctrl-C, ``kill`` (SIGTERM) and a closed terminal (SIGHUP) are one to all code.
+
+Each raises KeyboardInterrupt in the main thread, so that whatever cleans up after Ctrl-C cleans up
+after the others too. A signal that the caller ignores (``nohup``) stays ignored.
+"""
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import FrameType
+
+REQUESTS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+"""What asks a command to end; SIGHUP exists on POSIX systems only."""
+
+_FROM_TERMINAL = tuple(request for request in REQUESTS if request is not signal.SIGTERM)
+"""What a terminal sends to all processes of a command; SIGTERM is how its own end them."""
+
+_AGAIN_S = 0.05
+"""Until a request is repeated that came where no exception can be raised."""
+
+Handler = Callable[[int, FrameType | None], object]
+
+
+@dataclass(slots=True)
+class StopRequest:
+    """The request that ended a command, if any."""
+
+    number: int = 0  # of the signal
+
+    @property
+    def exit_code(self) -> int:
+        """128 and the signal's number, as shells count; of no request that of Ctrl-C."""
+        return 128 + (self.number or signal.SIGINT)
+
+
+@contextmanager
+def stop_requests() -> Iterator[StopRequest]:
+    """Let every request to end raise KeyboardInterrupt within the block."""
+    request = StopRequest()
+
+    def stop(number: int, _: FrameType | None) -> None:
+        request.number = request.number or number
+        raise KeyboardInterrupt
+
+    usual_hook = sys.unraisablehook
+    with _handled(stop):
+        sys.unraisablehook = _repeating(usual_hook, request)
+        try:
+            yield request
+        finally:
+            sys.unraisablehook = usual_hook
+
+
+@contextmanager
+def stops_deferred() -> Iterator[None]:
+    """Raise a request to end at the end of the block; processes begun in it get none of a terminal.
+
+    They end with this process, or are ended by it. For starting and closing what an exception in
+    the middle would leave half done.
+    """
+    noted: list[int] = []
+    try:
+        with _handled(lambda number, _: noted.append(number)), _hidden_from_children():
+            yield
+    finally:
+        if noted:  # an error of the block may come from processes that got the same request
+            signal.raise_signal(noted[0])
+
+
+@contextmanager
+def _handled(handler: Handler) -> Iterator[None]:
+    """Handle the requests that are not ignored; only the main thread of a process can."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    usual = {request: signal.getsignal(request) for request in REQUESTS}
+    ours = [request for request in REQUESTS if usual[request] not in (signal.SIG_IGN, None)]
+    try:
+        for request in ours:
+            signal.signal(request, handler)
+        yield
+    finally:
+        for request in ours:
+            signal.signal(request, usual[request])
+
+
+@contextmanager
+def _hidden_from_children() -> Iterator[None]:
+    """Block the terminal's requests in this thread, and so in the processes that it begins."""
+    if os.name != "posix":
+        yield
+        return
+    from multiprocessing import resource_tracker  # noqa: PLC0415  not on all systems
+
+    usual = signal.pthread_sigmask(signal.SIG_BLOCK, _FROM_TERMINAL)
+    try:
+        resource_tracker.ensure_running()  # begins a process, and unblocks SIGINT on the way
+        signal.pthread_sigmask(signal.SIG_BLOCK, _FROM_TERMINAL)
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, usual)
+
+
+def _repeating(
+    usual: Callable[["sys.UnraisableHookArgs"], object], request: StopRequest
+) -> Callable[["sys.UnraisableHookArgs"], object]:
+    """Return a hook that repeats a request whose exception could not be raised."""
+
+    def hook(what: "sys.UnraisableHookArgs") -> None:
+        if not issubclass(what.exc_type, KeyboardInterrupt):
+            usual(what)
+            return
+        timer = threading.Timer(_AGAIN_S, _repeat, (request.number or signal.SIGINT,))
+        timer.daemon = True
+        timer.start()
+
+    return hook
+
+
+def _repeat(number: int) -> None:
+    """Send a request to the main thread, which may have to be woken."""
+    main_thread = threading.main_thread().ident
+    if os.name == "posix" and main_thread is not None:
+        signal.pthread_kill(main_thread, number)
+    else:
+        signal.raise_signal(number)
+
+
+def end_with_parent() -> None:
+    """Let this process end when the one that began it does, however that ends."""
+    from multiprocessing import parent_process  # noqa: PLC0415  only where processes are begun
+
+    parent = parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_after, args=(parent.join,), daemon=True).start()
+
+
+def _end_after(wait: Callable[[], object]) -> None:
+    wait()
+    os._exit(1)

@@ -1,0 +1,576 @@
+"""A picture of a check: the robot, every finding at its place, and a list of them below.
+
+The page is laid out in points before anything is drawn, so that no number, marker or leader lies on
+another. Findings that stand too close together share one number tag.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.patches import Rectangle
+from matplotlib.textpath import TextPath
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.validation import Floats
+from vinefab.fabrication.job.passes import body_paths
+from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.model.design import Design
+from vinefab.model.finding import CheckReport, Finding, Severity
+from vinefab.model.job import LaserPath, Operation
+from vinefab.model.laser import LaserProfile, RecipeStatus
+from vinefab.pages.drawing import fill_geometry
+from vinefab.pages.figure import INK, SOFT, house_style
+
+SEVERITY_COLOURS = {
+    Severity.ERROR: "#b3002d",
+    Severity.WARNING: "#d98200",
+    Severity.INFO: "#0b6e8a",
+}
+"""They differ in lightness as well as in hue; markers differ in shape too."""
+
+_SHAPES = {Severity.ERROR: "X", Severity.WARNING: "^", Severity.INFO: "o"}
+_WORDS = {
+    Severity.ERROR: ("error", "errors"),
+    Severity.WARNING: ("warning", "warnings"),
+    Severity.INFO: ("advice", "advice"),
+}
+
+MOST_LISTED = 30
+"""More findings than this are listed by rule, each rule with its worst place."""
+
+MOST_RULES = 60
+"""Most lines of the list; the last one counts what is left."""
+
+_WIDE_PT, _EDGE_PT = 792.0, 20.0
+_HEAD_PT, _KEY_PT, _ROW_PT, _FOOT_PT = 50.0, 34.0, 14.0, 12.0
+_RIM_PT = 42.0
+_LEAST_PT, _MOST_PT = 190.0, 560.0
+_SIGN_PT = 11.0
+_TAG_PT = 8.0
+_LIST_PT = 8.0
+_NEAR_PT = (14.0, 20.0, 28.0, 40.0, 58.0, 84.0, 120.0, 240.0, 2.0 * _WIDE_PT)
+"""Distances within which findings share a tag: the first one that leaves room for all tags."""
+
+_HINTED = 1.04
+"""Letters are a little wider where they are set on whole pixels."""
+
+_LEADERS_PT = (9.0, 14.0, 20.0, 28.0, 38.0, 50.0, 66.0, 86.0, 110.0, 140.0)
+_DIRECTIONS = 24
+_SEAM, _LUMEN = "#b9cbe6", "#e9eff3"
+_LINES = {
+    Operation.WELD: ("#3f66a6", "weld line, in its seam"),
+    Operation.WELDCUT: ("#7a3fa8", "weld and cut in one pass"),
+    Operation.CUT: (INK, "cut"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Listed:
+    """One line of the list: a finding, or all findings of a rule."""
+
+    number: int
+    severity: Severity
+    rule: str
+    branches: tuple[str, ...]
+    words: str
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tag:
+    """A marker with its number tag, in points of the page."""
+
+    at_pt: tuple[float, float]  # middle of the marker
+    severity: Severity  # the worst of its findings
+    text: str  # their numbers
+    box_pt: tuple[float, float, float, float]  # around the text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _View:
+    """From millimetres of the flat layout to points of the page."""
+
+    low_mm: Floats
+    pt_per_mm: float
+    corner_pt: Floats
+    box_pt: tuple[float, float, float, float]  # where markers and tags may lie
+
+    def points(self, places_mm: Floats) -> Floats:
+        """Return places on the page."""
+        return np.asarray((places_mm - self.low_mm) * self.pt_per_mm + self.corner_pt)
+
+    def geometry(self, shape: BaseGeometry) -> BaseGeometry:
+        """Return a shape on the page."""
+        return shapely.transform(shape, self.points)
+
+
+def listed(findings: Sequence[Finding]) -> tuple[Listed, ...]:
+    """Return the lines of the list, errors first; many findings of a rule become one line."""
+    ranks = list(Severity)
+    open_ = sorted((f for f in findings if not f.waived), key=lambda f: ranks.index(f.severity))
+    groups: dict[tuple[object, ...], list[Finding]] = {}
+    for place, finding in enumerate(open_):
+        key = (finding.severity, finding.rule, place if len(open_) <= MOST_LISTED else 0)
+        groups.setdefault(key, []).append(finding)
+    return tuple(_line(number, group) for number, group in enumerate(groups.values(), start=1))
+
+
+def _line(number: int, group: Sequence[Finding]) -> Listed:
+    worst = max(group, key=_excess)
+    count = f"{len(group)} findings, the worst: " if len(group) > 1 else ""
+    return Listed(
+        number=number,
+        severity=worst.severity,
+        rule=worst.rule,
+        branches=worst.branches,
+        words=f"{count}{_values(worst)}{worst.message}",
+        findings=tuple(group),
+    )
+
+
+def _excess(finding: Finding) -> float:
+    """Return how far a finding's value is from its limit, as a share of the limit."""
+    if finding.measured is None or finding.limit is None:
+        return 0.0
+    return abs(finding.measured - finding.limit) / max(abs(finding.limit), 1e-9)
+
+
+def _values(finding: Finding) -> str:
+    if finding.measured is None or finding.limit is None:
+        return ""
+    return f"is {finding.measured:.4g}, limit {finding.limit:.4g} {finding.unit}".strip() + "; "
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FindingsPage:
+    """Where everything lies on the page, in points from its lower left corner."""
+
+    lines: tuple[Listed, ...]
+    robot: "_Robot"
+    view: "_View"
+    below_pt: float  # height of key and list
+    high_pt: float  # height of the page
+    marked: dict[Severity, BaseGeometry]  # highlighted areas
+    tags: tuple[Tag, ...]
+
+    @classmethod
+    def of(cls, design: Design, profile: LaserProfile, report: CheckReport) -> "FindingsPage":
+        """Return the page of a check."""
+        lines, robot = listed(report.findings), _Robot.of(design, profile)
+        rows = max(1, min(len(lines), MOST_RULES))
+        below_pt = _KEY_PT + _ROW_PT * rows + _FOOT_PT
+        view, high_pt = _view(robot, lines, below_pt)
+        marked = _marked(lines, robot, view)
+        inked = [shapely.boundary(view.geometry(robot.lumen)), *marked.values()]
+        return cls(
+            lines=lines,
+            robot=robot,
+            view=view,
+            below_pt=below_pt,
+            high_pt=high_pt,
+            marked=marked,
+            tags=_tags(lines, view, shapely.union_all(inked)),
+        )
+
+
+def findings_picture(design: Design, profile: LaserProfile, report: CheckReport) -> Figure:
+    """Return the picture of a check: the robot with its lines, findings, scale and list."""
+    page = FindingsPage.of(design, profile, report)
+    with house_style():
+        figure = Figure(figsize=(_WIDE_PT / 72.0, page.high_pt / 72.0))
+        limits = (0.0, _WIDE_PT), (0.0, page.high_pt)
+        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=limits[0], ylim=limits[1])
+        axes.axis("off")
+        axes.add_patch(Rectangle((0.0, 0.0), _WIDE_PT, page.high_pt, fc="white", ec="none"))
+        page.robot.draw(axes, page.view)
+        for severity, band in page.marked.items():
+            colour = SEVERITY_COLOURS[severity]
+            fill_geometry(axes, [band], face=colour, edge="none", alpha=0.45, rank=3)
+        for tag in page.tags:
+            _draw_tag(axes, tag)
+        _draw_head(axes, page.high_pt, design, profile, report)
+        _draw_key(axes, page)
+        _draw_list(axes, page)
+    return figure
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Robot:
+    """What of the robot is drawn, in the flat layout."""
+
+    lumen: shapely.Polygon  # its inside, which may be invalid
+    paths: tuple[LaserPath, ...]
+    seam_mm: float
+
+    @classmethod
+    def of(cls, design: Design, profile: LaserProfile) -> "_Robot":
+        body = body_paths(design, profile)
+        seams = [
+            profile.settings(operation).seam_width_mm.value
+            for operation in (Operation.WELD, Operation.WELDCUT)
+            if any(path.operation is operation for path in body.paths)
+        ]
+        lumen = shapely.Polygon(body_outline(design).contour.flattened_mm(0.05))
+        return cls(lumen=lumen, paths=body.paths, seam_mm=max(seams, default=0.0))
+
+    def draw(self, axes: Axes, view: _View) -> None:
+        """Draw the film, the seam at its true width, and the beam's lines."""
+        for path in self.paths:
+            if path.operation in (Operation.WELD, Operation.WELDCUT):
+                half = self.seam_mm if path.operation is Operation.WELDCUT else self.seam_mm / 2.0
+                band: BaseGeometry = _line_of(path).buffer(
+                    half, join_style="mitre", cap_style="flat"
+                )
+                around = shapely.Polygon(path.contour.flattened_mm(0.05))
+                # Only inward of the beam is seam; a body that lies on itself has no one inside.
+                if path.operation is Operation.WELDCUT and around.is_valid:
+                    band = band.intersection(around)
+                axes.fill(
+                    *view.points(np.array(self.lumen.exterior.coords)).T, fc=_LUMEN, ec="none"
+                )
+                fill_geometry(axes, [view.geometry(band)], face=_SEAM, edge="none", rank=1.5)
+        for path in self.paths:
+            colour, _ = _LINES.get(path.operation, (SOFT, ""))
+            points = view.points(shapely.get_coordinates(_line_of(path)))
+            axes.plot(*points.T, color=colour, lw=0.9, zorder=2, solid_joinstyle="round")
+
+
+def _line_of(path: LaserPath) -> shapely.LineString:
+    points = path.contour.flattened_mm(0.05)
+    return shapely.LineString(np.vstack([points, points[:1]]) if path.contour.closed else points)
+
+
+def _view(robot: _Robot, lines: Sequence[Listed], below_pt: float) -> tuple[_View, float]:
+    """Return where the robot lies on the page, and the page's height."""
+    shown: list[BaseGeometry] = [robot.lumen, *(_line_of(path) for path in robot.paths)]
+    shown += [mark for line in lines for finding in line.findings for mark in _marks(finding)]
+    places = np.concatenate([shapely.get_coordinates(shape) for shape in shown])
+    low, size = places.min(axis=0), np.maximum(np.ptp(places, axis=0), 1.0)
+    inner = _WIDE_PT - 2.0 * (_EDGE_PT + _RIM_PT)
+    scale = min(inner / size[0], (_MOST_PT - 2.0 * _RIM_PT) / size[1])
+    panel = max(_LEAST_PT, size[1] * scale + 2.0 * _RIM_PT)
+    free = np.array([_WIDE_PT, panel]) - size * scale
+    view = _View(
+        low_mm=low,
+        pt_per_mm=float(scale),
+        corner_pt=free / 2.0 + np.array([0.0, below_pt]),
+        box_pt=(_EDGE_PT, below_pt + 4.0, _WIDE_PT - _EDGE_PT, below_pt + panel),
+    )
+    return view, below_pt + panel + _HEAD_PT
+
+
+def _marks(finding: Finding) -> list[BaseGeometry]:
+    """Return the parts of a finding's marked geometry and its place."""
+    parts = []
+    if finding.marker_wkt:
+        parts = shapely.get_parts(shapely.from_wkt(finding.marker_wkt)).tolist()
+    if finding.x_mm is not None and finding.y_mm is not None:
+        parts.append(shapely.Point(finding.x_mm, finding.y_mm))
+    return parts
+
+
+def _place(finding: Finding) -> tuple[float, float] | None:
+    """Return the place of a finding, or of what it marks; None for one about the whole robot."""
+    if finding.x_mm is not None and finding.y_mm is not None:
+        return finding.x_mm, finding.y_mm
+    marks = _marks(finding)
+    return (marks[0].centroid.x, marks[0].centroid.y) if marks else None
+
+
+def _tags(lines: Sequence[Listed], view: _View, inked: BaseGeometry) -> tuple[Tag, ...]:
+    """Return the markers with their tags: none lies on another."""
+    placed: tuple[Tag, ...] = ()
+    for near_pt in _NEAR_PT:
+        spots = _spots(lines, view, near_pt)
+        placed = tuple(_laid_out(spots, view.box_pt, inked))
+        if len(placed) == len(spots):
+            break
+    return placed
+
+
+def _spots(
+    lines: Sequence[Listed], view: _View, near_pt: float
+) -> list[tuple[tuple[float, float], Severity, str]]:
+    """Return place, severity and numbers of the findings that stand close together."""
+    middles, members = np.empty((0, 2)), list[list[Listed]]()
+    for line in lines:
+        for place in (_place(finding) for finding in line.findings):
+            if place is None:
+                continue
+            at = view.points(np.array([place]))
+            away = np.hypot(*(middles - at).T)
+            if len(away) and away.min() < near_pt:
+                members[int(away.argmin())].append(line)
+            else:
+                middles = np.vstack([middles, at])
+                members.append([line])
+    return [
+        ((float(x), float(y)), inside[0].severity, _numbers(inside))
+        for (x, y), inside in zip(middles, members, strict=True)
+    ]
+
+
+def _numbers(inside: Sequence[Listed]) -> str:
+    """Return numbers in short: ``1-3, 7``, or ``2 (5x)`` for five findings of one line."""
+    numbers = sorted({line.number for line in inside})
+    if len(numbers) == 1:
+        return f"{numbers[0]} ({len(inside)}x)" if len(inside) > 1 else f"{numbers[0]}"
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ", ".join(
+        f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs
+    )
+
+
+def _laid_out(
+    spots: Sequence[tuple[tuple[float, float], Severity, str]],
+    box_pt: tuple[float, float, float, float],
+    inked: BaseGeometry,
+) -> Iterator[Tag]:
+    """Yield every spot with the best free place for its tag; a spot without one is left out."""
+    half = _SIGN_PT / 2.0
+    taken = [shapely.box(x - half, y - half, x + half, y + half) for (x, y), _, _ in spots]
+    leaders: list[BaseGeometry] = []
+    page, around = shapely.box(*box_pt), shapely.convex_hull(inked)
+    for shape in (inked, page, around):  # the first of the two in a predicate may be prepared
+        shapely.prepare(shape)
+    for row, ((x, y), severity, text) in enumerate(spots):
+        boxes, lines, lengths = _candidates((x, y), text)
+        free = shapely.covers(page, boxes) & ~shapely.intersects(boxes, taken[row])
+        free &= ~_meet(boxes, taken, 2.0, but=row) & ~_meet(boxes, leaders, 1.0)
+        free &= ~_meet(lines, taken, 1.0, but=row) & ~_meet(lines, leaders, 1.0)
+        # On the robot a tag hides lines; outside, at the end of a short leader, it hides nothing.
+        cost = lengths + 12.0 * shapely.intersects(around, boxes)
+        cost[free] += 60.0 * shapely.intersects(inked, boxes[free])
+        if not free.any():
+            continue
+        best = int(np.where(free, cost, np.inf).argmin())
+        taken.append(boxes[best])
+        leaders.append(lines[best])
+        x0, y0, x1, y1 = shapely.bounds(boxes[best]).tolist()
+        yield Tag(at_pt=(x, y), severity=severity, text=text, box_pt=(x0, y0, x1, y1))
+
+
+def _meet(
+    shapes: NDArray[np.object_], taken: Sequence[BaseGeometry], near_pt: float, but: int = -1
+) -> NDArray[np.bool_]:
+    """Return which shapes come near anything of a list, one entry of it apart."""
+    inputs, met = shapely.STRtree(taken).query(shapes, predicate="dwithin", distance=near_pt)
+    found = np.zeros(len(shapes), dtype=np.bool_)
+    found[inputs[met != but]] = True
+    return found
+
+
+def _candidates(
+    at_pt: tuple[float, float], text: str
+) -> tuple[NDArray[np.object_], NDArray[np.object_], Floats]:
+    """Return places for a tag around a marker: boxes, their leaders, and the leaders' lengths."""
+    wide, high = text_width_pt(text, _TAG_PT) + 6.0, _TAG_PT + 4.0
+    angles = np.arange(_DIRECTIONS) * 2.0 * np.pi / _DIRECTIONS
+    far, angle = (grid.ravel() for grid in np.meshgrid(_LEADERS_PT, angles))
+    along = np.column_stack([np.cos(angle), np.sin(angle)])
+    ends = np.array(at_pt) + far[:, None] * along
+    middle = ends + along * np.array([wide, high]) / 2.0
+    boxes = shapely.box(
+        middle[:, 0] - wide / 2,
+        middle[:, 1] - high / 2,
+        middle[:, 0] + wide / 2,
+        middle[:, 1] + high / 2,
+    )
+    starts = np.array(at_pt) + 0.5 * _SIGN_PT * along
+    leaders = shapely.linestrings(np.stack([starts, ends], axis=1))
+    return np.asarray(boxes), np.asarray(leaders), far
+
+
+def text_width_pt(text: str, size_pt: float, *, bold: bool = False) -> float:
+    """Return the width that a line of text takes at most, whatever the resolution."""
+    if not text.strip():
+        return 0.0
+    with house_style():
+        font = FontProperties(weight="bold" if bold else "normal")
+        drawn = TextPath((0.0, 0.0), text, size=size_pt, prop=font)
+        return _HINTED * float(np.ptp(drawn.vertices[:, 0]))
+
+
+def fitted(text: str, room_pt: float, size_pt: float, *, bold: bool = False) -> str:
+    """Return a text in one line, cut to a width."""
+    line = "".join(c if c.isprintable() else " " for c in text[:400])
+    if len(line) == len(text) and text_width_pt(line, size_pt, bold=bold) <= room_pt:
+        return line
+    low, high = 0, len(line)
+    while low < high:
+        middle = (low + high + 1) // 2
+        fits = text_width_pt(f"{line[:middle]}…", size_pt, bold=bold) <= room_pt
+        low, high = (middle, high) if fits else (low, middle - 1)
+    return f"{line[:low].rstrip()}…"
+
+
+def _marked(lines: Sequence[Listed], robot: "_Robot", view: _View) -> dict[Severity, BaseGeometry]:
+    """Return what is highlighted: marked branches and gaps, and the outline around a point."""
+    outlines = [view.geometry(_line_of(path)) for path in robot.paths]
+    bands = {}
+    for severity in reversed(Severity):
+        found = [f for line in lines if line.severity is severity for f in line.findings]
+        marks = [mark for finding in found for mark in _marks(finding) if mark.length > 0.0]
+        strokes = [view.points(shapely.get_coordinates(mark)) for mark in marks]
+        for x, y in {place for finding in found if (place := _place(finding)) is not None}:
+            strokes += _outline_near(view.points(np.array([[x, y]]))[0], outlines)
+        # One shape: where many lines cross, each of them would darken the others.
+        bands[severity] = shapely.union_all(
+            shapely.buffer([shapely.LineString(s) for s in strokes], 1.8, quad_segs=4)
+        )
+    return bands
+
+
+def _outline_near(at_pt: Floats, outlines: Sequence[BaseGeometry]) -> list[Floats]:
+    """Return the stretches of the lines close to a place."""
+    x, y = at_pt.tolist()
+    reach = 1.1 * _SIGN_PT
+    near = [shapely.clip_by_rect(o, x - reach, y - reach, x + reach, y + reach) for o in outlines]
+    parts = shapely.get_parts([one for one in near if not one.is_empty]).tolist()
+    return [shapely.get_coordinates(part) for part in parts if part.length > 0.0]
+
+
+def _draw_tag(axes: Axes, tag: Tag) -> None:
+    x0, y0, x1, y1 = tag.box_pt
+    colour, (x, y) = SEVERITY_COLOURS[tag.severity], tag.at_pt
+    nearest = shapely.get_coordinates(
+        shapely.shortest_line(shapely.Point(x, y), shapely.box(*tag.box_pt))
+    )
+    axes.plot(*nearest.T, color=colour, lw=0.8, zorder=5)
+    axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fc="white", ec=colour, lw=0.9, zorder=6))
+    _draw_sign(axes, tag.at_pt, tag.severity)
+    axes.text(
+        *((x0 + x1) / 2, (y0 + y1) / 2 - 0.3),
+        tag.text,
+        fontsize=_TAG_PT,
+        color=INK,
+        ha="center",
+        va="center_baseline",
+        zorder=7,
+    )
+
+
+def _draw_sign(axes: Axes, at_pt: tuple[float, float], severity: Severity) -> None:
+    axes.plot(
+        *at_pt,
+        _SHAPES[severity],
+        ms=8.0,
+        mfc=SEVERITY_COLOURS[severity],
+        mec="white",
+        mew=0.9,
+        zorder=8,
+    )
+
+
+def _draw_head(
+    axes: Axes, top_pt: float, design: Design, profile: LaserProfile, report: CheckReport
+) -> None:
+    name = fitted(design.name, 0.55 * _WIDE_PT, 14.0, bold=True)
+    axes.text(_EDGE_PT, top_pt - 24.0, name, fontsize=14.0, fontweight="bold", color=INK)
+    words, severity = _outcome(profile, report)
+    axes.text(
+        _WIDE_PT - _EDGE_PT,
+        top_pt - 24.0,
+        words,
+        fontsize=11.0,
+        fontweight="bold",
+        color=SEVERITY_COLOURS[severity],
+        ha="right",
+    )
+    recipe = fitted(f"recipe {profile.recipe.name}", 0.55 * _WIDE_PT, 8.5)
+    axes.text(_EDGE_PT, top_pt - 38.0, recipe, fontsize=8.5, color=SOFT)
+    axes.text(
+        _WIDE_PT - _EDGE_PT, top_pt - 38.0, _counted(report), fontsize=8.5, color=SOFT, ha="right"
+    )
+
+
+def _outcome(profile: LaserProfile, report: CheckReport) -> tuple[str, Severity]:
+    """Return the verdict in a few words, and how serious it is."""
+    if report.blocking:
+        return "not manufacturable", Severity.ERROR
+    if profile.recipe.status is RecipeStatus.UNVERIFIED:
+        return "no rule forbids it; recipe unverified", Severity.WARNING
+    return "manufacturable", Severity.INFO
+
+
+def _counted(report: CheckReport) -> str:
+    counts = [f"{(n := report.count(s))} {_WORDS[s][n != 1]}" for s in Severity]
+    waived = sum(finding.waived for finding in report.findings)
+    more = [f"{waived} waived"] if waived else []
+    return ", ".join([*counts, *more, f"{len(report.skipped)} rules skipped"])
+
+
+def _draw_key(axes: Axes, page: FindingsPage) -> None:
+    """Draw the scale bar and what the lines and signs mean, in one row."""
+    robot, y = page.robot, page.below_pt - 18.0
+    x = _draw_scale(axes, (_EDGE_PT, y), page.view.pt_per_mm)
+    axes.plot([x, x + 16.0], [y + 3.0] * 2, color=_SEAM, lw=6.0, solid_capstyle="butt")
+    x = _written(axes, (x + 20.0, y), f"seam, {robot.seam_mm:g} mm to scale")
+    for operation in dict.fromkeys(path.operation for path in robot.paths):
+        if operation in _LINES:
+            colour, words = _LINES[operation]
+            axes.plot([x, x + 16.0], [y + 3.0] * 2, color=colour, lw=1.4)
+            x = _written(axes, (x + 20.0, y), words)
+    for severity in dict.fromkeys(line.severity for line in page.lines):
+        _draw_sign(axes, (x + 4.0, y + 3.0), severity)
+        x = _written(axes, (x + 12.0, y), _WORDS[severity][0])
+
+
+def _written(axes: Axes, at_pt: tuple[float, float], words: str) -> float:
+    """Write words and return where the next ones may begin."""
+    axes.text(*at_pt, words, fontsize=_LIST_PT, color=SOFT)
+    return at_pt[0] + text_width_pt(words, _LIST_PT) + 16.0
+
+
+def _draw_scale(axes: Axes, at_pt: tuple[float, float], pt_per_mm: float) -> float:
+    """Draw a bar of a round length, and return where the next words may begin."""
+    most_mm = 130.0 / pt_per_mm
+    power = 10.0 ** np.floor(np.log10(most_mm))
+    length_mm = float(power * max(step for step in (1, 2, 5) if step * power <= most_mm))
+    (x, y), end = at_pt, at_pt[0] + length_mm * pt_per_mm
+    axes.plot([x, x, x, end, end, end], [y, y + 6, y + 3, y + 3, y + 6, y], color=INK, lw=1.2)
+    return _written(axes, (end + 6.0, y), f"{length_mm:g} mm")
+
+
+def _draw_list(axes: Axes, page: FindingsPage) -> None:
+    lines, top_pt = page.lines, page.below_pt - _KEY_PT
+    rows = lines if len(lines) <= MOST_RULES else lines[: MOST_RULES - 1]
+    axes.plot([_EDGE_PT, _WIDE_PT - _EDGE_PT], [top_pt + 6.0] * 2, color=SOFT, lw=0.5, alpha=0.6)
+    y = top_pt - _ROW_PT + 6.0
+    if not rows:
+        axes.text(_EDGE_PT, y, "No findings: nothing to mark.", fontsize=9.5, color=INK)
+    for row in rows:
+        x = _EDGE_PT
+        _draw_sign(axes, (x + 4.0, y + 3.0), row.severity)
+        placed = any(_place(finding) is not None for finding in row.findings)
+        for wide, words, weight in (
+            (20.0, str(row.number), "bold"),
+            (44.0, row.rule, "normal"),
+            (92.0, _who(row.branches) if placed else "whole robot", "normal"),
+        ):
+            cell = fitted(words, wide - 4.0, _LIST_PT)
+            axes.text(x + 14.0, y, cell, fontsize=_LIST_PT, color=INK, fontweight=weight)
+            x += wide
+        words = fitted(row.words, _WIDE_PT - _EDGE_PT - x - 14.0, _LIST_PT)
+        axes.text(x + 14.0, y, words, fontsize=_LIST_PT, color=INK)
+        y -= _ROW_PT
+    if len(lines) > len(rows):
+        axes.text(
+            _EDGE_PT + 14.0, y, f"and {len(lines) - len(rows)} more", fontsize=_LIST_PT, color=SOFT
+        )
+
+
+def _who(branches: Sequence[str]) -> str:
+    more = f" +{len(branches) - 3}" if len(branches) > 3 else ""
+    return ", ".join(branches[:3]) + more

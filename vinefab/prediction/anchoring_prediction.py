@@ -160,10 +160,9 @@ ANCHORING_NOTE = (
     "leaves that hold, gamma the turns at contacts on the way (equations 1 and 2 of the paper); "
     "joints and hinges at bases, where no wall need be touched, wrap nothing. A leaf holds where "
     "it grew in full, so that its pouch is out, and its inflated pouch is wider than the gap that "
-    "it ended in; no branch, the trunk included, "
-    "holds more than its film and seam stand. Of six branches in the paper's test one touched "
-    "nothing and one hung slack: a third of the engaged leaves may be idle. The friction of film "
-    "on the obstacles is assumed; measure yours."
+    "it ended in; no branch, the trunk included, holds more than film and seam are known to stand. "
+    "Of six branches in the paper's test one touched nothing and one hung slack: a third of the "
+    "engaged leaves may be idle. The friction of film on the obstacles is assumed; measure yours."
 )
 
 

@@ -88,7 +88,7 @@ def test_joint_angles_count_on_request(
 
 def test_hinges_at_bases_wrap_nothing(fork: Design, ended: Ended, room_context: MapContext) -> None:
     """Whatever a body's heading there, forwards or backwards, and however its hinge turned."""
-    for chain in (LINE, [(0, 0), (-10, 0)], [(0, 0), (0, 0), (-10, 0)]):
+    for chain in (LINE, [(0, 0), (-10, -10)], [(0, 0), (0, 0), (-10, 0)]):
         end = ended(fork, [chain] * 3, turns=[1.0, 0.5, 2.0])
         assert path_turn_rad(end).tolist() == [0.0] * 3
         assert Anchoring().evaluate(end, room_context)[0] == 2.0

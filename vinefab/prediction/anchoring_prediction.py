@@ -85,46 +85,45 @@ def predict_anchoring(
     design: Design, result: FamilyDeployments, task: Anchoring, mass_g: float = 0.0
 ) -> AnchoringPrediction:
     """Return what a design is expected to hold on one family of maps."""
-    robots = [
-        task.anchored(deployment, design.build, result.prepared_map(index).context)
-        for index, deployment in enumerate(result.deployments)
-    ]
     frictions = (task.friction_low, task.friction, task.friction_high)
-    low, likely, high = (_held(robots, friction, result.outcomes.maps) for friction in frictions)
-    leaves = int(result.deployments[0].tree.is_leaf.sum())
-    engaged = np.array([np.count_nonzero(robot.engaged) for robot in robots])
-    limited = [robot.pulls_n(task.friction_high)[2][0] > 0.0 for robot in robots]
+    numbers, engaged, limited, leaves = [], [], [], 0
+    for index, deployment in enumerate(result.deployments):
+        robot = task.anchored(deployment, design.build, result.prepared_map(index).context)
+        numbers.append([_held_n(robot, friction) for friction in frictions])
+        engaged.append(np.count_nonzero(robot.engaged))
+        limited.append(robot.pulls_n(task.friction_high)[2][0] > 0.0)
+        leaves = int(deployment.tree.is_leaf.sum())
+    low, likely, high = (
+        _held(friction, columns, result.outcomes.maps)
+        for friction, columns in zip(frictions, np.array(numbers).transpose(1, 2, 0), strict=True)
+    )
     return AnchoringPrediction(
         label=result.prepared.label,
         leaves=leaves,
         has_pouches=design.build.pouch is not None,
         held=(low, likely, high),
-        engaged_percent=100.0 * float(engaged.mean()) / leaves,
-        nothing_percent=100.0 * float(np.mean(engaged == 0)),
+        engaged_percent=100.0 * float(np.mean(engaged)) / leaves,
+        nothing_percent=100.0 * float(np.mean(np.equal(engaged, 0))),
         limited_percent=100.0 * float(np.mean(limited)),
         pressure_kpa=design.build.pressure_kpa,
         mass_g=mass_g,
     )
 
 
-def _held(robots: Sequence[AnchoredRobots], friction: float, maps: Sequence[str]) -> HeldForces:
-    engaged, some_idle, ideal, force_n = np.array(
-        [
-            (
-                robot.amplification(friction)[0],
-                robot.amplification(friction, 1.0 - IDLE_SHARE)[0],
-                robot.ideal(friction)[0],
-                robot.pulls_n(friction)[1][0],
-            )
-            for robot in robots
-        ]
-    ).T
+def _held_n(robot: AnchoredRobots, friction: float) -> tuple[float, ...]:
+    """Return what one robot holds: engaged leaves, some idle, ideal case, and in newtons."""
+    return (
+        float(robot.amplification(friction)[0]),
+        float(robot.amplification(friction, 1.0 - IDLE_SHARE)[0]),
+        float(robot.ideal(friction)[0]),
+        float(robot.pulls_n(friction)[1][0]),
+    )
+
+
+def _held(friction: float, columns: Floats, maps: Sequence[str]) -> HeldForces:
+    engaged, some_idle, ideal, force_n = (OverMaps.of(column, maps) for column in columns)
     return HeldForces(
-        friction=friction,
-        engaged=OverMaps.of(engaged, maps),
-        some_idle=OverMaps.of(some_idle, maps),
-        ideal=OverMaps.of(ideal, maps),
-        force_n=OverMaps.of(force_n, maps),
+        friction=friction, engaged=engaged, some_idle=some_idle, ideal=ideal, force_n=force_n
     )
 
 
@@ -161,10 +160,9 @@ ANCHORING_NOTE = (
     "leaves that hold, gamma the turns at contacts on the way (equations 1 and 2 of the paper); "
     "joints and hinges at bases, where no wall need be touched, wrap nothing. A leaf holds where "
     "it grew in full, so that its pouch is out, and its inflated pouch is wider than the gap that "
-    "it ended in; no branch, the trunk included, "
-    "holds more than its film and seam stand. Of six branches in the paper's test one touched "
-    "nothing and one hung slack: a third of the engaged leaves may be idle. The friction of film "
-    "on the obstacles is assumed; measure yours."
+    "it ended in; no branch, the trunk included, holds more than film and seam are known to stand. "
+    "Of six branches in the paper's test one touched nothing and one hung slack: a third of the "
+    "engaged leaves may be idle. The friction of film on the obstacles is assumed; measure yours."
 )
 
 

@@ -4,12 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-from scipy.stats import bootstrap
-
 from vinefab.core.atomic import write_bytes
 from vinefab.core.jsontext import json_text
-from vinefab.core.rng import child
 from vinefab.fabrication.package.prepare import package, zip_bytes
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Design
@@ -20,7 +16,7 @@ from vinefab.model.files.shipped import DEFAULT_PRINTER, DEFAULT_RECIPE
 from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.prediction.family_deployments import MapFamily, PredictionPlan, ProgressCallback
-from vinefab.prediction.measures import REACH
+from vinefab.prediction.measures import NO_INTERVAL, REACH, Spread
 from vinefab.prediction.predict import Predicted, predict
 from vinefab.prediction.provenance import origin_of
 from vinefab.prediction.scoring import ScorePlan, score_design_on_task
@@ -175,20 +171,11 @@ def run_demo(
 
 
 def demo_interval_text(score: Score) -> str:
-    """Return a mean with its 95 % bootstrap interval over the evaluations."""
-    low, high = bootstrap_interval(score)
-    return f"{score.composite['mean']:.3f} [{low:.3f}, {high:.3f}]"
-
-
-def bootstrap_interval(score: Score) -> tuple[float, float]:
-    """Return the 95 % percentile bootstrap interval of the mean score, 2000 resamples."""
-    values = score.scores
-    if np.ptp(values) == 0.0:
-        return float(values[0]), float(values[0])
-    interval = bootstrap(
-        (values,), np.mean, n_resamples=2000, method="percentile", rng=child(0, 1701)
-    ).confidence_interval
-    return float(interval.low), float(interval.high)
+    """Return a mean with its 95 % bootstrap interval over maps, as reports have it."""
+    spread = Spread.of(score.scores, [evaluation.map_name for evaluation in score.evaluations])
+    if spread is None or not spread.has_interval:
+        return f"{score.composite['mean']:.3f} ({NO_INTERVAL})"
+    return f"{spread.mean:.3f} [{spread.low:.3f}, {spread.high:.3f}]"
 
 
 def _scores(best: Design, run: RunSettings, unseen: tuple[Map, ...]) -> dict[str, Score]:

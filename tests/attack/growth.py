@@ -402,7 +402,7 @@ def move_map(counts: MoveCounts, name: str, kind: str, seed: int) -> None:
         return
     size_mm, move = max(terrain.world.size_mm), random_move(rng, name, terrain.world)
     moved = Terrain.of(move.world(terrain.world, rng))
-    options = GrowthOptions(
+    options = GrowthOptions.published(
         head_on_half_angle_rad=math.radians(float(rng.choice([0.0, 1.0, 15.0]))),
         children_of_stuck=str(rng.choice(["stop", "deploy"])),
     )

@@ -59,7 +59,7 @@ def test_growths_that_differ_are_seen(fuzz, monkeypatch):
 def test_a_start_beside_a_corner_is_a_tie(fuzz):
     """Half a nudge to one side it slides along the wall, to the other it passes."""
     world = fuzz.Map(name="m", bounds=fuzz.box(0, 0, 9, 9), obstacles=(fuzz.box(4, 4, 5, 5),))
-    terrain, options = fuzz.Terrain.of(world), fuzz.GrowthOptions()
+    terrain, options = fuzz.Terrain.of(world), fuzz.GrowthOptions.published()
     design = fuzz.Design(name="d", trunk_length_mm=6.0, build=fuzz.Build.standard(1))
     for x_mm, tie in ((4.0, True), (3.0, False)):
         pose = fuzz.Pose(x_mm=x_mm, y_mm=1.0, heading_rad=fuzz.math.pi / 2.0)

@@ -5,7 +5,8 @@ import pytest
 
 @pytest.fixture
 def tree(grid):
-    return ("grow", "three_level_tree", "--map", grid)
+    published = ("--growth", "body=centerline", "--growth", "pressure_stop=false")
+    return ("grow", "three_level_tree", "--map", grid, *published)
 
 
 def test_history_is_in_the_json_only_when_asked_for(vinefab, tree):

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,8 +10,14 @@ from shapely import box
 
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Build, Design, Level
-from vinefab.model.map import Map, Pose
-from vinefab.prediction.deploy import deploy
+from vinefab.model.map import Map, Pose, Start
+from vinefab.prediction.deploy import deploy, deploy_from_starts
+from vinefab.prediction.family_deployments import (
+    MapFamily,
+    PredictionPlan,
+    PreparedFamily,
+    deploy_family,
+)
 
 INFLATED = GrowthOptions.published(body="inflated").content
 WIDTH_MM = Build.standard(1).widths_mm[0]
@@ -99,3 +106,17 @@ def test_summary_and_metrics_show_the_numbers_of_a_straight_vine():
     assert metrics["head_on_half_angle_deg"] == pytest.approx(5.0)
     assert grown.history.full_mm == pytest.approx(140.0)
     assert grown.history.base_mm == pytest.approx(np.array([0.0, 80.0, 80.0]))
+
+
+def test_rules_on_maps_see_growth_that_no_pressure_stops():
+    world = replace(WORLD, starts=(Start(pose=Pose(x_mm=50.0, y_mm=50.0, heading_rad=0.0)),))
+    build = replace(Build.standard(1, trunk_width_mm=6.0), pressure_kpa=5.0)
+    weak = Design(name="weak", trunk_length_mm=100.0, build=build)
+    assert deploy(weak, world).stops["pressure"] == 1
+    ((_, deployment),) = deploy_from_starts(weak, [world])
+    assert deployment.stops["full_length"] == 1
+    plan = PredictionPlan(poses=1)
+    prepared = PreparedFamily.of(MapFamily(label="m", worlds=(world,)), plan)
+    family = deploy_family(weak, prepared, plan)
+    assert [d.stops["pressure"] for d in family.deployments] == [1]
+    assert [d.stops["full_length"] for d in family.unpressed] == [1]

@@ -4,6 +4,7 @@ from dataclasses import replace
 import pytest
 
 from vinefab.fabrication.checking import check_design
+from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Build, Design, Level, Waiver, default_fillets_mm
 from vinefab.model.files.profile_toml import read_profile
@@ -81,7 +82,8 @@ def measured_film(profile, storage_kpa):
 def test_growth_on_a_map_has_to_stay_in_the_window(profile):
     world, limits = grid_map(seed=8), {}
     profile = measured_film(profile, 6.5)
-    design = fork((24.0, 12.0))
+    trained = {"growth": GrowthOptions(storage_kpa=0.0).content}
+    design = replace(fork((24.0, 12.0)), origin=trained)
     free, grown = (
         check_design(design, profile, limits, deployed)
         for deployed in ((), deploy_from_starts(design, [world]))
@@ -90,6 +92,7 @@ def test_growth_on_a_map_has_to_stay_in_the_window(profile):
     assert free.blocking == ()
     found = propose_fix(design, profile, limits, [world])
     assert found.design is not None
+    assert found.design.origin["growth"] == trained["growth"]
     deployed = deploy_from_starts(found.design, [world])
     assert check_design(found.design, profile, limits, deployed).blocking == ()
     words = score_change_lines(design, found.design, [world])

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from vinefab.growth.options import GrowthOptions
+from vinefab.growth.options import GrowthOptions, trained_growth
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.map import Map
 from vinefab.model.tree import branch_tree
@@ -48,6 +48,7 @@ def test_a_front_rises_with_its_cost_and_no_member_dominates_another(result: Run
     assert [cost[0] for cost in costs] == sorted(cost[0] for cost in costs)
     assert sum(member.is_knee for member in members) <= 1
     assert len({member.design.name for member in members}) == len(members)
+    assert all(trained_growth(member.design) == SETTINGS.growth for member in members)
     for one in members:
         for other in members:
             as_cheap = all(a <= b for a, b in zip(one.costs, other.costs, strict=True))

@@ -59,6 +59,7 @@ def test_a_run_gives_a_named_design_and_its_whole_history(small: RunSettings, ma
     result = optimize(small, maps, progress=seen.append)
     assert result.best.name == "small"
     assert result.best.origin["run"] == result.run_id
+    assert result.best.origin["growth"] == small.growth.content
     assert result.best.origin["score_mean"] == result.score.composite["mean"]
     assert [g.number for g in result.history] == [0, 1, 2, 3, 4]
     assert result.evaluations == 30

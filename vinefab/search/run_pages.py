@@ -113,7 +113,7 @@ def search_section(result: RunResult, training: Sequence[Map]) -> Section:
 def unseen_section(rows: tuple[tuple[str, str], ...]) -> Section:
     """Return the report's section on a run's test on unseen maps."""
     table = Table(
-        caption="Means with 95 % bootstrap intervals over maps and poses",
+        caption="Means with 95 % bootstrap intervals over maps",
         headings=("", ""),
         rows=rows,
     )

@@ -2,8 +2,6 @@
 
 import json
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,15 +11,18 @@ import pytest
 
 from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.tree import branch_tree
 from vinefab.search.run_file import read_run
+from vinefab.search.settings import RunSettings
 from vinefab.studies.ablation import VARIANTS
 from vinefab.studies.optimizers_compared import evaluations_to, smoothed
 from vinefab.studies.redeployment import BEYOND, RedeploymentJob, shape_count, tip_groups
 from vinefab.studies.reproduction import EXPERIMENTS
 from vinefab.studies.study_jobs import (
+    PAPER_GROWTH,
     QUICK,
     JobStore,
     Training,
@@ -212,27 +213,25 @@ def test_open_bounds_let_robots_through(once):
     assert opened["share"] < closed["share"]
 
 
-def test_no_study_depends_on_the_default_growth(folder, tmp_path):
+def test_no_study_depends_on_the_default_growth(folder, tmp_path, monkeypatch):
     """With other defaults, as users have them, every run and test is the same job as before."""
-    code = (
-        "from vinefab.growth.options import GrowthOptions\n"
-        "shipped = GrowthOptions.__init__\n"
-        "names = ('head_on_half_angle_rad', 'children_of_stuck', 'body', 'pressure_stop')\n"
-        "others = dict(zip(names, (0.2, 'deploy', 'inflated', True)))\n"
-        "def other(self, **given):\n"
-        "    shipped(self, **{**others, **given})\n"
-        "GrowthOptions.__init__ = other\n"
-        "from vinefab.cli.main import main\n"
-        "import sys\n"
-        "assert GrowthOptions().body == 'inflated'\n"
-        "sys.exit(main(['reproduce', 'all', '--quick', '--workers', '1', '--out', sys.argv[1]]))\n"
-    )
+    shipped = GrowthOptions.__init__
+
+    def other(self, **given):
+        defaults = {"head_on_half_angle_rad": 0.2, "children_of_stuck": "deploy"}
+        shipped(self, **{**defaults, "body": "inflated", "pressure_stop": True, **given})
+
+    monkeypatch.setattr(GrowthOptions, "__init__", other)
+    assert RunSettings().growth.body == "inflated"
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
-    newest = max(path.stat().st_mtime_ns for path in (copy / "parts").iterdir())
-    subprocess.run([sys.executable, "-c", code, str(copy)], check=True, timeout=300)
-    assert not [p.name for p in (copy / "parts").iterdir() if p.stat().st_mtime_ns > newest]
+    before = {path.name: path.stat().st_mtime_ns for path in (copy / "parts").iterdir()}
+    assert run("all", "--quick", "--workers", 1, "--out", copy, "-q") == 0
+    assert {p.name: p.stat().st_mtime_ns for p in (copy / "parts").iterdir()} == before
     assert (copy / "reproduction.json").read_bytes() == (folder / "reproduction.json").read_bytes()
+    asked = PAPER_GROWTH.body, PAPER_GROWTH.pressure_stop, PAPER_GROWTH.children_of_stuck
+    assert asked == ("centerline", False, "stop")
+    assert PAPER_GROWTH.half_angle_deg == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("name", ["grid", "cave"])

@@ -22,7 +22,7 @@ def reproduce_command(
         ),
     ],
     out: Annotated[Path, typer.Option("--out", help="The folder; a stopped run goes on in it.")],
-    quick: Annotated[bool, typer.Option("--quick", help="A smoke run of a few seconds.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="A smoke run within a minute.")] = False,
     workers: Annotated[int, typer.Option(min=1, max=256, help="Processes.")] = 2,
     quiet: Quiet = False,
 ) -> int:

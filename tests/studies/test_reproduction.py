@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from vinefab.cli.main import main
-from vinefab.core.errors import BadInputError, UnreadableFileError
+from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileError
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.files.design_toml import read_design
@@ -293,3 +293,17 @@ def test_how_many_designs_a_level_takes():
     best = np.array([[0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0], [0.0] * 8])
     assert smoothed(best)[0].tolist() == pytest.approx([0, 0, 1 / 3, 0.5, 0.6, 0.8, 1.0, 1.0])
     assert evaluations_to(best, 0.75, 10).ravel().tolist() == [60.0, 80.0]
+
+
+def test_a_run_that_was_killed_as_it_began_goes_on(tmp_path):
+    """SIGKILL while the settings are written leaves them under a temporary name."""
+    folder = tmp_path / "study"
+    folder.mkdir()
+    (folder / ".settings.json.k1ll3d").write_text("{")
+    with JobStore(folder, QUICK, 1, lambda _, __: None) as store:
+        assert store.finished() == []
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "notes.txt").write_text("mine")
+    with pytest.raises(ForeignFileError, match="holds other files"):
+        JobStore(other, QUICK, 1, lambda _, __: None)

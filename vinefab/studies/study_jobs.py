@@ -373,7 +373,9 @@ def _begin(folder: Path, size: StudySize) -> None:
     path = folder / SETTINGS
     now: dict[str, Any] = {"vinefab": __version__, **asdict(size)}
     if not path.exists():
-        if folder.is_dir() and any(folder.iterdir()):
+        # A run that was killed as it began may have left the settings under a temporary name.
+        begun_names = f".{SETTINGS}."
+        if folder.is_dir() and any(not p.name.startswith(begun_names) for p in folder.iterdir()):
             raise ForeignFileError(folder, "holds other files; name a folder of its own")
         write_text(path, json_text(_SETTINGS_SCHEMA, {"settings": now}))
         return

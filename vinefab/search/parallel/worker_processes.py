@@ -20,9 +20,10 @@ class WorkerProcesses:
     """
 
     def __init__(self, count: int) -> None:
-        self._pool = ProcessPoolExecutor(
-            count, mp_context=multiprocessing.get_context("spawn"), initializer=end_with_parent
-        )
+        spawn = multiprocessing.get_context("spawn")
+        # Its semaphores begin a process that would end, and complain, when a terminal is closed.
+        with stops_deferred():
+            self._pool = ProcessPoolExecutor(count, mp_context=spawn, initializer=end_with_parent)
         self._processes = set[multiprocessing.process.BaseProcess]()
 
     def __enter__(self) -> Self:

@@ -329,7 +329,8 @@ class Campaign:
     def begin_again(self) -> None:
         """Remove a record, sometimes: else every blow would meet a run that is complete."""
         if self.rng.random() < 0.7:
-            for name in self.outputs:
+            # Without its settings, a study takes a folder with a user's files for another's.
+            for name in sorted(self.outputs - {"study/settings.json"}):
                 (self.folder / name).unlink(missing_ok=True)
 
     def await_end(

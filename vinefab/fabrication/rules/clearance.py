@@ -1,7 +1,7 @@
 """Rules about branches, fillets and pouches that come too near each other on the flat sheet."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -171,19 +171,13 @@ def check_foreign(subject: Subject, limits: Limits) -> RuleApplied:
     """
     webs = list(_fillet_webs(subject))
     reach_mm = max(limits["error"], limits["warning"])
-    capsules = subject.capsules
     hulls = _capsule_polygons(subject)
-    tree = shapely.STRtree(hulls)
     nearest: dict[tuple[int, int], tuple[float, _Web, int]] = {}
-    for web in webs:
-        for row in tree.query(web.area, predicate="dwithin", distance=reach_mm).tolist():
-            other = int(capsules.branch[row])
-            if _related(subject, web.branch, other):
-                continue
-            gap_mm = _gap_mm(subject, web.area, hulls[row], row)
-            pair = min(web.branch, other), max(web.branch, other)
-            if pair not in nearest or gap_mm < nearest[pair][0]:
-                nearest[pair] = gap_mm, web, row
+    for number, row, gap_mm in _near_webs(subject, webs, hulls, reach_mm):
+        web, other = webs[number], int(subject.capsules.branch[row])
+        pair = min(web.branch, other), max(web.branch, other)
+        if pair not in nearest or gap_mm < nearest[pair][0]:
+            nearest[pair] = gap_mm, web, row
     order = sorted(nearest.items(), key=lambda item: item[1][0])
     violations = []
     for (one, two), (gap_mm, web, row) in order[:MOST_FINDINGS]:
@@ -248,19 +242,28 @@ def _capsule_polygons(subject: Subject) -> np.ndarray:
     return np.asarray(shapely.convex_hull(shapely.union_all(np.stack(discs, axis=1), axis=1)))
 
 
-def _gap_mm(subject: Subject, area: shapely.Polygon, hull: shapely.Geometry, row: int) -> float:
-    """Return the distance of a web from a capsule; below 0 how deep its corners lie inside."""
-    gap_mm = float(shapely.distance(area, hull))
-    if gap_mm > 0.0:
-        return gap_mm
-    points, capsules = shapely.get_coordinates(area), subject.capsules
-    rows = np.full(len(points), row)
-    return min(-1e-6, float(point_gap_mm(points, capsule_hulls(capsules, rows)).min()))
+def _near_webs(
+    subject: Subject, webs: Sequence[_Web], hulls: NDArray[np.object_], reach_mm: float
+) -> Iterator[tuple[int, int, float]]:
+    """Yield web, capsule and gap (mm) of those that come near, but for branches of the web's joint.
 
-
-def _related(subject: Subject, one: int, two: int) -> bool:
-    """Whether two branches share a joint, or are the same."""
-    return one == two or bool(share_joint(subject.layout.tree.parent, one, two))
+    A gap below 0 says how deep the web's corners lie inside the capsule.
+    """
+    if not webs:
+        return
+    areas, branch = np.array([web.area for web in webs]), np.array([web.branch for web in webs])
+    web, row = shapely.STRtree(hulls).query(areas, predicate="dwithin", distance=reach_mm)
+    other = subject.capsules.branch[row]
+    apart = branch[web] != other
+    apart &= ~share_joint(subject.layout.tree.parent, branch[web], other)
+    web, row = web[apart], row[apart]
+    gap_mm = np.asarray(shapely.distance(areas[web], hulls[row]))
+    inside = np.flatnonzero(gap_mm <= 0.0)
+    corners, of = shapely.get_coordinates(areas[web[inside]], return_index=True)
+    deep_mm = point_gap_mm(corners, capsule_hulls(subject.capsules, row[inside][of]))
+    gap_mm[inside] = -1e-6
+    np.minimum.at(gap_mm, inside[of], deep_mm)
+    yield from zip(web.tolist(), row.tolist(), gap_mm.tolist(), strict=True)
 
 
 FOREIGN_FILLET = Rule(

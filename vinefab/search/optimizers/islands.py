@@ -62,7 +62,7 @@ class IslandsConfig:
     Parameters
     ----------
     island
-        Points that an island evaluates in a generation.
+        Points that an island evaluates in a generation, about: the population is divided evenly.
     first_generations
         Generations of an island on the first rung.
     keep
@@ -126,9 +126,13 @@ class Island:
         return self.rung, self.rating
 
 
-_TRIED, _DESCENT, _ATTEMPTS = 64, 40, 8
-"""Random points tried for a start without penalty; generations of a descent of the penalty from the
-best of them; structures that are tried before an island begins with a penalty."""
+_TRIED, _DESCENT = 64, 40
+"""Random points tried for a start without penalty, and generations of a descent of the penalty from
+the best of them."""
+
+_DEAD_ENDS, _ATTEMPTS = 8, 64
+"""Structures without a start that are found before an island begins with a penalty, and structures
+looked at, known ones among them."""
 
 _DRAWN = 2
 """Points sampled for each that is evaluated, where only those without penalty are."""
@@ -150,12 +154,13 @@ class Islands:
 
     def __init__(self, config: IslandsConfig, axes: SearchAxes, population: int, seed: int) -> None:
         self._config, self._axes, self._seed = config, axes, seed
-        self._size = min(config.island, population)
-        self._slots = max(1, population // self._size)
+        self._slots = max(1, population // config.island)
+        self._size = population // self._slots
         self._penalty: PenaltyOfPoints | None = None
         self._structures = _structures(axes)
         self._generation = 0
         self._begun = 0  # islands so far
+        self._visited = 0  # those of them that took the next structure of all
         self._dead: set[tuple[int, ...]] = set()  # structures without a design without penalty
         self._active: list[Island] = []
         self._parked: list[Island] = []  # at the end of their rungs
@@ -278,18 +283,23 @@ class Islands:
     def _new_island(self) -> Island:
         """Return an island at a point without penalty, where one is found."""
         begun: list[tuple[float, Island]] = []
-        for _ in range(_ATTEMPTS):
+        for attempt in range(_ATTEMPTS):
             number_, self._begun = self._begun, self._begun + 1
             rng = child(self._seed, _STREAM, _STARTS, number_)
-            structure = self._structure(number_, rng)
+            structure = self._structure(rng)
+            is_last = attempt == _ATTEMPTS - 1
+            if self._key(structure) in self._dead and not is_last:
+                continue
             island, penalty = self._start(number_, structure, rng)
             begun.append((penalty, island))
             if penalty == 0.0:
                 return island
             self._dead.add(self._key(structure))
+            if len(begun) == _DEAD_ENDS:
+                break
         return min(begun, key=lambda each: each[0])[1]
 
-    def _structure(self, number_: int, rng: np.random.Generator) -> Floats:
+    def _structure(self, rng: np.random.Generator) -> Floats:
         """Return a structure: that of one of the best islands, or the next one of all."""
         known = sorted(self._active + self._parked, key=lambda i: i.standing, reverse=True)
         if self._ratings and known and rng.random() < 0.5:
@@ -298,10 +308,10 @@ class Islands:
             structure: Floats = self._axes.canonical(rng.random((1, len(self._axes))))[0]
             return structure
         count = len(self._structures)
-        order = child(self._seed, _STREAM, _ORDER, number_ // count).permutation(count)
-        following = self._structures[np.roll(order, -(number_ % count))]
-        alive = (structure for structure in following if self._key(structure) not in self._dead)
-        return next(alive, following[0])
+        turn, place = divmod(self._visited, count)
+        order = child(self._seed, _STREAM, _ORDER, turn).permutation(count)
+        self._visited += 1
+        return self._structures[order[place]]
 
     def _start(
         self, number_: int, structure: Floats, rng: np.random.Generator
@@ -344,6 +354,7 @@ class Islands:
         state: dict[str, object] = {
             "generation": self._generation,
             "begun": self._begun,
+            "visited": self._visited,
             "dead": sorted(map(list, self._dead)),
             "ratings": [list(ratings) for ratings in self._ratings],
             "climbed": list(self._climbed),
@@ -358,7 +369,8 @@ class Islands:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from a state."""
-        self._generation, self._begun = state["generation"], state["begun"]
+        self._generation = state["generation"]
+        self._begun, self._visited = state["begun"], state["visited"]
         self._dead = {tuple(key) for key in state["dead"]}
         self._ratings = [list(ratings) for ratings in state["ratings"]]
         self._climbed, self._asked = list(state["climbed"]), []

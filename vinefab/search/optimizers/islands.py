@@ -121,9 +121,9 @@ class Island:
         return math.fsum(later) / len(later) if later else -math.inf
 
     @property
-    def standing(self) -> tuple[int, float]:
-        """What islands are compared by: the rung, then the rating."""
-        return self.rung, self.rating
+    def standing(self) -> tuple[bool, float]:
+        """What islands are compared by: the rating, but those that never climbed come last."""
+        return self.rung > 0, self.rating
 
 
 _TRIED, _DESCENT = 64, 40
@@ -192,7 +192,7 @@ class Islands:
         self._park()
 
     def recommended(self) -> list[Floats]:
-        """Return the middles of the islands on the highest rungs, best first."""
+        """Return the middles of the best islands, best first."""
         ranked = sorted(self._active + self._parked, key=lambda i: i.standing, reverse=True)
         middles = [island.points(island.search.middle[None]) for island in ranked]
         x = np.concatenate([np.empty((0, len(self._axes))), *middles])

@@ -106,7 +106,7 @@ class Island:
     search: Distribution  # of the free coordinates
     rung: int = 0
     generations: int = 0
-    ratings: list[float] = field(default_factory=list)  # of its generations on this rung
+    ratings: list[float] = field(default_factory=list)  # of its generations
 
     def points(self, v: Floats) -> Floats:
         """Return points with given free coordinates, shape (m, d)."""
@@ -116,7 +116,7 @@ class Island:
 
     @property
     def rating(self) -> float:
-        """How good its points were in the second half of its time on this rung."""
+        """How good its points were in the second half of its generations."""
         later = self.ratings[len(self.ratings) // 2 :]
         return math.fsum(later) / len(later) if later else -math.inf
 
@@ -276,7 +276,7 @@ class Islands:
             if best.rating >= ratings[allowed - 1]:
                 self._climbed[rung] += 1
                 self._parked.remove(best)
-                best.rung, best.ratings = rung + 1, []
+                best.rung = rung + 1
                 return best
         return None
 

@@ -120,11 +120,6 @@ class Island:
         later = self.ratings[len(self.ratings) // 2 :]
         return math.fsum(later) / len(later) if later else -math.inf
 
-    @property
-    def standing(self) -> tuple[bool, float]:
-        """What islands are compared by: the rating, but those that never climbed come last."""
-        return self.rung > 0, self.rating
-
 
 _TRIED, _DESCENT = 64, 40
 """Random points tried for a start without penalty, and generations of a descent of the penalty from
@@ -193,7 +188,7 @@ class Islands:
 
     def recommended(self) -> list[Floats]:
         """Return the middles of the best islands, best first."""
-        ranked = sorted(self._active + self._parked, key=lambda i: i.standing, reverse=True)
+        ranked = sorted(self._active + self._parked, key=lambda i: i.rating, reverse=True)
         middles = [island.points(island.search.middle[None]) for island in ranked]
         x = np.concatenate([np.empty((0, len(self._axes))), *middles])
         valid = self._penalties(x) == 0.0
@@ -301,7 +296,7 @@ class Islands:
 
     def _structure(self, rng: np.random.Generator) -> Floats:
         """Return a structure: that of one of the best islands, or the next one of all."""
-        known = sorted(self._active + self._parked, key=lambda i: i.standing, reverse=True)
+        known = sorted(self._active + self._parked, key=lambda i: i.rating, reverse=True)
         if self._ratings and known and rng.random() < 0.5:
             return known[int(rng.integers(min(len(known), self._config.keep)))].structure
         if self._structures is None:

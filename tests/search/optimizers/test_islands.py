@@ -58,7 +58,7 @@ def test_every_island_keeps_to_one_structure_and_all_are_tried() -> None:
 def test_a_structure_that_is_good_only_once_adapted_is_found() -> None:
     for seed in range(5):
         search = started(seed=seed)
-        _, fitness = ran(search, deceptive, 80)
+        _, fitness = ran(search, deceptive, 120)
         assert fitness.max() > 1.0
         assert of_structure(search.recommended()[0][None], 2, 3).all()
         assert deceptive(search.recommended()[0][None])[0] > 1.0

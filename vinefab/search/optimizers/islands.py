@@ -306,7 +306,8 @@ class Islands:
         turn, place = divmod(self._visited, count)
         order = child(self._seed, _STREAM, _ORDER, turn).permutation(count)
         self._visited += 1
-        return self._structures[order[place]]
+        following: Floats = self._structures[order[place]]
+        return following
 
     def _start(
         self, number_: int, structure: Floats, rng: np.random.Generator

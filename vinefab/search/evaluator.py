@@ -347,12 +347,13 @@ class Evaluator:
         return finish
 
     def penalties(self, x: Floats) -> Floats:
-        """Return the penalties of points, NaN where there is no valid design, shape (m,)."""
-        if self.penalty is None:
+        """Return the penalties of points, NaN where there is no valid design, shape (m,).
+
+        0 where none is computed for many at once.
+        """
+        if self.penalty_of_batch is None:
             return np.zeros(len(x))
-        if self.penalty_of_batch is not None:
-            return self.penalty_of_batch(self.space.batch(x))
-        return _penalties(x, self.space, self.penalty)[0]
+        return self.penalty_of_batch(self.space.batch(x))
 
     def _penalty_units(
         self, x: Floats, designs: DesignBatch, workers: int

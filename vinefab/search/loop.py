@@ -118,7 +118,8 @@ class Search:
             optimizer.set_costs(
                 lambda x: costs_of(x, evaluator.space, settings.costs), evaluator.lowest
             )
-        if evaluator.penalty is not None and isinstance(optimizer, ScreeningOptimizer):
+        # A user's own penalty may take longer than growth: screening asks for many.
+        if evaluator.penalty_of_batch is not None and isinstance(optimizer, ScreeningOptimizer):
             optimizer.screen_by(evaluator.penalties)
         search = cls(settings=settings, maps=spec.maps, evaluator=evaluator, optimizer=optimizer)
         conditions = evaluator.training_conditions(seed, 0)

@@ -71,8 +71,8 @@ class IslandsConfig:
         Standard deviation of an island's first points, as a share of each range.
     """
 
-    island: int = 12
-    first_generations: int = 4
+    island: int = 10
+    first_generations: int = 2
     keep: int = 3
     spread: float = 0.2
 

@@ -13,7 +13,7 @@ without penalty are evaluated.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from typing import Any, Protocol, runtime_checkable
@@ -52,6 +52,15 @@ class RecommendingOptimizer(Protocol):
 
     def recommended(self) -> list[Floats]:
         """Return points that it takes to be the best, best first."""
+        ...
+
+
+@runtime_checkable
+class StartingOptimizer(Protocol):
+    """An optimizer that can begin at given points."""
+
+    def start_from(self, points: Sequence[Floats]) -> None:
+        """Take the points, each of shape (d,), before the first generation."""
         ...
 
 
@@ -154,7 +163,8 @@ class Islands:
         self._penalty: PenaltyOfPoints | None = None
         self._structures = _structures(axes)
         self._generation = 0
-        self._begun = 0  # islands so far
+        self._given: list[Floats] = []  # points to start from
+        self._begun = 0  # islands so far; the first of them start from the points given
         self._visited = 0  # those of them that took the next structure of all
         self._dead: set[tuple[int, ...]] = set()  # structures without a design without penalty
         self._active: list[Island] = []
@@ -166,6 +176,10 @@ class Islands:
     def screen_by(self, penalty: PenaltyOfPoints) -> None:
         """Take the penalty of points: only those without are evaluated, where there are any."""
         self._penalty = penalty
+
+    def start_from(self, points: Sequence[Floats]) -> None:
+        """Take points: each is the middle of one of the first islands, or near it if penalized."""
+        self._given = [np.array(point, dtype=np.float64) for point in points]
 
     def ask(self) -> Floats:
         """Return the points of all active islands, shape (m, d); fewer where few are valid."""
@@ -277,6 +291,9 @@ class Islands:
 
     def _new_island(self) -> Island:
         """Return an island at a point without penalty, where one is found."""
+        if self._begun < len(self._given):
+            number_, self._begun = self._begun, self._begun + 1
+            return self._given_island(number_)
         begun: list[tuple[float, Island]] = []
         for attempt in range(_ATTEMPTS):
             number_, self._begun = self._begun, self._begun + 1
@@ -309,18 +326,32 @@ class Islands:
         following: Floats = self._structures[order[place]]
         return following
 
+    def _given_island(self, number_: int) -> Island:
+        """Return an island at a point that was given, or without penalty near it."""
+        structure = self._axes.canonical(self._given[number_][None])[0]
+        island = self._island(number_, structure)
+        v = self._given[number_][None, island.free]
+        self._descend(island, v, child(self._seed, _STREAM, _STARTS, number_))
+        return island
+
     def _start(
         self, number_: int, structure: Floats, rng: np.random.Generator
     ) -> tuple[Island, float]:
         """Return an island at a point of a structure with the least penalty found, and that."""
+        island = self._island(number_, structure)
+        penalty = self._descend(island, rng.random((_TRIED, len(island.free))), rng)
+        return island, penalty
+
+    def _island(self, number_: int, structure: Floats) -> Island:
         free = _free(self._axes, structure)
-        island = Island(
-            number=number_,
-            structure=structure,
-            free=free,
-            search=self._distribution(np.full(len(free), 0.5)),
-        )
-        v = rng.random((_TRIED, len(free)))
+        search = self._distribution(np.full(len(free), 0.5))
+        return Island(number=number_, structure=structure, free=free, search=search)
+
+    def _descend(self, island: Island, v: Floats, rng: np.random.Generator) -> float:
+        """Set an island's middle to the point with the least penalty; return the penalty.
+
+        That is among the given points, or at the end of a descent from the best of them.
+        """
         for generation in range(_DESCENT):
             penalty = self._penalties(island.points(v))
             best = int(penalty.argmin())
@@ -332,7 +363,7 @@ class Islands:
                 island.search.learn(v[np.argsort(penalty, kind="stable")])
             v = island.search.sample(_legacy(rng), self._size)
         island.search = self._distribution(np.clip(v[best], 0.0, 1.0))
-        return island, float(penalty[best])
+        return float(penalty[best])
 
     def _distribution(self, middle: Floats) -> Distribution:
         return mixed_distribution(
@@ -373,20 +404,11 @@ class Islands:
         islands = []
         for place, (number_, rung, generations) in enumerate(state["rungs"]):
             structure = np.array(state[f"structure {place}"], dtype=np.float64)
-            free = _free(self._axes, structure)
-            search = self._distribution(np.full(len(free), 0.5))
-            search.unpack(np.array(state[f"distribution {place}"], dtype=np.float64))
-            islands.append(
-                Island(
-                    number=number_,
-                    structure=structure,
-                    free=free,
-                    search=search,
-                    rung=rung,
-                    generations=generations,
-                    ratings=list(state["island ratings"][place]),
-                )
-            )
+            island = self._island(number_, structure)
+            island.search.unpack(np.array(state[f"distribution {place}"], dtype=np.float64))
+            island.rung, island.generations = rung, generations
+            island.ratings = list(state["island ratings"][place])
+            islands.append(island)
         self._active, self._parked = islands[: state["active"]], islands[state["active"] :]
 
 

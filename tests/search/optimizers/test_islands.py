@@ -104,12 +104,13 @@ def test_islands_begin_at_the_points_given() -> None:
     search = started()
     given = np.array([0.9, 0.31, 0.7, 0.62, 0.18])
     search.start_from([given, given])
-    first = search.ask()
+    x = search.ask()
+    first = x[:12]  # of the first two of four islands
     index = AXES.indices(first)
     assert (index[:, 0] == 2).all()
     assert (index[:, 2] == 2).all()
     assert np.abs(first[:, [1, 3, 4]].mean(axis=0) - given[[1, 3, 4]]).max() < 0.12
-    search.tell(first, -first[:, 1])
+    search.tell(x, -x[:, 1])
     ran(search, lambda x: -x[:, 1], 10)
     assert search.state()["begun"] > 2
 
@@ -120,13 +121,14 @@ def test_a_given_point_with_a_penalty_is_mended_first() -> None:
     search.start_from([np.array([0.9, 0.6, 0.7, 0.62, 0.18])])
     x = search.ask()
     near = x[of_structure(x, 2, 2)]
-    assert len(near) >= 10
+    assert len(near) >= 6
     assert (near[:, 1] <= 0.2).all()
 
 
 def test_the_population_is_divided_evenly() -> None:
     assert len(started(population=57).ask()) == 55
-    assert len(started(population=20).ask()) == 20
+    assert len(started(population=20).ask()) == 18
+    assert len(started(population=20, island=10).ask()) == 20
     assert len(started(population=5).ask()) == 5
     with pytest.raises(BadInputError, match="at least 4"):
         started(population=3)

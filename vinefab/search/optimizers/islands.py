@@ -72,6 +72,7 @@ class IslandsConfig:
     ----------
     island
         Points that an island evaluates in a generation, about: the population is divided evenly.
+        0: a fifth of the population, but from 6 to 12.
     first_generations
         Generations of an island on the first rung.
     keep
@@ -80,13 +81,16 @@ class IslandsConfig:
         Standard deviation of an island's first points, as a share of each range.
     """
 
-    island: int = 10
-    first_generations: int = 2
+    island: int = 0
+    first_generations: int = 3
     keep: int = 3
     spread: float = 0.2
 
     def __post_init__(self) -> None:
-        whole("optimizer.island", self.island, LEAST_POPULATION, 1000)
+        whole("optimizer.island", self.island, 0, 1000)
+        if 0 < self.island < LEAST_POPULATION:
+            allowed = f"0, or at least {LEAST_POPULATION}"
+            raise BadInputError("optimizer.island", self.island, allowed)
         whole("optimizer.first_generations", self.first_generations, 1, 1000)
         whole("optimizer.keep", self.keep, 2, 100)
         number("optimizer.spread", self.spread, 1e-3, 1.0)
@@ -158,7 +162,8 @@ class Islands:
 
     def __init__(self, config: IslandsConfig, axes: SearchAxes, population: int, seed: int) -> None:
         self._config, self._axes, self._seed = config, axes, seed
-        self._slots = max(1, population // config.island)
+        size = config.island or min(12, max(6, population // 5))
+        self._slots = max(1, population // size)
         self._size = population // self._slots
         self._penalty: PenaltyOfPoints | None = None
         self._structures = _structures(axes)
@@ -170,7 +175,7 @@ class Islands:
         self._active: list[Island] = []
         self._parked: list[Island] = []  # at the end of their rungs
         self._ratings: list[list[float]] = []  # of all that ever reached the end of each rung
-        self._climbed: list[int] = []  # number of those that went on
+        self._climbed: list[list[tuple[int, ...]]] = []  # structures of those that went on
         self._asked: list[_Asked] = []
 
     def screen_by(self, penalty: PenaltyOfPoints) -> None:
@@ -260,7 +265,7 @@ class Islands:
                 continue
             while len(self._ratings) <= island.rung:
                 self._ratings.append([])
-                self._climbed.append(0)
+                self._climbed.append([])
             self._ratings[island.rung].append(island.rating)
             self._parked.append(island)
         self._active = going
@@ -272,21 +277,26 @@ class Islands:
     # --- Which islands go on, and which begin ---------------------------------------------------
 
     def _promoted(self) -> Island | None:
-        """Return an island that climbs to its next rung, from as high as possible."""
+        """Return an island that climbs to its next rung, from as high as possible.
+
+        Of those good enough it is the one whose structure has climbed there least often, so that
+        no structure crowds out the others.
+        """
         for rung in reversed(range(len(self._ratings))):
             ratings = sorted(self._ratings[rung], reverse=True)
             allowed = len(ratings) // self._config.keep
-            here = [
-                i for i in self._parked if i.rung == rung and i.search.spread.max() > _CONVERGED
-            ]
-            if not here or allowed <= self._climbed[rung]:
+            if allowed <= len(self._climbed[rung]):
                 continue
-            best = max(here, key=lambda island: island.rating)
-            if best.rating >= ratings[allowed - 1]:
-                self._climbed[rung] += 1
-                self._parked.remove(best)
-                best.rung = rung + 1
-                return best
+            good = [
+                (-self._climbed[rung].count(self._key(island.structure)), island.rating, -place)
+                for place, island in enumerate(self._parked)
+                if island.rung == rung and island.rating >= ratings[allowed - 1]
+            ]
+            if good:
+                island = self._parked.pop(-max(good)[2])
+                self._climbed[rung].append(self._key(island.structure))
+                island.rung = rung + 1
+                return island
         return None
 
     def _new_island(self) -> Island:
@@ -384,7 +394,7 @@ class Islands:
             "visited": self._visited,
             "dead": sorted(map(list, self._dead)),
             "ratings": [list(ratings) for ratings in self._ratings],
-            "climbed": list(self._climbed),
+            "climbed": [[list(key) for key in keys] for keys in self._climbed],
             "active": len(self._active),
             "rungs": [[i.number, i.rung, i.generations] for i in islands],
             "island ratings": [list(island.ratings) for island in islands],
@@ -400,7 +410,8 @@ class Islands:
         self._begun, self._visited = state["begun"], state["visited"]
         self._dead = {tuple(key) for key in state["dead"]}
         self._ratings = [list(ratings) for ratings in state["ratings"]]
-        self._climbed, self._asked = list(state["climbed"]), []
+        self._climbed = [[tuple(key) for key in keys] for keys in state["climbed"]]
+        self._asked = []
         islands = []
         for place, (number_, rung, generations) in enumerate(state["rungs"]):
             structure = np.array(state[f"structure {place}"], dtype=np.float64)

@@ -10,12 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.design import Build, Design, Level
+from vinefab.model.design import Design
 from vinefab.model.map import Map
+from vinefab.model.tree import branch_tree
 from vinefab.search.front import (
     check_objectives,
-    film_area_mm2,
-    film_length_mm,
     knee,
     non_dominated,
     spread_out,
@@ -141,7 +140,7 @@ def test_finalists_of_a_run_are_its_front(small: RunSettings, maps: Maps) -> Non
     x = np.concatenate([g.x for g in result.history])
     assert len(x) == 30
     assert 2 <= len(result.finalists) <= 3
-    lengths = [film_length_mm(finalist.design) for finalist in result.finalists]
+    lengths = [branch_tree(finalist.design).total_length_mm for finalist in result.finalists]
     assert max(lengths) > 1.5 * min(lengths)
     assert result.fabricable
 
@@ -170,10 +169,10 @@ class Short:
     """Designs over 700 mm of film are penalized; those of 300 to 500 mm fail the full check."""
 
     def __call__(self, design: Design) -> float:
-        return max(0.0, film_length_mm(design) - 700.0) / 1000.0
+        return max(0.0, branch_tree(design).total_length_mm - 700.0) / 1000.0
 
     def passes(self, design: Design) -> bool:
-        return not 300.0 < film_length_mm(design) < 500.0
+        return not 300.0 < branch_tree(design).total_length_mm < 500.0
 
 
 def test_every_design_of_a_front_is_manufacturable(fabricable: RunSettings, maps: Maps) -> None:
@@ -182,14 +181,6 @@ def test_every_design_of_a_front_is_manufacturable(fabricable: RunSettings, maps
     for finalist in result.finalists:
         assert Short()(finalist.design) == finalist.penalty == 0.0
         assert Short().passes(finalist.design)
-
-
-def test_costs_of_a_design_done_by_hand() -> None:
-    fork = Level(branches=2, length_mm=50.0, fan_rad=1.0)
-    build = Build(widths_mm=(20.0, 10.0), fillet_mm=(2.0,))
-    design = Design(name="fork", trunk_length_mm=100.0, levels=(fork,), build=build)
-    assert film_length_mm(design) == 200.0
-    assert film_area_mm2(design) == 100.0 * 20.0 + 2 * 50.0 * 10.0
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ def penalized_fitness(composite: Floats, penalty: Floats, lowest: float, weight:
 class Evaluations:
     """Results of k evaluations of each of m points; NaN where a point has no valid design."""
 
-    penalty: Floats  # shape (m,); 0 for manufacturable designs and where there is no design
+    penalty: Floats  # shape (m,); 0 for designs that can win and where there is no design
     score: Floats  # the task's scores, shape (m, k)
     terms: Mapping[str, Floats]  # the task's terms, each of shape (m, k)
 
@@ -129,6 +129,25 @@ class FullCheck(Protocol):
     def passes(self, design: Design) -> bool:
         """Return whether no rule at all blocks a design."""
         ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PenaltyWithLimits:
+    """The penalty of the rules, where there is one, plus the excess over the space's limits."""
+
+    rules: Penalty | None
+    space: Space
+
+    def __call__(self, design: Design) -> float:
+        """Return how far a design is from one that can win."""
+        penalty = 0.0 if self.rules is None else self.rules(design)
+        return penalty + float(self.space.limit_excess(DesignBatch.of(design))[0])
+
+    def passes(self, design: Design) -> bool:
+        """Return whether a design keeps the limits, and passes the full check if there is one."""
+        if self.space.limit_excess(DesignBatch.of(design))[0] > 0.0:
+            return False
+        return self.rules.passes(design) if isinstance(self.rules, FullCheck) else True
 
 
 SHARE_LEFT, LEAST_BLOCK = 1.5, 32
@@ -256,6 +275,13 @@ class Evaluator:
         )
 
     @property
+    def winner_penalty(self) -> Penalty | None:
+        """The penalty that a winner must not have; None where nothing is asked of designs."""
+        if not self.space.settings.most:
+            return self.penalty
+        return PenaltyWithLimits(rules=self.penalty, space=self.space)
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What a user should know of starts without spread, a sentence each.
 
@@ -314,6 +340,8 @@ class Evaluator:
             self._growth_units(designs.part(rows), launches, executor.count) if len(rows) else []
         )
         penalties = self._penalty_units(x, executor.count)
+        excess = np.zeros(len(x))
+        excess[rows] = self.space.limit_excess(designs.part(rows))
         planning = Work(growth_s=watch.lap_s())
         done = executor.begin([*penalties, *growths])
 
@@ -323,7 +351,9 @@ class Evaluator:
             evaluations = Evaluations.of(len(x), len(launches), rows, grown)
             if penalties:
                 penalty = np.concatenate([unit.result[0] for unit in penalties])
-                evaluations = evaluations.with_penalties(penalty)
+                evaluations = evaluations.with_penalties(penalty + excess)
+            elif self.space.settings.most:
+                evaluations = evaluations.with_penalties(excess)
             spent = [unit.result[1] for unit in penalties] + [unit.result[1] for unit in growths]
             return evaluations, Work.total([planning, *spent])
 

@@ -40,14 +40,15 @@ def choose_finalists(
     """
     if costs and (front := front_points(history, evaluator, count, costs)):
         return FinalistChoice(points=front)
-    penalty, space = evaluator.penalty, evaluator.space
+    penalty, space = evaluator.winner_penalty, evaluator.space
     if not isinstance(penalty, FullCheck):
         return FinalistChoice(points=best_points(history, space, count))
     passing = _passing(history, space, count, penalty.passes)
     if passing:
         return FinalistChoice(points=passing)
     best = best_points(history, space, count)
-    repairs = RepairResults.of(best, space, penalty, penalty.passes)
+    asked = "permitted" if evaluator.penalty is None else "manufacturable"
+    repairs = RepairResults.of(best, space, penalty, penalty.passes, asked)
     return FinalistChoice(points=repairs.repaired or best, repair=repairs.message)
 
 
@@ -56,7 +57,7 @@ def front_points(
 ) -> list[Floats]:
     """Return points of the front of all manufacturable designs of a run, perhaps none."""
     x, fitness = feasible_points(history, evaluator.lowest)
-    space, penalty = evaluator.space, evaluator.penalty
+    space, penalty = evaluator.space, evaluator.winner_penalty
     passes = penalty.passes if isinstance(penalty, FullCheck) else _always
     cost, left = costs_of(x, space, costs), np.ones(len(x), dtype=np.bool_)
     while left.any():
@@ -165,7 +166,7 @@ def _fitness(score: Score, penalty: float, conditions: Conditions, evaluator: Ev
 
 def _fully_checked(finalist: Finalist, conditions: Conditions, evaluator: Evaluator) -> Finalist:
     """Return a finalist, with a penalty of 1 if it has none but fails the full check."""
-    penalty = evaluator.penalty
+    penalty = evaluator.winner_penalty
     if not isinstance(penalty, FullCheck) or finalist.penalty > 0.0:
         return finalist
     if penalty.passes(finalist.design):

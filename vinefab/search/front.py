@@ -1,43 +1,16 @@
 """Several objectives: costs of designs, and the front of those that no other dominates."""
 
-from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError, nearest
 from vinefab.core.validation import Floats
-from vinefab.model.design import Design
-from vinefab.model.tree import branch_tree
+from vinefab.model.design import MOST_BRANCHES
+from vinefab.search.costs import COSTS
 from vinefab.search.record.result import Generation
 from vinefab.search.space import Space
-
-
-def film_length_mm(design: Design) -> float:
-    """Return the planned length of all branches together."""
-    return branch_tree(design).total_length_mm
-
-
-def film_area_mm2(design: Design) -> float:
-    """Return the lay-flat area of all branches together, length times width."""
-    tree = branch_tree(design)
-    return float((tree.length_mm * np.array(design.build.widths_mm)[tree.level - 1]).sum())
-
-
-def branches(design: Design) -> float:
-    """Return the number of branches, the trunk included."""
-    return float(design.branch_count)
-
-
-COSTS: Mapping[str, tuple[Callable[[Design], float], str]] = MappingProxyType(
-    {
-        "film_length": (film_length_mm, "mm"),
-        "film_area": (film_area_mm2, "mm2"),
-        "branches": (branches, ""),
-    }
-)
-"""Costs to be minimized beside the score, by their names in run files, with their units."""
 
 
 def check_objectives(objectives: Sequence[str], task: str, optimizer: str) -> None:
@@ -68,13 +41,10 @@ def costs_of(x: Floats, space: Space, names: Sequence[str]) -> Floats:
     x
         The points, shape (m, d).
     """
-    costs = np.full((len(x), len(names)), np.inf)
-    for row, point in enumerate(x):
-        try:
-            design = space.design(point)
-        except BadInputError:
-            continue
-        costs[row] = [COSTS[name][0](design) for name in names]
+    costs, designs = np.full((len(x), len(names)), np.inf), space.batch(x)
+    rows = np.flatnonzero(designs.sizes <= MOST_BRANCHES)
+    for column, name in enumerate(names):
+        costs[rows, column] = COSTS[name].of(designs.part(rows), space.build_of)
     return costs
 
 

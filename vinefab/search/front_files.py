@@ -20,7 +20,8 @@ from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.pages.drawing import draw_deployment, draw_map
 from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, house_style, png_bytes, svg_bytes
-from vinefab.search.front import COSTS, LEAST_BEND, costs_of, feasible_points, knee, non_dominated
+from vinefab.search.costs import COSTS
+from vinefab.search.front import LEAST_BEND, costs_of, feasible_points, knee, non_dominated
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import training_maps
 from vinefab.search.settings import RunSettings
@@ -132,9 +133,8 @@ def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...
     """Return the finalists that are non-dominated on fresh poses, by rising first cost."""
     finalists = result.finalists
     fitness = np.array([finalist.fitness for finalist in finalists])
-    costs = np.array(
-        [[COSTS[name][0](finalist.design) for name in settings.costs] for finalist in finalists]
-    )
+    space = Space(settings.space, settings.build)
+    costs = costs_of(np.array([f.x for f in finalists]), space, settings.costs)
     rows = np.flatnonzero(non_dominated(fitness, costs))
     rows = rows[np.argsort(costs[rows, 0], kind="stable")]
     bend = knee(fitness[rows], costs[rows, 0])
@@ -166,7 +166,7 @@ def front_json(members: Sequence[FrontMember], result: RunResult, settings: RunS
             {
                 "name": name,
                 "better": "smaller" if name in COSTS else "larger",
-                "unit": COSTS[name][1] if name in COSTS else "",
+                "unit": COSTS[name].unit if name in COSTS else "",
             }
             for name in settings.objectives
         ],
@@ -208,7 +208,7 @@ def front_lines(members: Sequence[FrontMember], settings: RunSettings) -> list[s
     lines = [f"front of {count} (simulated): {', '.join(names)}"]
     for member in members:
         costs = "  ".join(
-            f"{value:10.0f} {COSTS[name][1]}"
+            f"{value:10.0f} {COSTS[name].unit}"
             for name, value in zip(settings.costs, member.costs, strict=True)
         )
         note = "  knee" if member.is_knee else ""
@@ -236,7 +236,7 @@ def front_picture(
         evaluated=np.column_stack([cost[valid], fitness[valid]]),
         front=np.array([(member.costs[0], member.fitness) for member in members]),
         cost=settings.costs[0],
-        unit=COSTS[settings.costs[0]][1],
+        unit=COSTS[settings.costs[0]].unit,
         task=settings.task.name,
     )
     return front_figure(data, world, _robots(members, settings, world))

@@ -254,6 +254,7 @@ def _check_room(evaluator: Evaluator, conditions: Conditions) -> None:
     if least > MOST_BRANCHES:
         allowed = f"designs with at most {MOST_BRANCHES} branches; the smallest has more"
         raise BadInputError("space", "too many levels or branches", allowed)
+    space.refuse_limits_without_designs()
     radius_mm = evaluator.radii_mm[0]
     rooms = [
         prepared.terrain.have_room(prepared.terrain.starts_mm(places), radius_mm).any()

@@ -29,6 +29,7 @@ from vinefab.search.parallel.point_evaluator import PointEvaluator, ThreadEvalua
 from vinefab.search.record.result import Progress, RunIdentity, RunResult
 from vinefab.search.record.store import RunStore
 from vinefab.search.settings import MapSettings, RunSettings
+from vinefab.search.space import Space
 from vinefab.tasks.evaluate import composites_text
 from vinefab.tasks.task import Task
 
@@ -68,10 +69,16 @@ def _recipe_penalty(settings: RunSettings) -> ManufacturabilityPenalty:
 
 
 def violations_of(result: RunResult, settings: RunSettings) -> str:
-    """Return which rules block a run's winner; empty if none does, or none was checked."""
-    if result.fabricable or not result.checked:
+    """Return which rules and limits a run's winner violates; empty if none, or none was checked."""
+    if result.fabricable:
         return ""
-    return _recipe_penalty(settings).violations(result.best)
+    rules = _recipe_penalty(settings).violations(result.best) if result.checked else ""
+    limits = Space(settings.space, settings.build).exceeded_limits(result.best)
+    return ", ".join([*([rules] if rules else []), *limits])
+
+
+LIMITED = "space."
+"""How violations begin that are of limits of the space alone."""
 
 
 def make_point_evaluator(workers: int, cluster: str | None) -> PointEvaluator:
@@ -143,7 +150,9 @@ def result_lines(result: RunResult, violations: str = "") -> list[str]:
     repair = [f"repair: {result.repair}"] if result.repair else []
     drift = "; ".join(result.drift)
     newer = [f"resumed with other package versions, so the last digits may differ: {drift}"]
-    failed = f"found no manufacturable robot: the winner violates {violations}"
+    beyond = violations.startswith(LIMITED)
+    asked = "robot within the limits" if beyond else "manufacturable robot"
+    failed = f"found no {asked}: the winner violates {violations}"
     return [
         f"run {result.run_id}: {len(result.history)} generations, {result.evaluations} designs "
         f"evaluated, stopped by {result.stopped}",
@@ -176,7 +185,8 @@ def _manufacturability(result: RunResult, violations: str) -> str:
     if not result.checked:
         return "manufacturability not checked (`fabricable = false`)"
     if violations:
-        return "not manufacturable"
+        beyond = violations.startswith(LIMITED)
+        return "manufacturable, but beyond a limit of the space" if beyond else "not manufacturable"
     if result.fabricable:
         return "manufacturable"
     return "manufacturable, but beyond the stricter limits of the search (see `vinefab check`)"

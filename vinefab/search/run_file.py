@@ -21,6 +21,7 @@ from vinefab.model.design import (
 )
 from vinefab.model.files.design_toml import PouchForm
 from vinefab.model.files.toml import Form, read_toml, validated
+from vinefab.search.costs import COSTS
 from vinefab.search.front import check_objectives
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
 from vinefab.search.run import environment_options
@@ -31,7 +32,13 @@ from vinefab.search.settings import (
     RunSettings,
     SearchSettings,
 )
-from vinefab.search.space import LIMITS, Bounds, BuildSettings, SpaceSettings
+from vinefab.search.space import (
+    LIMITS,
+    SYMMETRIC_PERCENT,
+    Bounds,
+    BuildSettings,
+    SpaceSettings,
+)
 from vinefab.tasks.shipped_tasks import make_task
 
 
@@ -88,6 +95,11 @@ class SpaceForm(Form):
     angle_deg: RangeForm | None = None
     branches: RangeForm | None = None
     growth_percent: RangeForm | None = None
+    most_film_length_mm: float | None = None
+    most_film_area_mm2: float | None = None
+    most_sheet_area_mm2: float | None = None
+    most_branches: int | None = None
+    symmetric: bool = False
     level: list[RunLevelForm] = Field(default_factory=list)
 
 
@@ -229,9 +241,23 @@ def _space(form: SpaceForm) -> SpaceSettings:
     for index, number in enumerate(numbers):
         if number in numbers[:index]:
             raise BadInputError(f"space.level[{index + 1}].number", number, "each level once")
+    if form.symmetric:
+        _check_symmetric("space", form.growth_percent)
+        for level in form.level:
+            _check_symmetric(f"space.level {level.number}", level.growth_percent)
+    limits = {name: getattr(form, cost.limit_key) for name, cost in COSTS.items()}
     return SpaceSettings(
-        by_level={level.number: _ranges(level) for level in form.level}, **_ranges(form)
+        by_level={level.number: _ranges(level) for level in form.level},
+        most={name: limit for name, limit in limits.items() if limit is not None},
+        symmetric=form.symmetric,
+        **_ranges(form),
     )
+
+
+def _check_symmetric(table: str, growth_percent: list[float] | None) -> None:
+    if growth_percent not in (None, [SYMMETRIC_PERCENT] * 2):
+        allowed = "100, or left out: with symmetric = true children of a fan are all as long"
+        raise BadInputError(f"{table}.growth_percent", growth_percent, allowed)
 
 
 def _ranges(form: SpaceForm | RunLevelForm) -> dict[str, Bounds]:

@@ -134,12 +134,18 @@ def _build(record: Mapping[str, Any]) -> BuildSettings:
 
 
 def _space(record: Mapping[str, Any]) -> SpaceSettings:
-    ranges = {name: Bounds(**ends) for name, ends in record.items() if name != "by_level"}
+    others = ("by_level", "most", "symmetric")
+    ranges = {name: Bounds(**ends) for name, ends in record.items() if name not in others}
     by_level = {
         int(level): {name: Bounds(**ends) for name, ends in table.items()}
         for level, table in record["by_level"].items()
     }
-    return SpaceSettings(by_level=by_level, **ranges)
+    return SpaceSettings(
+        by_level=by_level,
+        most=record.get("most", {}),
+        symmetric=record.get("symmetric", False),
+        **ranges,
+    )
 
 
 def map_to_text(world: Map) -> str:

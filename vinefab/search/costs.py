@@ -46,8 +46,7 @@ def _level_lengths_mm(designs: DesignBatch) -> Floats:
     # Lengths in a fan rise evenly from the first child to the last; an only child is the first.
     last = np.where(designs.branches == 1, 1.0, designs.growth)
     middle_mm = designs.length_mm * (1.0 + last) / 2.0
-    lengths_mm: Floats = designs.counts * np.column_stack([designs.trunk_mm, middle_mm])
-    return lengths_mm
+    return designs.counts.astype(np.float64) * np.column_stack([designs.trunk_mm, middle_mm])
 
 
 def sheet_areas_mm2(designs: DesignBatch, build_of: BuildOf) -> Floats:

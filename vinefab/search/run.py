@@ -1,6 +1,6 @@
 """A run of the optimizer with its maps, penalty and record, and its messages to the user."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from vinefab.core.jsontext import json_text
 from vinefab.core.registry import with_parameters
 from vinefab.growth.options import growth_text, trained_growth
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.maps.poses import with_start
 from vinefab.model.design import Design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
@@ -43,14 +44,21 @@ def generated_maps(maps: MapSettings) -> tuple[Map, ...]:
     """Return the maps that an environment generates for a run's seeds."""
     options = environment_options(maps)
     make = ENVIRONMENTS[maps.environment].make
-    return tuple(make(maps.seed + index, options) for index in range(maps.count))
+    return _started((make(maps.seed + index, options) for index in range(maps.count)), maps)
 
 
 def training_maps(settings: RunSettings) -> tuple[Map, ...]:
     """Return the training maps of a run: read from its files, or generated."""
     if settings.maps.files:
-        return tuple(read_map(path) for path in settings.maps.files)
+        return _started(map(read_map, settings.maps.files), settings.maps)
     return generated_maps(settings.maps)
+
+
+def _started(worlds: Iterable[Map], maps: MapSettings) -> tuple[Map, ...]:
+    """Return maps with the start that a run gives them, or with their own."""
+    if maps.start is None:
+        return tuple(worlds)
+    return tuple(with_start(world, maps.start) for world in worlds)
 
 
 def penalty_of(settings: RunSettings) -> Penalty | None:
@@ -175,9 +183,10 @@ def _repeat_line(best: Design) -> list[str]:
     if "seed_of_score" not in best.origin:
         return []
     task, poses, seed = (best.origin[k] for k in ("task", "poses_of_score", "seed_of_score"))
+    given = "task parameters and start" if "start" in best.origin else "task parameters"
     return [
         f"the same again: vinefab score best.toml --task {task} --poses {poses} --seed {seed} "
-        "--map ..., with the training maps in their order and the run's task parameters"
+        f"--map ..., with the training maps in their order and the run's {given}"
     ]
 
 

@@ -11,6 +11,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field
 
 from vinefab.core.errors import BadInputError, located
+from vinefab.core.units import rad
+from vinefab.core.validation import LARGEST_MM, number
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import (
     DEFAULT_PRESSURE_KPA,
@@ -21,6 +23,7 @@ from vinefab.model.design import (
 )
 from vinefab.model.files.design_toml import PouchForm
 from vinefab.model.files.toml import Form, read_toml, validated
+from vinefab.model.map import Pose, Start
 from vinefab.search.costs import COSTS
 from vinefab.search.front import check_objectives
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
@@ -54,6 +57,17 @@ def _pair(value: object) -> object:
 RangeForm = Annotated[list[float], BeforeValidator(_pair)]
 
 
+class StartForm(Form):
+    """``start`` of ``[maps]``: a pose, and half-widths of the range that poses are drawn from."""
+
+    x_mm: float
+    y_mm: float
+    heading_deg: float
+    spread_x_mm: float = 0.0
+    spread_y_mm: float = 0.0
+    spread_heading_deg: float = 0.0
+
+
 class MapsForm(Form):
     """Table ``[maps]``: generated maps, or files relative to the run file."""
 
@@ -62,6 +76,7 @@ class MapsForm(Form):
     seed: int | None = None
     options: dict[str, Any] | None = None
     files: list[str] | None = None
+    start: StartForm | None = None
 
 
 class RunPartForm(Form):
@@ -219,10 +234,11 @@ def _name(form: RunForm, path: Path) -> str:
 
 
 def _maps(form: MapsForm, folder: Path) -> MapSettings:
-    given = form.model_dump(exclude_none=True)
+    given = form.model_dump(exclude_none=True, exclude={"start"})
+    start = None if form.start is None else _start_of(form.start)
     files = given.pop("files", None)
     if files is None:
-        return MapSettings(**given)
+        return MapSettings(**given, start=start)
     if given:
         raise BadInputError(
             f"maps.{next(iter(given))}", next(iter(given.values())), "not together with maps.files"
@@ -233,14 +249,32 @@ def _maps(form: MapsForm, folder: Path) -> MapSettings:
         if not (folder / name).is_file():
             allowed = f"a map file, relative to the folder of the run file: {folder / name}"
             raise BadInputError(f"maps.files[{index}]", name, allowed)
-    return MapSettings(count=len(files), files=tuple(folder / name for name in files))
+    paths = tuple(folder / name for name in files)
+    return MapSettings(count=len(files), files=paths, start=start)
+
+
+def _start_of(form: StartForm) -> Start:
+    key = "maps.start"
+    heading_deg = number(f"{key}.heading_deg", form.heading_deg, -1e6, 1e6, "deg")
+    return Start(
+        pose=Pose(
+            x_mm=number(f"{key}.x_mm", form.x_mm, -LARGEST_MM, LARGEST_MM, "mm"),
+            y_mm=number(f"{key}.y_mm", form.y_mm, -LARGEST_MM, LARGEST_MM, "mm"),
+            heading_rad=rad(heading_deg),
+        ),
+        spread_x_mm=number(f"{key}.spread_x_mm", form.spread_x_mm, 0.0, LARGEST_MM, "mm"),
+        spread_y_mm=number(f"{key}.spread_y_mm", form.spread_y_mm, 0.0, LARGEST_MM, "mm"),
+        spread_heading_rad=rad(
+            number(f"{key}.spread_heading_deg", form.spread_heading_deg, 0.0, 360.0, "deg")
+        ),
+    )
 
 
 def _space(form: SpaceForm) -> SpaceSettings:
     numbers = [level.number for level in form.level]
-    for index, number in enumerate(numbers):
-        if number in numbers[:index]:
-            raise BadInputError(f"space.level[{index + 1}].number", number, "each level once")
+    for index, given in enumerate(numbers):
+        if given in numbers[:index]:
+            raise BadInputError(f"space.level[{index + 1}].number", given, "each level once")
     if form.symmetric:
         _check_symmetric("space", form.growth_percent)
         for level in form.level:

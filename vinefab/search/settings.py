@@ -7,7 +7,8 @@ from pathlib import Path
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import number, positive, whole
 from vinefab.growth.options import GrowthOptions
-from vinefab.search.space import BuildSettings, SpaceSettings
+from vinefab.model.map import Start
+from vinefab.search.space import LATER, BuildSettings, SpaceSettings
 from vinefab.tasks.evaluate import COMPOSITES, STANDARD_DEVIATION
 
 MOST_SECONDS = 1e8
@@ -29,6 +30,8 @@ class MapSettings:
         The generator's options.
     files
         Map files in place of generated maps.
+    start
+        The start of every map, with its spread, in place of its own.
     """
 
     environment: str = "grid"
@@ -36,6 +39,7 @@ class MapSettings:
     seed: int = 1
     options: Mapping[str, object] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
+    start: Start | None = field(default=None, metadata=LATER)
 
     def __post_init__(self) -> None:
         whole("maps.count", self.count, 1, 1000)

@@ -11,11 +11,12 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.registry import Registry
+from vinefab.core.units import deg
 from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import ORIGIN_GROWTH, Design
-from vinefab.model.map import Map
+from vinefab.model.map import Map, Start
 from vinefab.model.score import Score
 from vinefab.search.evaluator import Penalty, final_seed
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
@@ -124,6 +125,20 @@ def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
     return versions
 
 
+def start_text(start: Start) -> str:
+    """Return a start as a run file gives it."""
+    pose = start.pose
+    numbers = {
+        "x_mm": pose.x_mm,
+        "y_mm": pose.y_mm,
+        "heading_deg": pose.heading_deg,
+        "spread_x_mm": start.spread_x_mm,
+        "spread_y_mm": start.spread_y_mm,
+        "spread_heading_deg": deg(start.spread_heading_rad),
+    }
+    return ", ".join(f"{name} = {value:g}" for name, value in numbers.items())
+
+
 def with_origin(
     finalist: Finalist, settings: RunSettings, run_id: str, versions: Mapping[str, str]
 ) -> Design:
@@ -143,6 +158,7 @@ def with_origin(
         "poses_of_score": settings.evaluation.final_poses_per_map,
         "seed_of_score": final_seed(settings.search.seed),
         **{f"score_{name}": value for name, value in finalist.score.composite.items()},
+        **({"start": start_text(start)} if (start := settings.maps.start) else {}),
         "versions": ", ".join(f"{name} {number}" for name, number in sorted(versions.items())),
         ORIGIN_GROWTH: settings.growth.content,
     }

@@ -113,6 +113,8 @@ def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
     """Return the settings of `vinefab.search.settings.plain_settings`."""
     maps = dict(record["maps"])
     maps["files"] = tuple(Path(name) for name in maps["files"])
+    if start := maps.pop("start", None):
+        maps["start"] = Start(**{**start, "pose": Pose(**start["pose"])})
     return RunSettings(
         name=record["name"],
         maps=MapSettings(**maps),

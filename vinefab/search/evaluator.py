@@ -29,6 +29,7 @@ from vinefab.tasks.task import (
     HeadOnPenalty,
     Task,
     TaskOutcomes,
+    check_on_map,
     concatenated_outcomes,
     outcomes,
     search_form,
@@ -173,21 +174,22 @@ class EvaluatorSpec:
     @property
     def search_task(self) -> Task:
         """The task in the form that the search evaluates."""
-        return self._penalized(search_form(self._task))
+        return self._penalized(search_form(self.own_task))
 
     @property
     def approximates(self) -> bool:
         """Whether the search evaluates another form of the task."""
-        task = self._task
+        task = self.own_task
         return search_form(task) is not task
 
     @property
     def reported_task(self) -> Task:
         """The task as it is: the scores that a run reports are those of ``vinefab score``."""
-        return self._penalized(self._task)
+        return self._penalized(self.own_task)
 
     @property
-    def _task(self) -> Task:
+    def own_task(self) -> Task:
+        """The task without what the run adds to it."""
         named = self.settings.task
         return make_task(named.name, named.parameters) if self.task is None else self.task
 
@@ -241,6 +243,8 @@ class Evaluator:
         penalty = spec.penalty if evaluation.fabricable else None
         share = evaluation.pose_range
         maps = tuple(PreparedMap.of(_with_pose_range(world, share)) for world in spec.maps)
+        for prepared in maps:
+            check_on_map(spec.own_task, prepared.world, prepared.context)
         return cls(
             spec=replace(spec, penalty=penalty),
             maps=maps,

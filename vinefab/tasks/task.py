@@ -11,6 +11,7 @@ from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import Block
 from vinefab.growth.options import HALF_ANGLE_DEG
 from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.map import Map
 from vinefab.tasks.map_context import MapContext
 
 Outcome = tuple[float, Mapping[str, float]]
@@ -34,7 +35,8 @@ class Task(Protocol):
 
     A task may also define ``evaluate_block(block: Block, contexts: Sequence[MapContext]) ->
     TaskOutcomes``, which returns what `evaluate` would for every growth of a block, but faster;
-    `outcomes` uses it where it exists.
+    `outcomes` uses it where it exists. One that cannot be scored on every map may define
+    ``check_map(world: Map, context: MapContext)``, which raises `BadInputError`.
     """
 
     @property
@@ -58,6 +60,13 @@ class Task(Protocol):
             The map that it grew on.
         """
         ...
+
+
+def check_on_map(task: Task, world: Map, context: MapContext) -> None:
+    """Raise `BadInputError` for a task that cannot be scored on a map."""
+    check: Callable[[Map, MapContext], None] | None = getattr(task, "check_map", None)
+    if check is not None:
+        check(world, context)
 
 
 def outcomes(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:

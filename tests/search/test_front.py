@@ -112,10 +112,11 @@ def sphere_front(seed: int, generations: int) -> np.ndarray:
     a, b = np.full(4, 0.3), np.full(4, 0.7)
     search = NsgaConfig().start(SearchAxes.continuous(4), 24, seed)
     assert isinstance(search, FrontOptimizer)
-    search.set_costs(lambda x: np.linalg.norm(x - b, axis=1)[:, None], -10.0)
+    search.set_lowest(-10.0)
     for _ in range(generations):
         x = search.ask()
-        search.tell(x, -np.linalg.norm(x - a, axis=1))
+        costs = np.linalg.norm(x - b, axis=1)[:, None]
+        search.tell_costs(x, -np.linalg.norm(x - a, axis=1), costs)
     return np.asarray(search.state()["parents"])
 
 
@@ -187,10 +188,10 @@ def test_every_design_of_a_front_is_manufacturable(fabricable: RunSettings, maps
     ("objectives", "optimizer", "words"),
     [
         (("coverage", "film_lenght"), "nsga2", "did you mean 'film_length'"),
-        (("coverage", "reach"), "nsga2", "'coverage' and costs"),
+        (("coverage", "paint"), "nsga2", "other tasks \\(reach, anchoring\\) and costs"),
         (("coverage", "film_length", "film_length"), "nsga2", "each objective once"),
         (("branches", "film_length"), "nsga2", "'coverage', among them"),
-        (("coverage",), "nsga2", "a cost beside the score"),
+        (("coverage",), "nsga2", "or another task beside the score"),
         (("coverage", "branches"), "pso", "'nsga2' for several objectives"),
     ],
 )

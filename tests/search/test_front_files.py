@@ -43,7 +43,7 @@ def result() -> RunResult:
 
 def test_a_front_rises_with_its_cost_and_no_member_dominates_another(result: RunResult) -> None:
     members = front_of(result, SETTINGS)
-    costs = [member.costs for member in members]
+    costs = [member.further for member in members]
     assert len(members) >= 2
     assert [cost[0] for cost in costs] == sorted(cost[0] for cost in costs)
     assert sum(member.is_knee for member in members) <= 1
@@ -51,7 +51,7 @@ def test_a_front_rises_with_its_cost_and_no_member_dominates_another(result: Run
     assert all(trained_growth(member.design) == SETTINGS.growth for member in members)
     for one in members:
         for other in members:
-            as_cheap = all(a <= b for a, b in zip(one.costs, other.costs, strict=True))
+            as_cheap = all(a <= b for a, b in zip(one.further, other.further, strict=True))
             assert one is other or not (as_cheap and one.fitness >= other.fitness)
 
 
@@ -62,7 +62,7 @@ def test_json_and_text_describe_the_front(result: RunResult) -> None:
     assert [entry["better"] for entry in content["objectives"]] == ["larger", "smaller", "smaller"]
     for entry, member in zip(content["designs"], members, strict=True):
         assert entry["design"] == member.design.name
-        assert entry["film_length"] == member.costs[0]
+        assert entry["film_length"] == member.further[0]
         assert entry["coverage"] == member.score.composite["mean"]
     names = [member.design.name for member in members if member.is_knee]
     assert content["knee"] == (names[0] if names else None)

@@ -62,7 +62,7 @@ def test_several_objectives_bring_their_optimizer(tmp_path: Path) -> None:
     text = '[task]\nname = "reach"\nobjectives = ["branches", "reach"]'
     settings = read_run(written(tmp_path, text))
     assert settings.objectives == ("branches", "reach")
-    assert settings.costs == ("branches",)
+    assert settings.further_objectives == ("branches",)
     assert settings.optimizer.name == "nsga2"
     assert settings.task.parameters == {}
 

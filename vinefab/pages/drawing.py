@@ -14,6 +14,7 @@ from matplotlib.patheffects import Normal, Stroke
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
@@ -139,6 +140,14 @@ def draw_names(axes: Axes, deployment: Deployment, view_mm: float) -> None:
             ha="center",
             va="center",
             zorder=8,
+        )
+
+
+def draw_targets(axes: Axes, targets_mm: Floats) -> None:
+    """Draw points that robots are to reach as crossed circles, shape (t, 2)."""
+    for marker, size in (("o", 7.0), ("+", 9.0)):
+        axes.plot(
+            *targets_mm.T, marker, color=INK, markersize=size, fillstyle="none", mew=1.1, zorder=6
         )
 
 

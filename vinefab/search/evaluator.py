@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import accumulate, pairwise
+from itertools import accumulate, pairwise, product
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -20,7 +20,7 @@ from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.search.design_batch import DesignBatch, planned_batch
 from vinefab.search.parallel.executor import Executor, SerialExecutor, WorkUnit, in_work_units
-from vinefab.search.settings import EvaluationSettings, RunSettings
+from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings
 from vinefab.search.space import Space
 from vinefab.search.timing import Stopwatch, Work
 from vinefab.tasks.evaluate import Conditions, PreparedMap, composites, poses_on, scores_of
@@ -29,6 +29,7 @@ from vinefab.tasks.task import (
     HeadOnPenalty,
     Task,
     TaskOutcomes,
+    TaskWithOthers,
     check_on_map,
     concatenated_outcomes,
     outcomes,
@@ -173,25 +174,33 @@ class EvaluatorSpec:
 
     @property
     def search_task(self) -> Task:
-        """The task in the form that the search evaluates."""
-        return self._penalized(search_form(self.own_task))
+        """The task in the form that the search evaluates, with the other objectives' tasks."""
+        return self._together([search_form(task) for task in self.tasks])
 
     @property
     def approximates(self) -> bool:
-        """Whether the search evaluates another form of the task."""
-        task = self.own_task
-        return search_form(task) is not task
+        """Whether the search evaluates another form of a task."""
+        return any(search_form(task) is not task for task in self.tasks)
 
     @property
     def reported_task(self) -> Task:
         """The task as it is: the scores that a run reports are those of ``vinefab score``."""
-        return self._penalized(self.own_task)
+        return self._together(self.tasks)
 
     @property
-    def own_task(self) -> Task:
-        """The task without what the run adds to it."""
+    def tasks(self) -> list[Task]:
+        """The task and the other objectives' tasks, without what the run adds to them."""
         named = self.settings.task
-        return make_task(named.name, named.parameters) if self.task is None else self.task
+        task = make_task(named.name, named.parameters) if self.task is None else self.task
+        return [task, *(make_other_task(other) for other in self.settings.other_tasks)]
+
+    def _together(self, tasks: Sequence[Task]) -> Task:
+        """Return one task for the task and the others, in the order of `tasks`."""
+        task, *others = (self._penalized(each) for each in tasks)
+        names = [other.name for other in self.settings.other_tasks]
+        if not others:
+            return task
+        return TaskWithOthers(task=task, others=dict(zip(names, others, strict=True)))
 
     def _penalized(self, task: Task) -> Task:
         weight = self.settings.evaluation.head_on_weight
@@ -243,8 +252,8 @@ class Evaluator:
         penalty = spec.penalty if evaluation.fabricable else None
         share = evaluation.pose_range
         maps = tuple(PreparedMap.of(_with_pose_range(world, share)) for world in spec.maps)
-        for prepared in maps:
-            check_on_map(spec.own_task, prepared.world, prepared.context)
+        for task, prepared in product(spec.tasks, maps):
+            check_on_map(task, prepared.world, prepared.context)
         return cls(
             spec=replace(spec, penalty=penalty),
             maps=maps,
@@ -415,6 +424,16 @@ class Evaluator:
         kind = self.evaluation.composite
         return composites(scores, kind, self.evaluation.reference_deviation, weights)
 
+    def term_means(
+        self, terms: Mapping[str, Floats], weights: Floats | None = None
+    ) -> dict[str, Floats]:
+        """Return each term's mean over the evaluations; of other tasks' scores their composite."""
+        tasks = [other.name for other in self.spec.settings.other_tasks]
+        return {
+            name: self.composites(values, weights) if name in tasks else values.mean(axis=1)
+            for name, values in terms.items()
+        }
+
     def fitness(self, composite: Floats, penalty: Floats) -> Floats:
         """Return the fitness of designs with a composite score and a penalty."""
         weight = self.evaluation.penalty_weight
@@ -424,6 +443,15 @@ class Evaluator:
     def lowest(self) -> float:
         """The lowest fitness of a manufacturable design."""
         return min(0.0, self.task.lowest)
+
+
+def make_other_task(named: PartSettings) -> Task:
+    """Return another objective's task; errors name its table in the run file."""
+    try:
+        return make_task(named.name, named.parameters)
+    except BadInputError as error:
+        key = error.key.replace("task.", f"task.{named.name}.", 1)
+        raise BadInputError(key, error.value, error.allowed) from error
 
 
 def final_seed(seed: int) -> int:

@@ -1,6 +1,6 @@
-"""Several objectives: costs of designs, and the front of those that no other dominates."""
+"""Several objectives: scores and costs, and the front of designs that no other dominates."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,41 +11,61 @@ from vinefab.model.design import MOST_BRANCHES
 from vinefab.search.costs import COSTS
 from vinefab.search.record.result import Generation
 from vinefab.search.space import Space
+from vinefab.tasks.shipped_tasks import TASKS
 
 
 def check_objectives(objectives: Sequence[str], task: str, optimizer: str) -> None:
     """Raise `BadInputError` for objectives that do not fit together."""
-    key, known = "task.objectives", (task, *COSTS)
+    key = "task.objectives"
     if not objectives:
         return
     for name in objectives:
-        if name not in known:
-            allowed = f"{task!r} and costs: {', '.join(COSTS)}{nearest(name, known)}"
+        if name not in (task, *COSTS) and name not in TASKS:
+            others, known = [other for other in TASKS if other != task], (task, *TASKS, *COSTS)
+            allowed = (
+                f"{task!r}, other tasks ({', '.join(others)}) and costs ({', '.join(COSTS)})"
+                f"{nearest(name, known)}"
+            )
             raise BadInputError(key, name, allowed)
         if list(objectives).count(name) > 1:
             raise BadInputError(key, name, "each objective once")
     if task not in objectives:
         raise BadInputError(key, list(objectives), f"the task's score, {task!r}, among them")
     if len(objectives) < 2:
-        allowed = f"a cost beside the score ({', '.join(COSTS)}), or no objectives at all"
+        allowed = (
+            f"a cost ({', '.join(COSTS)}) or another task beside the score, or no objectives at all"
+        )
         raise BadInputError(key, list(objectives), allowed)
     if optimizer != "nsga2":
         raise BadInputError("optimizer.name", optimizer, "'nsga2' for several objectives")
 
 
-def costs_of(x: Floats, space: Space, names: Sequence[str]) -> Floats:
-    """Return the costs of points, shape (m, k); infinite where there is no valid design.
+def minimized(
+    x: Floats, scores: Mapping[str, Floats], space: Space, names: Sequence[str]
+) -> Floats:
+    """Return what a front minimizes beside the score, shape (m, k).
+
+    These are costs, and the scores of other tasks with the opposite sign; infinite where there is
+    no valid design.
 
     Parameters
     ----------
     x
         The points, shape (m, d).
+    scores
+        Composite scores of the points, shape (m,), by the names of their tasks; without any where
+        none of the points has a design.
+    names
+        Costs and other tasks.
     """
-    costs, designs = np.full((len(x), len(names)), np.inf), space.batch(x)
+    values, designs = np.full((len(x), len(names)), np.inf), space.batch(x)
     rows = np.flatnonzero(designs.sizes <= MOST_BRANCHES)
     for column, name in enumerate(names):
-        costs[rows, column] = COSTS[name].of(designs.part(rows), space.build_of)
-    return costs
+        if name in COSTS:
+            values[rows, column] = COSTS[name].of(designs.part(rows), space.build_of)
+        elif name in scores:
+            values[:, column] = np.where(np.isfinite(scores[name]), -scores[name], np.inf)
+    return values
 
 
 def non_dominated(fitness: Floats, costs: Floats) -> NDArray[np.bool_]:
@@ -112,12 +132,15 @@ def knee(fitness: Floats, costs: Floats) -> int | None:
     return int(rows[place]) if above[place] >= LEAST_BEND else None
 
 
-def feasible_points(history: Sequence[Generation], lowest: float) -> tuple[Floats, Floats]:
-    """Return points and fitness of all manufacturable designs of a run, in order."""
+def feasible_points(
+    history: Sequence[Generation], lowest: float, space: Space, names: Sequence[str]
+) -> tuple[Floats, Floats, Floats]:
+    """Return points, fitness and `minimized` of all manufacturable designs of a run, in order."""
     x = np.concatenate([generation.x for generation in history])
     fitness = np.concatenate([generation.fitness for generation in history])
+    values = np.concatenate([minimized(g.x, g.terms, space, names) for g in history])
     feasible = fitness >= lowest
-    return x[feasible], fitness[feasible]
+    return x[feasible], fitness[feasible], values[feasible]
 
 
 def spread_out(costs: Floats, count: int) -> list[int]:

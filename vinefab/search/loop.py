@@ -1,7 +1,7 @@
 """The search itself: generation after generation, then the finalists."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass, replace
 
@@ -13,7 +13,7 @@ from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.map import Map
 from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Penalty
 from vinefab.search.finalists import choose_finalists, reevaluated
-from vinefab.search.front import check_objectives, costs_of
+from vinefab.search.front import check_objectives, minimized
 from vinefab.search.optimizers.nsga2 import FrontOptimizer
 from vinefab.search.optimizers.optimizer import Optimizer
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
@@ -114,9 +114,7 @@ class Search:
         optimizer = config.start(evaluator.space.axes, population, seed)
         check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
         if settings.objectives and isinstance(optimizer, FrontOptimizer):
-            optimizer.set_costs(
-                lambda x: costs_of(x, evaluator.space, settings.costs), evaluator.lowest
-            )
+            optimizer.set_lowest(evaluator.lowest)
         search = cls(settings=settings, maps=spec.maps, evaluator=evaluator, optimizer=optimizer)
         conditions = evaluator.training_conditions(seed, 0)
         evaluator.launches(conditions)
@@ -202,17 +200,27 @@ class Search:
             evaluations = finish()
         composite = self.evaluator.composites(evaluations.score, conditions.weights)
         fitness = self.evaluator.fitness(composite, evaluations.penalty)
+        terms = self.evaluator.term_means(evaluations.terms, conditions.weights)
         with ledger.spending("optimizer"):
-            self.optimizer.tell(asked, fitness.copy())
+            self._tell(asked, fitness.copy(), terms)
         return Generation(
             number=number,
             x=x,
             fitness=fitness,
             composite=composite,
             penalty=evaluations.penalty,
-            terms={name: values.mean(axis=1) for name, values in evaluations.terms.items()},
+            terms=terms,
             seconds=time.perf_counter() - began,
         )
+
+    def _tell(self, x: Floats, fitness: Floats, terms: Mapping[str, Floats]) -> None:
+        """Tell the optimizer the fitness, and the further objectives of a run that has them."""
+        further = self.settings.further_objectives
+        if further and isinstance(self.optimizer, FrontOptimizer):
+            costs = minimized(x, terms, self.evaluator.space, further)
+            self.optimizer.tell_costs(x, fitness, costs)
+        else:
+            self.optimizer.tell(x, fitness)
 
     def _check(self, x: Floats) -> None:
         shaped = x.ndim == 2 and len(x) > 0 and x.shape[1] == len(self.evaluator.space)
@@ -232,8 +240,8 @@ class Search:
         evaluator, settings = self.evaluator, self.settings
         if store is not None and (recorded := store.finalists(evaluator.space)):
             return recorded, store.repair
-        count, costs = settings.evaluation.finalists, settings.costs
-        choice = choose_finalists(history, evaluator, count, costs)
+        count, further = settings.evaluation.finalists, settings.further_objectives
+        choice = choose_finalists(history, evaluator, count, further)
         conditions = evaluator.final_conditions(settings.search.seed)
         with ledger.spending("evaluating"):
             return reevaluated(choice.points, begin, conditions, evaluator), choice.repair

@@ -5,8 +5,9 @@ is fixed. Further keys of ``[task]`` and ``[optimizer]`` are the parameters of t
 optimizer named there.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
@@ -25,6 +26,7 @@ from vinefab.model.files.design_toml import PouchForm
 from vinefab.model.files.toml import Form, read_toml, validated
 from vinefab.model.map import Pose, Start
 from vinefab.search.costs import COSTS
+from vinefab.search.evaluator import make_other_task
 from vinefab.search.front import check_objectives
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
 from vinefab.search.run import environment_options
@@ -42,7 +44,7 @@ from vinefab.search.space import (
     BuildSettings,
     SpaceSettings,
 )
-from vinefab.tasks.shipped_tasks import make_task
+from vinefab.tasks.shipped_tasks import TASKS, make_task
 
 
 def _pair(value: object) -> object:
@@ -86,7 +88,7 @@ class RunPartForm(Form):
 
 
 class TaskForm(RunPartForm):
-    """Table ``[task]``."""
+    """Table ``[task]``; that of another task among the objectives is ``[task.NAME]`` in it."""
 
     name: str = RunSettings().task.name
     objectives: list[str] = Field(default_factory=list)
@@ -192,10 +194,11 @@ def read_run(path: Path) -> RunSettings:
 
 def _settings(form: RunForm, path: Path) -> RunSettings:
     search = form.optimizer.model_dump(include=set(SearchSettings.__dataclass_fields__))
+    parameters, others = _task_tables(form.task)
     settings = RunSettings(
         name=_name(form, path),
         maps=_maps(form.maps, path.parent),
-        task=PartSettings(name=form.task.name, parameters=form.task.model_extra or {}),
+        task=PartSettings(name=form.task.name, parameters=parameters),
         space=_space(form.space),
         build=_build(form.build),
         growth=GrowthOptions.of(form.growth.model_dump(exclude_none=True)),
@@ -206,13 +209,30 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         search=SearchSettings(**search),
         evaluation=EvaluationSettings(**form.evaluation.model_dump()),
         objectives=tuple(form.task.objectives),
+        other_parameters=others,
     )
     check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
     # Built once here, so that a wrong name or parameter is reported with the file.
     environment_options(settings.maps)
     make_task(settings.task.name, settings.task.parameters)
+    for other in settings.other_tasks:
+        make_other_task(other)
     make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
     return settings
+
+
+def _task_tables(
+    form: TaskForm,
+) -> tuple[dict[str, object], dict[str, Mapping[str, object]]]:
+    """Return the parameters of the task, and those of other tasks by their names."""
+    parameters, others = dict(form.model_extra or {}), dict[str, Mapping[str, object]]()
+    for name in [name for name, value in parameters.items() if isinstance(value, Mapping)]:
+        if name in form.objectives and name != form.name:
+            others[name] = cast("Mapping[str, object]", parameters.pop(name))
+        elif name in TASKS:
+            allowed = f"no table: {name!r} is not another task among task.objectives"
+            raise BadInputError(f"task.{name}", "a table", allowed)
+    return parameters, others
 
 
 def _build(form: RunBuildForm) -> BuildSettings:

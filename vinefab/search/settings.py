@@ -8,6 +8,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import number, positive, whole
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.map import Start
+from vinefab.search.costs import COSTS
 from vinefab.search.space import LATER, BuildSettings, SpaceSettings
 from vinefab.tasks.evaluate import COMPOSITES, STANDARD_DEVIATION
 
@@ -186,7 +187,10 @@ class RunSettings:
     maps, task, space, build, growth, optimizer, search, evaluation
         The parts.
     objectives
-        Names of the objectives, the task's and costs; empty in a run for the best score alone.
+        Names of the objectives: the task, other tasks and costs; empty in a run for the best score
+        alone.
+    other_parameters
+        Parameters of the other tasks among the objectives, by their names.
     """
 
     name: str = "run"
@@ -199,11 +203,23 @@ class RunSettings:
     search: SearchSettings = SearchSettings()
     evaluation: EvaluationSettings = EvaluationSettings()
     objectives: tuple[str, ...] = ()
+    other_parameters: Mapping[str, Mapping[str, object]] = field(
+        default_factory=dict, metadata=LATER
+    )
 
     @property
-    def costs(self) -> tuple[str, ...]:
-        """The objectives that are costs, in their order."""
+    def further_objectives(self) -> tuple[str, ...]:
+        """The objectives beside the task's score, in their order: other tasks and costs."""
         return tuple(name for name in self.objectives if name != self.task.name)
+
+    @property
+    def other_tasks(self) -> tuple[PartSettings, ...]:
+        """The other tasks among the objectives, in their order."""
+        names = [name for name in self.further_objectives if name not in COSTS]
+        return tuple(
+            PartSettings(name=name, parameters=self.other_parameters.get(name, {}))
+            for name in names
+        )
 
 
 def plain_settings(settings: object) -> object:

@@ -178,6 +178,39 @@ class HeadOnPenalty:
         return TaskOutcomes(score - self.weight * share, {**terms, "head_on": share})
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskWithOthers:
+    """A task and others scored from the same final states: their scores are terms beside its own.
+
+    A run with several tasks as objectives takes the other scores from there.
+    """
+
+    task: Task
+    others: Mapping[str, Task]  # by the names of their terms
+
+    @property
+    def name(self) -> str:
+        """The task's name."""
+        return self.task.name
+
+    @property
+    def lowest(self) -> float:
+        """The task's lowest score."""
+        return self.task.lowest
+
+    def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
+        """Return the task's score, and its terms with the other tasks' scores."""
+        score, terms = self.task.evaluate(deployment, context)
+        scores = {name: o.evaluate(deployment, context)[0] for name, o in self.others.items()}
+        return score, {**terms, **scores}
+
+    def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
+        """Return what `evaluate` would for every growth of a block."""
+        score, terms = outcomes(self.task, block, contexts)
+        scores = {name: outcomes(o, block, contexts).score for name, o in self.others.items()}
+        return TaskOutcomes(score, {**terms, **scores})
+
+
 def _shares(stop: Ints, first: Ints) -> Floats:
     """Return the share of each growth's deployed branches that stopped head-on; 0 if none did.
 

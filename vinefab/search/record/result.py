@@ -34,7 +34,9 @@ class Generation:
     fitness: Floats  # as told to the optimizer, shape (m,)
     composite: Floats  # composite scores, shape (m,); NaN for a point without a valid design
     penalty: Floats  # shape (m,); all 0 in a run that does not check manufacturability
-    terms: Mapping[str, Floats]  # means of the task's terms over the evaluations, shape (m,) each
+    # means of the task's terms over the evaluations, and composites of other tasks' scores in runs
+    # that have them as objectives, by the tasks' names; shape (m,) each
+    terms: Mapping[str, Floats]
     seconds: float  # duration
     best: float = field(init=False)  # the largest fitness
 
@@ -224,7 +226,7 @@ def plugin_packages(settings: RunSettings) -> list[str]:
     """Return the plug-in packages of a run's task, optimizer and environment."""
     environment = "" if settings.maps.files else settings.maps.environment
     named: tuple[tuple[Registry[Any], str], ...] = (
-        (TASKS, settings.task.name),
+        *((TASKS, task.name) for task in (settings.task, *settings.other_tasks)),
         (OPTIMIZERS, settings.optimizer.name),
         (ENVIRONMENTS, environment),
     )

@@ -126,6 +126,7 @@ def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
         search=SearchSettings(**record["search"]),
         evaluation=EvaluationSettings(**record["evaluation"]),
         objectives=tuple(record.get("objectives", ())),
+        other_parameters=record.get("other_parameters", {}),
     )
 
 

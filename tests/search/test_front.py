@@ -13,6 +13,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.model.tree import branch_tree
+from vinefab.search.evaluator import Evaluator
 from vinefab.search.front import (
     check_objectives,
     knee,
@@ -22,9 +23,12 @@ from vinefab.search.front import (
 from vinefab.search.loop import Search
 from vinefab.search.optimizers.nsga2 import FrontOptimizer, NsgaConfig, ranking
 from vinefab.search.optimizers.optimizer import SearchAxes
+from vinefab.search.parallel.dask_cluster import deserialized, serialized
 from vinefab.search.record.result import RunIdentity, RunResult
 from vinefab.search.record.store import RunStore
 from vinefab.search.settings import PartSettings, RunSettings
+from vinefab.tasks.evaluate import composites, score_design
+from vinefab.tasks.reach import Reach
 
 
 def optimize(
@@ -164,6 +168,79 @@ def test_a_front_is_the_same_after_an_interrupt(
     assert resumed.best == whole.best
     assert [f.fitness for f in resumed.finalists] == [f.fitness for f in whole.finalists]
     assert len(resumed.history) == 5
+
+
+def with_two_tasks(settings: RunSettings, composite: str = "mean") -> RunSettings:
+    return replace(
+        settings,
+        objectives=("reach", "coverage", "branches"),
+        other_parameters={"reach": {"buffer_mm": 25.0}},
+        optimizer=PartSettings(name="nsga2"),
+        evaluation=replace(settings.evaluation, composite=composite, finalists=6),
+    )
+
+
+@pytest.mark.parametrize("composite", ["mean", "min_deviation"])
+def test_other_tasks_are_scored_from_the_same_growths(
+    small: RunSettings, maps: Maps, composite: str
+) -> None:
+    settings = with_two_tasks(small, composite)
+    result = optimize(settings, maps, workers=2)
+    alone = replace(small, task=PartSettings(name="reach", parameters={"buffer_mm": 25.0}))
+    evaluator = Search.of(alone, maps).evaluator
+    for generation in result.history:
+        conditions = evaluator.training_conditions(settings.search.seed, generation.number)
+        scores = evaluator.evaluate(generation.x, conditions)[0].score
+        wanted = composites(scores, composite)
+        assert generation.terms["reach"].tolist() == wanted.tolist()
+    final = evaluator.final_conditions(settings.search.seed)
+    exact = Reach(buffer_mm=25.0)
+    for finalist in result.finalists:
+        score = score_design(finalist.design, evaluator.maps, final.poses, exact, settings.growth)
+        assert finalist.score.composite["reach"] == pytest.approx(score.composite[composite])
+        assert finalist.score.task == "coverage"
+    values = [
+        (-f.fitness, -f.score.composite["reach"], f.design.branch_count) for f in result.finalists
+    ]
+    # On the poses of the search none dominates another; the best in each objective are there.
+    x = np.concatenate([g.x for g in result.history])
+    fitness = np.concatenate([g.fitness for g in result.history])
+    reach = np.concatenate([g.terms["reach"] for g in result.history])
+    rows = [int(np.flatnonzero((x == f.x).all(axis=1))[0]) for f in result.finalists]
+    branch_numbers = np.array([float(f.design.branch_count) for f in result.finalists])
+    costs = np.column_stack([-reach[rows], branch_numbers])
+    assert non_dominated(fitness[rows], costs).all()
+    assert len(values) >= 3
+
+
+def test_a_run_of_two_tasks_is_the_same_after_an_interrupt_and_in_other_processes(
+    small: RunSettings, maps: Maps, tmp_path: Path
+) -> None:
+    settings = with_two_tasks(small)
+    whole = optimize(settings, maps)
+
+    def stop(progress: object) -> None:
+        if progress.generation == 3:
+            raise KeyboardInterrupt
+
+    identity = RunIdentity.of(settings, maps)
+    with RunStore.open(tmp_path, identity, maps=maps) as store, pytest.raises(KeyboardInterrupt):
+        optimize(settings, maps, store=store, progress=stop)
+    with RunStore.open(tmp_path, identity, maps=maps, resume=True) as store:
+        resumed = optimize(settings, maps, store=store)
+    assert resumed.best == whole.best
+    for one, other in zip(resumed.finalists, whole.finalists, strict=True):
+        assert one.score == other.score
+    assert len(resumed.history) == 5
+    wider = replace(settings, other_parameters={"reach": {"buffer_mm": 26.0}})
+    assert RunIdentity.of(wider, maps).run_id != identity.run_id
+    # What a worker of a cluster gets evaluates as here.
+    search = Search.of(settings, maps)
+    sent = Evaluator.of(deserialized(serialized(search.evaluator.spec)))
+    x, conditions = whole.history[0].x, sent.training_conditions(settings.search.seed, 0)
+    there, _ = sent.evaluate(x, conditions)
+    here, _ = search.evaluator.evaluate(x, conditions)
+    assert there.terms["reach"].tolist() == here.terms["reach"].tolist()
 
 
 class Short:

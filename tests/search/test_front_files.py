@@ -55,6 +55,24 @@ def test_a_front_rises_with_its_cost_and_no_member_dominates_another(result: Run
             assert one is other or not (as_cheap and one.fitness >= other.fitness)
 
 
+def test_a_front_of_two_tasks_goes_from_one_to_the_other() -> None:
+    straight = {"target_mm": [[260.0, 488.0]], "falloff_mm": 480.0, "reached_by": "tip"}
+    settings = replace(
+        SETTINGS, objectives=("coverage", "reach"), other_parameters={"reach": straight}
+    )
+    run = optimize(settings, (WORLD,))
+    members = front_of(run, settings)
+    assert len(members) >= 2
+    assert [m.further[0] for m in members] == sorted((m.further[0] for m in members), reverse=True)
+    assert [m.fitness for m in members] == sorted(m.fitness for m in members)
+    content = json.loads(front_json(members, run, settings))
+    assert [entry["better"] for entry in content["objectives"]] == ["larger", "larger"]
+    for entry, member in zip(content["designs"], members, strict=True):
+        assert entry["reach"] == member.score.composite["reach"] == member.further[0]
+    assert f"  {members[0].further[0]:8.4f}" in front_lines(members, settings)[1]
+    assert b"reach score (simulated)" in svg_bytes(front_picture(members, run, settings, WORLD))
+
+
 def test_json_and_text_describe_the_front(result: RunResult) -> None:
     members = front_of(result, SETTINGS)
     content = json.loads(front_json(members, result, SETTINGS))

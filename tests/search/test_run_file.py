@@ -9,7 +9,7 @@ from vinefab.model.map import Pose
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
 from vinefab.search.record.run_archive import settings_from_plain
 from vinefab.search.run_file import read_run
-from vinefab.search.settings import RunSettings, plain_settings
+from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.search.space import Bounds
 from vinefab.tasks.shipped_tasks import make_task
 
@@ -65,6 +65,26 @@ def test_several_objectives_bring_their_optimizer(tmp_path: Path) -> None:
     assert settings.further_objectives == ("branches",)
     assert settings.optimizer.name == "nsga2"
     assert settings.task.parameters == {}
+
+
+def test_other_tasks_have_tables_of_their_own(tmp_path: Path) -> None:
+    text = """
+    [task]
+    name = "coverage"
+    objectives = ["coverage", "reach", "film_length", "anchoring"]
+    radius_mm = 30
+    [task.reach]
+    target_mm = [[1, 2], [3, 4.5]]
+    """
+    settings = read_run(written(tmp_path, text))
+    assert settings.task.parameters == {"radius_mm": 30}
+    assert settings.further_objectives == ("reach", "film_length", "anchoring")
+    assert settings.front_axis == "film_length"
+    assert settings.other_tasks == (
+        PartSettings(name="reach", parameters={"target_mm": [[1, 2], [3, 4.5]]}),
+        PartSettings(name="anchoring"),
+    )
+    assert settings_from_plain(plain_settings(settings)) == settings
 
 
 def test_a_pouch_is_part_of_the_build(tmp_path: Path) -> None:
@@ -169,6 +189,24 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
             "[[space.level]]\nnumber = 2\n[[space.level]]\nnumber = 2",
             "space.level[2].number",
             "once",
+        ),
+        ("[task]\n[task.reach]\nbuffer_mm = 3", "task.reach", "among task.objectives"),
+        ("[task]\n[task.coverage]\nradius_mm = 3", "task.coverage", "among task.objectives"),
+        ("[task]\n[task.rech]\nbuffer_mm = 3", "task.rech", "radius_mm"),
+        (
+            '[task]\nobjectives = ["coverage", "reach"]\n[task.reach]\nradius_mm = 3',
+            "task.reach.radius_mm",
+            "buffer_mm",
+        ),
+        (
+            '[task]\nobjectives = ["coverage", "reach"]\nreach = {buffer_mm = -3}',
+            "task.reach.buffer_mm",
+            "above 0",
+        ),
+        (
+            '[task]\nname = "reach"\ntarget_mm = [[1, 2], [3]]',
+            "task.target_mm[2]",
+            "x, y",
         ),
         ("[space]\nmost_film_length_mm = 0", "space.most_film_length_mm", "above 0"),
         ("[space]\nmost_film_length_mm = inf", "space.most_film_length_mm", "finite"),

@@ -32,7 +32,8 @@ from vinefab.search.space import Space
 class FrontData:
     """The data of the chart."""
 
-    further: str  # name of the first further objective, a cost or another task
+    further: str  # name of the further objective that it is drawn over
+    is_line: bool  # whether there is no third objective, so that the front is a line
     evaluated: Floats  # its value and the fitness of designs that the run evaluated, shape (m, 2)
     front: Floats  # the same of the front on fresh poses, from its cheap end on, shape (k, 2)
     task: str  # name of the score
@@ -81,7 +82,7 @@ def _chart(axes: Axes, data: FrontData, robots: Mapping[int, FrontRobot]) -> Non
     axes.step(
         data.front[:, 0],
         data.front[:, 1],
-        "-o",
+        "-o" if data.is_line else "o",
         where="post",
         color=LEVEL_COLOURS[0],
         markersize=4.5,
@@ -100,7 +101,10 @@ def _chart(axes: Axes, data: FrontData, robots: Mapping[int, FrontRobot]) -> Non
         )
     axes.set_xlabel(_axis_text(data.further))
     axes.set_ylabel(f"{data.task} score (simulated)")
-    axes.legend(fontsize=8, loc="lower right" if data.further in COSTS else "upper right")
+    if data.further in COSTS:
+        axes.legend(fontsize=8, loc="lower right")
+    else:  # points may lie anywhere
+        axes.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     axes.spines[["top", "right"]].set_visible(False)
 
 
@@ -133,13 +137,13 @@ class FrontMember:
     fitness: float  # on fresh poses
     further: tuple[float, ...]  # values of the run's further objectives, in their order
     penalty: float  # 0 if manufacturable, and in a run that did not check
-    is_knee: bool  # against the first further objective; a front may have no knee
+    is_knee: bool  # against the run's `front_axis`; a front may have no knee
 
 
 def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...]:
-    """Return the finalists that are non-dominated on fresh poses, by the first further objective.
+    """Return the finalists that are non-dominated on fresh poses, the cheapest first.
 
-    The cheapest is the first, or the one with the best score in another task.
+    In a run without costs the one with the best score in the first other task is the first.
     """
     finalists = result.finalists
     fitness = np.array([finalist.fitness for finalist in finalists])
@@ -150,9 +154,10 @@ def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...
     }
     costs = minimized(np.array([f.x for f in finalists]), scores, space, names)
     signs = np.array([1.0 if name in COSTS else -1.0 for name in names])
+    along = costs[:, names.index(settings.front_axis)]
     rows = np.flatnonzero(non_dominated(fitness, costs))
-    rows = rows[np.argsort(costs[rows, 0], kind="stable")]
-    bend = knee(fitness[rows], costs[rows, 0])
+    rows = rows[np.argsort(along[rows], kind="stable")]
+    bend = knee(fitness[rows], along[rows])
     return tuple(
         FrontMember(
             design=_named(finalists[row].design, settings, result.run_id, place + 1),
@@ -232,7 +237,7 @@ def front_lines(members: Sequence[FrontMember], settings: RunSettings) -> list[s
     if not any(member.is_knee for member in members):
         low = f"no point lies {LEAST_BEND:.0%} above the line between the ends"
         why = "fewer than three designs" if len(members) < 3 else low
-        lines.append(f"  no knee against {settings.further_objectives[0]}: {why}")
+        lines.append(f"  no knee against {settings.front_axis}: {why}")
     return lines
 
 
@@ -241,17 +246,19 @@ def front_picture(
 ) -> Figure:
     """Return the front as a chart, with a few of its robots on a training map."""
     lowest = min(finalist.fitness for finalist in result.finalists)
-    space, first = Space(settings.space, settings.build), settings.further_objectives[0]
-    _, fitness, costs = feasible_points(result.history, min(-1e3, lowest), space, [first])
-    cost = costs[:, 0] if first in COSTS else -costs[:, 0]
+    space, axis = Space(settings.space, settings.build), settings.front_axis
+    _, fitness, costs = feasible_points(result.history, min(-1e3, lowest), space, [axis])
+    cost = costs[:, 0] if axis in COSTS else -costs[:, 0]
     penalty = np.concatenate([generation.penalty for generation in result.history])
     valid = np.isfinite(cost)
     if len(penalty) == len(cost):
         valid &= penalty == 0.0
+    place = settings.further_objectives.index(axis)
     data = FrontData(
         evaluated=np.column_stack([cost[valid], fitness[valid]]),
-        front=np.array([(member.further[0], member.fitness) for member in members]),
-        further=first,
+        front=np.array([(member.further[place], member.fitness) for member in members]),
+        further=axis,
+        is_line=len(settings.objectives) == 2,
         task=settings.task.name,
         targets_mm=run_targets_mm(settings),
     )

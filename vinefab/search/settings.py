@@ -213,6 +213,12 @@ class RunSettings:
         return tuple(name for name in self.objectives if name != self.task.name)
 
     @property
+    def front_axis(self) -> str:
+        """The further objective that fronts are ordered and drawn by: the first cost, if any."""
+        further = self.further_objectives
+        return next((name for name in further if name in COSTS), further[0])
+
+    @property
     def other_tasks(self) -> tuple[PartSettings, ...]:
         """The other tasks among the objectives, in their order."""
         names = [name for name in self.further_objectives if name not in COSTS]

@@ -13,11 +13,14 @@ from vinefab.fabrication.checking import check_design
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.pages.drawing import map_plan
+from vinefab.pages.figure import svg_bytes
 from vinefab.search.front_files import write_front
 from vinefab.search.record.run_archive import RunArchive
-from vinefab.search.run import run_search
+from vinefab.search.run import run_search, training_maps
 from vinefab.search.run_file import read_run
-from vinefab.search.settings import PartSettings
+from vinefab.search.run_pages import rebuild
+from vinefab.search.settings import PartSettings, targets_mm
 from vinefab.search.space import Space
 
 ROOT = Path(__file__).parents[1]
@@ -86,12 +89,17 @@ def keeps_its_limits(settings, result, _):
     assert all(level.growth == 1.0 for level in best.levels)
 
 
-def starts_where_it_is_told(settings, result, _):
+def starts_where_it_is_told(settings, result, folder):
     poses = [evaluation.pose for evaluation in result.score.evaluations]
     assert {pose.y_mm for pose in poses} == {15.0}
     assert all(240.0 <= pose.x_mm <= 260.0 for pose in poses)
     assert settings.task.parameters["tolerance_mm"] == 20.0
     assert all("targets_reached" in evaluation.terms for evaluation in result.score.evaluations)
+    rebuild(folder, folder / "again")
+    (world,) = training_maps(settings)
+    drawn = (folder / "again" / "map_grid_3.svg").read_bytes()
+    assert drawn == svg_bytes(map_plan(world, targets_mm=targets_mm(settings)))
+    assert drawn != svg_bytes(map_plan(world))
 
 
 RUNS = {

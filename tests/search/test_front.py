@@ -243,6 +243,20 @@ def test_a_run_of_two_tasks_is_the_same_after_an_interrupt_and_in_other_processe
     assert there.terms["reach"].tolist() == here.terms["reach"].tolist()
 
 
+@pytest.mark.parametrize(("own", "key"), [("reach", "task."), ("coverage", "task.reach.")])
+def test_a_target_in_an_obstacle_is_refused_by_the_name_of_its_table(
+    small: RunSettings, maps: Maps, own: str, key: str
+) -> None:
+    inside = maps[0].obstacles[3].representative_point()
+    target = {"target_mm": [[250.0, 15.0], [inside.x, inside.y]]}
+    settings = replace(with_two_tasks(small), other_parameters={"reach": target})
+    if own == "reach":
+        settings = replace(small, task=PartSettings(name="reach", parameters=target))
+    with pytest.raises(BadInputError, match="inside an obstacle of 'grid_1'") as caught:
+        Search.of(settings, maps)
+    assert caught.value.key == f"{key}target_mm[2]"
+
+
 class Short:
     """Designs over 700 mm of film are penalized; those of 300 to 500 mm fail the full check."""
 

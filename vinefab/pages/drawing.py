@@ -192,13 +192,15 @@ def fill_geometry(
         axes.add_patch(PathPatch(path, fc=inside, ec=edge, lw=0.7, zorder=rank))
 
 
-def map_plan(world: Map, *, longest_in: float = 6.5) -> Figure:
-    """Return a plan of a map with its starts."""
+def map_plan(world: Map, *, targets_mm: Floats | None = None, longest_in: float = 6.5) -> Figure:
+    """Return a plan of a map with its starts, and with targets, shape (t, 2), if there are any."""
     with house_style():
         figure, axes = plan_axes(world.bounds.bounds, longest_in)
         draw_map(axes, world)
         for start in world.starts:
             draw_pose(axes, start.pose, max(world.size_mm))
+        if targets_mm is not None:
+            draw_targets(axes, targets_mm)
     return figure
 
 

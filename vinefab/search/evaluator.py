@@ -1,7 +1,8 @@
 """Evaluating points of the search: growth, score, penalty and fitness."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import accumulate, pairwise, product
@@ -252,8 +253,10 @@ class Evaluator:
         penalty = spec.penalty if evaluation.fabricable else None
         share = evaluation.pose_range
         maps = tuple(PreparedMap.of(_with_pose_range(world, share)) for world in spec.maps)
-        for task, prepared in product(spec.tasks, maps):
-            check_on_map(task, prepared.world, prepared.context)
+        names = ["", *(other.name for other in settings.other_tasks)]
+        for (name, task), prepared in product(zip(names, spec.tasks, strict=True), maps):
+            with _keys_of_other_task(name):
+                check_on_map(task, prepared.world, prepared.context)
         return cls(
             spec=replace(spec, penalty=penalty),
             maps=maps,
@@ -447,10 +450,17 @@ class Evaluator:
 
 def make_other_task(named: PartSettings) -> Task:
     """Return another objective's task; errors name its table in the run file."""
-    try:
+    with _keys_of_other_task(named.name):
         return make_task(named.name, named.parameters)
+
+
+@contextmanager
+def _keys_of_other_task(name: str) -> Iterator[None]:
+    """Name the keys of another task in errors as the run file does; as they are without a name."""
+    try:
+        yield
     except BadInputError as error:
-        key = error.key.replace("task.", f"task.{named.name}.", 1)
+        key = error.key.replace("task.", f"task.{name}." if name else "task.", 1)
         raise BadInputError(key, error.value, error.allowed) from error
 
 

@@ -23,8 +23,8 @@ from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, house_style, png_byte
 from vinefab.search.costs import COSTS
 from vinefab.search.front import LEAST_BEND, feasible_points, knee, minimized, non_dominated
 from vinefab.search.record.result import RunResult
-from vinefab.search.run import run_targets_mm, training_maps
-from vinefab.search.settings import RunSettings
+from vinefab.search.run import training_maps
+from vinefab.search.settings import RunSettings, targets_mm
 from vinefab.search.space import Space
 
 
@@ -260,7 +260,7 @@ def front_picture(
         further=axis,
         is_line=len(settings.objectives) == 2,
         task=settings.task.name,
-        targets_mm=run_targets_mm(settings),
+        targets_mm=targets_mm(settings),
     )
     return front_figure(data, world, _robots(members, settings, world))
 

@@ -11,7 +11,6 @@ from vinefab.core.atomic import folder_to_fill
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.jsontext import json_text
 from vinefab.core.registry import with_parameters
-from vinefab.core.validation import Floats
 from vinefab.growth.options import growth_text, trained_growth
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.maps.poses import with_start
@@ -60,14 +59,6 @@ def _started(worlds: Iterable[Map], maps: MapSettings) -> tuple[Map, ...]:
     if maps.start is None:
         return tuple(worlds)
     return tuple(with_start(world, maps.start) for world in worlds)
-
-
-def run_targets_mm(settings: RunSettings) -> Floats:
-    """Return the targets of a run's tasks, for its pictures, shape (t, 2)."""
-    given = [
-        task.parameters.get("target_mm", ()) for task in (settings.task, *settings.other_tasks)
-    ]
-    return np.concatenate([np.array(points, dtype=float).reshape(-1, 2) for points in given])
 
 
 def penalty_of(settings: RunSettings) -> Penalty | None:

@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 
+import numpy as np
+
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import number, positive, whole
+from vinefab.core.validation import Floats, number, positive, whole
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.map import Start
 from vinefab.search.costs import COSTS
@@ -226,6 +228,13 @@ class RunSettings:
             PartSettings(name=name, parameters=self.other_parameters.get(name, {}))
             for name in names
         )
+
+
+def targets_mm(settings: RunSettings) -> Floats:
+    """Return the targets of a run's tasks, for its pictures, shape (t, 2)."""
+    tasks = (settings.task, *settings.other_tasks)
+    points = [task.parameters.get("target_mm", ()) for task in tasks]
+    return np.concatenate([np.array(some, dtype=np.float64).reshape(-1, 2) for some in points])
 
 
 def plain_settings(settings: object) -> object:

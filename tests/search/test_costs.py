@@ -183,6 +183,11 @@ def test_a_changed_limit_is_another_run_and_none_leaves_ids_alone(
         )
     }
     assert len(ids) == 4
+    began = RunIdentity.of(limited(small, {"branches": 9.0}), maps)
+    other = RunIdentity.of(limited(small, {"branches": 8.0}), maps)
+    complaint = other.differs_from(began)
+    assert complaint.key == "space.most_branches"
+    assert "9.0, with which the run began" in str(complaint)
     assert "most" not in plain_settings(small)["space"]
     assert "symmetric" not in plain_settings(small)["space"]
 

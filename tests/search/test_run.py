@@ -87,7 +87,7 @@ def test_a_start_of_the_run_replaces_those_of_its_maps(small: RunSettings, tmp_p
         record = tmp_path / f"run{len(maps.files)}" / "run.sqlite"
         assert RunArchive.read(record).settings.maps == maps
     other = replace(small, maps=MapSettings(count=1, seed=5, start=start(250.0, 31.0)))
-    with pytest.raises(BadInputError, match="with which the run began"):
+    with pytest.raises(BadInputError, match=r"maps.start is 'x_mm = 250, y_mm = 31, .* with which"):
         run_search(other, tmp_path / "run0", resume=True)
 
 

@@ -215,19 +215,21 @@ class RunSettings:
         return tuple(name for name in self.objectives if name != self.task.name)
 
     @property
+    def costs(self) -> tuple[str, ...]:
+        """The objectives that are costs, in their order."""
+        return tuple(name for name in self.objectives if name in COSTS)
+
+    @property
     def front_axis(self) -> str:
         """The further objective that fronts are ordered and drawn by: the first cost, if any."""
-        further = self.further_objectives
-        return next((name for name in further if name in COSTS), further[0])
+        return (*self.costs, *self.further_objectives)[0]
 
     @property
     def other_tasks(self) -> tuple[PartSettings, ...]:
         """The other tasks among the objectives, in their order."""
         names = [name for name in self.further_objectives if name not in COSTS]
-        return tuple(
-            PartSettings(name=name, parameters=self.other_parameters.get(name, {}))
-            for name in names
-        )
+        given = self.other_parameters
+        return tuple(PartSettings(name=name, parameters=given.get(name, {})) for name in names)
 
 
 def targets_mm(settings: RunSettings) -> Floats:

@@ -16,8 +16,9 @@ from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import ORIGIN_GROWTH, Design
-from vinefab.model.map import Map, Start
+from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Score
+from vinefab.search.costs import COSTS
 from vinefab.search.evaluator import Penalty, final_seed
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.search.settings import RunSettings, plain_settings
@@ -196,9 +197,16 @@ class RunIdentity:
 
     @property
     def _portable_settings(self) -> dict[str, Any]:
-        """The settings without the paths of map files; their content counts instead."""
+        """The settings without the paths of map files; their content counts instead.
+
+        Limits and the start are as in run files, so that a difference is named as it is there.
+        """
         maps = {key: value for key, value in self.settings["maps"].items() if key != "files"}
-        return {**self.settings, "maps": maps}
+        if start := maps.get("start"):
+            maps["start"] = start_text(Start(**{**start, "pose": Pose(**start["pose"])}))
+        space = dict(self.settings["space"])
+        limits = {COSTS[name].limit_key: v for name, v in space.pop("most", {}).items()}
+        return {**self.settings, "maps": maps, "space": {**space, **limits}}
 
     def drift(self, recorded: "RunIdentity") -> list[str]:
         """Return the packages with other versions than a record, one message each."""

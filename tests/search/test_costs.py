@@ -20,6 +20,7 @@ from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.model.map import Map, Pose
 from vinefab.model.tree import branch_tree
+from vinefab.search import costs
 from vinefab.search.costs import COSTS
 from vinefab.search.design_batch import DesignBatch
 from vinefab.search.loop import Search
@@ -71,16 +72,27 @@ def test_costs_of_a_batch_are_those_of_its_designs(
             assert alone.tolist() == pytest.approx([value], rel=1e-12)
 
 
+def test_large_batches_are_measured_some_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    space = Space(SpaceSettings(), BuildSettings())
+    batch = space.batch(np.random.default_rng(2).random((30, len(space))))
+    whole = COSTS["sheet_area"].of(batch, space.build_of)
+    for most in (1, 50, 700):
+        monkeypatch.setattr(costs, "BRANCHES_AT_ONCE", most)
+        assert COSTS["sheet_area"].of(batch, space.build_of).tolist() == whole.tolist()
+    assert len(COSTS["sheet_area"].of(batch.part(np.arange(0)), space.build_of)) == 0
+
+
 def test_costs_of_a_design_done_by_hand() -> None:
     fork = Level(branches=2, length_mm=50.0, fan_rad=np.pi, growth=1.5)
     build = Build(widths_mm=(20.0, 10.0), fillet_mm=(2.0,), tail_mm=30.0)
     design = Design(name="fork", trunk_length_mm=100.0, levels=(fork,), build=build)
-    costs = {n: c.of(DesignBatch.of(design), lambda _: build).tolist() for n, c in COSTS.items()}
-    assert costs["film_length"] == [100.0 + 50.0 + 75.0]
-    assert costs["film_area"] == [100.0 * 20.0 + 125.0 * 10.0]
-    assert costs["branches"] == [3.0]
+    one = DesignBatch.of(design)
+    values = {name: cost.of(one, lambda _: build).tolist() for name, cost in COSTS.items()}
+    assert values["film_length"] == [100.0 + 50.0 + 75.0]
+    assert values["film_area"] == [100.0 * 20.0 + 125.0 * 10.0]
+    assert values["branches"] == [3.0]
     # From the mouth to the trunk's round end, and from one tip to the other.
-    assert costs["sheet_area"] == pytest.approx([(30.0 + 100.0 + 10.0) * (50.0 + 75.0 + 10.0)])
+    assert values["sheet_area"] == pytest.approx([(30.0 + 100.0 + 10.0) * (50.0 + 75.0 + 10.0)])
 
 
 def test_the_sheet_holds_the_outline() -> None:

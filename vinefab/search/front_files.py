@@ -136,7 +136,7 @@ class FrontMember:
     score: Score  # on fresh poses
     fitness: float  # on fresh poses
     further: tuple[float, ...]  # values of the run's further objectives, in their order
-    penalty: float  # 0 if manufacturable, and in a run that did not check
+    penalty: float  # 0 if manufacturable, or not checked, and within the limits
     is_knee: bool  # against the run's `front_axis`; a front may have no knee
 
 
@@ -232,7 +232,8 @@ def front_lines(members: Sequence[FrontMember], settings: RunSettings) -> list[s
             for name, value in zip(settings.further_objectives, member.further, strict=True)
         )
         note = "  knee" if member.is_knee else ""
-        violations = "" if member.penalty == 0.0 else "  not manufacturable"
+        broken = "not manufacturable" if settings.evaluation.fabricable else "beyond the limits"
+        violations = "" if member.penalty == 0.0 else f"  {broken}"
         lines.append(f"  {member.design.name}  {member.fitness:8.4f}  {further}{note}{violations}")
     if not any(member.is_knee for member in members):
         low = f"no point lies {LEAST_BEND:.0%} above the line between the ends"

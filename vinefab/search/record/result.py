@@ -34,7 +34,7 @@ class Generation:
     x: Floats  # points in the unit cube, shape (m, d)
     fitness: Floats  # as told to the optimizer, shape (m,)
     composite: Floats  # composite scores, shape (m,); NaN for a point without a valid design
-    penalty: Floats  # shape (m,); all 0 in a run that does not check manufacturability
+    penalty: Floats  # shape (m,); 0 for designs that are manufacturable and within the limits
     # means of the task's terms over the evaluations, and composites of other tasks' scores in runs
     # that have them as objectives, by the tasks' names; shape (m,) each
     terms: Mapping[str, Floats]
@@ -80,7 +80,7 @@ class Finalist:
     x: Floats  # its point, shape (d,)
     design: Design
     score: Score  # on the fresh poses
-    penalty: float  # 0 in a run that does not check manufacturability
+    penalty: float  # 0 if it may win
     fitness: float  # on the fresh poses; finalists are ordered by it
 
 
@@ -106,7 +106,7 @@ class RunResult:
 
     @property
     def fabricable(self) -> bool:
-        """Whether the winner has no penalty; always true where manufacturability is not checked."""
+        """Whether the winner has no penalty: it passes what was checked, and keeps the limits."""
         return self.finalists[0].penalty == 0.0
 
     @property

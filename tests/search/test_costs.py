@@ -21,11 +21,11 @@ from vinefab.model.design import Build, Design, Level, Pouch
 from vinefab.model.map import Map, Pose
 from vinefab.model.tree import branch_tree
 from vinefab.search import costs
-from vinefab.search.costs import COSTS
+from vinefab.search.costs import COSTS, cost_text
 from vinefab.search.design_batch import DesignBatch
 from vinefab.search.loop import Search
 from vinefab.search.record.result import RunIdentity
-from vinefab.search.run import violations_of
+from vinefab.search.run import result_lines, violations_of
 from vinefab.search.settings import RunSettings, plain_settings
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
 
@@ -125,6 +125,8 @@ def test_winners_keep_limits_that_the_search_would_exceed(
     assert all(cost(finalist.design) <= MOST[name] for finalist in result.finalists)
     assert result.fabricable
     assert violations_of(result, settings_) == ""
+    value = cost_text(name, cost(result.best))
+    assert f"limits: {value} of {MOST[name]:g} (planned)" in result_lines(result)
     space = Space(settings_.space, settings_.build)
     for generation in result.history:
         for x, penalty, fitness in zip(

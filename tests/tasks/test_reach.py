@@ -147,7 +147,7 @@ def test_a_target_is_reached_within_the_tolerance_of_body_or_tips(
     score, terms = Reach(target_mm=targets).evaluate(end, room_context)
     assert score == 3 / 5  # the first, the fourth and the last, at the base
     assert terms == {"targets_reached": 3.0, "farthest_mm": 30.0, "grown_mm": 700.0}
-    assert Reach(target_mm=targets).parts(score, terms) == {"targets reached": score}
+    assert Reach(target_mm=targets).parts(score, terms) == {"targets within 20 mm": score}
     by_tip, _ = Reach(target_mm=targets, reached_by="tip").evaluate(end, room_context)
     assert by_tip == 1 / 5
     wide, _ = Reach(target_mm=targets, tolerance_mm=30.0).evaluate(end, room_context)

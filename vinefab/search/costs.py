@@ -166,9 +166,18 @@ def exceeded_limits(
 ) -> Iterator[str]:
     """Yield each limit that the first design exceeds, in words."""
     for name, limit in most.items():
-        cost = COSTS[name]
-        value = float(cost.of(designs, build_of)[0])
+        cost, value = COSTS[name], float(COSTS[name].of(designs, build_of)[0])
         if value > limit:
-            unit = f" {cost.unit}" if cost.unit else ""
-            words = name.replace("_", " ")
-            yield f"space.{cost.limit_key} ({words} {value:.0f}{unit}, limit {limit:g}{unit})"
+            yield f"space.{cost.limit_key} ({cost_text(name, value)}, limit {limit:g})"
+
+
+def cost_text(name: str, value: float) -> str:
+    """Return a cost with its unit, in words.
+
+    Examples
+    --------
+    >>> cost_text("film_length", 812.3)
+    'film length 812 mm'
+    """
+    unit = COSTS[name].unit
+    return f"{name.replace('_', ' ')} {value:.0f}{f' {unit}' if unit else ''}"

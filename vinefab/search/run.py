@@ -171,6 +171,7 @@ def result_lines(result: RunResult, violations: str = "") -> list[str]:
         f"on {len(score.evaluations)} fresh poses on the training maps (simulated): "
         f"{composites_text(score.composite)}",
         f"growth: {growth_text(trained_growth(best), [best])}",
+        *([f"limits: {best.origin['limits']} (planned)"] if "limits" in best.origin else []),
         *_repeat_line(best),
         *result.notes,
         result.times.summary,

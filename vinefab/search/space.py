@@ -21,7 +21,7 @@ from vinefab.model.design import (
     Pouch,
     default_fillets_mm,
 )
-from vinefab.search.costs import COSTS, exceeded_limits, least_costs, limit_excess
+from vinefab.search.costs import COSTS, cost_text, exceeded_limits, least_costs, limit_excess
 from vinefab.search.design_batch import DesignBatch, branch_counts
 from vinefab.search.optimizers.optimizer import SearchAxes
 
@@ -330,6 +330,14 @@ class Space:
         """Return each of the space's limits that a design exceeds, in words."""
         batch = DesignBatch.of(design)
         return list(exceeded_limits(batch, self.build_of, self.settings.most))
+
+    def limits_text(self, design: Design) -> str:
+        """Return what a design takes of what the space limits; empty without limits."""
+        batch, most = DesignBatch.of(design), self.settings.most
+        return ", ".join(
+            f"{cost_text(name, float(COSTS[name].of(batch, self.build_of)[0]))} of {limit:g}"
+            for name, limit in most.items()
+        )
 
     def refuse_limits_without_designs(self) -> None:
         """Raise `BadInputError` for a limit that no design of the space keeps."""

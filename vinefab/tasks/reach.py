@@ -85,7 +85,8 @@ class Reach:
 
     def parts(self, score: float, _terms: Mapping[str, float]) -> dict[str, float]:
         """Return the score: what is reached is all that counts."""
-        return {"targets reached" if self.target_mm else "area reached": score}
+        targets = f"targets within {self.tolerance_mm:g} mm"
+        return {targets if self.target_mm else "area reached": score}
 
     def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""

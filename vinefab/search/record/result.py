@@ -22,6 +22,7 @@ from vinefab.search.costs import COSTS
 from vinefab.search.evaluator import Penalty, final_seed
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.search.settings import RunSettings, plain_settings
+from vinefab.search.space import Space
 from vinefab.search.timing import TimeSplit
 from vinefab.tasks.shipped_tasks import TASKS
 
@@ -149,6 +150,7 @@ def with_origin(
 
     The origin holds no times: the same run gives the same bytes.
     """
+    space = Space(settings.space, settings.build)
     origin: dict[str, object] = {
         "run": run_id,
         "task": settings.task.name,
@@ -162,6 +164,7 @@ def with_origin(
         "seed_of_score": final_seed(settings.search.seed),
         **{f"score_{name}": value for name, value in finalist.score.composite.items()},
         **({"start": start_text(start)} if (start := settings.maps.start) else {}),
+        **({"limits": limits} if (limits := space.limits_text(finalist.design)) else {}),
         "versions": ", ".join(f"{name} {number}" for name, number in sorted(versions.items())),
         ORIGIN_GROWTH: settings.growth.content,
     }

@@ -197,6 +197,7 @@ def test_targets_in_a_block_are_reached_as_one_by_one(reached_by: str) -> None:
     [
         ({"target_mm": 3}, "task.target_mm", r"\[\[x, y\], \.\.\.\]"),
         ({"target_mm": [[1, 2, 3]]}, "task.target_mm[1]", r"\[x, y\] in mm"),
+        ({"target_mm": [[True, 2]]}, "task.target_mm[1]", r"\[x, y\] in mm"),
         ({"target_mm": [[1, 2], [3, "a"]]}, "task.target_mm[2]", "mm"),
         ({"target_mm": [[1, float("nan")]]}, "task.target_mm[1]", "mm"),
         ({"target_mm": [[1, 2]] * 1001}, "task.target_mm", "at most 1000"),

@@ -143,7 +143,8 @@ def _targets_mm(given: object) -> tuple[tuple[float, float], ...]:
     points = list[tuple[float, float]]()
     for place, point in enumerate(given, start=1):
         key = f"task.target_mm[{place}]"
-        if not isinstance(point, list | tuple) or len(point) != 2:
+        plain = isinstance(point, list | tuple) and not any(isinstance(v, bool) for v in point)
+        if not plain or len(point) != 2:
             raise BadInputError(key, point, "[x, y] in mm")
         x_mm, y_mm = (number(key, value, -LARGEST_MM, LARGEST_MM, "mm") for value in point)
         points.append((x_mm, y_mm))

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,15 @@ from vinefab.fabrication.checking import check_design
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.pages.drawing import map_plan
+from vinefab.pages.figure import svg_bytes
+from vinefab.search.front_files import write_front
+from vinefab.search.record.run_archive import RunArchive
+from vinefab.search.run import run_search, training_maps
 from vinefab.search.run_file import read_run
+from vinefab.search.run_pages import rebuild
+from vinefab.search.settings import PartSettings, targets_mm
+from vinefab.search.space import Space
 
 ROOT = Path(__file__).parents[1]
 
@@ -65,6 +74,55 @@ def test_an_example_does_what_it_says(name, tmp_path):
     )
     assert TALKING[name] in ran.stdout
     assert all((tmp_path / written).exists() for written in given[:1])
+
+
+def fronts_of_two_tasks(settings, result, folder):
+    assert settings.other_tasks == (PartSettings(name="reach", parameters={"buffer_mm": 30.0}),)
+    assert all(0.0 < f.score.composite["reach"] < 1.0 for f in result.finalists)
+    assert len(write_front(result, settings, folder)) >= 1
+
+
+def keeps_its_limits(settings, result, _):
+    space, best = Space(settings.space, settings.build), result.best
+    assert len(settings.space.most) == 4
+    assert space.exceeded_limits(best) == []
+    assert all(level.growth == 1.0 for level in best.levels)
+
+
+def starts_where_it_is_told(settings, result, folder):
+    poses = [evaluation.pose for evaluation in result.score.evaluations]
+    assert {pose.y_mm for pose in poses} == {15.0}
+    assert all(240.0 <= pose.x_mm <= 260.0 for pose in poses)
+    assert settings.task.parameters["tolerance_mm"] == 20.0
+    assert all("targets_reached" in evaluation.terms for evaluation in result.score.evaluations)
+    rebuild(folder, folder / "again")
+    (world,) = training_maps(settings)
+    drawn = (folder / "again" / "map_grid_3.svg").read_bytes()
+    assert drawn == svg_bytes(map_plan(world, targets_mm=targets_mm(settings)))
+    assert drawn != svg_bytes(map_plan(world))
+
+
+RUNS = {
+    "grid_two_tasks": fronts_of_two_tasks,
+    "grid_limits": keeps_its_limits,
+    "grid_targets": starts_where_it_is_told,
+}
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_a_run_file_runs_and_resumes(name, tmp_path):
+    settings = read_run(ROOT / "examples" / f"{name}.toml")
+    short = replace(
+        settings,
+        search=replace(settings.search, population=12, generations=2),
+        # Finding designs that can be made takes longer than a test may.
+        evaluation=replace(settings.evaluation, fabricable=False, finalists=3),
+    )
+    result = run_search(short, tmp_path / "run")
+    RUNS[name](short, result, tmp_path / "run")
+    assert RunArchive.read(tmp_path / "run" / "run.sqlite").settings == short
+    again = run_search(short, tmp_path / "run", resume=True, workers=2)
+    assert again.best == result.best
 
 
 def test_every_script_in_the_folder_is_tried():

@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vinefab.core.errors import BadInputError
-from vinefab.model.design import Build, Design, Level
+from vinefab.model.design import Design
 from vinefab.model.map import Map
+from vinefab.model.tree import branch_tree
+from vinefab.search.evaluator import Evaluator
 from vinefab.search.front import (
     check_objectives,
-    film_area_mm2,
-    film_length_mm,
     knee,
     non_dominated,
     spread_out,
@@ -23,9 +23,12 @@ from vinefab.search.front import (
 from vinefab.search.loop import Search
 from vinefab.search.optimizers.nsga2 import FrontOptimizer, NsgaConfig, ranking
 from vinefab.search.optimizers.optimizer import SearchAxes
+from vinefab.search.parallel.dask_cluster import deserialized, serialized
 from vinefab.search.record.result import RunIdentity, RunResult
 from vinefab.search.record.store import RunStore
 from vinefab.search.settings import PartSettings, RunSettings
+from vinefab.tasks.evaluate import composites, score_design
+from vinefab.tasks.reach import Reach
 
 
 def optimize(
@@ -113,10 +116,11 @@ def sphere_front(seed: int, generations: int) -> np.ndarray:
     a, b = np.full(4, 0.3), np.full(4, 0.7)
     search = NsgaConfig().start(SearchAxes.continuous(4), 24, seed)
     assert isinstance(search, FrontOptimizer)
-    search.set_costs(lambda x: np.linalg.norm(x - b, axis=1)[:, None], -10.0)
+    search.set_lowest(-10.0)
     for _ in range(generations):
         x = search.ask()
-        search.tell(x, -np.linalg.norm(x - a, axis=1))
+        costs = np.linalg.norm(x - b, axis=1)[:, None]
+        search.tell_costs(x, -np.linalg.norm(x - a, axis=1), costs)
     return np.asarray(search.state()["parents"])
 
 
@@ -141,7 +145,7 @@ def test_finalists_of_a_run_are_its_front(small: RunSettings, maps: Maps) -> Non
     x = np.concatenate([g.x for g in result.history])
     assert len(x) == 30
     assert 2 <= len(result.finalists) <= 3
-    lengths = [film_length_mm(finalist.design) for finalist in result.finalists]
+    lengths = [branch_tree(finalist.design).total_length_mm for finalist in result.finalists]
     assert max(lengths) > 1.5 * min(lengths)
     assert result.fabricable
 
@@ -166,14 +170,117 @@ def test_a_front_is_the_same_after_an_interrupt(
     assert len(resumed.history) == 5
 
 
+def with_two_tasks(settings: RunSettings, composite: str = "mean") -> RunSettings:
+    return replace(
+        settings,
+        objectives=("reach", "coverage", "branches"),
+        other_parameters={"reach": {"buffer_mm": 25.0}},
+        optimizer=PartSettings(name="nsga2"),
+        evaluation=replace(settings.evaluation, composite=composite, finalists=6),
+    )
+
+
+@pytest.mark.parametrize("composite", ["mean", "min_deviation"])
+def test_other_tasks_are_scored_from_the_same_growths(
+    small: RunSettings, maps: Maps, composite: str
+) -> None:
+    settings = with_two_tasks(small, composite)
+    result = optimize(settings, maps, workers=2)
+    alone = replace(small, task=PartSettings(name="reach", parameters={"buffer_mm": 25.0}))
+    evaluator = Search.of(alone, maps).evaluator
+    for generation in result.history:
+        conditions = evaluator.training_conditions(settings.search.seed, generation.number)
+        scores = evaluator.evaluate(generation.x, conditions)[0].score
+        wanted = composites(scores, composite)
+        assert generation.terms["reach"].tolist() == wanted.tolist()
+    final = evaluator.final_conditions(settings.search.seed)
+    exact = Reach(buffer_mm=25.0)
+    for finalist in result.finalists:
+        score = score_design(finalist.design, evaluator.maps, final.poses, exact, settings.growth)
+        assert finalist.score.composite["reach"] == pytest.approx(score.composite[composite])
+        assert finalist.score.task == "coverage"
+    # On the poses of the search none dominates another.
+    x = np.concatenate([g.x for g in result.history])
+    fitness = np.concatenate([g.fitness for g in result.history])
+    reach = np.concatenate([g.terms["reach"] for g in result.history])
+    rows = [int(np.flatnonzero((x == f.x).all(axis=1))[0]) for f in result.finalists]
+    branch_numbers = np.array([float(f.design.branch_count) for f in result.finalists])
+    costs = np.column_stack([-reach[rows], branch_numbers])
+    assert non_dominated(fitness[rows], costs).all()
+    assert len(rows) >= 3
+
+
+def test_a_run_of_two_tasks_is_the_same_after_an_interrupt_and_in_other_processes(
+    small: RunSettings, maps: Maps, tmp_path: Path
+) -> None:
+    settings = with_two_tasks(small)
+    whole = optimize(settings, maps)
+
+    def stop(progress: object) -> None:
+        if progress.generation == 3:
+            raise KeyboardInterrupt
+
+    identity = RunIdentity.of(settings, maps)
+    with RunStore.open(tmp_path, identity, maps=maps) as store, pytest.raises(KeyboardInterrupt):
+        optimize(settings, maps, store=store, progress=stop)
+    with RunStore.open(tmp_path, identity, maps=maps, resume=True) as store:
+        resumed = optimize(settings, maps, store=store)
+    assert resumed.best == whole.best
+    for one, other in zip(resumed.finalists, whole.finalists, strict=True):
+        assert one.score == other.score
+    assert len(resumed.history) == 5
+    wider = replace(settings, other_parameters={"reach": {"buffer_mm": 26.0}})
+    assert RunIdentity.of(wider, maps).run_id != identity.run_id
+    # What a worker of a cluster gets evaluates as here.
+    search = Search.of(settings, maps)
+    sent = Evaluator.of(deserialized(serialized(search.evaluator.spec)))
+    x, conditions = whole.history[0].x, sent.training_conditions(settings.search.seed, 0)
+    there, _ = sent.evaluate(x, conditions)
+    here, _ = search.evaluator.evaluate(x, conditions)
+    assert there.terms["reach"].tolist() == here.terms["reach"].tolist()
+
+
+@pytest.mark.parametrize(("own", "key"), [("reach", "task."), ("coverage", "task.reach.")])
+def test_a_target_in_an_obstacle_is_refused_by_the_name_of_its_table(
+    small: RunSettings, maps: Maps, own: str, key: str
+) -> None:
+    inside = maps[0].obstacles[3].representative_point()
+    target = {"target_mm": [[250.0, 15.0], [inside.x, inside.y]]}
+    settings = replace(with_two_tasks(small), other_parameters={"reach": target})
+    if own == "reach":
+        settings = replace(small, task=PartSettings(name="reach", parameters=target))
+    with pytest.raises(BadInputError, match="inside an obstacle of 'grid_1'") as caught:
+        Search.of(settings, maps)
+    assert caught.value.key == f"{key}target_mm[2]"
+
+
+def test_other_tasks_lose_for_head_on_stops_and_meet_the_same_contacts(
+    small: RunSettings, maps: Maps
+) -> None:
+    small = replace(
+        small,
+        growth=replace(small.growth, head_on_half_angle_rad=(0.02, 0.3)),
+        evaluation=replace(small.evaluation, head_on_weight=0.3),
+    )
+    both = Search.of(with_two_tasks(small), maps).evaluator
+    other = PartSettings(name="reach", parameters={"buffer_mm": 25.0})
+    alone = Search.of(replace(small, task=other), maps).evaluator
+    x = np.random.default_rng(4).random((8, len(both.space)))
+    conditions = both.training_conditions(3, 0)
+    one, _ = both.evaluate(x, conditions)
+    assert one.terms["reach"].tolist() == alone.evaluate(x, conditions)[0].score.tolist()
+    assert one.terms["reach"].min() < 0.0
+    assert "head_on_half_angle_deg" in one.terms
+
+
 class Short:
     """Designs over 700 mm of film are penalized; those of 300 to 500 mm fail the full check."""
 
     def __call__(self, design: Design) -> float:
-        return max(0.0, film_length_mm(design) - 700.0) / 1000.0
+        return max(0.0, branch_tree(design).total_length_mm - 700.0) / 1000.0
 
     def passes(self, design: Design) -> bool:
-        return not 300.0 < film_length_mm(design) < 500.0
+        return not 300.0 < branch_tree(design).total_length_mm < 500.0
 
 
 def test_every_design_of_a_front_is_manufacturable(fabricable: RunSettings, maps: Maps) -> None:
@@ -184,22 +291,14 @@ def test_every_design_of_a_front_is_manufacturable(fabricable: RunSettings, maps
         assert Short().passes(finalist.design)
 
 
-def test_costs_of_a_design_done_by_hand() -> None:
-    fork = Level(branches=2, length_mm=50.0, fan_rad=1.0)
-    build = Build(widths_mm=(20.0, 10.0), fillet_mm=(2.0,))
-    design = Design(name="fork", trunk_length_mm=100.0, levels=(fork,), build=build)
-    assert film_length_mm(design) == 200.0
-    assert film_area_mm2(design) == 100.0 * 20.0 + 2 * 50.0 * 10.0
-
-
 @pytest.mark.parametrize(
     ("objectives", "optimizer", "words"),
     [
         (("coverage", "film_lenght"), "nsga2", "did you mean 'film_length'"),
-        (("coverage", "reach"), "nsga2", "'coverage' and costs"),
+        (("coverage", "paint"), "nsga2", "other tasks \\(reach, anchoring\\) and costs"),
         (("coverage", "film_length", "film_length"), "nsga2", "each objective once"),
         (("branches", "film_length"), "nsga2", "'coverage', among them"),
-        (("coverage",), "nsga2", "a cost beside the score"),
+        (("coverage",), "nsga2", "or another task beside the score"),
         (("coverage", "branches"), "pso", "'nsga2' for several objectives"),
     ],
 )

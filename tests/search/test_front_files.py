@@ -43,7 +43,7 @@ def result() -> RunResult:
 
 def test_a_front_rises_with_its_cost_and_no_member_dominates_another(result: RunResult) -> None:
     members = front_of(result, SETTINGS)
-    costs = [member.costs for member in members]
+    costs = [member.further for member in members]
     assert len(members) >= 2
     assert [cost[0] for cost in costs] == sorted(cost[0] for cost in costs)
     assert sum(member.is_knee for member in members) <= 1
@@ -51,8 +51,26 @@ def test_a_front_rises_with_its_cost_and_no_member_dominates_another(result: Run
     assert all(trained_growth(member.design) == SETTINGS.growth for member in members)
     for one in members:
         for other in members:
-            as_cheap = all(a <= b for a, b in zip(one.costs, other.costs, strict=True))
+            as_cheap = all(a <= b for a, b in zip(one.further, other.further, strict=True))
             assert one is other or not (as_cheap and one.fitness >= other.fitness)
+
+
+def test_a_front_of_two_tasks_goes_from_one_to_the_other() -> None:
+    straight = {"target_mm": [[260.0, 488.0]], "falloff_mm": 480.0, "reached_by": "tip"}
+    settings = replace(
+        SETTINGS, objectives=("coverage", "reach"), other_parameters={"reach": straight}
+    )
+    run = optimize(settings, (WORLD,))
+    members = front_of(run, settings)
+    assert len(members) >= 2
+    assert [m.further[0] for m in members] == sorted((m.further[0] for m in members), reverse=True)
+    assert [m.fitness for m in members] == sorted(m.fitness for m in members)
+    content = json.loads(front_json(members, run, settings))
+    assert [entry["better"] for entry in content["objectives"]] == ["larger", "larger"]
+    for entry, member in zip(content["designs"], members, strict=True):
+        assert entry["reach"] == member.score.composite["reach"] == member.further[0]
+    assert f"  {members[0].further[0]:8.4f}" in front_lines(members, settings)[1]
+    assert b"reach score (simulated)" in svg_bytes(front_picture(members, run, settings, WORLD))
 
 
 def test_json_and_text_describe_the_front(result: RunResult) -> None:
@@ -62,7 +80,7 @@ def test_json_and_text_describe_the_front(result: RunResult) -> None:
     assert [entry["better"] for entry in content["objectives"]] == ["larger", "smaller", "smaller"]
     for entry, member in zip(content["designs"], members, strict=True):
         assert entry["design"] == member.design.name
-        assert entry["film_length"] == member.costs[0]
+        assert entry["film_length"] == member.further[0]
         assert entry["coverage"] == member.score.composite["mean"]
     names = [member.design.name for member in members if member.is_knee]
     assert content["knee"] == (names[0] if names else None)

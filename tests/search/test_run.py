@@ -3,16 +3,27 @@
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+import shapely
 
 from vinefab.core.errors import BadInputError, UnknownNameError
+from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Design
-from vinefab.model.map import Map
+from vinefab.model.map import Map, Pose, Start
 from vinefab.search.loop import Search
 from vinefab.search.record.result import Progress, RunResult
-from vinefab.search.run import generated_maps, progress_line, result_json, result_lines
+from vinefab.search.record.run_archive import RunArchive
+from vinefab.search.run import (
+    generated_maps,
+    progress_line,
+    result_json,
+    result_lines,
+    run_search,
+    training_maps,
+)
 from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
 
 
@@ -50,6 +61,58 @@ def test_maps_have_seeds_in_a_row_and_the_options_asked_for() -> None:
     assert [world.seed for world in maps] == [7, 8, 9]
     assert maps[0].size_mm == (300.0, 600.0)
     assert maps[0].obstacles != maps[1].obstacles
+
+
+def start(x_mm: float, y_mm: float, **spread: float) -> Start:
+    return Start(pose=Pose.of((x_mm, y_mm, 90)), **spread)
+
+
+def test_a_start_of_the_run_replaces_those_of_its_maps(small: RunSettings, tmp_path: Path) -> None:
+    bare = replace(grid_map(5), starts=())
+    bare.write(tmp_path / "bare.geojson")
+    place = start(250.0, 30.0, spread_x_mm=20.0, spread_heading_rad=0.1)
+    for maps in (
+        MapSettings(files=(tmp_path / "bare.geojson",), start=place),
+        MapSettings(count=1, seed=5, start=place),
+    ):
+        settings = replace(small, maps=maps)
+        (world,) = training_maps(settings)
+        assert world.starts == (place,)
+        result = run_search(settings, tmp_path / f"run{len(maps.files)}")
+        poses = [evaluation.pose for evaluation in result.score.evaluations]
+        assert len({pose.x_mm for pose in poses}) == 2
+        assert all(abs(pose.x_mm - 250.0) <= 20.0 and pose.y_mm == 30.0 for pose in poses)
+        assert "x_mm = 250, y_mm = 30, heading_deg = 90" in result.best.origin["start"]
+        assert any("task parameters and start" in line for line in result_lines(result))
+        record = tmp_path / f"run{len(maps.files)}" / "run.sqlite"
+        assert RunArchive.read(record).settings.maps == maps
+    other = replace(small, maps=MapSettings(count=1, seed=5, start=start(250.0, 31.0)))
+    with pytest.raises(BadInputError, match=r"maps.start is 'x_mm = 250, y_mm = 31, .* with which"):
+        run_search(other, tmp_path / "run0", resume=True)
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        (start(-5.0, 30.0), r"maps\.start is '\(-5, 30\) mm'; .*outside the bounds of map 'wall'"),
+        (start(150.0, 150.0), "inside an obstacle of map 'wall'"),
+        (start(95.0, 150.0), "room for the trunk, inflated 25 mm wide; map 'wall' has less there"),
+    ],
+)
+def test_a_start_without_room_is_refused_by_name(
+    small: RunSettings, tmp_path: Path, place: Start, words: str
+) -> None:
+    Map(
+        name="wall",
+        bounds=shapely.box(0.0, 0.0, 300.0, 300.0),
+        obstacles=(shapely.box(100.0, 100.0, 200.0, 200.0),),
+    ).write(tmp_path / "wall.geojson")
+    maps = MapSettings(files=(tmp_path / "wall.geojson",), start=place)
+    settings = replace(small, maps=maps, growth=GrowthOptions())
+    with pytest.raises(BadInputError, match=words) as caught:
+        run_search(settings, tmp_path / "run")
+    assert caught.value.key == "maps.start"
+    assert not (tmp_path / "run" / "run.sqlite").exists()
 
 
 def test_unknown_environments_and_options_are_refused() -> None:

@@ -5,9 +5,11 @@ import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
 from vinefab.model.design import Pouch
+from vinefab.model.map import Pose
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
+from vinefab.search.record.run_archive import settings_from_plain
 from vinefab.search.run_file import read_run
-from vinefab.search.settings import RunSettings
+from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.search.space import Bounds
 from vinefab.tasks.shipped_tasks import make_task
 
@@ -60,9 +62,29 @@ def test_several_objectives_bring_their_optimizer(tmp_path: Path) -> None:
     text = '[task]\nname = "reach"\nobjectives = ["branches", "reach"]'
     settings = read_run(written(tmp_path, text))
     assert settings.objectives == ("branches", "reach")
-    assert settings.costs == ("branches",)
+    assert settings.further_objectives == ("branches",)
     assert settings.optimizer.name == "nsga2"
     assert settings.task.parameters == {}
+
+
+def test_other_tasks_have_tables_of_their_own(tmp_path: Path) -> None:
+    text = """
+    [task]
+    name = "coverage"
+    objectives = ["coverage", "reach", "film_length", "anchoring"]
+    radius_mm = 30
+    [task.reach]
+    target_mm = [[1, 2], [3, 4.5]]
+    """
+    settings = read_run(written(tmp_path, text))
+    assert settings.task.parameters == {"radius_mm": 30}
+    assert settings.further_objectives == ("reach", "film_length", "anchoring")
+    assert settings.front_axis == "film_length"
+    assert settings.other_tasks == (
+        PartSettings(name="reach", parameters={"target_mm": [[1, 2], [3, 4.5]]}),
+        PartSettings(name="anchoring"),
+    )
+    assert settings_from_plain(plain_settings(settings)) == settings
 
 
 def test_a_pouch_is_part_of_the_build(tmp_path: Path) -> None:
@@ -82,6 +104,33 @@ def test_map_files_are_found_from_the_run_file(tmp_path: Path) -> None:
     maps = read_run(path).maps
     assert maps.files == (tmp_path / "a.geojson", tmp_path / "deep" / "b.geojson")
     assert maps.count == 2
+
+
+def test_a_start_for_all_maps_and_its_spread(tmp_path: Path) -> None:
+    (tmp_path / "a.geojson").touch()
+    start = "start = {x_mm = 250, y_mm = 30, heading_deg = 90, spread_heading_deg = 10}"
+    for others in ("seed = 4", 'files = ["a.geojson"]'):
+        maps = read_run(written(tmp_path, f"[maps]\n{others}\n{start}")).maps
+        assert maps.start.pose == Pose.of((250, 30, 90))
+        assert maps.start.spread_heading_rad == pytest.approx(math.radians(10.0))
+        assert maps.start.spread_x_mm == 0.0
+    assert maps.files == (tmp_path / "a.geojson",)
+
+
+def test_limits_and_symmetry_of_a_space(tmp_path: Path) -> None:
+    text = """
+    [space]
+    symmetric = true
+    most_film_length_mm = 1200
+    most_branches = 12
+    [[space.level]]
+    number = 2
+    growth_percent = 100
+    """
+    space = read_run(written(tmp_path, text)).space
+    assert space.most == {"film_length": 1200.0, "branches": 12}
+    assert space.bounds(3, "growth_percent") == Bounds(low=100, high=100)
+    assert settings_from_plain(plain_settings(RunSettings(space=space))).space == space
 
 
 def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
@@ -140,6 +189,54 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
             "[[space.level]]\nnumber = 2\n[[space.level]]\nnumber = 2",
             "space.level[2].number",
             "once",
+        ),
+        ("[task]\n[task.reach]\nbuffer_mm = 3", "task.reach", "among task.objectives"),
+        ("[task]\n[task.coverage]\nradius_mm = 3", "task.coverage", "among task.objectives"),
+        ("[task]\n[task.rech]\nbuffer_mm = 3", "task.rech", "radius_mm"),
+        (
+            '[task]\nobjectives = ["coverage", "reach"]\n[task.reach]\nradius_mm = 3',
+            "task.reach.radius_mm",
+            "buffer_mm",
+        ),
+        (
+            '[task]\nobjectives = ["coverage", "reach"]\nreach = {buffer_mm = -3}',
+            "task.reach.buffer_mm",
+            "above 0",
+        ),
+        (
+            '[task]\nname = "reach"\ntarget_mm = [[1, 2], [3]]',
+            "task.target_mm[2]",
+            "x, y",
+        ),
+        ("[space]\nmost_film_length_mm = 0", "space.most_film_length_mm", "above 0"),
+        ("[space]\nmost_film_length_mm = inf", "space.most_film_length_mm", "finite"),
+        ("[space]\nmost_film_mm = 9", "space.most_film_mm", "did you mean"),
+        ("[space]\nmost_branches = 2.5", "space.most_branches", "integer"),
+        (
+            "[space]\nsymmetric = true\ngrowth_percent = [50, 150]",
+            "space.growth_percent",
+            "children of a fan are all as long",
+        ),
+        (
+            "[space]\nsymmetric = true\n[[space.level]]\nnumber = 2\ngrowth_percent = 90",
+            "space.level 2.growth_percent",
+            "100, or left out",
+        ),
+        ("[maps]\nstart = {x_mm = 3, y_mm = 4}", "maps.start.heading_deg", "missing"),
+        (
+            "[maps]\nstart = {x_mm = 3, y_mm = 4, headng_deg = 9}",
+            "maps.start.headng_deg",
+            "did you mean",
+        ),
+        (
+            "[maps]\nstart = {x_mm = nan, y_mm = 4, heading_deg = 9}",
+            "maps.start.x_mm",
+            "a finite number",
+        ),
+        (
+            "[maps]\nstart = {x_mm = 1, y_mm = 4, heading_deg = 9, spread_x_mm = -1}",
+            "maps.start.spread_x_mm",
+            "0 to",
         ),
         ("[build]\nwidth_ratio = 1.5", "build.width_ratio", "at most 1"),
         ("[growth]\nhead_on_half_angle_deg = 91", "head_on_half_angle_deg", "0 to 90"),

@@ -137,3 +137,88 @@ def test_hundreds_of_crossing_branches_take_no_minutes() -> None:
     assert near_chains(few, 30.0).symmetric_difference(together).area < 1e-6 * together.area
     many = rng.uniform(0.0, 500.0, (400, 3, 2)).tolist()
     assert near_chains(many, 30.0).area > 500.0**2
+
+
+def test_a_target_is_reached_within_the_tolerance_of_body_or_tips(
+    fork: Design, ended: Callable[..., Deployment], room_context: MapContext
+) -> None:
+    end = ended(fork, [[(100, 100), (500, 100)], [(500, 100), (500, 100), (500, 400)], None])
+    targets = [[300, 119], [300, 121], [500, 430], [520, 400], [80, 100]]
+    score, terms = Reach(target_mm=targets).evaluate(end, room_context)
+    assert score == 3 / 5  # the first, the fourth and the last, at the base
+    assert terms == {"targets_reached": 3.0, "farthest_mm": 30.0, "grown_mm": 700.0}
+    assert Reach(target_mm=targets).parts(score, terms) == {"targets within 20 mm": score}
+    by_tip, _ = Reach(target_mm=targets, reached_by="tip").evaluate(end, room_context)
+    assert by_tip == 1 / 5
+    wide, _ = Reach(target_mm=targets, tolerance_mm=30.0).evaluate(end, room_context)
+    assert wide == 1.0
+    partly, terms = Reach(target_mm=targets, falloff_mm=20.0).evaluate(end, room_context)
+    assert partly == pytest.approx((1 + 19 / 20 + 10 / 20 + 1 + 1) / 5)
+    assert terms["targets_reached"] == 3.0
+
+
+def test_a_robot_that_stayed_inside_reaches_no_target(
+    fork: Design, ended: Callable[..., Deployment], room_context: MapContext
+) -> None:
+    for by in ("body", "tip"):
+        task = Reach(target_mm=((5.0, 5.0),), reached_by=by)
+        score, terms = task.evaluate(ended(fork, [None, None, None]), room_context)
+        assert score == 0.0
+        assert terms["farthest_mm"] == pytest.approx(room_context.diagonal_mm)
+
+
+@pytest.mark.parametrize("reached_by", ["body", "tip"])
+def test_targets_in_a_block_are_reached_as_one_by_one(reached_by: str) -> None:
+    maps = [grid_map(1), grid_map(2), cave_map(1)]
+    prepared = [PreparedMap.of(world) for world in maps]
+    levels = (Level.of(3, 120, 90, 70), Level.of(2, 60, 120))
+    designs = [
+        Design(name="tree", trunk_length_mm=150.0, levels=levels, build=Build.standard(3)),
+        Design(name="vine", trunk_length_mm=350.0, build=Build.standard(1)),
+    ]
+    options = GrowthOptions()
+    poses = [draw_poses(world, 2, 3) for world in maps]
+    launches = Launches.of(TerrainSet([p.terrain for p in prepared]), poses)
+    targets = tuple((x, y) for x in (100.0, 250.0) for y in (60.0, 200.0, 420.0))
+    task = Reach(target_mm=targets, tolerance_mm=60.0, falloff_mm=50.0, reached_by=reached_by)
+    contexts = [p.context for p in prepared]
+    blocks = Batch(Plans.of(designs, options), launches, options).each(
+        lambda block: (task.evaluate_block(block, contexts), one_by_one(task, block, contexts))
+    )
+    for at_once, each in blocks:
+        assert at_once.score.tolist() == each.score.tolist()
+        assert at_once.score.max() > 0.0
+        for name, values in each.terms.items():
+            assert at_once.terms[name].tolist() == pytest.approx(values.tolist())
+
+
+@pytest.mark.parametrize(
+    ("parameters", "key", "words"),
+    [
+        ({"target_mm": 3}, "task.target_mm", r"\[\[x, y\], \.\.\.\]"),
+        ({"target_mm": [[1, 2, 3]]}, "task.target_mm[1]", r"\[x, y\] in mm"),
+        ({"target_mm": [[True, 2]]}, "task.target_mm[1]", r"\[x, y\] in mm"),
+        ({"target_mm": [[1, 2], [3, "a"]]}, "task.target_mm[2]", "mm"),
+        ({"target_mm": [[1, float("nan")]]}, "task.target_mm[1]", "mm"),
+        ({"target_mm": [[1, 2]] * 1001}, "task.target_mm", "at most 1000"),
+        ({"tolerance_mm": 0.0}, "task.tolerance_mm", "above 0"),
+        ({"falloff_mm": -1.0}, "task.falloff_mm", "0 to"),
+        ({"reached_by": "base"}, "task.reached_by", "'body' or 'tip'"),
+    ],
+)
+def test_targets_that_are_none_are_refused(
+    parameters: dict[str, object], key: str, words: str
+) -> None:
+    with pytest.raises(BadInputError, match=words) as caught:
+        Reach(**parameters)
+    assert caught.value.key == key
+
+
+def test_a_target_must_be_free_on_every_map(pillar_room: Map, room: Map) -> None:
+    task = Reach(target_mm=[[50, 50], [200, 150], [500, 50]])
+    task.check_map(room, MapContext.of(room))
+    with pytest.raises(BadInputError, match="inside an obstacle of 'pillars'") as caught:
+        task.check_map(pillar_room, MapContext.of(pillar_room))
+    assert caught.value.key == "task.target_mm[2]"
+    with pytest.raises(BadInputError, match="outside the bounds of 'pillars'"):
+        Reach(target_mm=[[500, 50]]).check_map(pillar_room, MapContext.of(pillar_room))

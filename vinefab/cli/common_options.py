@@ -1,5 +1,6 @@
 """Options that commands share, and `CommandOutput`: messages, results and progress."""
 
+import json
 import math
 import os
 import sys
@@ -20,6 +21,7 @@ from vinefab.core.errors import BadInputError, located
 from vinefab.core.plain_text import visible
 from vinefab.core.replacement import moved_aside
 from vinefab.core.units import rad
+from vinefab.core.validation import check_plain
 from vinefab.model.design import Design
 from vinefab.model.files.shipped import locate
 from vinefab.model.map import Pose
@@ -195,13 +197,17 @@ def map_arguments(
 
 
 def parameters_from(texts: list[str]) -> dict[str, object]:
-    """Return parameters from texts like ``radius_mm=60``; numbers and booleans become such."""
+    """Return parameters from texts like ``radius_mm=60``.
+
+    Numbers, booleans and lists, ``target_mm=[[120, 80]]``, become such.
+    """
     parameters: dict[str, object] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not name or not equals:
             raise BadInputError("--set", text, "NAME=VALUE")
         parameters[name] = _plain(value)
+    check_plain(parameters, finite=False)
     return parameters
 
 
@@ -258,6 +264,12 @@ def growth_arguments(options: "GrowthOptions") -> list[str]:
 def _plain(text: str) -> object:
     if text in ("true", "false"):
         return text == "true"
+    if text.startswith("["):
+        try:
+            listed: object = json.loads(text)
+        except (ValueError, RecursionError):
+            return text
+        return listed
     for kind in (int, float):
         try:
             return kind(text)

@@ -103,9 +103,17 @@ def _like(key: str, value: object, default: object) -> object:
     elif isinstance(default, float):
         fits = isinstance(value, int | float)
         value = float(value) if isinstance(value, int) else value
+    elif isinstance(default, tuple):  # the part itself judges what is in the list
+        fits = isinstance(value, list | tuple)
     else:
         fits = isinstance(value, type(default))
     if not fits:
-        kinds = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+        kinds = {
+            bool: "true or false",
+            int: "a whole number",
+            float: "a number",
+            str: "a text",
+            tuple: "a list",
+        }
         raise BadInputError(key, value, kinds.get(type(default), "another kind of value"))
     return value

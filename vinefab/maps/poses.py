@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -17,6 +18,25 @@ _STREAM = 1201
 _TRIES = 1000
 _RAYS = 72
 _START_SPREAD_RAD = math.radians(30.0)
+
+
+def with_start(world: Map, start: Start) -> Map:
+    """Return a map with one start in place of its own.
+
+    Raises
+    ------
+    BadInputError
+        If the start is outside the bounds or inside an obstacle, as ``maps.start`` of a run file.
+    """
+    spot = shapely.Point(start.pose.x_mm, start.pose.y_mm)
+    solid = "outside the bounds"
+    if world.bounds.covers(spot):
+        if not shapely.contains(np.array(world.obstacles, dtype=np.object_), spot).any():
+            return replace(world, starts=(start,))
+        solid = "inside an obstacle"
+    where = f"({spot.x:g}, {spot.y:g}) mm"
+    allowed = f"a place in free space; it is {solid} of map {world.name!r}"
+    raise BadInputError("maps.start", where, allowed)
 
 
 def draw_poses(
@@ -76,7 +96,8 @@ def spread_notes(maps: Sequence[Map], count: int, *, repeats: bool = False) -> l
     deployments = "1 deployment" if given == 1 else f"at most {given} deployments"
     return [
         f"{which} no spread: {deployments} per map; give spread_heading_deg, spread_x_mm and "
-        "spread_y_mm beside heading_deg in the map file to draw more (see docs/maps.md)"
+        "spread_y_mm beside heading_deg in the map file, or in the start of a run file's [maps], "
+        "to draw more (see docs/maps.md)"
     ]
 
 

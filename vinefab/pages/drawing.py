@@ -14,6 +14,7 @@ from matplotlib.patheffects import Normal, Stroke
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
@@ -142,6 +143,14 @@ def draw_names(axes: Axes, deployment: Deployment, view_mm: float) -> None:
         )
 
 
+def draw_targets(axes: Axes, targets_mm: Floats) -> None:
+    """Draw points that robots are to reach as crossed circles, shape (t, 2)."""
+    for marker, size in (("o", 7.0), ("+", 9.0)):
+        axes.plot(
+            *targets_mm.T, marker, color=INK, markersize=size, fillstyle="none", mew=1.1, zorder=6
+        )
+
+
 def draw_pose(axes: Axes, pose: Pose, view_mm: float) -> None:
     """Draw a start in a plan of some size: a dot, and an arrow where the trunk is launched."""
     reach = 0.055 * view_mm
@@ -183,13 +192,15 @@ def fill_geometry(
         axes.add_patch(PathPatch(path, fc=inside, ec=edge, lw=0.7, zorder=rank))
 
 
-def map_plan(world: Map, *, longest_in: float = 6.5) -> Figure:
-    """Return a plan of a map with its starts."""
+def map_plan(world: Map, *, targets_mm: Floats | None = None, longest_in: float = 6.5) -> Figure:
+    """Return a plan of a map with its starts, and with targets, shape (t, 2), if there are any."""
     with house_style():
         figure, axes = plan_axes(world.bounds.bounds, longest_in)
         draw_map(axes, world)
         for start in world.starts:
             draw_pose(axes, start.pose, max(world.size_mm))
+        if targets_mm is not None:
+            draw_targets(axes, targets_mm)
     return figure
 
 

@@ -6,6 +6,7 @@ What other rooms may use:
 - `run.run_search`, `loop.Search`: run it, with a record or without
 - `run.generated_maps`, `run.training_maps`, `run.penalty_of`: its maps and its penalty
 - `record.result` (`RunResult`, `RunIdentity`, `package_versions`), `record.run_archive`: results
+- `costs.COSTS`: costs of designs, to minimize or to limit
 - `space`, `manufacturability.ManufacturabilityPenalty`: designs as points, and their penalty
 - `front_files`, `run_pages`: fronts, listings and sections for pages; they load matplotlib
 - `optimizers.shipped_optimizers`: the registry of optimizers

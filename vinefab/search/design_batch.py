@@ -16,7 +16,7 @@ from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import TreesArrays
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import LONG_WIDTHS, Feed, Plan, Plans, Spans
-from vinefab.model.design import MOST_BRANCHES, Build
+from vinefab.model.design import MOST_BRANCHES, Build, Design
 from vinefab.model.tree import BranchTree
 
 
@@ -36,6 +36,22 @@ class DesignBatch:
 
     def __len__(self) -> int:
         return len(self.depth)
+
+    @classmethod
+    def of(cls, design: Design) -> "DesignBatch":
+        """Return a batch of one design."""
+        levels = design.levels
+        depth = np.array([design.depth])
+        branches = np.array([[level.branches for level in levels]], dtype=np.int64)
+        return cls(
+            depth=depth,
+            trunk_mm=np.array([design.trunk_length_mm]),
+            branches=branches,
+            length_mm=np.array([[level.length_mm for level in levels]], dtype=np.float64),
+            fan_rad=np.array([[level.fan_rad for level in levels]], dtype=np.float64),
+            growth=np.array([[level.growth for level in levels]], dtype=np.float64),
+            counts=branch_counts(depth, branches),
+        )
 
     @property
     def sizes(self) -> Ints:

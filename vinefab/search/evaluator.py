@@ -1,10 +1,11 @@
 """Evaluating points of the search: growth, score, penalty and fitness."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import accumulate, pairwise
+from itertools import accumulate, pairwise, product
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -20,7 +21,7 @@ from vinefab.model.map import Map
 from vinefab.model.score import Score
 from vinefab.search.design_batch import DesignBatch, planned_batch
 from vinefab.search.parallel.executor import Executor, SerialExecutor, WorkUnit, in_work_units
-from vinefab.search.settings import EvaluationSettings, RunSettings
+from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings
 from vinefab.search.space import Space
 from vinefab.search.timing import Stopwatch, Work
 from vinefab.tasks.evaluate import Conditions, PreparedMap, composites, poses_on, scores_of
@@ -29,6 +30,8 @@ from vinefab.tasks.task import (
     HeadOnPenalty,
     Task,
     TaskOutcomes,
+    TaskWithOthers,
+    check_on_map,
     concatenated_outcomes,
     outcomes,
     search_form,
@@ -69,7 +72,7 @@ def penalized_fitness(composite: Floats, penalty: Floats, lowest: float, weight:
 class Evaluations:
     """Results of k evaluations of each of m points; NaN where a point has no valid design."""
 
-    penalty: Floats  # shape (m,); 0 for manufacturable designs and where there is no design
+    penalty: Floats  # shape (m,); 0 for designs that can win and where there is no design
     score: Floats  # the task's scores, shape (m, k)
     terms: Mapping[str, Floats]  # the task's terms, each of shape (m, k)
 
@@ -144,6 +147,25 @@ class FullCheck(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PenaltyWithLimits:
+    """The penalty of the rules, where there is one, plus the excess over the space's limits."""
+
+    rules: Penalty | None
+    space: Space
+
+    def __call__(self, design: Design) -> float:
+        """Return how far a design is from one that can win."""
+        penalty = 0.0 if self.rules is None else self.rules(design)
+        return penalty + float(self.space.limit_excess(DesignBatch.of(design))[0])
+
+    def passes(self, design: Design) -> bool:
+        """Return whether a design keeps the limits, and passes the full check if there is one."""
+        if self.space.limit_excess(DesignBatch.of(design))[0] > 0.0:
+            return False
+        return self.rules.passes(design) if isinstance(self.rules, FullCheck) else True
+
+
 SHARE_LEFT, LEAST_BLOCK = 1.5, 32
 """Growths per work unit: the remaining growths over this share of the workers, so that the last
 unit is short; but enough to make the overhead negligible, unless a worker would get none."""
@@ -169,24 +191,33 @@ class EvaluatorSpec:
 
     @property
     def search_task(self) -> Task:
-        """The task in the form that the search evaluates."""
-        return self._penalized(search_form(self._task))
+        """The task in the form that the search evaluates, with the other objectives' tasks."""
+        return self._together([search_form(task) for task in self.tasks])
 
     @property
     def approximates(self) -> bool:
-        """Whether the search evaluates another form of the task."""
-        task = self._task
-        return search_form(task) is not task
+        """Whether the search evaluates another form of a task."""
+        return any(search_form(task) is not task for task in self.tasks)
 
     @property
     def reported_task(self) -> Task:
         """The task as it is: the scores that a run reports are those of ``vinefab score``."""
-        return self._penalized(self._task)
+        return self._together(self.tasks)
 
     @property
-    def _task(self) -> Task:
+    def tasks(self) -> list[Task]:
+        """The task and the other objectives' tasks, without what the run adds to them."""
         named = self.settings.task
-        return make_task(named.name, named.parameters) if self.task is None else self.task
+        task = make_task(named.name, named.parameters) if self.task is None else self.task
+        return [task, *(make_other_task(other) for other in self.settings.other_tasks)]
+
+    def _together(self, tasks: Sequence[Task]) -> Task:
+        """Return one task for the task and the others, in the order of `tasks`."""
+        task, *others = (self._penalized(each) for each in tasks)
+        names = [other.name for other in self.settings.other_tasks]
+        if not others:
+            return task
+        return TaskWithOthers(task=task, others=dict(zip(names, others, strict=True)))
 
     def _penalized(self, task: Task) -> Task:
         weight = self.settings.evaluation.head_on_weight
@@ -238,6 +269,10 @@ class Evaluator:
         penalty = spec.penalty if evaluation.fabricable else None
         share = evaluation.pose_range
         maps = tuple(PreparedMap.of(_with_pose_range(world, share)) for world in spec.maps)
+        names = ["", *(other.name for other in settings.other_tasks)]
+        for (name, task), prepared in product(zip(names, spec.tasks, strict=True), maps):
+            with _keys_of_other_task(name):
+                check_on_map(task, prepared.world, prepared.context)
         return cls(
             spec=replace(spec, penalty=penalty),
             maps=maps,
@@ -271,6 +306,13 @@ class Evaluator:
         return Conditions(
             poses=poses_on(self.maps, count, seeds, repeats=self.growth.draws_half_angle)
         )
+
+    @property
+    def winner_penalty(self) -> Penalty | None:
+        """The penalty that a winner must not have; None where nothing is asked of designs."""
+        if not self.space.settings.most:
+            return self.penalty
+        return PenaltyWithLimits(rules=self.penalty, space=self.space)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -330,7 +372,7 @@ class Evaluator:
         growths = (
             self._growth_units(designs.part(rows), launches, executor.count) if len(rows) else []
         )
-        penalties = self._penalty_units(x, designs, executor.count)
+        penalties, excess = self._penalty_units(x, designs, executor.count), self._excess(designs)
         planning = Work(growth_s=watch.lap_s())
         done = executor.begin([*penalties, *growths])
 
@@ -340,7 +382,9 @@ class Evaluator:
             evaluations = Evaluations.of(len(x), len(launches), rows, grown)
             if penalties:
                 penalty = np.concatenate([unit.result[0] for unit in penalties])
-                evaluations = evaluations.with_penalties(penalty)
+                evaluations = evaluations.with_penalties(penalty + excess)
+            elif self.space.settings.most:
+                evaluations = evaluations.with_penalties(excess)
             spent = [unit.result[1] for unit in penalties] + [unit.result[1] for unit in growths]
             return evaluations, Work.total([planning, *spent])
 
@@ -349,11 +393,26 @@ class Evaluator:
     def penalties(self, x: Floats) -> Floats:
         """Return the penalties of points, NaN where there is no valid design, shape (m,).
 
-        0 where none is computed for many at once.
+        Rules count only where they are computed for many designs at once.
         """
+        designs = self.space.batch(x)
+        excess = self._excess(designs)
         if self.penalty_of_batch is None:
-            return np.zeros(len(x))
-        return self.penalty_of_batch(self.space.batch(x))
+            return np.where(designs.sizes > MOST_BRANCHES, np.nan, excess)
+        return self.penalty_of_batch(designs) + excess
+
+    @property
+    def screens(self) -> bool:
+        """Whether `penalties` tells designs apart: by rules at once, or by limits."""
+        return self.penalty_of_batch is not None or bool(self.space.settings.most)
+
+    def _excess(self, designs: DesignBatch) -> Floats:
+        """Return by how much designs exceed limits, 0 where they are not valid, shape (m,)."""
+        excess = np.zeros(len(designs))
+        if self.space.settings.most:
+            rows = np.flatnonzero(designs.sizes <= MOST_BRANCHES)
+            excess[rows] = self.space.limit_excess(designs.part(rows))
+        return excess
 
     def _penalty_units(
         self, x: Floats, designs: DesignBatch, workers: int
@@ -413,6 +472,16 @@ class Evaluator:
         kind = self.evaluation.composite
         return composites(scores, kind, self.evaluation.reference_deviation, weights)
 
+    def term_means(
+        self, terms: Mapping[str, Floats], weights: Floats | None = None
+    ) -> dict[str, Floats]:
+        """Return each term's mean over the evaluations; of other tasks' scores their composite."""
+        tasks = [other.name for other in self.spec.settings.other_tasks]
+        return {
+            name: self.composites(values, weights) if name in tasks else values.mean(axis=1)
+            for name, values in terms.items()
+        }
+
     def fitness(self, composite: Floats, penalty: Floats) -> Floats:
         """Return the fitness of designs with a composite score and a penalty."""
         weight = self.evaluation.penalty_weight
@@ -422,6 +491,22 @@ class Evaluator:
     def lowest(self) -> float:
         """The lowest fitness of a manufacturable design."""
         return min(0.0, self.task.lowest)
+
+
+def make_other_task(named: PartSettings) -> Task:
+    """Return another objective's task; errors name its table in the run file."""
+    with _keys_of_other_task(named.name):
+        return make_task(named.name, named.parameters)
+
+
+@contextmanager
+def _keys_of_other_task(name: str) -> Iterator[None]:
+    """Name the keys of another task in errors as the run file does; as they are without a name."""
+    try:
+        yield
+    except BadInputError as error:
+        key = error.key.replace("task.", f"task.{name}." if name else "task.", 1)
+        raise BadInputError(key, error.value, error.allowed) from error
 
 
 def final_seed(seed: int) -> int:

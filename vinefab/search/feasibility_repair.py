@@ -58,19 +58,23 @@ class RepairResults:
         space: Space,
         penalty: Callable[[Design], float],
         passes: Callable[[Design], bool],
+        asked: str = "manufacturable",
     ) -> "RepairResults":
-        """Repair points one after the other until the budget is spent."""
+        """Repair points one after the other until the budget is spent.
+
+        Messages call designs that pass what is ``asked``.
+        """
         budget, results = RepairBudget(), list[RepairResult]()
         for x in points:
             if budget.steps > 0 and budget.checks > 0:
                 results.append(repair_design(x, space, penalty, passes, budget))
         repaired = [result.x for result in results if result.passed]
-        outcome = f"{len(repaired)} of them are manufacturable now"
+        outcome = f"{len(repaired)} of them are {asked} now"
         if not repaired:
             least = min(result.penalty for result in results)
-            outcome = f"none is manufacturable, lowest penalty {least:.3g}"
+            outcome = f"none is {asked}, lowest penalty {least:.3g}"
         tried = f"tried {STEPS - budget.steps} changes of the best {len(results)}"
-        message = f"the search found no manufacturable design; {tried}: {outcome}"
+        message = f"the search found no {asked} design; {tried}: {outcome}"
         return cls(repaired=repaired, message=message)
 
 

@@ -11,7 +11,7 @@ from vinefab.model.design import Design
 from vinefab.model.score import Score
 from vinefab.search.evaluator import INVALID_FITNESS, Evaluations, Evaluator, FullCheck
 from vinefab.search.feasibility_repair import RepairResults
-from vinefab.search.front import costs_of, feasible_points, non_dominated, spread_out
+from vinefab.search.front import feasible_points, non_dominated, spread_out
 from vinefab.search.parallel.point_evaluator import Begin
 from vinefab.search.record.result import Finalist, Generation
 from vinefab.search.space import Space
@@ -34,23 +34,24 @@ def choose_finalists(
     history: Sequence[Generation],
     evaluator: Evaluator,
     count: int,
-    costs: Sequence[str] = (),
+    further: Sequence[str] = (),
     recommended: Sequence[Floats] = (),
 ) -> FinalistChoice:
     """Return the points that are evaluated again at the end of a run.
 
     Without a full check these are the best of the run. With one, they are the best that pass it;
-    if none does, the best are repaired, and if that fails too they stay as they are. With costs,
-    they are taken from the front of fitness and costs.
+    if none does, the best are repaired, and if that fails too they stay as they are. With further
+    objectives, they are taken from the front.
 
     Parameters
     ----------
     recommended
         Points that the optimizer takes to be the best; they become up to half of the finalists.
     """
-    if costs and (front := front_points(history, evaluator, count, costs)):
+    if further and (front := front_points(history, evaluator, count, further)):
         return FinalistChoice(points=front, checked=True)
-    penalty, space, known = evaluator.penalty, evaluator.space, list(recommended[: count // 2])
+    penalty, space = evaluator.winner_penalty, evaluator.space
+    known = list(recommended[: count // 2])
     if not isinstance(penalty, FullCheck):
         return FinalistChoice(points=[*known, *best_points(history, space, count - len(known))])
     known = [x for x in known if penalty.passes(space.design(x))]
@@ -58,20 +59,21 @@ def choose_finalists(
     if passing:
         return FinalistChoice(points=passing, checked=True)
     best = best_points(history, space, count)
-    repairs = RepairResults.of(best, space, penalty, penalty.passes)
+    asked = "permitted" if evaluator.penalty is None else "manufacturable"
+    repairs = RepairResults.of(best, space, penalty, penalty.passes, asked)
     if repairs.repaired:
         return FinalistChoice(points=repairs.repaired, checked=True, repair=repairs.message)
     return FinalistChoice(points=best, repair=repairs.message)
 
 
 def front_points(
-    history: Sequence[Generation], evaluator: Evaluator, count: int, costs: Sequence[str]
+    history: Sequence[Generation], evaluator: Evaluator, count: int, further: Sequence[str]
 ) -> list[Floats]:
     """Return points of the front of all manufacturable designs of a run, perhaps none."""
-    x, fitness = feasible_points(history, evaluator.lowest)
-    space, penalty = evaluator.space, evaluator.penalty
+    space, penalty = evaluator.space, evaluator.winner_penalty
+    x, fitness, cost = feasible_points(history, evaluator.lowest, space, further)
     passes = penalty.passes if isinstance(penalty, FullCheck) else _always
-    cost, left = costs_of(x, space, costs), np.ones(len(x), dtype=np.bool_)
+    left = np.ones(len(x), dtype=np.bool_)
     while left.any():
         rows = np.flatnonzero(left)
         front = rows[non_dominated(fitness[rows], cost[rows])]
@@ -151,7 +153,7 @@ def _finalists(
         yield Finalist(
             x=x[row],
             design=designs[row],
-            score=score,
+            score=_with_other_tasks(score, conditions, evaluator),
             penalty=penalty,
             fitness=_fitness(score, penalty, conditions, evaluator),
         )
@@ -170,6 +172,16 @@ def _scores(
     return score_designs(designs, evaluator.maps, launches, task, evaluator.growth)
 
 
+def _with_other_tasks(score: Score, conditions: Conditions, evaluator: Evaluator) -> Score:
+    """Return a score whose composites hold those of the other tasks, by their names."""
+    names = [other.name for other in evaluator.spec.settings.other_tasks]
+    rows = {name: np.array([[e.terms[name] for e in score.evaluations]]) for name in names}
+    means = evaluator.term_means(rows, conditions.weights)
+    return replace(
+        score, composite={**score.composite, **{n: float(v[0]) for n, v in means.items()}}
+    )
+
+
 def _fitness(score: Score, penalty: float, conditions: Conditions, evaluator: Evaluator) -> float:
     composite = evaluator.composites(score.scores[None], conditions.weights)
     return float(evaluator.fitness(composite, np.array([penalty]))[0])
@@ -177,7 +189,7 @@ def _fitness(score: Score, penalty: float, conditions: Conditions, evaluator: Ev
 
 def _fully_checked(finalist: Finalist, conditions: Conditions, evaluator: Evaluator) -> Finalist:
     """Return a finalist, with a penalty of 1 if it has none but fails the full check."""
-    penalty = evaluator.penalty
+    penalty = evaluator.winner_penalty
     if not isinstance(penalty, FullCheck) or finalist.penalty > 0.0:
         return finalist
     if penalty.passes(finalist.design):

@@ -1,81 +1,71 @@
-"""Several objectives: costs of designs, and the front of those that no other dominates."""
+"""Several objectives: scores and costs, and the front of designs that no other dominates."""
 
-from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.errors import BadInputError, nearest
 from vinefab.core.validation import Floats
-from vinefab.model.design import Design
-from vinefab.model.tree import branch_tree
+from vinefab.model.design import MOST_BRANCHES
+from vinefab.search.costs import COSTS
 from vinefab.search.record.result import Generation
 from vinefab.search.space import Space
-
-
-def film_length_mm(design: Design) -> float:
-    """Return the planned length of all branches together."""
-    return branch_tree(design).total_length_mm
-
-
-def film_area_mm2(design: Design) -> float:
-    """Return the lay-flat area of all branches together, length times width."""
-    tree = branch_tree(design)
-    return float((tree.length_mm * np.array(design.build.widths_mm)[tree.level - 1]).sum())
-
-
-def branches(design: Design) -> float:
-    """Return the number of branches, the trunk included."""
-    return float(design.branch_count)
-
-
-COSTS: Mapping[str, tuple[Callable[[Design], float], str]] = MappingProxyType(
-    {
-        "film_length": (film_length_mm, "mm"),
-        "film_area": (film_area_mm2, "mm2"),
-        "branches": (branches, ""),
-    }
-)
-"""Costs to be minimized beside the score, by their names in run files, with their units."""
+from vinefab.tasks.shipped_tasks import TASKS
 
 
 def check_objectives(objectives: Sequence[str], task: str, optimizer: str) -> None:
     """Raise `BadInputError` for objectives that do not fit together."""
-    key, known = "task.objectives", (task, *COSTS)
+    key = "task.objectives"
     if not objectives:
         return
     for name in objectives:
-        if name not in known:
-            allowed = f"{task!r} and costs: {', '.join(COSTS)}{nearest(name, known)}"
+        if name not in (task, *COSTS) and name not in TASKS:
+            others, known = [other for other in TASKS if other != task], (task, *TASKS, *COSTS)
+            allowed = (
+                f"{task!r}, other tasks ({', '.join(others)}) and costs ({', '.join(COSTS)})"
+                f"{nearest(name, known)}"
+            )
             raise BadInputError(key, name, allowed)
         if list(objectives).count(name) > 1:
             raise BadInputError(key, name, "each objective once")
     if task not in objectives:
         raise BadInputError(key, list(objectives), f"the task's score, {task!r}, among them")
     if len(objectives) < 2:
-        allowed = f"a cost beside the score ({', '.join(COSTS)}), or no objectives at all"
+        allowed = (
+            f"a cost ({', '.join(COSTS)}) or another task beside the score, or no objectives at all"
+        )
         raise BadInputError(key, list(objectives), allowed)
     if optimizer != "nsga2":
         raise BadInputError("optimizer.name", optimizer, "'nsga2' for several objectives")
 
 
-def costs_of(x: Floats, space: Space, names: Sequence[str]) -> Floats:
-    """Return the costs of points, shape (m, k); infinite where there is no valid design.
+def minimized(
+    x: Floats, scores: Mapping[str, Floats], space: Space, names: Sequence[str]
+) -> Floats:
+    """Return what a front minimizes beside the score, shape (m, k).
+
+    These are costs, and the scores of other tasks with the opposite sign; infinite where there is
+    no valid design.
 
     Parameters
     ----------
     x
         The points, shape (m, d).
+    scores
+        Composite scores of the points, shape (m,), by the names of their tasks; without any where
+        none of the points has a design.
+    names
+        Costs and other tasks.
     """
-    costs = np.full((len(x), len(names)), np.inf)
-    for row, point in enumerate(x):
-        try:
-            design = space.design(point)
-        except BadInputError:
-            continue
-        costs[row] = [COSTS[name][0](design) for name in names]
-    return costs
+    values, designs = np.full((len(x), len(names)), np.inf), space.batch(x)
+    rows = np.flatnonzero(designs.sizes <= MOST_BRANCHES)
+    for column, name in enumerate(names):
+        if name in COSTS:
+            values[rows, column] = COSTS[name].of(designs.part(rows), space.build_of)
+        elif name in scores:
+            values[:, column] = np.where(np.isfinite(scores[name]), -scores[name], np.inf)
+    return values
 
 
 def non_dominated(fitness: Floats, costs: Floats) -> NDArray[np.bool_]:
@@ -142,12 +132,15 @@ def knee(fitness: Floats, costs: Floats) -> int | None:
     return int(rows[place]) if above[place] >= LEAST_BEND else None
 
 
-def feasible_points(history: Sequence[Generation], lowest: float) -> tuple[Floats, Floats]:
-    """Return points and fitness of all manufacturable designs of a run, in order."""
+def feasible_points(
+    history: Sequence[Generation], lowest: float, space: Space, names: Sequence[str]
+) -> tuple[Floats, Floats, Floats]:
+    """Return points, fitness and `minimized` of all manufacturable designs of a run, in order."""
     x = np.concatenate([generation.x for generation in history])
     fitness = np.concatenate([generation.fitness for generation in history])
+    values = np.concatenate([minimized(g.x, g.terms, space, names) for g in history])
     feasible = fitness >= lowest
-    return x[feasible], fitness[feasible]
+    return x[feasible], fitness[feasible], values[feasible]
 
 
 def spread_out(costs: Floats, count: int) -> list[int]:

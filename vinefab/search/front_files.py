@@ -1,7 +1,7 @@
 """The front of a run with several objectives as designs, JSON, text and a figure."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +18,13 @@ from vinefab.model.design import ORIGIN_GROWTH, Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.pages.drawing import draw_deployment, draw_map
+from vinefab.pages.drawing import draw_deployment, draw_map, draw_targets
 from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, house_style, png_bytes, svg_bytes
-from vinefab.search.front import COSTS, LEAST_BEND, costs_of, feasible_points, knee, non_dominated
+from vinefab.search.costs import COSTS
+from vinefab.search.front import LEAST_BEND, feasible_points, knee, minimized, non_dominated
 from vinefab.search.record.result import RunResult
 from vinefab.search.run import training_maps
-from vinefab.search.settings import RunSettings
+from vinefab.search.settings import RunSettings, targets_mm
 from vinefab.search.space import Space
 
 
@@ -31,11 +32,12 @@ from vinefab.search.space import Space
 class FrontData:
     """The data of the chart."""
 
-    evaluated: Floats  # cost and fitness of designs that the run evaluated, shape (m, 2)
-    front: Floats  # cost and score on fresh poses of the front, shape (k, 2), by rising cost
-    cost: str  # name of the cost
-    unit: str  # of the cost
+    further: str  # name of the further objective that it is drawn over
+    is_line: bool  # whether there is no third objective, so that the front is a line
+    evaluated: Floats  # its value and the fitness of designs that the run evaluated, shape (m, 2)
+    front: Floats  # the same of the front on fresh poses, from its cheap end on, shape (k, 2)
     task: str  # name of the score
+    targets_mm: Floats = field(default_factory=lambda: np.empty((0, 2)))  # drawn on maps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,6 +60,7 @@ def front_figure(data: FrontData, world: Map, robots: Mapping[int, FrontRobot]) 
         for column, (place, robot) in enumerate(robots.items()):
             axes = figure.add_subplot(grid[1, column])
             _robot(axes, world, robot, _label(place))
+            draw_targets(axes, data.targets_mm)
     return figure
 
 
@@ -79,7 +82,7 @@ def _chart(axes: Axes, data: FrontData, robots: Mapping[int, FrontRobot]) -> Non
     axes.step(
         data.front[:, 0],
         data.front[:, 1],
-        "-o",
+        "-o" if data.is_line else "o",
         where="post",
         color=LEVEL_COLOURS[0],
         markersize=4.5,
@@ -96,11 +99,20 @@ def _chart(axes: Axes, data: FrontData, robots: Mapping[int, FrontRobot]) -> Non
             fontweight="bold",
             color=INK,
         )
-    unit = f" ({data.unit})" if data.unit else ""
-    axes.set_xlabel(data.cost.replace("_", " ") + unit)
+    axes.set_xlabel(_axis_text(data.further))
     axes.set_ylabel(f"{data.task} score (simulated)")
-    axes.legend(fontsize=8, loc="lower right")
+    if data.further in COSTS:
+        axes.legend(fontsize=8, loc="lower right")
+    else:  # points may lie anywhere
+        axes.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     axes.spines[["top", "right"]].set_visible(False)
+
+
+def _axis_text(name: str) -> str:
+    if name not in COSTS:
+        return f"{name} score (simulated)"
+    unit = f" ({COSTS[name].unit})" if COSTS[name].unit else ""
+    return name.replace("_", " ") + unit
 
 
 def _robot(axes: Axes, world: Map, robot: FrontRobot, label: str) -> None:
@@ -123,27 +135,35 @@ class FrontMember:
     design: Design  # named after the run, with its place on the front
     score: Score  # on fresh poses
     fitness: float  # on fresh poses
-    costs: tuple[float, ...]  # in the order of the run's costs
-    penalty: float  # 0 if manufacturable, and in a run that did not check
-    is_knee: bool  # against the first cost; a front may have no knee
+    further: tuple[float, ...]  # values of the run's further objectives, in their order
+    penalty: float  # 0 if manufacturable, or not checked, and within the limits
+    is_knee: bool  # against the run's `front_axis`; a front may have no knee
 
 
 def front_of(result: RunResult, settings: RunSettings) -> tuple[FrontMember, ...]:
-    """Return the finalists that are non-dominated on fresh poses, by rising first cost."""
+    """Return the finalists that are non-dominated on fresh poses, the cheapest first.
+
+    In a run without costs the one with the best score in the first other task is the first.
+    """
     finalists = result.finalists
     fitness = np.array([finalist.fitness for finalist in finalists])
-    costs = np.array(
-        [[COSTS[name][0](finalist.design) for name in settings.costs] for finalist in finalists]
-    )
+    space, names = Space(settings.space, settings.build), settings.further_objectives
+    scores = {
+        other.name: np.array([f.score.composite[other.name] for f in finalists])
+        for other in settings.other_tasks
+    }
+    costs = minimized(np.array([f.x for f in finalists]), scores, space, names)
+    signs = np.array([1.0 if name in COSTS else -1.0 for name in names])
+    along = costs[:, names.index(settings.front_axis)]
     rows = np.flatnonzero(non_dominated(fitness, costs))
-    rows = rows[np.argsort(costs[rows, 0], kind="stable")]
-    bend = knee(fitness[rows], costs[rows, 0])
+    rows = rows[np.argsort(along[rows], kind="stable")]
+    bend = knee(fitness[rows], along[rows])
     return tuple(
         FrontMember(
             design=_named(finalists[row].design, settings, result.run_id, place + 1),
             score=finalists[row].score,
             fitness=float(fitness[row]),
-            costs=tuple(costs[row].tolist()),
+            further=tuple((signs * costs[row]).tolist()),
             penalty=finalists[row].penalty,
             is_knee=place == bend,
         )
@@ -166,7 +186,7 @@ def front_json(members: Sequence[FrontMember], result: RunResult, settings: RunS
             {
                 "name": name,
                 "better": "smaller" if name in COSTS else "larger",
-                "unit": COSTS[name][1] if name in COSTS else "",
+                "unit": COSTS[name].unit if name in COSTS else "",
             }
             for name in settings.objectives
         ],
@@ -174,7 +194,7 @@ def front_json(members: Sequence[FrontMember], result: RunResult, settings: RunS
             {
                 "design": member.design.name,
                 settings.task.name: member.fitness,
-                **dict(zip(settings.costs, member.costs, strict=True)),
+                **dict(zip(settings.further_objectives, member.further, strict=True)),
                 "composite": dict(member.score.composite),
                 "evaluations": len(member.score.evaluations),
                 "penalty": member.penalty,
@@ -203,21 +223,22 @@ def write_front(
 
 def front_lines(members: Sequence[FrontMember], settings: RunSettings) -> list[str]:
     """Return a front as lines for the user, one per design."""
-    names = [settings.task.name, *settings.costs]
+    names = [settings.task.name, *settings.further_objectives]
     count = f"{len(members)} design{'s' if len(members) > 1 else ''}"
     lines = [f"front of {count} (simulated): {', '.join(names)}"]
     for member in members:
-        costs = "  ".join(
-            f"{value:10.0f} {COSTS[name][1]}"
-            for name, value in zip(settings.costs, member.costs, strict=True)
+        further = "  ".join(
+            f"{value:10.0f} {COSTS[name].unit}" if name in COSTS else f"{value:8.4f}"
+            for name, value in zip(settings.further_objectives, member.further, strict=True)
         )
         note = "  knee" if member.is_knee else ""
-        violations = "" if member.penalty == 0.0 else "  not manufacturable"
-        lines.append(f"  {member.design.name}  {member.fitness:8.4f}  {costs}{note}{violations}")
+        broken = "not manufacturable" if settings.evaluation.fabricable else "beyond the limits"
+        violations = "" if member.penalty == 0.0 else f"  {broken}"
+        lines.append(f"  {member.design.name}  {member.fitness:8.4f}  {further}{note}{violations}")
     if not any(member.is_knee for member in members):
         low = f"no point lies {LEAST_BEND:.0%} above the line between the ends"
         why = "fewer than three designs" if len(members) < 3 else low
-        lines.append(f"  no knee against {settings.costs[0]}: {why}")
+        lines.append(f"  no knee against {settings.front_axis}: {why}")
     return lines
 
 
@@ -226,18 +247,21 @@ def front_picture(
 ) -> Figure:
     """Return the front as a chart, with a few of its robots on a training map."""
     lowest = min(finalist.fitness for finalist in result.finalists)
-    x, fitness = feasible_points(result.history, min(-1e3, lowest))
-    cost = costs_of(x, Space(settings.space, settings.build), settings.costs[:1])[:, 0]
+    space, axis = Space(settings.space, settings.build), settings.front_axis
+    _, fitness, costs = feasible_points(result.history, min(-1e3, lowest), space, [axis])
+    cost = costs[:, 0] if axis in COSTS else -costs[:, 0]
     penalty = np.concatenate([generation.penalty for generation in result.history])
     valid = np.isfinite(cost)
     if len(penalty) == len(cost):
         valid &= penalty == 0.0
+    place = settings.further_objectives.index(axis)
     data = FrontData(
         evaluated=np.column_stack([cost[valid], fitness[valid]]),
-        front=np.array([(member.costs[0], member.fitness) for member in members]),
-        cost=settings.costs[0],
-        unit=COSTS[settings.costs[0]][1],
+        front=np.array([(member.further[place], member.fitness) for member in members]),
+        further=axis,
+        is_line=len(settings.objectives) == 2,
         task=settings.task.name,
+        targets_mm=targets_mm(settings),
     )
     return front_figure(data, world, _robots(members, settings, world))
 

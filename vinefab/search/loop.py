@@ -1,7 +1,7 @@
 """The search itself: generation after generation, then the finalists."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass, replace
 
@@ -13,7 +13,7 @@ from vinefab.model.design import MOST_BRANCHES
 from vinefab.model.map import Map
 from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Penalty
 from vinefab.search.finalists import choose_finalists, reevaluated
-from vinefab.search.front import check_objectives, costs_of
+from vinefab.search.front import check_objectives, minimized
 from vinefab.search.optimizers.islands import RecommendingOptimizer, ScreeningOptimizer
 from vinefab.search.optimizers.nsga2 import FrontOptimizer
 from vinefab.search.optimizers.optimizer import Optimizer
@@ -115,11 +115,9 @@ class Search:
         optimizer = config.start(evaluator.space.axes, population, seed)
         check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
         if settings.objectives and isinstance(optimizer, FrontOptimizer):
-            optimizer.set_costs(
-                lambda x: costs_of(x, evaluator.space, settings.costs), evaluator.lowest
-            )
+            optimizer.set_lowest(evaluator.lowest)
         # A user's own penalty may take longer than growth: screening asks for many.
-        if evaluator.penalty_of_batch is not None and isinstance(optimizer, ScreeningOptimizer):
+        if evaluator.screens and isinstance(optimizer, ScreeningOptimizer):
             optimizer.screen_by(evaluator.penalties)
         search = cls(settings=settings, maps=spec.maps, evaluator=evaluator, optimizer=optimizer)
         conditions = evaluator.training_conditions(seed, 0)
@@ -206,17 +204,27 @@ class Search:
             evaluations = finish()
         composite = self.evaluator.composites(evaluations.score, conditions.weights)
         fitness = self.evaluator.fitness(composite, evaluations.penalty)
+        terms = self.evaluator.term_means(evaluations.terms, conditions.weights)
         with ledger.spending("optimizer"):
-            self.optimizer.tell(asked, fitness.copy())
+            self._tell(asked, fitness.copy(), terms)
         return Generation(
             number=number,
             x=x,
             fitness=fitness,
             composite=composite,
             penalty=evaluations.penalty,
-            terms={name: values.mean(axis=1) for name, values in evaluations.terms.items()},
+            terms=terms,
             seconds=time.perf_counter() - began,
         )
+
+    def _tell(self, x: Floats, fitness: Floats, terms: Mapping[str, Floats]) -> None:
+        """Tell the optimizer the fitness, and the further objectives of a run that has them."""
+        further = self.settings.further_objectives
+        if further and isinstance(self.optimizer, FrontOptimizer):
+            costs = minimized(x, terms, self.evaluator.space, further)
+            self.optimizer.tell_costs(x, fitness, costs)
+        else:
+            self.optimizer.tell(x, fitness)
 
     def _check(self, x: Floats) -> None:
         shaped = x.ndim == 2 and len(x) > 0 and x.shape[1] == len(self.evaluator.space)
@@ -236,11 +244,11 @@ class Search:
         evaluator, settings = self.evaluator, self.settings
         if store is not None and (recorded := store.finalists(evaluator.space)):
             return recorded, store.repair
-        count, costs = settings.evaluation.finalists, settings.costs
+        count, further = settings.evaluation.finalists, settings.further_objectives
         known: list[Floats] = []
         if isinstance(self.optimizer, RecommendingOptimizer):
             known = self.optimizer.recommended()
-        choice = choose_finalists(history, evaluator, count, costs, known)
+        choice = choose_finalists(history, evaluator, count, further, known)
         conditions = evaluator.final_conditions(settings.search.seed)
         with ledger.spending("evaluating"):
             return reevaluated(choice, begin, conditions, evaluator), choice.repair
@@ -261,7 +269,9 @@ def _check_room(evaluator: Evaluator, conditions: Conditions) -> None:
     if least > MOST_BRANCHES:
         allowed = f"designs with at most {MOST_BRANCHES} branches; the smallest has more"
         raise BadInputError("space", "too many levels or branches", allowed)
+    space.refuse_limits_without_designs()
     radius_mm = evaluator.radii_mm[0]
+    _check_start(evaluator, radius_mm)
     rooms = [
         prepared.terrain.have_room(prepared.terrain.starts_mm(places), radius_mm).any()
         for prepared, places in zip(evaluator.maps, conditions.poses, strict=True)
@@ -270,6 +280,20 @@ def _check_room(evaluator: Evaluator, conditions: Conditions) -> None:
     if radius_mm > 0.0 and not any(rooms):
         allowed = f"a trunk with room at a start of the maps: inflated it is {2 * radius_mm:.0f} mm"
         raise BadInputError("build.trunk_width_mm", space.build.trunk_width_mm, allowed)
+
+
+def _check_start(evaluator: Evaluator, radius_mm: float) -> None:
+    """Refuse a start that the run gives its maps where the trunk has no room on one of them."""
+    start = evaluator.spec.settings.maps.start
+    if start is None or radius_mm == 0.0:
+        return
+    for prepared in evaluator.maps:
+        base_mm = prepared.terrain.starts_mm([start.pose])
+        if not prepared.terrain.have_room(base_mm, radius_mm).all():
+            where = f"({start.pose.x_mm:g}, {start.pose.y_mm:g}) mm"
+            wide = f"room for the trunk, inflated {2 * radius_mm:.0f} mm wide"
+            allowed = f"a place with {wide}; map {prepared.world.name!r} has less there"
+            raise BadInputError("maps.start", where, allowed)
 
 
 def why_stop(history: Sequence[Generation], search: SearchSettings) -> str | None:

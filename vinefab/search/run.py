@@ -1,6 +1,6 @@
 """A run of the optimizer with its maps, penalty and record, and its messages to the user."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from vinefab.core.jsontext import json_text
 from vinefab.core.registry import with_parameters
 from vinefab.growth.options import growth_text, trained_growth
 from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.maps.poses import with_start
 from vinefab.model.design import Design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
@@ -29,6 +30,7 @@ from vinefab.search.parallel.point_evaluator import PointEvaluator, ThreadEvalua
 from vinefab.search.record.result import Progress, RunIdentity, RunResult
 from vinefab.search.record.store import RunStore
 from vinefab.search.settings import MapSettings, RunSettings
+from vinefab.search.space import Space
 from vinefab.tasks.evaluate import composites_text
 from vinefab.tasks.task import Task
 
@@ -42,14 +44,21 @@ def generated_maps(maps: MapSettings) -> tuple[Map, ...]:
     """Return the maps that an environment generates for a run's seeds."""
     options = environment_options(maps)
     make = ENVIRONMENTS[maps.environment].make
-    return tuple(make(maps.seed + index, options) for index in range(maps.count))
+    return _started((make(maps.seed + index, options) for index in range(maps.count)), maps)
 
 
 def training_maps(settings: RunSettings) -> tuple[Map, ...]:
     """Return the training maps of a run: read from its files, or generated."""
     if settings.maps.files:
-        return tuple(read_map(path) for path in settings.maps.files)
+        return _started(map(read_map, settings.maps.files), settings.maps)
     return generated_maps(settings.maps)
+
+
+def _started(worlds: Iterable[Map], maps: MapSettings) -> tuple[Map, ...]:
+    """Return maps with the start that a run gives them, or with their own."""
+    if maps.start is None:
+        return tuple(worlds)
+    return tuple(with_start(world, maps.start) for world in worlds)
 
 
 def penalty_of(settings: RunSettings) -> Penalty | None:
@@ -68,10 +77,16 @@ def _recipe_penalty(settings: RunSettings) -> ManufacturabilityPenalty:
 
 
 def violations_of(result: RunResult, settings: RunSettings) -> str:
-    """Return which rules block a run's winner; empty if none does, or none was checked."""
-    if result.fabricable or not result.checked:
+    """Return which rules and limits a run's winner violates; empty if none, or none was checked."""
+    if result.fabricable:
         return ""
-    return _recipe_penalty(settings).violations(result.best)
+    rules = _recipe_penalty(settings).violations(result.best) if result.checked else ""
+    limits = Space(settings.space, settings.build).exceeded_limits(result.best)
+    return ", ".join([*([rules] if rules else []), *limits])
+
+
+LIMITED = "space."
+"""How violations begin that are of limits of the space alone."""
 
 
 def make_point_evaluator(workers: int, cluster: str | None) -> PointEvaluator:
@@ -143,7 +158,9 @@ def result_lines(result: RunResult, violations: str = "") -> list[str]:
     repair = [f"repair: {result.repair}"] if result.repair else []
     drift = "; ".join(result.drift)
     newer = [f"resumed with other package versions, so the last digits may differ: {drift}"]
-    failed = f"found no manufacturable robot: the winner violates {violations}"
+    beyond = violations.startswith(LIMITED)
+    asked = "robot within the limits" if beyond else "manufacturable robot"
+    failed = f"found no {asked}: the winner violates {violations}"
     return [
         f"run {result.run_id}: {len(result.history)} generations, {result.evaluations} designs "
         f"evaluated, stopped by {result.stopped}",
@@ -154,6 +171,7 @@ def result_lines(result: RunResult, violations: str = "") -> list[str]:
         f"on {len(score.evaluations)} fresh poses on the training maps (simulated): "
         f"{composites_text(score.composite)}",
         f"growth: {growth_text(trained_growth(best), [best])}",
+        *([f"limits: {best.origin['limits']} (planned)"] if "limits" in best.origin else []),
         *_repeat_line(best),
         *result.notes,
         result.times.summary,
@@ -166,9 +184,10 @@ def _repeat_line(best: Design) -> list[str]:
     if "seed_of_score" not in best.origin:
         return []
     task, poses, seed = (best.origin[k] for k in ("task", "poses_of_score", "seed_of_score"))
+    given = "task parameters and start" if "start" in best.origin else "task parameters"
     return [
         f"the same again: vinefab score best.toml --task {task} --poses {poses} --seed {seed} "
-        "--map ..., with the training maps in their order and the run's task parameters"
+        f"--map ..., with the training maps in their order and the run's {given}"
     ]
 
 
@@ -176,7 +195,8 @@ def _manufacturability(result: RunResult, violations: str) -> str:
     if not result.checked:
         return "manufacturability not checked (`fabricable = false`)"
     if violations:
-        return "not manufacturable"
+        beyond = violations.startswith(LIMITED)
+        return "manufacturable, but beyond a limit of the space" if beyond else "not manufacturable"
     if result.fabricable:
         return "manufacturable"
     return "manufacturable, but beyond the stricter limits of the search (see `vinefab check`)"

@@ -5,12 +5,15 @@ is fixed. Further keys of ``[task]`` and ``[optimizer]`` are the parameters of t
 optimizer named there.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
 from vinefab.core.errors import BadInputError, located
+from vinefab.core.units import rad
+from vinefab.core.validation import LARGEST_MM, number
 from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import (
     DEFAULT_PRESSURE_KPA,
@@ -21,6 +24,9 @@ from vinefab.model.design import (
 )
 from vinefab.model.files.design_toml import PouchForm
 from vinefab.model.files.toml import Form, read_toml, validated
+from vinefab.model.map import Pose, Start
+from vinefab.search.costs import COSTS
+from vinefab.search.evaluator import make_other_task
 from vinefab.search.front import check_objectives
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
 from vinefab.search.run import environment_options
@@ -31,8 +37,14 @@ from vinefab.search.settings import (
     RunSettings,
     SearchSettings,
 )
-from vinefab.search.space import LIMITS, Bounds, BuildSettings, SpaceSettings
-from vinefab.tasks.shipped_tasks import make_task
+from vinefab.search.space import (
+    LIMITS,
+    SYMMETRIC_PERCENT,
+    Bounds,
+    BuildSettings,
+    SpaceSettings,
+)
+from vinefab.tasks.shipped_tasks import TASKS, make_task
 
 
 def _pair(value: object) -> object:
@@ -47,6 +59,17 @@ def _pair(value: object) -> object:
 RangeForm = Annotated[list[float], BeforeValidator(_pair)]
 
 
+class StartForm(Form):
+    """``start`` of ``[maps]``: a pose, and half-widths of the range that poses are drawn from."""
+
+    x_mm: float
+    y_mm: float
+    heading_deg: float
+    spread_x_mm: float = 0.0
+    spread_y_mm: float = 0.0
+    spread_heading_deg: float = 0.0
+
+
 class MapsForm(Form):
     """Table ``[maps]``: generated maps, or files relative to the run file."""
 
@@ -55,6 +78,7 @@ class MapsForm(Form):
     seed: int | None = None
     options: dict[str, Any] | None = None
     files: list[str] | None = None
+    start: StartForm | None = None
 
 
 class RunPartForm(Form):
@@ -64,7 +88,7 @@ class RunPartForm(Form):
 
 
 class TaskForm(RunPartForm):
-    """Table ``[task]``."""
+    """Table ``[task]``; that of another task among the objectives is ``[task.NAME]`` in it."""
 
     name: str = RunSettings().task.name
     objectives: list[str] = Field(default_factory=list)
@@ -88,6 +112,11 @@ class SpaceForm(Form):
     angle_deg: RangeForm | None = None
     branches: RangeForm | None = None
     growth_percent: RangeForm | None = None
+    most_film_length_mm: float | None = None
+    most_film_area_mm2: float | None = None
+    most_sheet_area_mm2: float | None = None
+    most_branches: int | None = None
+    symmetric: bool = False
     level: list[RunLevelForm] = Field(default_factory=list)
 
 
@@ -165,10 +194,11 @@ def read_run(path: Path) -> RunSettings:
 
 def _settings(form: RunForm, path: Path) -> RunSettings:
     search = form.optimizer.model_dump(include=set(SearchSettings.__dataclass_fields__))
+    parameters, others = _task_tables(form.task)
     settings = RunSettings(
         name=_name(form, path),
         maps=_maps(form.maps, path.parent),
-        task=PartSettings(name=form.task.name, parameters=form.task.model_extra or {}),
+        task=PartSettings(name=form.task.name, parameters=parameters),
         space=_space(form.space),
         build=_build(form.build),
         growth=GrowthOptions.of(form.growth.model_dump(exclude_none=True)),
@@ -180,13 +210,30 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         search=SearchSettings(**search),
         evaluation=EvaluationSettings(**form.evaluation.model_dump()),
         objectives=tuple(form.task.objectives),
+        other_parameters=others,
     )
     check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
     # Built once here, so that a wrong name or parameter is reported with the file.
     environment_options(settings.maps)
     make_task(settings.task.name, settings.task.parameters)
+    for other in settings.other_tasks:
+        make_other_task(other)
     make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
     return settings
+
+
+def _task_tables(
+    form: TaskForm,
+) -> tuple[dict[str, object], dict[str, Mapping[str, object]]]:
+    """Return the parameters of the task, and those of other tasks by their names."""
+    parameters, others = dict(form.model_extra or {}), dict[str, Mapping[str, object]]()
+    for name in [name for name, value in parameters.items() if isinstance(value, Mapping)]:
+        if name in form.objectives and name != form.name:
+            others[name] = cast("Mapping[str, object]", parameters.pop(name))
+        elif name in TASKS:
+            allowed = f"no table: {name!r} is not another task among task.objectives"
+            raise BadInputError(f"task.{name}", "a table", allowed)
+    return parameters, others
 
 
 def _build(form: RunBuildForm) -> BuildSettings:
@@ -208,10 +255,11 @@ def _name(form: RunForm, path: Path) -> str:
 
 
 def _maps(form: MapsForm, folder: Path) -> MapSettings:
-    given = form.model_dump(exclude_none=True)
+    given = form.model_dump(exclude_none=True, exclude={"start"})
+    start = None if form.start is None else _start_of(form.start)
     files = given.pop("files", None)
     if files is None:
-        return MapSettings(**given)
+        return MapSettings(**given, start=start)
     if given:
         raise BadInputError(
             f"maps.{next(iter(given))}", next(iter(given.values())), "not together with maps.files"
@@ -222,17 +270,49 @@ def _maps(form: MapsForm, folder: Path) -> MapSettings:
         if not (folder / name).is_file():
             allowed = f"a map file, relative to the folder of the run file: {folder / name}"
             raise BadInputError(f"maps.files[{index}]", name, allowed)
-    return MapSettings(count=len(files), files=tuple(folder / name for name in files))
+    paths = tuple(folder / name for name in files)
+    return MapSettings(count=len(files), files=paths, start=start)
+
+
+def _start_of(form: StartForm) -> Start:
+    key = "maps.start"
+    heading_deg = number(f"{key}.heading_deg", form.heading_deg, -1e6, 1e6, "deg")
+    return Start(
+        pose=Pose(
+            x_mm=number(f"{key}.x_mm", form.x_mm, -LARGEST_MM, LARGEST_MM, "mm"),
+            y_mm=number(f"{key}.y_mm", form.y_mm, -LARGEST_MM, LARGEST_MM, "mm"),
+            heading_rad=rad(heading_deg),
+        ),
+        spread_x_mm=number(f"{key}.spread_x_mm", form.spread_x_mm, 0.0, LARGEST_MM, "mm"),
+        spread_y_mm=number(f"{key}.spread_y_mm", form.spread_y_mm, 0.0, LARGEST_MM, "mm"),
+        spread_heading_rad=rad(
+            number(f"{key}.spread_heading_deg", form.spread_heading_deg, 0.0, 360.0, "deg")
+        ),
+    )
 
 
 def _space(form: SpaceForm) -> SpaceSettings:
     numbers = [level.number for level in form.level]
-    for index, number in enumerate(numbers):
-        if number in numbers[:index]:
-            raise BadInputError(f"space.level[{index + 1}].number", number, "each level once")
+    for index, given in enumerate(numbers):
+        if given in numbers[:index]:
+            raise BadInputError(f"space.level[{index + 1}].number", given, "each level once")
+    if form.symmetric:
+        _check_symmetric("space", form.growth_percent)
+        for level in form.level:
+            _check_symmetric(f"space.level {level.number}", level.growth_percent)
+    limits = {name: getattr(form, cost.limit_key) for name, cost in COSTS.items()}
     return SpaceSettings(
-        by_level={level.number: _ranges(level) for level in form.level}, **_ranges(form)
+        by_level={level.number: _ranges(level) for level in form.level},
+        most={name: limit for name, limit in limits.items() if limit is not None},
+        symmetric=form.symmetric,
+        **_ranges(form),
     )
+
+
+def _check_symmetric(table: str, growth_percent: list[float] | None) -> None:
+    if growth_percent not in (None, [SYMMETRIC_PERCENT] * 2):
+        allowed = "100, or left out: with symmetric = true children of a fan are all as long"
+        raise BadInputError(f"{table}.growth_percent", growth_percent, allowed)
 
 
 def _ranges(form: SpaceForm | RunLevelForm) -> dict[str, Bounds]:

@@ -25,6 +25,7 @@ from vinefab.search.record.run_archive import (
     plain_summary,
     records_in,
 )
+from vinefab.search.settings import targets_mm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +73,9 @@ def rebuild(folder: Path, out: Path, *, force: bool = False) -> tuple[Path, ...]
     best = design_text(archive.result().best)
     written = [write_text(out / "best.toml", best, force=force)]
     pictures = {"history.svg": svg_bytes(history_figure(archive.history))}
-    pictures |= {f"map_{m.name}.svg": svg_bytes(map_plan(m)) for m in archive.maps}
+    for world in archive.maps:
+        plan = map_plan(world, targets_mm=targets_mm(archive.settings))
+        pictures[f"map_{world.name}.svg"] = svg_bytes(plan)
     written += [write_bytes(out / name, data, force=force) for name, data in pictures.items()]
     return tuple(written)
 

@@ -4,10 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 
+import numpy as np
+
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import number, positive, whole
+from vinefab.core.validation import Floats, number, positive, whole
 from vinefab.growth.options import GrowthOptions
-from vinefab.search.space import BuildSettings, SpaceSettings
+from vinefab.model.map import Start
+from vinefab.search.costs import COSTS
+from vinefab.search.space import LATER, BuildSettings, SpaceSettings
 from vinefab.tasks.evaluate import COMPOSITES, STANDARD_DEVIATION
 
 MOST_SECONDS = 1e8
@@ -29,6 +33,8 @@ class MapSettings:
         The generator's options.
     files
         Map files in place of generated maps.
+    start
+        The start of every map, with its spread, in place of its own.
     """
 
     environment: str = "grid"
@@ -36,6 +42,7 @@ class MapSettings:
     seed: int = 1
     options: Mapping[str, object] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
+    start: Start | None = field(default=None, metadata=LATER)
 
     def __post_init__(self) -> None:
         whole("maps.count", self.count, 1, 1000)
@@ -182,7 +189,10 @@ class RunSettings:
     maps, task, space, build, growth, optimizer, search, evaluation
         The parts.
     objectives
-        Names of the objectives, the task's and costs; empty in a run for the best score alone.
+        Names of the objectives: the task, other tasks and costs; empty in a run for the best score
+        alone.
+    other_parameters
+        Parameters of the other tasks among the objectives, by their names.
     """
 
     name: str = "run"
@@ -195,17 +205,46 @@ class RunSettings:
     search: SearchSettings = SearchSettings()
     evaluation: EvaluationSettings = EvaluationSettings()
     objectives: tuple[str, ...] = ()
+    other_parameters: Mapping[str, Mapping[str, object]] = field(
+        default_factory=dict, metadata=LATER
+    )
+
+    @property
+    def further_objectives(self) -> tuple[str, ...]:
+        """The objectives beside the task's score, in their order: other tasks and costs."""
+        return tuple(name for name in self.objectives if name != self.task.name)
 
     @property
     def costs(self) -> tuple[str, ...]:
         """The objectives that are costs, in their order."""
-        return tuple(name for name in self.objectives if name != self.task.name)
+        return tuple(name for name in self.objectives if name in COSTS)
+
+    @property
+    def front_axis(self) -> str:
+        """The further objective that fronts are ordered and drawn by: the first cost, if any."""
+        return (*self.costs, *self.further_objectives)[0]
+
+    @property
+    def other_tasks(self) -> tuple[PartSettings, ...]:
+        """The other tasks among the objectives, in their order."""
+        names = [name for name in self.further_objectives if name not in COSTS]
+        given = self.other_parameters
+        return tuple(PartSettings(name=name, parameters=given.get(name, {})) for name in names)
+
+
+def targets_mm(settings: RunSettings) -> Floats:
+    """Return the targets of a run's tasks, for its pictures, shape (t, 2)."""
+    tasks = (settings.task, *settings.other_tasks)
+    points = [task.parameters.get("target_mm", ()) for task in tasks]
+    return np.concatenate([np.array(some, dtype=np.float64).reshape(-1, 2) for some in points])
 
 
 def plain_settings(settings: object) -> object:
     """Return settings as plain values for JSON, the same for the same settings."""
     if is_dataclass(settings):
-        return {f.name: plain_settings(getattr(settings, f.name)) for f in fields(settings)}
+        values = {f.name: getattr(settings, f.name) for f in fields(settings)}
+        later = [f.name for f in fields(settings) if f.metadata.get("later")]
+        return {n: plain_settings(v) for n, v in values.items() if v or n not in later}
     if isinstance(settings, Mapping):
         return {str(key): plain_settings(settings[key]) for key in sorted(settings)}
     if isinstance(settings, list | tuple):

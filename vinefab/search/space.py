@@ -21,6 +21,7 @@ from vinefab.model.design import (
     Pouch,
     default_fillets_mm,
 )
+from vinefab.search.costs import COSTS, cost_text, exceeded_limits, least_costs, limit_excess
 from vinefab.search.design_batch import DesignBatch, branch_counts
 from vinefab.search.optimizers.optimizer import SearchAxes
 
@@ -35,6 +36,17 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
 """Largest ranges of the variables of a level."""
 
 WHOLE = ("levels", "branches")
+
+SYMMETRIC_PERCENT = 100.0
+"""Growth of a fan whose children are all as long: its left half mirrors its right one."""
+
+
+LARGEST_LIMIT = 1e15
+"""Largest limit of a cost, in its unit: it limits nothing."""
+
+LATER: Mapping[str, bool] = MappingProxyType({"later": True})
+"""Marks a field that settings did not always have: where it says nothing, it is left out of
+records, so that runs keep their ids."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +75,12 @@ class SpaceSettings:
         Length of the last child over that of the first (LGF).
     by_level
         Ranges that differ for single levels: level number (1 is the trunk) to variable to range.
+    most
+        Limits that designs must keep: the name of a cost (`vinefab.search.costs.COSTS`) to its
+        largest value.
+    symmetric
+        Whether every design is its own mirror image: children of a fan are all as long
+        (``growth_percent`` is 100, whatever its range); their angles are symmetric anyway.
     """
 
     levels: Bounds = Bounds(low=2, high=5)
@@ -71,6 +89,8 @@ class SpaceSettings:
     branches: Bounds = Bounds(low=2, high=4)
     growth_percent: Bounds = Bounds(low=10.0, high=160.0)
     by_level: Mapping[int, Mapping[str, Bounds]] = field(default_factory=dict)
+    most: Mapping[str, float] = field(default_factory=dict, metadata=LATER)
+    symmetric: bool = field(default=False, metadata=LATER)
 
     def __post_init__(self) -> None:
         _check_bounds("space.levels", "levels", self.levels, (1, MOST_LEVELS))
@@ -78,9 +98,15 @@ class SpaceSettings:
             _check_bounds(f"space.{name}", name, getattr(self, name), limits)
         for number_, table in self.by_level.items():
             _check_level(number_, table, int(self.levels.high))
+        for name, limit in self.most.items():
+            if name not in COSTS:
+                raise BadInputError("space.most", name, f"one of {', '.join(COSTS)}")
+            positive(f"space.{COSTS[name].limit_key}", limit, LARGEST_LIMIT, COSTS[name].unit)
 
     def bounds(self, level: int, name: str) -> Bounds:
         """Return the range of a variable of one level."""
+        if self.symmetric and name == "growth_percent":
+            return Bounds(low=SYMMETRIC_PERCENT, high=SYMMETRIC_PERCENT)
         given: Bounds = getattr(self, name)
         return self.by_level.get(level, {}).get(name, given)
 
@@ -295,6 +321,36 @@ class Space:
         values = np.minimum(high, np.maximum(low, _rounded(low + x * (high - low))))
         chosen: Floats = np.where(self._integer, numbers, values)
         return chosen
+
+    def limit_excess(self, designs: DesignBatch) -> Floats:
+        """Return by how much designs exceed the space's limits, 0 within them, shape (m,)."""
+        return limit_excess(designs, self.build_of, self.settings.most)
+
+    def exceeded_limits(self, design: Design) -> list[str]:
+        """Return each of the space's limits that a design exceeds, in words."""
+        batch = DesignBatch.of(design)
+        return list(exceeded_limits(batch, self.build_of, self.settings.most))
+
+    def limits_text(self, design: Design) -> str:
+        """Return what a design takes of what the space limits; empty without limits."""
+        batch, most = DesignBatch.of(design), self.settings.most
+        return ", ".join(
+            f"{cost_text(name, float(COSTS[name].of(batch, self.build_of)[0]))} of {limit:g}"
+            for name, limit in most.items()
+        )
+
+    def refuse_limits_without_designs(self) -> None:
+        """Raise `BadInputError` for a limit that no design of the space keeps."""
+        if not self.settings.most:
+            return
+        least = least_costs(self.batch(np.zeros((1, len(self)))), self.build_of)
+        for name, limit in self.settings.most.items():
+            if least[name] > limit:
+                unit = f" {COSTS[name].unit}" if COSTS[name].unit else ""
+                allowed = (
+                    f"at least {least[name]:.10g}{unit}, which every design of the space takes"
+                )
+                raise BadInputError(f"space.{COSTS[name].limit_key}", limit, allowed)
 
     def build_of(self, depth: int) -> Build:
         """Return the cached build of designs with so many levels."""

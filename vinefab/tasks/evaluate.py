@@ -18,7 +18,7 @@ from vinefab.model.map import Map, Pose
 from vinefab.model.score import Evaluation, Score
 from vinefab.physics.tube import inflated_radius_mm
 from vinefab.tasks.map_context import MapContext
-from vinefab.tasks.task import Task, TaskOutcomes, concatenated_outcomes, outcomes
+from vinefab.tasks.task import Task, TaskOutcomes, check_on_map, concatenated_outcomes, outcomes
 
 Poses = tuple[tuple[Pose, ...], ...]
 """For each map, the poses to grow from."""
@@ -164,8 +164,10 @@ def score_design(
     Raises
     ------
     BadInputError
-        If a pose is inside an obstacle or outside the bounds.
+        If a pose is inside an obstacle or outside the bounds, or the task does not fit a map.
     """
+    for prepared in maps:
+        check_on_map(task, prepared.world, prepared.context)
     terrains = TerrainSet([prepared.terrain for prepared in maps])
     (score,) = score_designs([design], maps, Launches.of(terrains, poses), task, options)
     return score

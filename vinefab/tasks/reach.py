@@ -1,4 +1,4 @@
-"""The reach task: how much of the free space lies close to the deployed body."""
+"""The reach task: how much of the free space, or of some targets, the deployed body comes to."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -10,9 +10,10 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import BadInputError
-from vinefab.core.validation import Floats, Ints, positive
+from vinefab.core.validation import LARGEST_MM, Floats, Ints, number, positive
 from vinefab.growth.batch import Block
 from vinefab.model.deployment import Deployment
+from vinefab.model.map import Map
 from vinefab.tasks.fast_areas import Chains
 from vinefab.tasks.map_context import MapContext
 from vinefab.tasks.task import Outcome, TaskOutcomes, concatenated_outcomes, one_by_one
@@ -23,7 +24,7 @@ QUARTER_SEGMENTS = 32
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """Share of the free space within a buffer of the body (paper, Fig. 4)."""
+    """Share of the free space within a buffer of the body (paper, Fig. 4), or of given targets."""
 
     name: ClassVar[str] = "reach"
     lowest: ClassVar[float] = 0.0
@@ -33,9 +34,23 @@ class Reach:
     # (`Raster.reached_mm2` states the error), a hundred times faster, for searching; taken
     # only where the map is not too large for such a buffer. ``auto``: fast in a search, else exact.
     area: Literal["auto", "exact", "fast"] = "auto"
+    # Points in the coordinates of every map: where there are any, the score is the share of them
+    # that is reached, and `buffer_mm` and `area` have no effect.
+    target_mm: tuple[tuple[float, float], ...] = ()
+    # largest distance, straight, walls or not, at which a target counts as reached (assumed)
+    tolerance_mm: float = 20.0
+    # beyond the tolerance a target counts less and less, and nothing so much farther; 0: nothing
+    falloff_mm: float = 0.0
+    # what reaches: ``body``, any point of a centreline, or ``tip``, the tip of a branch
+    reached_by: Literal["body", "tip"] = "body"
 
     def __post_init__(self) -> None:
         positive("task.buffer_mm", self.buffer_mm)
+        positive("task.tolerance_mm", self.tolerance_mm)
+        number("task.falloff_mm", self.falloff_mm, 0.0, LARGEST_MM, "mm")
+        if self.reached_by not in ("body", "tip"):
+            raise BadInputError("task.reached_by", self.reached_by, "'body' or 'tip'")
+        object.__setattr__(self, "target_mm", _targets_mm(self.target_mm))
         if self.area not in ("auto", "exact", "fast"):
             raise BadInputError("task.area", self.area, "'auto', 'exact' or 'fast'")
 
@@ -43,37 +58,45 @@ class Reach:
         """Return the task with fast areas, unless its parameters say how to measure them."""
         return replace(self, area="fast") if self.area == "auto" else self
 
+    def check_map(self, world: Map, context: MapContext) -> None:
+        """Raise `BadInputError` where a target is not in the free space of a map."""
+        points = np.array(self.target_mm).reshape(-1, 2)
+        free = shapely.intersects_xy(context.free, *points.T)
+        for place in np.flatnonzero(~free).tolist():
+            x_mm, y_mm = self.target_mm[place]
+            inside = world.bounds.covers(shapely.Point(x_mm, y_mm))
+            solid = "inside an obstacle" if inside else "outside the bounds"
+            allowed = f"a point in free space of every map; it is {solid} of {world.name!r}"
+            key = f"task.target_mm[{place + 1}]"
+            raise BadInputError(key, f"({x_mm:g}, {y_mm:g}) mm", allowed)
+
     def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
-        """Return the share, 0 to 1, and as terms the reached area and the grown length."""
+        """Return the share, 0 to 1, and as terms what was reached and the grown length."""
+        if self.target_mm:
+            summed_mm = np.array([float(deployment.grown_mm.sum())])
+            return self._of_targets(_one_chain(deployment), summed_mm, context).one(0)
         raster = context.raster(self.buffer_mm) if self.area == "fast" else None
         if raster is None:
             reached_mm2 = self._exact_mm2(deployment, context)
         else:
-            count, points = len(deployment.tree), len(deployment.points_mm)
-            (reached_mm2,) = raster.reached_mm2(
-                Chains(
-                    deployment.points_mm,
-                    deployment.first_point,
-                    np.array([0, count]),
-                    np.array([0, points]),
-                )
-            ).tolist()
+            (reached_mm2,) = raster.reached_mm2(_one_chain(deployment)).tolist()
         grown_mm = float(deployment.grown_mm.sum())
         return _outcomes(np.array([reached_mm2]), np.array([grown_mm]), context).one(0)
 
     def parts(self, score: float, _terms: Mapping[str, float]) -> dict[str, float]:
-        """Return the score: the area reached is all that counts."""
-        return {"area reached": score}
+        """Return the score: what is reached is all that counts."""
+        targets = f"targets within {self.tolerance_mm:g} mm"
+        return {targets if self.target_mm else "area reached": score}
 
     def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
         """Return what `evaluate` would for every growth of a block."""
-        if self.area != "fast":
+        if self.area != "fast" and not self.target_mm:
             return one_by_one(self, block, contexts)
         growth, parts = block.growth, list[TaskOutcomes]()
         for terrain, one, two in block.by_terrain():
             context = contexts[terrain]
-            raster = context.raster(self.buffer_mm)
-            if raster is None:
+            raster = None if self.target_mm else context.raster(self.buffer_mm)
+            if raster is None and not self.target_mm:
                 return one_by_one(self, block, contexts)
             first, last = block.branch[one], block.branch[two]
             chains = Chains(
@@ -82,14 +105,94 @@ class Reach:
                 block.branch[one : two + 1] - first,
                 block.room[one : two + 1],
             )
-            reached_mm2 = raster.reached_mm2(chains)
             grown_mm = _sums(growth.grown, block.branch[one : two + 1])
-            parts.append(_outcomes(reached_mm2, grown_mm, context))
+            if raster is None:
+                parts.append(self._of_targets(chains, grown_mm, context))
+            else:
+                parts.append(_outcomes(raster.reached_mm2(chains), grown_mm, context))
         return concatenated_outcomes(parts)
+
+    def _of_targets(self, chains: Chains, grown_mm: Floats, context: MapContext) -> TaskOutcomes:
+        """Return the share of the targets that is reached, and as terms how many and how near."""
+        away_mm = nearest_mm(chains, np.array(self.target_mm), tips=self.reached_by == "tip")
+        away_mm = np.minimum(away_mm, context.diagonal_mm)
+        beyond_mm = away_mm - self.tolerance_mm
+        reached = beyond_mm <= 0.0
+        counted = reached.astype(np.float64)
+        if self.falloff_mm > 0.0:
+            counted = np.clip(1.0 - beyond_mm / self.falloff_mm, 0.0, 1.0)
+        terms = {
+            "targets_reached": reached.sum(axis=1).astype(np.float64),
+            "farthest_mm": away_mm.max(axis=1),
+            "grown_mm": grown_mm,
+        }
+        return TaskOutcomes(counted.mean(axis=1), terms)
 
     def _exact_mm2(self, deployment: Deployment, context: MapContext) -> float:
         reached = near_chains(_chains(deployment), self.buffer_mm)
         return float(shapely.intersection(reached, context.free).area)
+
+
+MOST_TARGETS = 1000
+
+
+def _targets_mm(given: object) -> tuple[tuple[float, float], ...]:
+    """Return targets as pairs of numbers."""
+    if not isinstance(given, list | tuple) or len(given) > MOST_TARGETS:
+        raise BadInputError("task.target_mm", given, f"[[x, y], ...], at most {MOST_TARGETS}")
+    points = list[tuple[float, float]]()
+    for place, point in enumerate(given, start=1):
+        key = f"task.target_mm[{place}]"
+        plain = isinstance(point, list | tuple) and not any(isinstance(v, bool) for v in point)
+        if not plain or len(point) != 2:
+            raise BadInputError(key, point, "[x, y] in mm")
+        x_mm, y_mm = (number(key, value, -LARGEST_MM, LARGEST_MM, "mm") for value in point)
+        points.append((x_mm, y_mm))
+    return tuple(points)
+
+
+def nearest_mm(chains: Chains, points_mm: Floats, *, tips: bool = False) -> Floats:
+    """Return how far points are from the bodies of several growths, shape (j, t).
+
+    Parameters
+    ----------
+    points_mm
+        The points, shape (t, 2).
+    tips
+        Whether only tips count, instead of every point of a centreline. Where no branch came out
+        the distance is infinite.
+    """
+    count = np.diff(chains.branch)
+    growth = np.repeat(np.arange(len(count)), count)
+    place = np.arange(len(growth)) + growth  # every growth has one more entry than branches
+    first = chains.room[growth] + chains.first_point[place]
+    end = chains.room[growth] + chains.first_point[place + 1]
+    stretches = np.maximum(end - first - 1, 0)
+    if tips:
+        out = np.flatnonzero(end > first)
+        a = b = end[out] - 1
+        owner = growth[out]
+    else:
+        before = np.cumsum(stretches) - stretches
+        a = np.repeat(first - before, stretches) + np.arange(stretches.sum())
+        b, owner = a + 1, np.repeat(growth, stretches)
+    away_mm = np.full((len(count), len(points_mm)), np.inf)
+    owners, begin = np.unique(owner, return_index=True)
+    base, along = chains.points_mm[a], chains.points_mm[b] - chains.points_mm[a]
+    squared = np.maximum((along**2).sum(axis=1), np.finfo(np.float64).tiny)
+    for column, point in enumerate(points_mm):
+        share = np.clip(((point - base) * along).sum(axis=1) / squared, 0.0, 1.0)
+        gap_mm = np.hypot(*(point - base - share[:, None] * along).T)
+        if len(owners):
+            away_mm[owners, column] = np.minimum.reduceat(gap_mm, begin)
+    return away_mm
+
+
+def _one_chain(deployment: Deployment) -> Chains:
+    """Return the body of one deployment."""
+    count, points = len(deployment.tree), len(deployment.points_mm)
+    ends = np.array([0, count]), np.array([0, points])
+    return Chains(deployment.points_mm, deployment.first_point, *ends)
 
 
 def near_chains(chains: Sequence[Sequence[Sequence[float]]], buffer_mm: float) -> BaseGeometry:

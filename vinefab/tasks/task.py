@@ -11,6 +11,7 @@ from vinefab.core.validation import Floats, Ints
 from vinefab.growth.batch import Block
 from vinefab.growth.options import HALF_ANGLE_DEG
 from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.map import Map
 from vinefab.tasks.map_context import MapContext
 
 Outcome = tuple[float, Mapping[str, float]]
@@ -34,7 +35,8 @@ class Task(Protocol):
 
     A task may also define ``evaluate_block(block: Block, contexts: Sequence[MapContext]) ->
     TaskOutcomes``, which returns what `evaluate` would for every growth of a block, but faster;
-    `outcomes` uses it where it exists.
+    `outcomes` uses it where it exists. One that cannot be scored on every map may define
+    ``check_map(world: Map, context: MapContext)``, which raises `BadInputError`.
     """
 
     @property
@@ -58,6 +60,13 @@ class Task(Protocol):
             The map that it grew on.
         """
         ...
+
+
+def check_on_map(task: Task, world: Map, context: MapContext) -> None:
+    """Raise `BadInputError` for a task that cannot be scored on a map."""
+    check: Callable[[Map, MapContext], None] | None = getattr(task, "check_map", None)
+    if check is not None:
+        check(world, context)
 
 
 def outcomes(task: Task, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
@@ -167,6 +176,39 @@ class HeadOnPenalty:
         share = _shares(block.growth.stop, block.branch)
         score, terms = outcomes(self.task, block, contexts)
         return TaskOutcomes(score - self.weight * share, {**terms, "head_on": share})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskWithOthers:
+    """A task and others scored from the same final states: their scores are terms beside its own.
+
+    A run with several tasks as objectives takes the other scores from there.
+    """
+
+    task: Task
+    others: Mapping[str, Task]  # by the names of their terms
+
+    @property
+    def name(self) -> str:
+        """The task's name."""
+        return self.task.name
+
+    @property
+    def lowest(self) -> float:
+        """The task's lowest score."""
+        return self.task.lowest
+
+    def evaluate(self, deployment: Deployment, context: MapContext) -> Outcome:
+        """Return the task's score, and its terms with the other tasks' scores."""
+        score, terms = self.task.evaluate(deployment, context)
+        scores = {name: o.evaluate(deployment, context)[0] for name, o in self.others.items()}
+        return score, {**terms, **scores}
+
+    def evaluate_block(self, block: Block, contexts: Sequence[MapContext]) -> TaskOutcomes:
+        """Return what `evaluate` would for every growth of a block."""
+        score, terms = outcomes(self.task, block, contexts)
+        scores = {name: outcomes(o, block, contexts).score for name, o in self.others.items()}
+        return TaskOutcomes(score, {**terms, **scores})
 
 
 def _shares(stop: Ints, first: Ints) -> Floats:

@@ -5,7 +5,7 @@ winners of binary tournaments; of parents and children together the first in ran
 that are not manufacturable rank below all others, by their fitness.
 """
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -15,16 +15,17 @@ from vinefab.core.validation import Floats, Ints
 from vinefab.search.optimizers.evolution import Evolution, EvolutionConfig
 from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
 
-CostsOf = Callable[[Floats], Floats]
-"""Takes points of shape (m, d), returns their costs, shape (m, k)."""
-
 
 @runtime_checkable
 class FrontOptimizer(Protocol):
     """An optimizer for fitness and costs."""
 
-    def set_costs(self, costs_of: CostsOf, lowest: float) -> None:
-        """Take the costs of points, and the lowest fitness of a manufacturable design."""
+    def set_lowest(self, lowest: float) -> None:
+        """Take the lowest fitness of a manufacturable design."""
+        ...
+
+    def tell_costs(self, x: Floats, fitness: Floats, costs: Floats) -> None:
+        """Take what `tell` does, and what is to be minimized beside it, shape (m, k)."""
         ...
 
 
@@ -42,23 +43,37 @@ class Nsga(Evolution):
 
     def __init__(self, config: NsgaConfig, axes: SearchAxes, population: int, seed: int) -> None:
         super().__init__(config, axes, population, seed)
-        self._costs_of: CostsOf = lambda x: np.zeros((len(x), 0))
+        self._costs = np.empty((0, 0))
         self._lowest = -np.inf
         self._mating.selection = _tournament()
 
-    def set_costs(self, costs_of: CostsOf, lowest: float) -> None:
-        """Take the costs of points, and the lowest fitness of a manufacturable design."""
-        self._costs_of, self._lowest = costs_of, lowest
+    def set_lowest(self, lowest: float) -> None:
+        """Take the lowest fitness of a manufacturable design."""
+        self._lowest = lowest
 
     def tell(self, x: Floats, fitness: Floats) -> None:
+        """Keep the best of parents and children; of equals, the older."""
+        self.tell_costs(x, fitness, np.zeros((len(x), self._costs.shape[1])))
+
+    def tell_costs(self, x: Floats, fitness: Floats, costs: Floats) -> None:
         """Keep the first in rank of parents and children; of equals, the older."""
         points = np.concatenate([self._parents, x])
         together = np.concatenate([self._fitness, fitness])
-        costs = self._costs_of(points)
+        costs = np.concatenate([self._costs if len(self._costs) else costs[:0], costs])
         best = ranking(together, costs, self._lowest)[: self._population]
         # In the order of their rank, by which tournaments are decided.
         self._parents, self._fitness = points[best], together[best]
+        self._costs = costs[best]
         self._generation += 1
+
+    def state(self) -> Mapping[str, object]:
+        """Return the survivors with their fitness and costs."""
+        return {**super().state(), "costs": self._costs.copy()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+        super().restore(state)
+        self._costs = np.array(state["costs"], dtype=np.float64)
 
 
 def ranking(fitness: Floats, costs: Floats, lowest: float) -> Ints:

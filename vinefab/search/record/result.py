@@ -11,15 +11,18 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.registry import Registry
+from vinefab.core.units import deg
 from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import ORIGIN_GROWTH, Design
-from vinefab.model.map import Map
+from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Score
+from vinefab.search.costs import COSTS
 from vinefab.search.evaluator import Penalty, final_seed
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.search.settings import RunSettings, plain_settings
+from vinefab.search.space import Space
 from vinefab.search.timing import TimeSplit
 from vinefab.tasks.shipped_tasks import TASKS
 
@@ -32,8 +35,10 @@ class Generation:
     x: Floats  # points in the unit cube, shape (m, d)
     fitness: Floats  # as told to the optimizer, shape (m,)
     composite: Floats  # composite scores, shape (m,); NaN for a point without a valid design
-    penalty: Floats  # shape (m,); all 0 in a run that does not check manufacturability
-    terms: Mapping[str, Floats]  # means of the task's terms over the evaluations, shape (m,) each
+    penalty: Floats  # shape (m,); 0 for designs that are manufacturable and within the limits
+    # means of the task's terms over the evaluations, and composites of other tasks' scores in runs
+    # that have them as objectives, by the tasks' names; shape (m,) each
+    terms: Mapping[str, Floats]
     seconds: float  # duration
     best: float = field(init=False)  # the largest fitness
 
@@ -76,7 +81,7 @@ class Finalist:
     x: Floats  # its point, shape (d,)
     design: Design
     score: Score  # on the fresh poses
-    penalty: float  # 0 in a run that does not check manufacturability
+    penalty: float  # 0 if it may win
     fitness: float  # on the fresh poses; finalists are ordered by it
 
 
@@ -102,7 +107,7 @@ class RunResult:
 
     @property
     def fabricable(self) -> bool:
-        """Whether the winner has no penalty; always true where manufacturability is not checked."""
+        """Whether the winner has no penalty: it passes what was checked, and keeps the limits."""
         return self.finalists[0].penalty == 0.0
 
     @property
@@ -124,6 +129,20 @@ def package_versions(others: Iterable[str] = ()) -> dict[str, str]:
     return versions
 
 
+def start_text(start: Start) -> str:
+    """Return a start as a run file gives it."""
+    pose = start.pose
+    numbers = {
+        "x_mm": pose.x_mm,
+        "y_mm": pose.y_mm,
+        "heading_deg": pose.heading_deg,
+        "spread_x_mm": start.spread_x_mm,
+        "spread_y_mm": start.spread_y_mm,
+        "spread_heading_deg": deg(start.spread_heading_rad),
+    }
+    return ", ".join(f"{name} = {value:g}" for name, value in numbers.items())
+
+
 def with_origin(
     finalist: Finalist, settings: RunSettings, run_id: str, versions: Mapping[str, str]
 ) -> Design:
@@ -131,6 +150,7 @@ def with_origin(
 
     The origin holds no times: the same run gives the same bytes.
     """
+    space = Space(settings.space, settings.build)
     origin: dict[str, object] = {
         "run": run_id,
         "task": settings.task.name,
@@ -143,6 +163,8 @@ def with_origin(
         "poses_of_score": settings.evaluation.final_poses_per_map,
         "seed_of_score": final_seed(settings.search.seed),
         **{f"score_{name}": value for name, value in finalist.score.composite.items()},
+        **({"start": start_text(start)} if (start := settings.maps.start) else {}),
+        **({"limits": limits} if (limits := space.limits_text(finalist.design)) else {}),
         "versions": ", ".join(f"{name} {number}" for name, number in sorted(versions.items())),
         ORIGIN_GROWTH: settings.growth.content,
     }
@@ -178,9 +200,16 @@ class RunIdentity:
 
     @property
     def _portable_settings(self) -> dict[str, Any]:
-        """The settings without the paths of map files; their content counts instead."""
+        """The settings without the paths of map files; their content counts instead.
+
+        Limits and the start are as in run files, so that a difference is named as it is there.
+        """
         maps = {key: value for key, value in self.settings["maps"].items() if key != "files"}
-        return {**self.settings, "maps": maps}
+        if start := maps.get("start"):
+            maps["start"] = start_text(Start(**{**start, "pose": Pose(**start["pose"])}))
+        space = dict(self.settings["space"])
+        limits = {COSTS[name].limit_key: v for name, v in space.pop("most", {}).items()}
+        return {**self.settings, "maps": maps, "space": {**space, **limits}}
 
     def drift(self, recorded: "RunIdentity") -> list[str]:
         """Return the packages with other versions than a record, one message each."""
@@ -208,7 +237,7 @@ def plugin_packages(settings: RunSettings) -> list[str]:
     """Return the plug-in packages of a run's task, optimizer and environment."""
     environment = "" if settings.maps.files else settings.maps.environment
     named: tuple[tuple[Registry[Any], str], ...] = (
-        (TASKS, settings.task.name),
+        *((TASKS, task.name) for task in (settings.task, *settings.other_tasks)),
         (OPTIMIZERS, settings.optimizer.name),
         (ENVIRONMENTS, environment),
     )

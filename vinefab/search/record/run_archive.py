@@ -113,6 +113,8 @@ def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
     """Return the settings of `vinefab.search.settings.plain_settings`."""
     maps = dict(record["maps"])
     maps["files"] = tuple(Path(name) for name in maps["files"])
+    if start := maps.pop("start", None):
+        maps["start"] = Start(**{**start, "pose": Pose(**start["pose"])})
     return RunSettings(
         name=record["name"],
         maps=MapSettings(**maps),
@@ -124,6 +126,7 @@ def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
         search=SearchSettings(**record["search"]),
         evaluation=EvaluationSettings(**record["evaluation"]),
         objectives=tuple(record.get("objectives", ())),
+        other_parameters=record.get("other_parameters", {}),
     )
 
 
@@ -134,12 +137,18 @@ def _build(record: Mapping[str, Any]) -> BuildSettings:
 
 
 def _space(record: Mapping[str, Any]) -> SpaceSettings:
-    ranges = {name: Bounds(**ends) for name, ends in record.items() if name != "by_level"}
+    others = ("by_level", "most", "symmetric")
+    ranges = {name: Bounds(**ends) for name, ends in record.items() if name not in others}
     by_level = {
         int(level): {name: Bounds(**ends) for name, ends in table.items()}
         for level, table in record["by_level"].items()
     }
-    return SpaceSettings(by_level=by_level, **ranges)
+    return SpaceSettings(
+        by_level=by_level,
+        most=record.get("most", {}),
+        symmetric=record.get("symmetric", False),
+        **ranges,
+    )
 
 
 def map_to_text(world: Map) -> str:

@@ -17,7 +17,8 @@ from shapely.geometry.base import BaseGeometry
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
-from vinefab.pages.figure import INK, ROCK, ROCK_EDGE, SOFT, house_style, level_colour, plan_axes
+from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
+from vinefab.pages.figure import house_style, plan_axes
 from vinefab.pages.map_view import (
     STOP_WORDS,
     UNSEEN,

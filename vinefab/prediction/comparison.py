@@ -15,8 +15,9 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.pages.charts import frame
+from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
 from vinefab.pages.drawing import deployment_plan
-from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, blank, house_style, svg_bytes
+from vinefab.pages.figure import blank, house_style, svg_bytes
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
 from vinefab.prediction.deployment_sections import spread_chart
 from vinefab.prediction.family_deployments import (

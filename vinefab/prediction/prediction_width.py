@@ -19,7 +19,8 @@ from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
 from vinefab.pages.charts import frame
-from vinefab.pages.figure import LEVEL_COLOURS, blank, house_style, svg_bytes
+from vinefab.pages.colours import LEVEL_COLOURS
+from vinefab.pages.figure import blank, house_style, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, FITTED_DIAMETER_RANGE_MM
 from vinefab.prediction.family_deployments import PreparedFamily
@@ -79,7 +80,7 @@ def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptio
         at_angle = replace(options, head_on_half_angle_rad=rad(angle_deg))
         table = _contact_measures(design, prepared, at_angle)
         for measure, values in zip(CONTACT_MEASURES, table, strict=True):
-            columns[measure.key].append(_contact_value(values, names))
+            columns[measure.key].append(contact_value(values, names))
     return ContactRange(
         label=prepared.label,
         deployments=len(names),
@@ -105,7 +106,8 @@ def _contact_measures(design: Design, prepared: PreparedFamily, options: GrowthO
     return np.concatenate(list(batch.each(measured)), axis=1)
 
 
-def _contact_value(values: Floats, names: Sequence[str]) -> ContactValue:
+def contact_value(values: Floats, names: Sequence[str]) -> ContactValue:
+    """Return the mean of values with its interval, each under the name of its map."""
     means = group_means(values, names) if len(set(names)) > 1 else values
     low, high = mean_interval(means)
     return ContactValue(mean=float(means.mean()), low=low, high=high)

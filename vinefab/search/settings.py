@@ -1,7 +1,7 @@
 """The settings of a run."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 
 from vinefab.core.errors import BadInputError
@@ -97,6 +97,57 @@ class SearchSettings:
         number("optimizer.stall_tolerance", self.stall_tolerance, 0.0, 1.0)
         whole("optimizer.evaluations", self.evaluations, 0, 2**53)
         number("optimizer.wall_time_s", self.wall_time_s, 0.0, MOST_SECONDS, "s")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunLimits:
+    """The limits of a run that `--resume` may raise; None leaves one as it is.
+
+    Parameters
+    ----------
+    generations, evaluations, wall_time_s
+        As in `SearchSettings`, at least what the run has; 0 lifts the limit of the last two.
+    """
+
+    generations: int | None = None
+    evaluations: int | None = None
+    wall_time_s: float | None = None
+
+    @property
+    def given(self) -> dict[str, float]:
+        """The limits that are given, by name."""
+        named = {name: getattr(self, name) for name in LIMIT_NAMES}
+        return {name: value for name, value in named.items() if value is not None}
+
+    def raised(self, search: SearchSettings) -> SearchSettings:
+        """Return settings with the limits that are given.
+
+        Raises
+        ------
+        BadInputError
+            For a limit below that of the settings.
+        """
+        for name, value in self.given.items():
+            before = getattr(search, name)
+            can_be_lifted = name != "generations"
+            is_lifted = can_be_lifted and value == 0
+            if not is_lifted and (value < before or (can_be_lifted and before == 0)):
+                has = f"at least the {before} that the run has" if before else "0: it has no limit"
+                lifted = ", or 0 for no limit" if can_be_lifted and before else ""
+                raise BadInputError(limit_option(name), value, f"{has}{lifted}")
+        try:
+            return replace(search, **self.given)  # type: ignore[arg-type]
+        except BadInputError as error:
+            option = limit_option(error.key.removeprefix("optimizer."))
+            raise BadInputError(option, error.value, error.allowed) from error
+
+
+LIMIT_NAMES = ("generations", "evaluations", "wall_time_s")
+
+
+def limit_option(name: str) -> str:
+    """Return the command's option for a limit."""
+    return f"--{name.replace('_', '-')}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -68,13 +68,20 @@ def _limits(known: Floats) -> tuple[float, float]:
 
 
 def _grid(low: float, high: float, y) -> list[str]:  # type: ignore[no-untyped-def]  # noqa: ANN001
-    ticks = np.linspace(low, high, _TICKS)
-    digits = max(0, 2 - int(np.floor(np.log10(max(high - low, 1e-9)))))
+    step = _round_step((high - low) / _TICKS)
+    ticks = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1.0)
+    digits = max(0, -int(np.floor(np.log10(step))))
     return [
         f'<path d="M{_LEFT} {place:.1f}H{_WIDE - _RIGHT}" stroke="{SOFT}" stroke-opacity="0.2"/>'
         f'<text x="{_LEFT - 6}" y="{place + 4:.1f}" text-anchor="end">{tick:.{digits}f}</text>'
         for tick, place in zip(ticks.tolist(), y(ticks).tolist(), strict=True)
     ]
+
+
+def _round_step(least: float) -> float:
+    """Return the smallest of 1, 2, 5, 10, ... times a power of ten that is not below a number."""
+    power = 10.0 ** np.floor(np.log10(max(least, 1e-12)))
+    return float(next(power * n for n in (1.0, 2.0, 5.0, 10.0) if power * n >= least))
 
 
 def _band(x: Floats, lower: Floats, upper: Floats) -> str:

@@ -35,8 +35,9 @@ PAGE_NAME = "index.html"
 LEAST_PAUSE_S = 3.0
 """Between two versions of the live page, at least."""
 
-_SHARE = 0.01
-"""Of a run's time, the most that goes into its live page."""
+_OF_PROCESSOR, _OF_TIME = 0.01, 0.05
+"""Shares of the processor's time and of a run's time that its live page takes at most; writing to a
+slow disk takes the second only. The first version loads what it needs, and is not counted."""
 
 _REFRESH_S, _STOPPED_REFRESH_S = 5, 20
 _PATIENCE_S = 90
@@ -81,13 +82,15 @@ class LivePage:
             self._clear()
         self._last = progress
         self._best.look(progress.history)
-        began_s = time.monotonic()
+        began_s, worked_s = time.monotonic(), time.thread_time()
         if began_s < self._next_s or self.problem:
             return
         left = _duration(progress.left_s)
         self._write(f"Running: {self._done(progress)}; about {left} left.", running=True)
         now_s = time.monotonic()
-        self._pause_s = max(LEAST_PAUSE_S, (now_s - began_s) / _SHARE)
+        if self._next_s:
+            working_s = (time.thread_time() - worked_s) / _OF_PROCESSOR
+            self._pause_s = max(LEAST_PAUSE_S, working_s, (now_s - began_s) / _OF_TIME)
         self._next_s = now_s + self._pause_s
 
     def _clear(self) -> None:
@@ -122,6 +125,7 @@ class LivePage:
             title=f"{settings.name}: search for the best design",
             verdict=state,
             tone="good" if running else "caution",
+            cautions=() if running else (f"To go on: {self._again}",),
             headlines=self._headlines(progress),
             facts=run_facts(settings),
             sections=(

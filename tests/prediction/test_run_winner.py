@@ -70,11 +70,10 @@ def test_the_score_on_unseen_maps_is_that_of_the_score_command(run: Predicted) -
     assert found["training"]["score"]["mean"] == pytest.approx(
         result.score.composite["mean"], abs=1e-3
     )
-    for number, angle in enumerate(CONTACT_ANGLES_DEG):
-        growth = GrowthOptions.of({"head_on_half_angle_deg": angle})
-        score = score_design_on_task(result.best, worlds, plan, growth)
-        mean = found["unseen"]["over_contacts"][number]["mean"]
-        assert mean == pytest.approx(score.composite["mean"], abs=1e-3)
+    growth = GrowthOptions.of({"head_on_half_angle_deg": CONTACT_ANGLES_DEG[-1]})
+    score = score_design_on_task(result.best, worlds, plan, growth)
+    mean = found["unseen"]["over_contacts"][-1]["mean"]
+    assert mean == pytest.approx(score.composite["mean"], abs=1e-3)
 
 
 def test_what_is_predicted_stands_in_lines_and_in_the_origin(run: Predicted) -> None:

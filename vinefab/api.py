@@ -255,8 +255,8 @@ def optimize(
     -------
     RunResult
         The winner is ``best``; ``history`` holds every generation, ``score`` the winner's score on
-        fresh poses. With ``out``, ``prediction`` says what the winner does on unseen maps, over
-        contacts and placed off, in plain values.
+        fresh poses, and ``prediction`` what the winner does on unseen maps, over contacts and
+        placed off, in plain values.
 
     Raises
     ------
@@ -297,6 +297,7 @@ def optimize(
         if resume:
             raise BadInputError("resume", resume, "together with out, the folder of the run")
         return _searched(settings, own_task, workers, progress)
+
     from vinefab.prediction.run_folder import run_in_folder
 
     folder = path_given("out", out)
@@ -690,8 +691,10 @@ def _searched(
     progress: Callable[[Progress], None] | None,
 ) -> RunResult:
     """Return the result of a search that is not recorded."""
+    from vinefab.prediction.run_winner import predict_winner
     from vinefab.search.loop import Search
     from vinefab.search.run import penalty_of, training_maps
 
     search = Search.of(settings, training_maps(settings), penalty_of(settings), task=task)
-    return search.run(progress=progress, workers=workers)
+    result = search.run(progress=progress, workers=workers)
+    return result.with_prediction(predict_winner(search, result))

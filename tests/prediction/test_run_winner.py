@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from vinefab.core.errors import BadInputError
-from vinefab.growth.options import GrowthOptions
+from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.maps.generators.grid import grid_map
 from vinefab.model.files.map_geojson import map_text
 from vinefab.prediction.family_deployments import unseen_maps
-from vinefab.prediction.prediction_width import CONTACT_ANGLES_DEG
 from vinefab.prediction.run_winner import (
     UNSEEN,
     contact_ends,

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.jsontext import json_text
 from vinefab.core.statistics import group_means, holm, mean_interval, sign_flip_p
-from vinefab.growth.options import growth_text
+from vinefab.growth.options import CONTACT_ANGLES_DEG, growth_text
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
@@ -39,7 +39,6 @@ from vinefab.prediction.measures import (
     spreads_content,
 )
 from vinefab.prediction.prediction_width import (
-    CONTACT_ANGLES_DEG,
     CONTACT_MEASURES,
     CONTACT_WORDS,
     ContactRange,

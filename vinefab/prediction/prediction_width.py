@@ -14,7 +14,7 @@ from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.growth.batch import Batch, Block
-from vinefab.growth.options import GrowthOptions
+from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
@@ -39,10 +39,6 @@ from vinefab.prediction.measures import (
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.reach import Reach
 from vinefab.tasks.task import outcomes
-
-CONTACT_ANGLES_DEG = (1.0, 5.0, 10.0, 15.0)
-"""Head-on half-angles that a prediction is shown for [assumed]: real tips slid at up to 75 degrees
-from the wall's tangent, so 15 is the most; how much less it is, is not known."""
 
 CONTACT_MEASURES = (COVERAGE, SEEN, REACH, GROWN, STUCK)
 

@@ -12,7 +12,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
-from vinefab.growth.options import GrowthOptions
+from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.prediction.family_deployments import (
@@ -21,7 +21,7 @@ from vinefab.prediction.family_deployments import (
     PreparedFamily,
     unseen_maps,
 )
-from vinefab.prediction.prediction_width import CONTACT_ANGLES_DEG, ContactValue, contact_value
+from vinefab.prediction.prediction_width import ContactValue, contact_value
 from vinefab.prediction.sensitivity import (
     HEADING_STEPS_DEG,
     SIDEWAYS_STEPS_MM,

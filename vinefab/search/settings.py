@@ -11,6 +11,7 @@ from vinefab.search.space import BuildSettings, SpaceSettings
 from vinefab.tasks.evaluate import COMPOSITES, STANDARD_DEVIATION
 
 MOST_SECONDS = 1e8
+FINALISTS_BY = ("training", "contact_range")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,6 +186,9 @@ class EvaluationSettings:
         Number of best designs that are evaluated again to choose the winner.
     final_poses_per_map
         Fresh poses on each map for that.
+    finalists_by
+        What their fitness is there: ``training``, at the contacts that the run trains with, or
+        ``contact_range``, the mean over the head-on half-angles of `CONTACT_ANGLES_DEG`.
     """
 
     poses_per_map: int = 1
@@ -199,6 +203,7 @@ class EvaluationSettings:
     penalty_weight: float = 1.0
     finalists: int = 8
     final_poses_per_map: int = 5
+    finalists_by: str = "training"
 
     def __post_init__(self) -> None:
         whole("evaluation.poses_per_map", self.poses_per_map, 1, 10_000)
@@ -209,6 +214,9 @@ class EvaluationSettings:
             raise BadInputError(
                 "evaluation.composite", self.composite, f"one of {', '.join(COMPOSITES)}"
             )
+        if self.finalists_by not in FINALISTS_BY:
+            allowed = f"one of {', '.join(FINALISTS_BY)}"
+            raise BadInputError("evaluation.finalists_by", self.finalists_by, allowed)
         whole("evaluation.maps_per_generation", self.maps_per_generation, 0, 1000)
         number("evaluation.pose_range", self.pose_range, 0.0, 10.0)
         positive("evaluation.reference_deviation", self.reference_deviation, 1e6, "")

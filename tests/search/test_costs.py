@@ -26,7 +26,7 @@ from vinefab.search.design_batch import DesignBatch
 from vinefab.search.loop import Search
 from vinefab.search.record.result import RunIdentity
 from vinefab.search.run import result_lines, violations_of
-from vinefab.search.settings import RunSettings, plain_settings
+from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
 
 POUCHES = (
@@ -135,6 +135,17 @@ def test_winners_keep_limits_that_the_search_would_exceed(
             excess = max(0.0, cost(space.design(x)) / MOST[name] - 1.0)
             assert penalty == pytest.approx(excess, abs=1e-9)
             assert (fitness < search.evaluator.lowest) == (excess > 0.0)
+
+
+@pytest.mark.parametrize("most", [{"branches": 9.0}, {"film_length": 700.0, "sheet_area": 9e4}])
+def test_islands_evaluate_only_designs_within_the_limits(
+    small: RunSettings, maps: tuple[Map, ...], most: dict[str, float]
+) -> None:
+    islands = replace(limited(small, most), optimizer=PartSettings(name="islands"))
+    result = Search.of(islands, maps).run()
+    assert sum(len(generation.x) for generation in result.history) >= 20
+    assert all((generation.penalty == 0.0).all() for generation in result.history)
+    assert all(twin(result.best)[name] <= limit for name, limit in most.items())
 
 
 def test_limits_add_to_the_penalty_of_rules(

@@ -14,6 +14,7 @@ from vinefab.model.map import Map
 from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Penalty
 from vinefab.search.finalists import choose_finalists, reevaluated
 from vinefab.search.front import check_objectives, minimized
+from vinefab.search.optimizers.islands import RecommendingOptimizer, ScreeningOptimizer
 from vinefab.search.optimizers.nsga2 import FrontOptimizer
 from vinefab.search.optimizers.optimizer import Optimizer
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
@@ -115,6 +116,9 @@ class Search:
         check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
         if settings.objectives and isinstance(optimizer, FrontOptimizer):
             optimizer.set_lowest(evaluator.lowest)
+        # A user's own penalty may take longer than growth: screening asks for many.
+        if evaluator.screens and isinstance(optimizer, ScreeningOptimizer):
+            optimizer.screen_by(evaluator.penalties)
         search = cls(settings=settings, maps=spec.maps, evaluator=evaluator, optimizer=optimizer)
         conditions = evaluator.training_conditions(seed, 0)
         evaluator.launches(conditions)
@@ -242,10 +246,13 @@ class Search:
         if store is not None and (recorded := store.finalists(evaluator.space)):
             return recorded, store.repair
         count, further = settings.evaluation.finalists, settings.further_objectives
-        choice = choose_finalists(history, evaluator, count, further)
+        known: list[Floats] = []
+        if isinstance(self.optimizer, RecommendingOptimizer):
+            known = self.optimizer.recommended()
+        choice = choose_finalists(history, evaluator, count, further, known)
         conditions = evaluator.final_conditions(settings.search.seed)
         with ledger.spending("evaluating"):
-            return reevaluated(choice.points, begin, conditions, evaluator), choice.repair
+            return reevaluated(choice, begin, conditions, evaluator), choice.repair
 
 
 def _task_settings(task: Task) -> PartSettings:

@@ -304,8 +304,8 @@ def _width_sections(run: EndedRun) -> tuple[Section, ...]:
     words = (
         "Whether a tip that meets a wall slides on or stops there is not known, nor how well a "
         "body is placed: what a robot will do lies in these ranges. Positive headings turn the "
-        "base to its left, positive positions move it to its left; places inside walls are left "
-        "out."
+        "base to its left, positive positions move it to its left; places without room for the "
+        "trunk are left out."
     )
     section = Section(title="How wide the score is", paragraphs=(words,), tables=(contacts, placed))
     return (section,)
@@ -452,8 +452,10 @@ def _found_section(run: EndedRun) -> Section:
             f"By the quick rules {share:.0f} % of all designs were manufacturable, {end:.0f} % in "
             "the last generation."
         )
+    at_range = run.settings.evaluation.finalists_by == "contact_range"
+    by = "is the mean over the range of contacts" if at_range else "at the contacts of the run"
     finalists = Table(
-        caption="Finalists on the same fresh poses (simulated), the winner first",
+        caption=f"Finalists on the same fresh poses (simulated), the winner first; fitness {by}",
         headings=("fitness", "mean score", "penalty", "branches", "levels"),
         rows=tuple(
             (f"{f.fitness:.4f}", f"{f.score.composite['mean']:.4f}", f"{f.penalty:.3g}",

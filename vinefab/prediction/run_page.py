@@ -9,7 +9,7 @@ import numpy as np
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import VinefabError
-from vinefab.fabrication.checking import MANY_BRANCHES, check_design, verdict
+from vinefab.fabrication.checking import check_design, verdict
 from vinefab.fabrication.findings_picture import findings_picture
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.growth.batch import Batch
@@ -19,7 +19,7 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.model.finding import CheckReport, Finding
+from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
 from vinefab.pages.drawing import deployment_plan
@@ -274,7 +274,9 @@ def _typical(run: EndedRun, count: int) -> list[tuple[int, str, str]]:
 
 def _drawn(run: EndedRun, name: str, world: Map, deployment: Deployment, words: str) -> Picture:
     widths_mm = run.design.build.widths_mm
-    figure = deployment_plan(world, deployment, widths_mm, longest_in=4.6)
+    # A robot that hardly grew would be shown without the map that stopped it.
+    whole = deployment.grown_mm.sum() < 0.2 * deployment.tree.total_length_mm
+    figure = deployment_plan(world, deployment, widths_mm, longest_in=4.6, whole=bool(whole))
     fine = run.design.branch_count > TOO_FINE
     image = png_bytes(figure, dpi=130) if fine else svg_bytes(figure)
     return Picture(image=image, caption=f"{world.name}, {words} (simulated).", file=name)
@@ -338,8 +340,11 @@ def _sheet_section(run: EndedRun, checked: CheckReport | str) -> Section:
         return Section(title=title, paragraphs=(f"Not checked: {checked}.",))
     asked = "" if run.settings.evaluation.fabricable else " The search did not ask for it."
     words = (f"{verdict(checked)}; recipe {run.profile().recipe.name}.{asked}",)
-    if run.design.branch_count > MANY_BRANCHES:
-        return Section(title=title, paragraphs=(*words, "Too many branches to be drawn."))
+    if run.design.branch_count > TOO_FINE:
+        return Section(
+            title=title,
+            paragraphs=(*words, "Too many branches to be drawn here: vinefab check --svg does."),
+        )
     image = svg_bytes(findings_picture(run.design, run.profile(), checked))
     caption = "The body with its seam, as it is cut, and every finding at its place (computed)."
     picture = Picture(image=image, caption=caption, wide=True, file="sheet")
@@ -392,9 +397,11 @@ def _rule_rows(run: EndedRun, checked: CheckReport) -> tuple[tuple[str, ...], ..
             for finding in stricter.findings:
                 if finding.rule not in found and finding.limit is not None:
                     close.setdefault(finding.rule, (finding, finding.limit / factor))
-    return (
-        *(_rule_row(*one, "broken") for one in found.values()),
-        *(_rule_row(*one, "close") for one in close.values()),
+    ranks = list(Severity)
+    return tuple(
+        _rule_row(*one, how)
+        for how, kind in (("broken", found), ("close", close))
+        for one in sorted(kind.values(), key=lambda one: ranks.index(one[0].severity))
     )
 
 

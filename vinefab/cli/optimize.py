@@ -115,8 +115,11 @@ def optimize_command(
         output.give_json(result_json(result))
         if settings.objectives:
             _write_front(result, settings, out, output)
-        output.say(f"wrote {out / 'best.toml'} and {out / 'run.sqlite'}")
-        output.say(_outcome(result, violations, out, page=page, force=force))
+        with output.progress(f"page of {settings.name}") as show:
+            show(0.0, "drawing the winner")
+            lines = _outcome(result, violations, out, page=page, force=force)
+        for line in lines:
+            output.say(line)
     return EXIT_FINDINGS if violations else 0
 
 
@@ -132,18 +135,22 @@ def _limits(
     return limits if limits.given else None
 
 
-def _outcome(result: RunResult, violations: str, out: Path, *, page: bool, force: bool) -> str:
-    """Write the page if one is asked for, and return what was found."""
+def _outcome(
+    result: RunResult, violations: str, out: Path, *, page: bool, force: bool
+) -> list[str]:
+    """Write the page if one is asked for, and return what was found, in short at the end."""
     # Matplotlib takes seconds to load.
     from vinefab.prediction.run_page import (  # noqa: PLC0415
         EndedRun,
         outcome_line,
         write_run_page,
     )
+    from vinefab.prediction.run_winner import prediction_lines  # noqa: PLC0415
 
     run = EndedRun.read(out, result)
     where = write_run_page(out, run, force=force) if page else out / "best.toml"
-    return outcome_line(run, violations, where)
+    wrote = f"wrote {out / 'best.toml'} and {out / 'run.sqlite'}"
+    return [*prediction_lines(result.prediction), wrote, outcome_line(run, violations, where)]
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import numpy as np
 
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import VinefabError
-from vinefab.fabrication.checking import MANY_BRANCHES, check_design, verdict
+from vinefab.fabrication.checking import check_design, verdict
 from vinefab.fabrication.findings_picture import findings_picture
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.growth.batch import Batch
@@ -19,7 +19,7 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
-from vinefab.model.finding import CheckReport, Finding
+from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
 from vinefab.pages.drawing import deployment_plan
@@ -274,8 +274,11 @@ def _typical(run: EndedRun, count: int) -> list[tuple[int, str, str]]:
 
 def _drawn(run: EndedRun, name: str, world: Map, deployment: Deployment, words: str) -> Picture:
     widths_mm = run.design.build.widths_mm
+    # A robot that hardly grew would be shown without the map that stopped it.
+    whole = bool(deployment.grown_mm.sum() < 0.2 * deployment.tree.total_length_mm)
+    targets = targets_mm(run.settings)
     figure = deployment_plan(
-        world, deployment, widths_mm, longest_in=4.6, targets_mm=targets_mm(run.settings)
+        world, deployment, widths_mm, longest_in=4.6, whole=whole, targets_mm=targets
     )
     fine = run.design.branch_count > TOO_FINE
     image = png_bytes(figure, dpi=130) if fine else svg_bytes(figure)
@@ -306,8 +309,8 @@ def _width_sections(run: EndedRun) -> tuple[Section, ...]:
     words = (
         "Whether a tip that meets a wall slides on or stops there is not known, nor how well a "
         "body is placed: what a robot will do lies in these ranges. Positive headings turn the "
-        "base to its left, positive positions move it to its left; places inside walls are left "
-        "out."
+        "base to its left, positive positions move it to its left; places without room for the "
+        "trunk are left out."
     )
     section = Section(title="How wide the score is", paragraphs=(words,), tables=(contacts, placed))
     return (section,)
@@ -340,8 +343,11 @@ def _sheet_section(run: EndedRun, checked: CheckReport | str) -> Section:
         return Section(title=title, paragraphs=(f"Not checked: {checked}.",))
     asked = "" if run.settings.evaluation.fabricable else " The search did not ask for it."
     words = (f"{verdict(checked)}; recipe {run.profile().recipe.name}.{asked}",)
-    if run.design.branch_count > MANY_BRANCHES:
-        return Section(title=title, paragraphs=(*words, "Too many branches to be drawn."))
+    if run.design.branch_count > TOO_FINE:
+        return Section(
+            title=title,
+            paragraphs=(*words, "Too many branches to be drawn here: vinefab check --svg does."),
+        )
     image = svg_bytes(findings_picture(run.design, run.profile(), checked))
     caption = "The body with its seam, as it is cut, and every finding at its place (computed)."
     picture = Picture(image=image, caption=caption, wide=True, file="sheet")
@@ -399,9 +405,11 @@ def _rule_rows(run: EndedRun, checked: CheckReport) -> tuple[tuple[str, ...], ..
             for finding in stricter.findings:
                 if finding.rule not in found and finding.limit is not None:
                     close.setdefault(finding.rule, (finding, finding.limit / factor))
-    return (
-        *(_rule_row(*one, "broken") for one in found.values()),
-        *(_rule_row(*one, "close") for one in close.values()),
+    ranks = list(Severity)
+    return tuple(
+        _rule_row(*one, how)
+        for how, kind in (("broken", found), ("close", close))
+        for one in sorted(kind.values(), key=lambda one: ranks.index(one[0].severity))
     )
 
 
@@ -459,8 +467,10 @@ def _found_section(run: EndedRun) -> Section:
             f"By the quick rules {share:.0f} % of all designs were manufacturable, {end:.0f} % in "
             "the last generation."
         )
+    at_range = run.settings.evaluation.finalists_by == "contact_range"
+    by = "is the mean over the range of contacts" if at_range else "at the contacts of the run"
     finalists = Table(
-        caption="Finalists on the same fresh poses (simulated), the winner first",
+        caption=f"Finalists on the same fresh poses (simulated), the winner first; fitness {by}",
         headings=("fitness", "mean score", "penalty", "branches", "levels"),
         rows=tuple(
             (f"{f.fitness:.4f}", f"{f.score.composite['mean']:.4f}", f"{f.penalty:.3g}",

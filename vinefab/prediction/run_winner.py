@@ -33,7 +33,7 @@ from vinefab.search.evaluator import final_seed, with_pose_range
 from vinefab.search.loop import Search
 from vinefab.search.record.result import RunResult
 from vinefab.search.settings import RunSettings, targets_mm
-from vinefab.tasks.evaluate import score_designs
+from vinefab.tasks.evaluate import PreparedMap, score_designs, trunks_with_room
 from vinefab.tasks.task import Task
 
 UNSEEN = 50
@@ -85,13 +85,13 @@ class WinnerTrial:
     def _change(
         self, family: PreparedFamily, move: Callable[[Pose], Pose], exact: Floats
     ) -> dict[str, Any]:
-        moved = moved_poses(family, move)
-        free = np.array([pose is not None for row in moved for pose in row])
+        poses = self._with_room(family, moved_poses(family, move))
+        free = np.array([pose is not None for row in poses for pose in row])
         if not free.any():
             return {"deployments": 0, "change": None, "low": None, "high": None}
-        poses = tuple(tuple(pose for pose in row if pose is not None) for row in moved)
+        kept = tuple(tuple(pose for pose in row if pose is not None) for row in poses)
         values = np.full(len(exact), np.nan)
-        values[free] = self.scores(replace(family, poses=poses))
+        values[free] = self.scores(replace(family, poses=kept))
         means = group_means(values - exact, names_of(family))
         low, high = mean_interval(means)
         return {
@@ -100,6 +100,21 @@ class WinnerTrial:
             "low": _plain(low),
             "high": _plain(high),
         }
+
+    def _with_room(
+        self, family: PreparedFamily, moved: tuple[tuple[Pose | None, ...], ...]
+    ) -> tuple[tuple[Pose | None, ...], ...]:
+        """Return moved poses, None where the trunk has no room there, or had none before."""
+        return tuple(
+            tuple(
+                pose if pose is not None and self._has_room(place, (before, pose)) else None
+                for before, pose in zip(family.poses[index], row, strict=True)
+            )
+            for index, (place, row) in enumerate(zip(family.maps, moved, strict=True))
+        )
+
+    def _has_room(self, place: PreparedMap, poses: tuple[Pose, ...]) -> bool:
+        return all(trunks_with_room(self.design, [place], (poses,), self.growth))
 
 
 def names_of(family: PreparedFamily) -> list[str]:

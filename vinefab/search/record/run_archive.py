@@ -452,6 +452,7 @@ def plain_summary(archive: RunArchive) -> dict[str, Any]:
         "best_fitness": archive.best_so_far,
         "stopped": archive.stopped or None,
         "winner_score": None if winner is None else dict(winner.score.composite),
+        "unseen_score": archive.prediction.get("unseen", {}).get("score"),
         "extensions": [asdict(extension) for extension in archive.extensions],
         "sessions": [{"began_utc": s.began_utc, **s.times.plain()} for s in archive.sessions],
         "versions": dict(archive.identity.versions),

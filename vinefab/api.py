@@ -220,6 +220,10 @@ def optimize(
     workers: int = 1,
     task: str | Task | None = None,
     resume: bool = False,
+    generations: int | None = None,
+    evaluations: int | None = None,
+    wall_time_s: float | None = None,
+    page: bool = True,
     progress: Callable[[Progress], None] | None = None,
     force: bool = False,
 ) -> RunResult:
@@ -230,14 +234,18 @@ def optimize(
     run
         The path of a run file (TOML, ``vinefab/run-1``), or settings.
     out
-        A folder for the record (``run.sqlite``), ``best.toml`` and, for several objectives, the
-        front; None keeps the result in memory.
+        A folder for the record (``run.sqlite``), ``best.toml``, the page ``index.html`` with its
+        pictures and, for several objectives, the front; None keeps the result in memory.
     workers
         Threads; no result depends on it.
     task
         A task in place of the run's: its name, or a task of your own.
     resume
         Go on with the run in ``out``.
+    generations, evaluations, wall_time_s
+        With ``resume``: limits to raise, also of a run that has ended; 0 lifts the last two.
+    page
+        Whether to write the page, also while the run is going on.
     progress
         Called after every generation.
     force
@@ -247,7 +255,8 @@ def optimize(
     -------
     RunResult
         The winner is ``best``; ``history`` holds every generation, ``score`` the winner's score on
-        fresh poses.
+        fresh poses, and ``prediction`` what the winner does on unseen maps, over contacts and
+        placed off, in plain values.
 
     Raises
     ------
@@ -272,36 +281,59 @@ def optimize(
     >>> len(found.history)
     2
     """
-    from vinefab.search.run import run_search
+    from vinefab.search.live_page import PAGE_NAME
+    from vinefab.search.settings import PartSettings, RunLimits
 
     settings, source = run_given(run)
     whole("workers", workers, 1, 1024)
     own_task = None if task is None or isinstance(task, str) else task_given(task, {})
     if isinstance(task, str):
-        from vinefab.search.settings import PartSettings
-
         settings = replace(settings, task=PartSettings(name=task))
+    limits = RunLimits(generations=generations, evaluations=evaluations, wall_time_s=wall_time_s)
+    if not resume and limits.given:
+        name, value = next(iter(limits.given.items()))
+        raise BadInputError(name, value, "together with resume; else it is a setting of the run")
     if out is None:
         if resume:
             raise BadInputError("resume", resume, "together with out, the folder of the run")
         return _searched(settings, own_task, workers, progress)
+
+    from vinefab.prediction.run_folder import run_in_folder
+
     folder = path_given("out", out)
-    ensure_writable(folder / "best.toml", force=force)
-    result = run_search(
-        settings,
-        folder,
-        resume=resume,
-        workers=workers,
-        progress=progress,
-        source=source,
-        task=own_task,
-    )
+    for name in ("best.toml", *((PAGE_NAME,) if page else ())):
+        ensure_writable(folder / name, force=force)
+    given = "..." if source is None else call_text(source)
+    with python_words():
+        result = run_in_folder(
+            settings,
+            folder,
+            again=f"vf.optimize({given}, out={str(folder)!r}, resume=True)",
+            page=page,
+            resume=resume,
+            limits=limits if limits.given else None,
+            workers=workers,
+            progress=progress,
+            source=source,
+            task=own_task,
+        )
+    _write_result(folder, result, settings, page=page, force=force)
+    return result
+
+
+def _write_result(
+    folder: Path, result: RunResult, settings: RunSettings, *, page: bool, force: bool
+) -> None:
+    """Write the winner of a run, its page and its front."""
     result.best.write(folder / "best.toml", force=force)
+    if page:
+        from vinefab.prediction.run_page import EndedRun, write_run_page
+
+        write_run_page(folder, EndedRun.read(folder, result), force=force)
     if settings.objectives:
         from vinefab.search.front_files import write_front
 
         write_front(result, settings, folder, force=force)
-    return result
 
 
 def check(
@@ -659,8 +691,10 @@ def _searched(
     progress: Callable[[Progress], None] | None,
 ) -> RunResult:
     """Return the result of a search that is not recorded."""
+    from vinefab.prediction.run_winner import predict_winner
     from vinefab.search.loop import Search
     from vinefab.search.run import penalty_of, training_maps
 
     search = Search.of(settings, training_maps(settings), penalty_of(settings), task=task)
-    return search.run(progress=progress, workers=workers)
+    result = search.run(progress=progress, workers=workers)
+    return result.with_prediction(predict_winner(search, result))

@@ -182,6 +182,10 @@ def test_optimize_leaves_a_record_and_a_design_that_grows(vinefab, run_file, gri
     code, words, complaint = vinefab("optimize", run_file, "--out", out)
     assert (code, complaint) == (0, "")
     assert "winner tiny" in words
+    assert words.splitlines()[-1].startswith("found tiny: coverage ")
+    assert words.splitlines()[-1].endswith(f"open {out / 'index.html'}")
+    assert "time: " not in words
+    assert "the best design found" in (out / "index.html").read_text()
     assert vinefab("grow", out / "best.toml", "--map", grid, "-q")[0] == 0
     first = (out / "best.toml").read_bytes()
     code, _, complaint = vinefab("optimize", run_file, "--out", out)
@@ -189,6 +193,33 @@ def test_optimize_leaves_a_record_and_a_design_that_grows(vinefab, run_file, gri
     assert "--resume" in complaint
     assert vinefab("optimize", run_file, "--out", out, "--resume", "-q") == (0, "", "")
     assert (out / "best.toml").read_bytes() == first
+
+
+def test_limits_of_a_run_are_raised_when_it_is_resumed(vinefab, run_file, tmp_path):
+    out = tmp_path / "run"
+    arguments = ("optimize", run_file, "--out", out, "--no-page")
+    code, _, complaint = vinefab(*arguments, "--generations", 3)
+    assert code == 2
+    assert "--generations is 3; allowed: only with --resume" in complaint
+    assert not out.exists()
+    assert vinefab(*arguments, "-q") == (0, "", "")
+    code, words, complaint = vinefab(*arguments, "--resume", "--generations", 3)
+    assert (code, complaint) == (0, "")
+    assert "3 generations, 12 designs evaluated" in words
+    assert "generations 2 -> 3" in words
+    assert not (out / "index.html").exists()
+    code, _, complaint = vinefab(*arguments, "--resume", "--generations", 1)
+    assert (code, complaint.count("\n")) == (2, 1)
+    assert "at least the 3 that the run has" in complaint
+
+
+def test_a_page_of_someone_else_is_kept(vinefab, run_file, tmp_path):
+    (tmp_path / "index.html").write_text("my own page")
+    code, _, complaint = vinefab("optimize", run_file, "--out", tmp_path)
+    assert (code, complaint.count("\n")) == (2, 1)
+    assert "index.html" in complaint
+    assert not (tmp_path / "run.sqlite").exists()
+    assert (tmp_path / "index.html").read_text() == "my own page"
 
 
 def test_demo_at_its_smallest_writes_the_whole_chain(vinefab, tmp_path):

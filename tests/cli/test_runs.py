@@ -18,7 +18,7 @@ PARTS = ("loading", "evaluating", "optimizer", "store", "other")
 
 def test_the_end_of_a_run_says_where_the_time_went(vinefab, run_file, tmp_path):
     code, output, words = vinefab(
-        "optimize", run_file, "--out", tmp_path / "run", "--workers", 2, "--json", "-"
+        "optimize", run_file, "--out", tmp_path / "run", "--workers", 2, "--json", "-", "-v"
     )
     document = json.loads(output)
     assert code == 0
@@ -57,6 +57,7 @@ def test_a_record_alone_gives_the_files_again(vinefab, ended, tmp_path):
     assert (again / "best.toml").read_bytes() == best
     assert (again / "history.svg").read_bytes().startswith(b"<?xml")
     assert (again / "map_grid_1.svg").exists()
+    assert "tiny: the best design found" in (again / "index.html").read_text()
     assert str(again / "best.toml") in words.replace("\n", "")
 
 

@@ -11,8 +11,9 @@ from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
+from vinefab.pages.colours import LEVEL_COLOURS
 from vinefab.pages.drawing import bare_deployment_plan, contour_plan, deployment_plan
-from vinefab.pages.figure import LEVEL_COLOURS, svg_bytes
+from vinefab.pages.figure import svg_bytes
 from vinefab.pages.map_view import UNSEEN, longer_mm, robot_view, rock_in
 
 POSE = Pose(x_mm=50.0, y_mm=5.0, heading_rad=1.5)

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from vinefab.core.units import rad
-from vinefab.growth.options import GrowthOptions
+from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.prediction.family_deployments import PreparedFamily, deploy_family, unseen_maps
 from vinefab.prediction.measures import COVERAGE, GROWN, REACH, SEEN, STUCK
 from vinefab.prediction.prediction_width import (
-    CONTACT_ANGLES_DEG,
     contact_range,
     pressure_range,
     width_content,

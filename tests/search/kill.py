@@ -23,6 +23,7 @@ from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
 from vinefab.search.record.run_archive import RECORD_FILE
 
 GENERATIONS = 300
+OPTIONS = ("--resume", "--workers", "2", "-q")
 BLOWS_PER_RUN = 6
 QUESTIONS = {
     "run": "SELECT * FROM run ORDER BY 1",
@@ -85,7 +86,7 @@ def start(
 ) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "vinefab", "optimize", str(run_file), "--out", str(folder)]
     return subprocess.Popen(
-        [*command, "--resume", "--workers", "2", "-q"],
+        [*command, *OPTIONS],
         stderr=subprocess.PIPE,
         text=True,
         errors="replace",

@@ -1,13 +1,20 @@
 """Who may win: only designs that pass the full check, as long as there is one."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
+import pytest
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.units import rad
+from vinefab.growth.options import CONTACT_ANGLES_DEG
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
 from vinefab.search.record.result import RunResult
 from vinefab.search.settings import RunSettings
+from vinefab.tasks.evaluate import score_design
 
 
 def optimize(
@@ -69,3 +76,36 @@ def test_a_winner_beyond_repair_is_penalized(fabricable: RunSettings, maps: Maps
     assert result.finalists[0].penalty == 1.0
     assert result.finalists[0].fitness < -0.5
     assert "tried 100 changes of the best 2: none is manufacturable" in result.repair
+
+
+def test_finalists_may_be_chosen_by_their_mean_over_the_range_of_contacts(
+    small: RunSettings, maps: Maps
+) -> None:
+    small = replace(small, search=replace(small.search, population=12, generations=6))
+    by_range = replace(small.evaluation, finalists=8, finalists_by="contact_range")
+    usual = optimize(replace(small, evaluation=replace(by_range, finalists_by="training")), maps)
+    result = optimize(replace(small, evaluation=by_range), maps)
+    search = Search.of(replace(small, evaluation=by_range), maps)
+    poses = search.evaluator.final_conditions(small.search.seed).poses
+    prepared = search.evaluator.maps
+    for finalist in result.finalists:
+        scores = [
+            score_design(
+                finalist.design, prepared, poses, search.evaluator.task,
+                replace(small.growth, head_on_half_angle_rad=rad(angle)),
+            ).composite["mean"]
+            for angle in CONTACT_ANGLES_DEG
+        ]  # fmt: skip
+        assert finalist.fitness == pytest.approx(np.mean(scores))
+    fitness = [finalist.fitness for finalist in result.finalists]
+    assert fitness == sorted(fitness, reverse=True)
+    # What is reported stays the score at the contacts of the run; the order is another one.
+    assert {f.score.composite["mean"] for f in result.finalists} == {
+        f.score.composite["mean"] for f in usual.finalists
+    }
+    assert [f.design for f in result.finalists] != [f.design for f in usual.finalists]
+
+
+def test_other_ways_to_choose_finalists_are_refused(small: RunSettings) -> None:
+    with pytest.raises(BadInputError, match="allowed: one of training, contact_range"):
+        replace(small.evaluation, finalists_by="range")

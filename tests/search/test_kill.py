@@ -22,6 +22,7 @@ def test_a_run_that_is_killed_and_out_of_disk_ends_as_the_undisturbed_one(
     kill: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(kill, "GENERATIONS", 25)
+    monkeypatch.setattr(kill, "OPTIONS", (*kill.OPTIONS, "--no-page"))
     course = kill.Course("cmaes", tmp_path, random.Random(5))  # noqa: S311
     folder = tmp_path / "struck"
     for kind in ("full disk", "kill"):

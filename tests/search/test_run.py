@@ -146,7 +146,8 @@ def test_the_result_says_whether_the_winner_is_manufacturable(
     assert result_lines(result)[1].endswith(f"; {unchecked}")
     checked = replace(result, checked=True)
     assert result_lines(checked)[1].endswith("; manufacturable")
-    *_, time, last = result_lines(checked, "VF-T02 (crossing)")
+    assert not any(line.startswith("time: ") for line in result_lines(checked))
+    *_, time, last = result_lines(checked, "VF-T02 (crossing)", verbose=True)
     assert time.startswith("time: ")
     assert last == "found no manufacturable robot: the winner violates VF-T02 (crossing)"
     assert "; not manufacturable" in result_lines(checked, "VF-T02 (crossing)")[1]

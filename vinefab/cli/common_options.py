@@ -16,6 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
+from vinefab.cli.progress_lines import progress_in_lines
 from vinefab.core.atomic import ensure_own_folder, ensure_writable, write_text
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.plain_text import visible
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 EXIT_FINDINGS = 1
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say where the time went, too.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that vinefab did not write.")]
 JsonOut = Annotated[
     str | None, typer.Option("--json", help="Machine-readable result: a file, or - for the output.")
@@ -129,7 +131,11 @@ class CommandOutput:
 
     @contextmanager
     def progress(self, title: str) -> Iterator[Callable[[float, str], None]]:
-        """Show a bar with the time left on a terminal while a block runs."""
+        """Show a bar with the time left on a terminal while a block runs, elsewhere some lines."""
+        if not self.quiet and not self.console.is_terminal:
+            with progress_in_lines(title) as tell:
+                yield tell
+            return
         columns = (
             TextColumn("{task.description}"),
             BarColumn(),
@@ -137,8 +143,7 @@ class CommandOutput:
             TimeRemainingColumn(),
         )
         console = self.console
-        show = console.is_terminal and not self.quiet
-        with Progress(*columns, console=console, transient=True, disable=not show) as bar:
+        with Progress(*columns, console=console, transient=True, disable=self.quiet) as bar:
             task = bar.add_task(title, total=1.0, text="")
             yield lambda share, text: bar.update(task, completed=share, text=text)
 

@@ -8,21 +8,29 @@ from typing import Annotated
 
 import typer
 
-from vinefab.cli.common_options import EXIT_FINDINGS, CommandOutput, Force, JsonOut, Quiet
+from vinefab.cli.common_options import (
+    EXIT_FINDINGS,
+    CommandOutput,
+    Force,
+    JsonOut,
+    Quiet,
+    Verbose,
+)
 from vinefab.core.atomic import ensure_writable, write_text
-from vinefab.core.errors import CannotWriteError, InterruptedRunError
+from vinefab.core.errors import BadInputError, CannotWriteError, InterruptedRunError
 from vinefab.model.files.design_toml import design_text
+from vinefab.prediction.run_folder import run_in_folder
+from vinefab.search.live_page import PAGE_NAME
 from vinefab.search.record.result import Progress, RunResult
 from vinefab.search.run import (
     make_point_evaluator,
     progress_line,
     result_json,
     result_lines,
-    run_search,
     violations_of,
 )
 from vinefab.search.run_file import read_run
-from vinefab.search.settings import RunSettings
+from vinefab.search.settings import RunLimits, RunSettings, limit_option
 
 FRONT_FILES = ("front.json", "front.svg", "front.png")
 
@@ -41,34 +49,60 @@ def optimize_command(
         ),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue the run in --out.")] = False,
+    generations: Annotated[
+        int | None, typer.Option(help="With --resume: go on until so many generations.")
+    ] = None,
+    evaluations: Annotated[
+        int | None,
+        typer.Option(help="With --resume: until so many designs are evaluated; 0: no limit."),
+    ] = None,
+    wall_time_s: Annotated[
+        float | None,
+        typer.Option(help="With --resume: until all sessions took so long; 0: no limit."),
+    ] = None,
+    page: Annotated[
+        bool, typer.Option("--page/--no-page", help="Write index.html, also during the run.")
+    ] = True,
     json_out: JsonOut = None,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     force: Force = False,
 ) -> int:
-    """Search for the best design. Every generation is recorded; --resume continues a stopped run.
+    """Search for the best design; DIR/index.html shows it, also while it is going on.
 
     Example: vinefab optimize examples/grid_coverage.toml --out run --workers 2
+
+    Every generation is recorded: --resume continues a stopped run, and with --generations,
+    --evaluations or --wall-time-s a run that has ended, as if it had been asked for more at once.
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     settings = read_run(run_file)
-    for name in ("best.toml", *(FRONT_FILES if settings.objectives else ())):
+    limits = _limits(generations, evaluations, wall_time_s, resume=resume)
+    pages = (PAGE_NAME,) if page else ()
+    for name in ("best.toml", *pages, *(FRONT_FILES if settings.objectives else ())):
         ensure_writable(out / name, force=force)
     output.ensure_json()
 
     again = ["vinefab", "optimize", str(run_file), "--out", str(out), "--resume"]
     again += ["--cluster", cluster] if cluster else ["--workers", str(workers)]
+    for name, value in limits.given.items() if limits else ():
+        again += [limit_option(name), f"{value:g}" if isinstance(value, float) else str(value)]
+    again += [] if page else ["--no-page"]
     command = shlex.join(again)
     with _resumable(command):
         with output.progress(f"optimizing {settings.name}") as show:
 
             def report(progress: Progress) -> None:
                 line = progress_line(progress, checked=settings.evaluation.fabricable)
-                show(progress.generation / progress.generations, line)
+                show(progress.share, line)
 
-            result = run_search(
+            result = run_in_folder(
                 settings,
                 out,
+                again=command,
+                page=page,
                 resume=resume,
+                limits=limits,
                 workers=make_point_evaluator(workers, cluster),
                 progress=report,
                 source=run_file,
@@ -76,13 +110,47 @@ def optimize_command(
         violations = violations_of(result, settings)
     with _resumable(command), _recorded(command):
         write_text(out / "best.toml", design_text(result.best), force=force)
-        for line in result_lines(result, violations):
+        for line in result_lines(result, violations, verbose=verbose):
             output.say(line)
         output.give_json(result_json(result))
         if settings.objectives:
             _write_front(result, settings, out, output)
-    output.say(f"wrote {out / 'best.toml'} and {out / 'run.sqlite'}")
+        with output.progress(f"page of {settings.name}") as show:
+            show(0.0, "drawing the winner")
+            lines = _outcome(result, violations, out, page=page, force=force)
+        for line in lines:
+            output.say(line)
     return EXIT_FINDINGS if violations else 0
+
+
+def _limits(
+    generations: int | None, evaluations: int | None, wall_time_s: float | None, *, resume: bool
+) -> RunLimits | None:
+    """Return the limits to raise; None if none is given."""
+    limits = RunLimits(generations=generations, evaluations=evaluations, wall_time_s=wall_time_s)
+    for name, value in limits.given.items():
+        if not resume:
+            allowed = f"only with --resume; of a new run it stands in its file, optimizer.{name}"
+            raise BadInputError(limit_option(name), value, allowed)
+    return limits if limits.given else None
+
+
+def _outcome(
+    result: RunResult, violations: str, out: Path, *, page: bool, force: bool
+) -> list[str]:
+    """Write the page if one is asked for, and return what was found, in short at the end."""
+    # Matplotlib takes seconds to load.
+    from vinefab.prediction.run_page import (  # noqa: PLC0415
+        EndedRun,
+        outcome_line,
+        write_run_page,
+    )
+    from vinefab.prediction.run_winner import prediction_lines  # noqa: PLC0415
+
+    run = EndedRun.read(out, result)
+    where = write_run_page(out, run, force=force) if page else out / "best.toml"
+    wrote = f"wrote {out / 'best.toml'} and {out / 'run.sqlite'}"
+    return [*prediction_lines(result.prediction), wrote, outcome_line(run, violations, where)]
 
 
 @contextmanager

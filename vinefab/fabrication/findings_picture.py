@@ -24,8 +24,9 @@ from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding, Severity
 from vinefab.model.job import LaserPath, Operation
 from vinefab.model.laser import LaserProfile, RecipeStatus
+from vinefab.pages.colours import INK, SOFT
 from vinefab.pages.drawing import fill_geometry
-from vinefab.pages.figure import INK, SOFT, house_style
+from vinefab.pages.figure import house_style
 
 SEVERITY_COLOURS = {
     Severity.ERROR: "#b3002d",

@@ -15,6 +15,9 @@ from vinefab.physics.growth_pressure import FITTED_DIAMETER_MM
 
 DEFAULT_HEAD_ON_HALF_ANGLE_RAD = math.radians(1.0)
 
+CONTACT_ANGLES_DEG = (1.0, 5.0, 10.0, 15.0)
+"""Head-on half-angles that a prediction is shown for [assumed]: real tips slid at up to 75 degrees
+from the wall's tangent, so 15 is the most; how much less it is, is not known."""
 
 HALF_ANGLE_DEG = "head_on_half_angle_deg"
 

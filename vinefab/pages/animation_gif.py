@@ -20,7 +20,7 @@ from vinefab.pages.animation import (
     is_live,
     line_px,
 )
-from vinefab.pages.figure import INK, ROCK, ROCK_EDGE, SOFT, level_colour
+from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
 from vinefab.pages.map_view import STOP_WORDS
 
 SHARPNESS = 2

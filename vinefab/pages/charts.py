@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from vinefab.pages.figure import LEVEL_COLOURS, SOFT, blank, house_style
+from vinefab.pages.colours import LEVEL_COLOURS, SOFT
+from vinefab.pages.figure import blank, house_style
 
 
 def fitness_curve(best: ArrayLike, mean: ArrayLike, spread: ArrayLike) -> Figure:

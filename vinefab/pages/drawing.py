@@ -18,7 +18,8 @@ from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
-from vinefab.pages.figure import INK, ROCK, ROCK_EDGE, SOFT, house_style, level_colour, plan_axes
+from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
+from vinefab.pages.figure import house_style, plan_axes
 from vinefab.pages.map_view import (
     STOP_WORDS,
     UNSEEN,
@@ -227,7 +228,7 @@ def _at_least_wide(box: Box) -> Box:
     return box[0] - dx, box[1] - dy, box[2] + dx, box[3] + dy
 
 
-def deployment_plan(
+def deployment_plan(  # noqa: PLR0913  options by keyword
     world: Map,
     deployment: Deployment,
     widths_mm: tuple[float, ...],
@@ -235,14 +236,17 @@ def deployment_plan(
     longest_in: float = 6.5,
     named: bool = False,
     whole: bool = False,
+    targets_mm: Floats | None = None,
 ) -> Figure:
-    """Return a plan of a robot deployed on a map."""
+    """Return a plan of a robot deployed on a map, with targets, shape (t, 2), if there are any."""
     with house_style():
         box = world.bounds.bounds if whole else robot_view(world, deployment)
         figure, axes = plan_axes(box, longest_in)
         draw_map(axes, world, box)
         draw_deployment(axes, deployment, widths_mm)
         draw_pose(axes, deployment.pose, longer_mm(box))
+        if targets_mm is not None:
+            draw_targets(axes, targets_mm)
         if box != world.bounds.bounds:
             size = " x ".join(f"{side:g}" for side in world.size_mm)
             axes.set_title(f"part of {world.name}, {size} mm", fontsize=8, color=SOFT)

@@ -3,9 +3,10 @@
 import base64
 import re
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.jsontext import GENERATOR
@@ -20,11 +21,21 @@ class Picture:
     image: bytes  # the drawing as a complete SVG document or PNG file
     caption: str  # what is to be seen, with the standing of the numbers in it
     wide: bool = False  # whether it takes the whole width of the page
+    file: str = ""  # name of the file beside the page that has it too, without ending
 
     @property
     def media_type(self) -> str:
         """What kind of image it is."""
-        return "image/png" if self.image.startswith(b"\x89PNG") else "image/svg+xml"
+        return "image/png" if self._is_png else "image/svg+xml"
+
+    @property
+    def file_name(self) -> str:
+        """Its file beside the page, with its ending."""
+        return f"{self.file}.{'png' if self._is_png else 'svg'}"
+
+    @property
+    def _is_png(self) -> bool:
+        return self.image.startswith(b"\x89PNG")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +81,16 @@ class Headline:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Live:
+    """How the page of something unfinished stays current: it loads itself again."""
+
+    refresh_s: int  # after how long
+    written_ms: int  # when it was written, since 1970
+    patience_s: int  # without news for so long, whoever writes it has been ended; 0: it says so
+    again: str  # the command that goes on
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
     """A whole report."""
 
@@ -81,6 +102,7 @@ class Report:
     # reservations to the verdict, a sentence each
     cautions: tuple[str, ...] = ()
     headlines: tuple[Headline, ...] = ()  # the numbers to take away
+    live: Live | None = None  # None where it is final
 
 
 _NUMBER = re.compile(r"^(-|[-+]?[\d.,]+(e[-+]?\d+)?( ?%)?)?$")
@@ -91,6 +113,11 @@ def page_html(report: Report) -> str:
 
     Pictures are embedded as images, so that the ids inside one SVG cannot meet those of another.
     """
+    return _template().render(report=report, generator=GENERATOR)
+
+
+@cache
+def _template() -> Template:
     environment = Environment(
         loader=PackageLoader("vinefab.pages"),
         autoescape=True,
@@ -100,7 +127,7 @@ def page_html(report: Report) -> str:
     )
     environment.filters["data_uri"] = _data_uri
     environment.filters["number_columns"] = _number_columns
-    return environment.get_template("report.html.j2").render(report=report, generator=GENERATOR)
+    return environment.get_template("report.html.j2")
 
 
 def _data_uri(picture: Picture) -> str:

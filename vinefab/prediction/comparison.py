@@ -10,13 +10,14 @@ from matplotlib.figure import Figure
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.core.jsontext import json_text
 from vinefab.core.statistics import group_means, holm, mean_interval, sign_flip_p
-from vinefab.growth.options import growth_text
+from vinefab.growth.options import CONTACT_ANGLES_DEG, growth_text
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.pages.charts import frame
+from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
 from vinefab.pages.drawing import deployment_plan
-from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, blank, house_style, svg_bytes
+from vinefab.pages.figure import blank, house_style, svg_bytes
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
 from vinefab.prediction.deployment_sections import spread_chart
 from vinefab.prediction.family_deployments import (
@@ -38,7 +39,6 @@ from vinefab.prediction.measures import (
     spreads_content,
 )
 from vinefab.prediction.prediction_width import (
-    CONTACT_ANGLES_DEG,
     CONTACT_MEASURES,
     CONTACT_WORDS,
     ContactRange,

@@ -13,8 +13,9 @@ from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.pages.charts import frame
+from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
 from vinefab.pages.drawing import deployment_plan
-from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, blank, house_style, png_bytes, svg_bytes
+from vinefab.pages.figure import blank, house_style, png_bytes, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
 from vinefab.prediction.measures import MEASURES, STUCK_STOPS, Measure, MeasureTable, Spread
 
@@ -123,7 +124,7 @@ def deployment_section(
             "Bodies are drawn as wide as they inflate.",
         ),
         pictures=tuple(pictures),
-        tables=tuple(_stop_table(label, deployments) for label, deployments in ended),
+        tables=tuple(stop_table(label, deployments) for label, deployments in ended),
     )
 
 
@@ -165,7 +166,8 @@ def _every_deployment(outcomes: MeasureTable, measures: Sequence[Measure]) -> Ta
     )
 
 
-def _stop_table(label: str, deployments: Sequence[Deployment]) -> Table:
+def stop_table(label: str, deployments: Sequence[Deployment]) -> Table:
+    """Return how the branches of some deployments ended, a row for each level."""
     levels: dict[int, Counter[int]] = {}
     shares: dict[int, list[float]] = {}
     for deployment in deployments:

@@ -20,8 +20,9 @@ from vinefab.maps.poses import draw_poses
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.map import Map, Start
+from vinefab.pages.colours import ALERT, LEVEL_COLOURS
 from vinefab.pages.drawing import draw_map, draw_pose
-from vinefab.pages.figure import ALERT, LEVEL_COLOURS, house_style, plan_axes, svg_bytes
+from vinefab.pages.figure import house_style, plan_axes, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
 from vinefab.physics.tube import inflated_diameter_mm
 from vinefab.prediction.family_deployments import PredictionPlan

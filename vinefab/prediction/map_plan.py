@@ -11,8 +11,9 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.maps.passages import Passage
 from vinefab.model.map import Map
+from vinefab.pages.colours import ALERT, INK, level_colour
 from vinefab.pages.drawing import draw_legend, draw_map, draw_pose, fill_geometry
-from vinefab.pages.figure import ALERT, INK, house_style, level_colour, plan_axes
+from vinefab.pages.figure import house_style, plan_axes
 from vinefab.pages.map_view import UNSEEN
 
 ROOM = level_colour(3)

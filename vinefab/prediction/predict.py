@@ -15,7 +15,7 @@ from vinefab.fabrication.package.prepare import (
     prepare,
     recipe_cautions,
 )
-from vinefab.growth.options import growth_text
+from vinefab.growth.options import CONTACT_ANGLES_DEG, growth_text
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Severity
@@ -53,7 +53,6 @@ from vinefab.prediction.measures import (
     Spread,
 )
 from vinefab.prediction.prediction_width import (
-    CONTACT_ANGLES_DEG,
     ContactRange,
     PressureRange,
     contact_range,

@@ -14,12 +14,13 @@ from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.growth.batch import Batch, Block
-from vinefab.growth.options import GrowthOptions
+from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.growth.plan import Plans
 from vinefab.model.deployment import Stop
 from vinefab.model.design import Design
 from vinefab.pages.charts import frame
-from vinefab.pages.figure import LEVEL_COLOURS, blank, house_style, svg_bytes
+from vinefab.pages.colours import LEVEL_COLOURS
+from vinefab.pages.figure import blank, house_style, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
 from vinefab.physics.growth_pressure import FITTED, FITTED_DIAMETER_MM, FITTED_DIAMETER_RANGE_MM
 from vinefab.prediction.family_deployments import PreparedFamily
@@ -38,10 +39,6 @@ from vinefab.prediction.measures import (
 from vinefab.tasks.coverage import Coverage
 from vinefab.tasks.reach import Reach
 from vinefab.tasks.task import outcomes
-
-CONTACT_ANGLES_DEG = (1.0, 5.0, 10.0, 15.0)
-"""Head-on half-angles that a prediction is shown for [assumed]: real tips slid at up to 75 degrees
-from the wall's tangent, so 15 is the most; how much less it is, is not known."""
 
 CONTACT_MEASURES = (COVERAGE, SEEN, REACH, GROWN, STUCK)
 
@@ -79,7 +76,7 @@ def contact_range(design: Design, prepared: PreparedFamily, options: GrowthOptio
         at_angle = replace(options, head_on_half_angle_rad=rad(angle_deg))
         table = _contact_measures(design, prepared, at_angle)
         for measure, values in zip(CONTACT_MEASURES, table, strict=True):
-            columns[measure.key].append(_contact_value(values, names))
+            columns[measure.key].append(contact_value(values, names))
     return ContactRange(
         label=prepared.label,
         deployments=len(names),
@@ -105,7 +102,8 @@ def _contact_measures(design: Design, prepared: PreparedFamily, options: GrowthO
     return np.concatenate(list(batch.each(measured)), axis=1)
 
 
-def _contact_value(values: Floats, names: Sequence[str]) -> ContactValue:
+def contact_value(values: Floats, names: Sequence[str]) -> ContactValue:
+    """Return the mean of values with its interval, each under the name of its map."""
     means = group_means(values, names) if len(set(names)) > 1 else values
     low, high = mean_interval(means)
     return ContactValue(mean=float(means.mean()), low=low, high=high)

@@ -12,16 +12,8 @@ from vinefab.fabrication.rules.catalog import RULES
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile, Standing
 from vinefab.pages.charts import frame
-from vinefab.pages.figure import (
-    ALERT,
-    INK,
-    LEVEL_COLOURS,
-    SOFT,
-    blank,
-    house_style,
-    level_colour,
-    svg_bytes,
-)
+from vinefab.pages.colours import ALERT, INK, LEVEL_COLOURS, SOFT, level_colour
+from vinefab.pages.figure import blank, house_style, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
 from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, seam_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm

@@ -22,7 +22,8 @@ from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.model.tree import BranchTree, branch_tree
 from vinefab.pages.charts import frame
-from vinefab.pages.figure import LEVEL_COLOURS, SOFT, house_style, svg_bytes
+from vinefab.pages.colours import LEVEL_COLOURS, SOFT
+from vinefab.pages.figure import house_style, svg_bytes
 from vinefab.pages.html import Picture, Section, Table
 from vinefab.prediction.family_deployments import (
     PredictionPlan,
@@ -286,12 +287,12 @@ def made_tree(tree: BranchTree, rng: np.random.Generator) -> BranchTree:
 def _variants(evaluator: VariantEvaluator) -> Iterator[PredictionVariant]:
     design, options, poses = evaluator.design, evaluator.plan.options, evaluator.prepared.poses
     for step in HEADING_STEPS_DEG:
-        moved = _moved(evaluator.prepared, partial(_turned, turn_rad=rad(step)))
+        moved = moved_poses(evaluator.prepared, partial(turned_pose, turn_rad=rad(step)))
         yield PredictionVariant(
             knob="heading", step=step, unit="deg", design=design, options=options, poses=moved
         )
     for step in SIDEWAYS_STEPS_MM:
-        moved = _moved(evaluator.prepared, partial(_shifted, step_mm=step))
+        moved = moved_poses(evaluator.prepared, partial(shifted_pose, step_mm=step))
         yield PredictionVariant(
             knob="position", step=step, unit="mm", design=design, options=options, poses=moved
         )
@@ -315,9 +316,10 @@ def scaled_tree(design: Design, factor: float) -> Design:
     return replace(design, trunk_length_mm=design.trunk_length_mm * factor, levels=levels)
 
 
-def _moved(
+def moved_poses(
     prepared: PreparedFamily, move: Callable[[Pose], Pose]
 ) -> tuple[tuple[Pose | None, ...], ...]:
+    """Return the poses of a family after a move; None where that place is not free."""
     rows = []
     for prepared_map, poses in zip(prepared.maps, prepared.poses, strict=True):
         moved = [move(pose) for pose in poses]
@@ -328,11 +330,12 @@ def _moved(
     return tuple(rows)
 
 
-def _turned(pose: Pose, turn_rad: float) -> Pose:
+def turned_pose(pose: Pose, turn_rad: float) -> Pose:
+    """Return a pose turned to its left."""
     return replace(pose, heading_rad=pose.heading_rad + turn_rad)
 
 
-def _shifted(pose: Pose, step_mm: float) -> Pose:
+def shifted_pose(pose: Pose, step_mm: float) -> Pose:
     """Return a pose moved to its left."""
     return replace(
         pose,

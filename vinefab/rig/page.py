@@ -18,19 +18,9 @@ from vinefab.fabrication.package.sheet_pictures import path_points_mm
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
 from vinefab.model.map import Map
+from vinefab.pages.colours import INK, ROCK, ROCK_EDGE, SOFT, level_colour
 from vinefab.pages.drawing import fill_geometry
-from vinefab.pages.figure import (
-    INK,
-    ROCK,
-    ROCK_EDGE,
-    SOFT,
-    house_style,
-    level_colour,
-    pdf_bytes,
-    plan_axes,
-    png_bytes,
-    svg_bytes,
-)
+from vinefab.pages.figure import house_style, pdf_bytes, plan_axes, png_bytes, svg_bytes
 from vinefab.pages.html import Picture, Report, Section, Table, page_html
 from vinefab.pages.map_view import UNSEEN
 from vinefab.rig.comparison_with_map import RigComparison

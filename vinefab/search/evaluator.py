@@ -268,7 +268,7 @@ class Evaluator:
             raise BadInputError(key, evaluation.maps_per_generation, allowed)
         penalty = spec.penalty if evaluation.fabricable else None
         share = evaluation.pose_range
-        maps = tuple(PreparedMap.of(_with_pose_range(world, share)) for world in spec.maps)
+        maps = tuple(PreparedMap.of(with_pose_range(world, share)) for world in spec.maps)
         names = ["", *(other.name for other in settings.other_tasks)]
         for (name, task), prepared in product(zip(names, spec.tasks, strict=True), maps):
             with _keys_of_other_task(name):
@@ -559,7 +559,7 @@ def _timed(penalty: PenaltyOfBatch, designs: DesignBatch) -> tuple[Floats, Work]
     return penalties, Work(making_s=watch.lap_s())
 
 
-def _with_pose_range(world: Map, share: float) -> Map:
+def with_pose_range(world: Map, share: float) -> Map:
     """Return a map whose starts spread poses over a share of their range."""
     if share == 1.0:
         return world

@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.units import rad
 from vinefab.core.validation import Floats
+from vinefab.growth.options import CONTACT_ANGLES_DEG
 from vinefab.model.design import Design
 from vinefab.model.score import Score
 from vinefab.search.evaluator import INVALID_FITNESS, Evaluations, Evaluator, FullCheck
@@ -139,6 +141,8 @@ def reevaluated(
     finalists = list(_finalists(x, begin(x, conditions)(), conditions, evaluator))
     if not choice.checked:
         finalists = [_fully_checked(finalist, conditions, evaluator) for finalist in finalists]
+    if evaluator.evaluation.finalists_by == "contact_range":
+        finalists = _over_contacts(finalists, begin, conditions, evaluator)
     # Stable: of equals, the one that was better in the search stays first.
     return tuple(sorted(finalists, key=lambda f: -f.fitness))
 
@@ -157,6 +161,22 @@ def _finalists(
             penalty=penalty,
             fitness=_fitness(score, penalty, conditions, evaluator),
         )
+
+
+def _over_contacts(
+    finalists: Sequence[Finalist], begin: Begin, conditions: Conditions, evaluator: Evaluator
+) -> list[Finalist]:
+    """Return finalists whose fitness is that of their mean over the range of contacts."""
+    x = np.array([finalist.x for finalist in finalists])
+    count = sum(len(places) for places in conditions.poses)
+    means = []
+    for angle_deg in CONTACT_ANGLES_DEG:
+        at_angle = replace(conditions, half_angles_rad=(rad(angle_deg),) * count)
+        evaluations = begin(x, at_angle)()
+        means.append(evaluator.composites(evaluations.score, conditions.weights))
+    penalty = np.array([finalist.penalty for finalist in finalists])
+    fitness = evaluator.fitness(np.mean(means, axis=0), penalty).tolist()
+    return [replace(one, fitness=value) for one, value in zip(finalists, fitness, strict=True)]
 
 
 def _scores(

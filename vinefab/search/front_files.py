@@ -18,8 +18,9 @@ from vinefab.model.design import ORIGIN_GROWTH, Design
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.map import Map
 from vinefab.model.score import Score
+from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT
 from vinefab.pages.drawing import draw_deployment, draw_map, draw_targets
-from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, house_style, png_bytes, svg_bytes
+from vinefab.pages.figure import house_style, png_bytes, svg_bytes
 from vinefab.search.costs import COSTS
 from vinefab.search.front import LEAST_BEND, feasible_points, knee, minimized, non_dominated
 from vinefab.search.record.result import RunResult

@@ -183,6 +183,7 @@ class Search:
             repair=repair,
             notes=self.evaluator.notes,
             drift=store.drift if store is not None else (),
+            extensions=store.extensions if store is not None else (),
         )
 
     def _generation(

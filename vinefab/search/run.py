@@ -1,7 +1,8 @@
 """A run of the optimizer with its maps, penalty and record, and its messages to the user."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map
 from vinefab.search.evaluator import Penalty
-from vinefab.search.loop import Search
+from vinefab.search.loop import Search, why_stop
 from vinefab.search.manufacturability import (
     ManufacturabilityPenalty,
     SpaceQuery,
@@ -28,8 +29,9 @@ from vinefab.search.manufacturability import (
 )
 from vinefab.search.parallel.point_evaluator import PointEvaluator, ThreadEvaluator
 from vinefab.search.record.result import Progress, RunIdentity, RunResult
+from vinefab.search.record.run_archive import RECORD_FILE, RunArchive, resumed_limits
 from vinefab.search.record.store import RunStore
-from vinefab.search.settings import MapSettings, RunSettings
+from vinefab.search.settings import MapSettings, RunLimits, RunSettings, limit_option
 from vinefab.search.space import Space
 from vinefab.tasks.evaluate import composites_text
 from vinefab.tasks.task import Task
@@ -52,6 +54,12 @@ def training_maps(settings: RunSettings) -> tuple[Map, ...]:
     if settings.maps.files:
         return _started(map(read_map, settings.maps.files), settings.maps)
     return generated_maps(settings.maps)
+
+
+def first_map(settings: RunSettings) -> Map:
+    """Return the first of the training maps."""
+    maps = replace(settings.maps, count=1, files=settings.maps.files[:1])
+    return training_maps(replace(settings, maps=maps))[0]
 
 
 def _started(worlds: Iterable[Map], maps: MapSettings) -> tuple[Map, ...]:
@@ -105,8 +113,10 @@ def run_search(  # noqa: PLR0913  options by keyword
     folder: Path,
     *,
     resume: bool = False,
+    limits: RunLimits | None = None,
     workers: int | PointEvaluator = 1,
     progress: Callable[[Progress], None] | None = None,
+    predict: Callable[[Search, RunResult], Mapping[str, Any]] | None = None,
     source: Path | None = None,
     task: Task | None = None,
 ) -> RunResult:
@@ -118,6 +128,11 @@ def run_search(  # noqa: PLR0913  options by keyword
         Where the record is, or will be.
     resume
         Whether to continue a record that is there.
+    limits
+        Limits to raise in it.
+    predict
+        Returns what is predicted of the winner elsewhere, in plain values; it is recorded, and
+        what it has under ``origin`` stands in the winner's origin.
     source
         The run file, for error messages.
     workers, progress, task
@@ -131,6 +146,8 @@ def run_search(  # noqa: PLR0913  options by keyword
     CannotWriteError
         Where the record cannot be written.
     """
+    if resume:
+        settings = _raised(resumed_limits(folder, settings), limits or RunLimits(), folder)
     with located(source) if source else nullcontext():
         maps = training_maps(settings)
         penalty = penalty_of(settings)
@@ -138,9 +155,35 @@ def run_search(  # noqa: PLR0913  options by keyword
     identity = RunIdentity.of(search.settings, maps, penalty)
     with (
         folder_to_fill(folder),
-        RunStore.open(folder, identity, maps=maps, resume=resume) as store,
+        RunStore.open(
+            folder, identity, maps=maps, resume=resume, raises_limits=limits is not None
+        ) as store,
     ):
-        return search.run(store=store, progress=progress, workers=workers)
+        result = search.run(store=store, progress=progress, workers=workers)
+        prediction = store.prediction()
+        if predict is not None and not prediction:
+            prediction = predict(search, result)
+            store.keep_prediction(prediction)
+    return result.with_prediction(prediction) if prediction else result
+
+
+def _raised(settings: RunSettings, limits: RunLimits, folder: Path) -> RunSettings:
+    """Return settings with raised limits, unless a run that has ended would end all the same."""
+    raised = replace(settings, search=limits.raised(settings.search))
+    path = folder / RECORD_FILE
+    if raised == settings or not path.is_file():
+        return raised
+    archive = RunArchive.read(path)
+    stopped = why_stop(archive.history, raised.search)
+    if archive.stopped and stopped is not None:
+        option, value = next(iter(limits.given.items()))
+        if stopped in ("generations", "evaluations", "wall_time"):
+            name = "wall_time_s" if stopped == "wall_time" else stopped
+            allowed = f"more of {limit_option(name)}, by which the run has stopped"
+        else:
+            allowed = "nothing: the run has stopped because its best design improves no more"
+        raise BadInputError(limit_option(option), value, allowed, path)
+    return raised
 
 
 def progress_line(progress: Progress, *, checked: bool) -> str:
@@ -152,8 +195,8 @@ def progress_line(progress: Progress, *, checked: bool) -> str:
     )
 
 
-def result_lines(result: RunResult, violations: str = "") -> list[str]:
-    """Return the result of a run as lines for the user."""
+def result_lines(result: RunResult, violations: str = "", *, verbose: bool = False) -> list[str]:
+    """Return the result of a run as lines for the user; verbose: with where the time went."""
     best, score = result.best, result.score
     repair = [f"repair: {result.repair}"] if result.repair else []
     drift = "; ".join(result.drift)
@@ -165,6 +208,7 @@ def result_lines(result: RunResult, violations: str = "") -> list[str]:
         f"run {result.run_id}: {len(result.history)} generations, {result.evaluations} designs "
         f"evaluated, stopped by {result.stopped}",
         *(newer if drift else []),
+        *(extension.text for extension in result.extensions),
         *repair,
         f"winner {best.name}: {best.branch_count} branches on {best.depth} levels; "
         f"{_manufacturability(result, violations)}",
@@ -174,7 +218,7 @@ def result_lines(result: RunResult, violations: str = "") -> list[str]:
         *([f"limits: {best.origin['limits']} (planned)"] if "limits" in best.origin else []),
         *_repeat_line(best),
         *result.notes,
-        result.times.summary,
+        *([result.times.summary] if verbose else []),
         *([failed] if violations else []),
     ]
 
@@ -213,6 +257,8 @@ def result_json(result: RunResult) -> str:
         "evaluations": result.evaluations,
         "fabricable": result.fabricable,
         "repair": result.repair,
+        "extensions": [asdict(extension) for extension in result.extensions],
+        "prediction": {k: v for k, v in result.prediction.items() if k != "origin"} or None,
         "composite": dict(result.score.composite),
         "finalists": [
             {"fitness": f.fitness, "penalty": f.penalty, "composite": dict(f.score.composite)}

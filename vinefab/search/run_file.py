@@ -169,6 +169,7 @@ class EvaluationForm(Form):
     penalty_weight: float = EvaluationSettings().penalty_weight
     finalists: int = EvaluationSettings().finalists
     final_poses_per_map: int = EvaluationSettings().final_poses_per_map
+    finalists_by: str = EvaluationSettings().finalists_by
 
 
 class RunForm(Form):

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from vinefab.core.atomic import write_bytes, write_text
@@ -17,7 +16,7 @@ from vinefab.pages.charts import fitness_curve
 from vinefab.pages.drawing import map_plan
 from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Picture, Section, Table
-from vinefab.search.record.result import Generation, RunResult
+from vinefab.search.record.result import Generation, RunResult, curve_of
 from vinefab.search.record.run_archive import (
     RECORD_FILE,
     RunArchive,
@@ -82,10 +81,7 @@ def rebuild(folder: Path, out: Path, *, force: bool = False) -> tuple[Path, ...]
 
 def history_figure(history: Sequence[Generation]) -> Figure:
     """Return the chart of fitness per generation."""
-    best = np.maximum.accumulate([generation.best for generation in history])
-    mean = [np.nanmean(generation.composite) for generation in history]
-    spread = [np.nanstd(generation.composite) for generation in history]
-    return fitness_curve(best, mean, spread)
+    return fitness_curve(*curve_of(history))
 
 
 MOST_MAPS_SHOWN = 4

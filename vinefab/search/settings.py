@@ -1,7 +1,7 @@
 """The settings of a run."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from vinefab.search.space import LATER, BuildSettings, SpaceSettings
 from vinefab.tasks.evaluate import COMPOSITES, STANDARD_DEVIATION
 
 MOST_SECONDS = 1e8
+FINALISTS_BY = ("training", "contact_range")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,6 +108,57 @@ class SearchSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RunLimits:
+    """The limits of a run that `--resume` may raise; None leaves one as it is.
+
+    Parameters
+    ----------
+    generations, evaluations, wall_time_s
+        As in `SearchSettings`, at least what the run has; 0 lifts the limit of the last two.
+    """
+
+    generations: int | None = None
+    evaluations: int | None = None
+    wall_time_s: float | None = None
+
+    @property
+    def given(self) -> dict[str, float]:
+        """The limits that are given, by name."""
+        named = {name: getattr(self, name) for name in LIMIT_NAMES}
+        return {name: value for name, value in named.items() if value is not None}
+
+    def raised(self, search: SearchSettings) -> SearchSettings:
+        """Return settings with the limits that are given.
+
+        Raises
+        ------
+        BadInputError
+            For a limit below that of the settings.
+        """
+        for name, value in self.given.items():
+            before = getattr(search, name)
+            can_be_lifted = name != "generations"
+            is_lifted = can_be_lifted and value == 0
+            if not is_lifted and (value < before or (can_be_lifted and before == 0)):
+                has = f"at least the {before} that the run has" if before else "0: it has no limit"
+                lifted = ", or 0 for no limit" if can_be_lifted and before else ""
+                raise BadInputError(limit_option(name), value, f"{has}{lifted}")
+        try:
+            return replace(search, **self.given)  # type: ignore[arg-type]
+        except BadInputError as error:
+            option = limit_option(error.key.removeprefix("optimizer."))
+            raise BadInputError(option, error.value, error.allowed) from error
+
+
+LIMIT_NAMES = ("generations", "evaluations", "wall_time_s")
+
+
+def limit_option(name: str) -> str:
+    """Return the command's option for a limit."""
+    return f"--{name.replace('_', '-')}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EvaluationSettings:
     """How a design's fitness is computed.
 
@@ -141,6 +193,9 @@ class EvaluationSettings:
         Number of best designs that are evaluated again to choose the winner.
     final_poses_per_map
         Fresh poses on each map for that.
+    finalists_by
+        What their fitness is there: ``training``, at the contacts that the run trains with, or
+        ``contact_range``, the mean over the head-on half-angles of `CONTACT_ANGLES_DEG`.
     """
 
     poses_per_map: int = 1
@@ -155,6 +210,7 @@ class EvaluationSettings:
     penalty_weight: float = 1.0
     finalists: int = 8
     final_poses_per_map: int = 5
+    finalists_by: str = "training"
 
     def __post_init__(self) -> None:
         whole("evaluation.poses_per_map", self.poses_per_map, 1, 10_000)
@@ -165,6 +221,9 @@ class EvaluationSettings:
             raise BadInputError(
                 "evaluation.composite", self.composite, f"one of {', '.join(COMPOSITES)}"
             )
+        if self.finalists_by not in FINALISTS_BY:
+            allowed = f"one of {', '.join(FINALISTS_BY)}"
+            raise BadInputError("evaluation.finalists_by", self.finalists_by, allowed)
         whole("evaluation.maps_per_generation", self.maps_per_generation, 0, 1000)
         number("evaluation.pose_range", self.pose_range, 0.0, 10.0)
         positive("evaluation.reference_deviation", self.reference_deviation, 1e6, "")

@@ -189,10 +189,13 @@ def contest_rows(
     contest_runs = contest.runs()
     todo = [contest_run for contest_run in contest_runs if contest_run.key not in known]
     _check(contest, todo)
-    for done, row in enumerate(_run_all(todo, jobs), start=len(contest_runs) - len(todo) + 1):
+    total, begun = len(contest_runs), len(contest_runs) - len(todo)
+    tell(begun / max(1, total), f"{begun} of {total} runs")
+    for done, row in enumerate(_run_all(todo, jobs), start=begun + 1):
         _add(record, row)
         known[row.key] = row
-        tell(done / len(contest_runs), f"{row.problem} {row.contender} {row.unseen:.4f}")
+        last = f"{row.problem} {row.contender} {row.unseen:.4f}"
+        tell(done / total, f"{done} of {total} runs, the last {last}")
     return [known[contest_run.key] for contest_run in contest_runs]
 
 

@@ -16,8 +16,9 @@ from scipy.stats import gaussian_kde
 from vinefab.model.deployment import Deployment
 from vinefab.model.map import Map
 from vinefab.pages.charts import frame
+from vinefab.pages.colours import INK, LEVEL_COLOURS, SOFT, level_colour
 from vinefab.pages.drawing import draw_map, draw_pose, fill_geometry
-from vinefab.pages.figure import INK, LEVEL_COLOURS, SOFT, blank, house_style, level_colour
+from vinefab.pages.figure import blank, house_style
 
 
 class ChartValue(Protocol):

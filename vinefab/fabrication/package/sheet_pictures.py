@@ -16,8 +16,9 @@ from vinefab.fabrication.package.machine_time import PathPass, schedule
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
+from vinefab.pages.colours import ALERT, INK, ROCK_EDGE, SOFT
 from vinefab.pages.drawing import fill_geometry
-from vinefab.pages.figure import ALERT, INK, ROCK_EDGE, SOFT, house_style, plan_axes
+from vinefab.pages.figure import house_style, plan_axes
 from vinefab.pages.map_view import Box
 
 OPERATION_COLOURS = {

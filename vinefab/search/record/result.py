@@ -19,9 +19,9 @@ from vinefab.model.design import ORIGIN_GROWTH, Design
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Score
 from vinefab.search.costs import COSTS
-from vinefab.search.evaluator import Penalty, final_seed
+from vinefab.search.evaluator import INVALID_FITNESS, Penalty, final_seed
 from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
-from vinefab.search.settings import RunSettings, plain_settings
+from vinefab.search.settings import LIMIT_NAMES, RunSettings, limit_option, plain_settings
 from vinefab.search.space import Space
 from vinefab.search.timing import TimeSplit
 from vinefab.tasks.shipped_tasks import TASKS
@@ -57,6 +57,18 @@ class Generation:
         return bool(np.isfinite(self.composite).any())
 
 
+def curve_of(history: Sequence[Generation]) -> tuple[Floats, Floats, Floats]:
+    """Return the best fitness so far, and mean and deviation of the scores, by generation.
+
+    NaN where there was no valid design.
+    """
+    best = np.maximum.accumulate([generation.best for generation in history])
+    scores = [g.composite[np.isfinite(g.composite)] for g in history]
+    mean = np.array([values.mean() if len(values) else np.nan for values in scores])
+    spread = np.array([values.std() if len(values) else np.nan for values in scores])
+    return np.where(best > INVALID_FITNESS, best, np.nan), mean, spread
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
     """The progress of a run, for its user."""
@@ -69,6 +81,13 @@ class Progress:
     fabricable_share: float  # share of this generation's points with a manufacturable design
     elapsed_s: float  # of all sessions together
     left_s: float  # for the rest, at this pace
+    history: Sequence[Generation] = ()  # every generation so far
+
+    @property
+    def share(self) -> float:
+        """Share of the run that is done, by the first of its limits that ends it at this pace."""
+        whole_s = self.elapsed_s + self.left_s
+        return self.elapsed_s / whole_s if whole_s > 0.0 else self.generation / self.generations
 
 
 _PACKAGES = ("cmaes", "numba", "numpy", "pymoo", "pyswarms", "scipy", "shapely")
@@ -85,6 +104,32 @@ class Finalist:
     fitness: float  # on the fresh poses; finalists are ordered by it
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extension:
+    """One time that limits of a run were raised after it had begun."""
+
+    utc: str  # when, ISO 8601
+    generations_done: int  # how many generations it had by then
+    stopped: str  # why it had stopped; empty if it was not done
+    before: Mapping[str, float]  # the limits until then, by name
+    after: Mapping[str, float]  # the limits since then
+    score: float | None = None  # mean score of the winner that it had, on fresh poses
+
+    @property
+    def text(self) -> str:
+        """The extension in a line for the user."""
+        raised = [
+            f"{name} {self.before[name]:g} -> {value:g}"
+            for name, value in self.after.items()
+            if value != self.before[name]
+        ]
+        had = "" if self.score is None else f", with a winner of {self.score:.4f} (simulated)"
+        return (
+            f"extended {self.utc[:19]} UTC after {self.generations_done} generations{had}: "
+            f"{', '.join(raised)}"
+        )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunResult:
     """The result of a run."""
@@ -99,11 +144,19 @@ class RunResult:
     repair: str = ""  # message on the feasibility repair; empty where none was needed
     notes: tuple[str, ...] = ()  # what a user should know about the starts, a sentence each
     drift: tuple[str, ...] = ()  # packages with other versions than when the run began
+    extensions: tuple[Extension, ...] = ()  # each time that its limits were raised
+    # what is predicted of the winner elsewhere, in plain values (`prediction.run_winner`)
+    prediction: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def score(self) -> Score:
         """The winner's score on fresh poses on the training maps."""
         return self.finalists[0].score
+
+    def with_prediction(self, prediction: Mapping[str, Any]) -> "RunResult":
+        """Return the result with what is predicted of the winner, also in the winner's origin."""
+        best = replace(self.best, origin={**self.best.origin, **prediction.get("origin", {})})
+        return replace(self, best=best, prediction=prediction)
 
     @property
     def fabricable(self) -> bool:
@@ -198,6 +251,17 @@ class RunIdentity:
         """Id of the run, 12 hexadecimal digits; independent of other packages' versions."""
         return fingerprint(self._portable_settings, self.maps, self.versions["vinefab"])
 
+    def with_limits(self, search: Mapping[str, Any]) -> "RunIdentity":
+        """Return the identity of the same run with the limits of other search settings."""
+        limits = {name: search[name] for name in LIMIT_NAMES}
+        settings = {**self.settings, "search": {**self.settings["search"], **limits}}
+        return replace(self, settings=settings)
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """The limits that end the run, by name."""
+        return {name: self.settings["search"][name] for name in LIMIT_NAMES}
+
     @property
     def _portable_settings(self) -> dict[str, Any]:
         """The settings without the paths of map files; their content counts instead.
@@ -227,7 +291,9 @@ class RunIdentity:
         difference = first_difference(self._portable_settings, recorded._portable_settings)
         if difference is not None:
             key, mine, before = difference
-            return BadInputError(key, mine, f"{before!r}, with which the run began")
+            name = key.removeprefix("search.")
+            raised = f"; {limit_option(name)} raises it" if name in LIMIT_NAMES else ""
+            return BadInputError(key, mine, f"{before!r}, with which the run began{raised}")
         if self.maps != recorded.maps:
             return BadInputError("maps", "other maps", "the maps with which the run began")
         return None

@@ -4,10 +4,10 @@ import base64
 import json
 import sqlite3
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from contextlib import closing, contextmanager
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import shapely
@@ -19,13 +19,21 @@ from vinefab.growth.options import GrowthOptions
 from vinefab.model.design import Pouch
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Score
-from vinefab.search.record.result import Finalist, Generation, RunIdentity, RunResult, with_origin
+from vinefab.search.record.result import (
+    Extension,
+    Finalist,
+    Generation,
+    RunIdentity,
+    RunResult,
+    with_origin,
+)
 from vinefab.search.settings import (
     EvaluationSettings,
     MapSettings,
     PartSettings,
     RunSettings,
     SearchSettings,
+    plain_settings,
 )
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
 from vinefab.search.timing import TimeSplit
@@ -195,6 +203,50 @@ def recorded_identity(entries: Mapping[str, str], path: Path) -> RunIdentity:
     )
 
 
+EXTENSION_TABLE = "CREATE TABLE IF NOT EXISTS extension (number INTEGER PRIMARY KEY, content TEXT)"
+
+
+def read_extensions(connection: sqlite3.Connection) -> tuple[Extension, ...]:
+    """Return every time that the limits of a run were raised, in order."""
+    named = "SELECT 1 FROM sqlite_master WHERE name = 'extension'"
+    if connection.execute(named).fetchone() is None:
+        return ()
+    rows = connection.execute("SELECT content FROM extension ORDER BY number").fetchall()
+    return tuple(Extension(**json.loads(text)) for (text,) in rows)
+
+
+def completed(identity: RunIdentity) -> RunIdentity:
+    """Return an identity with the defaults of settings that are newer than its record."""
+    plain = plain_settings(settings_from_plain(identity.settings))
+    return replace(identity, settings={**identity.settings, **cast("dict[str, Any]", plain)})
+
+
+def resumed_limits(folder: Path, settings: RunSettings) -> RunSettings:
+    """Return the settings of a run with the limits that its record has, if it has one.
+
+    A run file says what was asked for first, also after the limits were raised. One that says
+    neither that nor what holds now is left as it is, to be refused when the record is opened.
+    """
+    path = folder / RECORD_FILE
+    if not path.is_file():
+        return settings
+    with damage_errors(path), closing(_connected(path)) as connection:
+        tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
+        if "run" not in tables:
+            return settings
+        entries = dict(connection.execute("SELECT key, value FROM run").fetchall())
+        limits = recorded_identity(entries, path).limits
+        known = [limits, *(one.before for one in read_extensions(connection))]
+        if {name: getattr(settings.search, name) for name in limits} not in known:
+            return settings
+        return replace(settings, search=replace(settings.search, **limits))  # type: ignore[arg-type]
+
+
+def _connected(path: Path) -> sqlite3.Connection:
+    # Not read-only: even a reader may have to create the WAL files.
+    return sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True)
+
+
 def read_generations(connection: sqlite3.Connection) -> list[Generation]:
     """Return every generation recorded, in order."""
     rows = connection.execute(
@@ -302,6 +354,8 @@ class RunArchive:
     stopped: str  # why it stopped; empty before it has
     sessions: tuple[Session, ...]  # in order
     repair: str = ""  # message on the feasibility repair
+    extensions: tuple[Extension, ...] = ()  # each time that its limits were raised
+    prediction: Mapping[str, Any] = field(default_factory=dict)  # as in `RunResult`
 
     @classmethod
     def read(cls, path: Path) -> "RunArchive":
@@ -314,13 +368,8 @@ class RunArchive:
         """
         if not path.is_file():
             raise UnreadableFileError(path, "there is no such file")
-        with damage_errors(path):
-            # Not read-only: even a reader may have to create the WAL files.
-            connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True)
-            try:
-                return cls._from(connection, path)
-            finally:
-                connection.close()
+        with damage_errors(path), closing(_connected(path)) as connection:
+            return cls._from(connection, path)
 
     @classmethod
     def _from(cls, connection: sqlite3.Connection, path: Path) -> "RunArchive":
@@ -343,6 +392,8 @@ class RunArchive:
             stopped=entries.get("stopped", ""),
             sessions=tuple(_session(*row) for row in sessions),
             repair=entries.get("repair", ""),
+            extensions=read_extensions(connection),
+            prediction=json.loads(entries.get("prediction", "{}")),
         )
 
     @property
@@ -358,7 +409,7 @@ class RunArchive:
         if not self.sessions:
             raise UnreadableFileError(self.path, "is damaged: the row of its session is missing")
         run_id = self.identity.run_id
-        return RunResult(
+        result = RunResult(
             run_id=run_id,
             best=with_origin(self.finalists[0], self.settings, run_id, self.identity.versions),
             finalists=self.finalists,
@@ -367,7 +418,9 @@ class RunArchive:
             times=self.sessions[-1].times,
             checked=self.settings.evaluation.fabricable,
             repair=self.repair,
+            extensions=self.extensions,
         )
+        return result.with_prediction(self.prediction) if self.prediction else result
 
 
 def _session(began_utc: str, seconds: str) -> Session:
@@ -399,6 +452,8 @@ def plain_summary(archive: RunArchive) -> dict[str, Any]:
         "best_fitness": archive.best_so_far,
         "stopped": archive.stopped or None,
         "winner_score": None if winner is None else dict(winner.score.composite),
+        "unseen_score": archive.prediction.get("unseen", {}).get("score"),
+        "extensions": [asdict(extension) for extension in archive.extensions],
         "sessions": [{"began_utc": s.began_utc, **s.times.plain()} for s in archive.sessions],
         "versions": dict(archive.identity.versions),
     }

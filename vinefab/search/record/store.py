@@ -8,9 +8,10 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,16 +20,26 @@ from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileE
 from vinefab.core.jsontext import GENERATOR
 from vinefab.core.lock import lock_folder
 from vinefab.model.map import Map
-from vinefab.search.record.result import Finalist, Generation, Progress, RunIdentity
+from vinefab.search.record.result import (
+    Extension,
+    Finalist,
+    Generation,
+    Progress,
+    RunIdentity,
+)
 from vinefab.search.record.run_archive import (
     BUSY,
+    EXTENSION_TABLE,
     RECORD_FILE,
     RECORD_SCHEMA,
+    completed,
     damage_errors,
     map_to_text,
+    read_extensions,
     read_finalists,
     read_generations,
     recorded_identity,
+    score_from_text,
     score_to_text,
     state_from_text,
     state_to_text,
@@ -65,12 +76,15 @@ class RunStore:
     ----------
     drift
         Packages with other versions than when the run began, one message each.
+    extensions
+        Each time that the limits of the run were raised.
     """
 
     def __init__(self, path: Path, connection: sqlite3.Connection, identity: RunIdentity) -> None:
         self.path = path
         self.identity = identity
         self.drift: tuple[str, ...] = ()
+        self.extensions: tuple[Extension, ...] = ()
         self._connection = connection
         self._session = 0
         self._lock: int | None = None
@@ -84,8 +98,14 @@ class RunStore:
         *,
         maps: Sequence[Map] = (),
         resume: bool = False,
+        raises_limits: bool = False,
     ) -> "RunStore":
         """Open the record in a folder, or begin a new one.
+
+        Parameters
+        ----------
+        raises_limits
+            Whether the identity may have other limits than the record, which then has them too.
 
         Raises
         ------
@@ -109,7 +129,7 @@ class RunStore:
                 _unlock(lock)
                 raise
             try:
-                store._begin(maps)
+                store._begin(maps, raises_limits=raises_limits)
             except BaseException:
                 store._close(remove=is_new)
                 raise
@@ -188,6 +208,19 @@ class RunStore:
             row = self._connection.execute(query).fetchone()
         return "" if row is None else str(row[0])
 
+    def prediction(self) -> Mapping[str, Any]:
+        """Return what was predicted of the winner; nothing where that is not recorded."""
+        with damage_errors(self.path):
+            query = "SELECT value FROM run WHERE key = 'prediction'"
+            row = self._connection.execute(query).fetchone()
+            return {} if row is None else dict(json.loads(row[0]))
+
+    def keep_prediction(self, prediction: Mapping[str, Any]) -> None:
+        """Record what is predicted of the winner."""
+        row = ("prediction", json.dumps(prediction, allow_nan=False))
+        with self._transaction() as connection:
+            connection.execute("INSERT OR REPLACE INTO run VALUES (?, ?)", row)
+
     def close(self) -> None:
         """Close the file."""
         self._close(remove=False)
@@ -221,7 +254,7 @@ class RunStore:
                 (json.dumps(times.plain()), self._session),
             )
 
-    def _begin(self, maps: Sequence[Map]) -> None:
+    def _begin(self, maps: Sequence[Map], *, raises_limits: bool) -> None:
         """Create the tables, or compare those that exist with the run; record the session."""
         with system_errors(self.path):
             self._connection.execute("PRAGMA journal_mode = WAL")
@@ -236,7 +269,7 @@ class RunStore:
             raise UnreadableFileError(self.path, "is not the record of a run")
         row = (datetime.now(UTC).isoformat(), json.dumps(dict(self.identity.versions)), "{}")
         if names:
-            self._compare()
+            self._compare(raises_limits=raises_limits)
         with self._transaction() as connection:
             session = connection.execute(
                 "INSERT INTO session (began_utc, versions, seconds) VALUES (?, ?, ?)", row
@@ -264,17 +297,47 @@ class RunStore:
         }
         return {key: json.dumps(value, sort_keys=True) for key, value in parts.items()}
 
-    def _compare(self) -> None:
-        """Raise unless the record is of this run."""
+    def _compare(self, *, raises_limits: bool) -> None:
+        """Raise unless the record is of this run; raise its limits if that is asked for."""
         with damage_errors(self.path):
             entries = dict(self._connection.execute("SELECT key, value FROM run").fetchall())
             recorded = recorded_identity(entries, self.path)
-            problem = self.identity.differs_from(recorded)
+            now = recorded
+            if raises_limits:
+                now = recorded.with_limits(self.identity.settings["search"])
+            problem = self.identity.differs_from(completed(now))
             self.drift = tuple(self.identity.drift(recorded))
         if problem is not None:
             raise problem.at(self.path)
         # The winner's origin names the versions with which the run began.
-        self.identity = recorded
+        self.identity = now
+        if now.limits != recorded.limits:
+            self._extend(recorded, entries.get("stopped", ""))
+        with damage_errors(self.path):
+            self.extensions = read_extensions(self._connection)
+
+    def _extend(self, recorded: RunIdentity, stopped: str) -> None:
+        """Record other limits, and that a run which had ended has not."""
+        with damage_errors(self.path):
+            row = self._connection.execute("SELECT score FROM finalist WHERE place = 0").fetchone()
+            score = None if row is None else score_from_text(row[0]).composite["mean"]
+        extension = Extension(
+            utc=datetime.now(UTC).isoformat(),
+            generations_done=self.recorded,
+            stopped=stopped,
+            before=recorded.limits,
+            after=self.identity.limits,
+            score=score,
+        )
+        settings, run_id = self._identity_texts()["settings"], self.identity.run_id
+        with self._transaction() as connection:
+            connection.execute(EXTENSION_TABLE)
+            content = json.dumps(asdict(extension))
+            connection.execute("INSERT INTO extension (content) VALUES (?)", (content,))
+            rows = [("settings", settings), ("run_id", run_id)]
+            connection.executemany("INSERT OR REPLACE INTO run VALUES (?, ?)", rows)
+            connection.execute("DELETE FROM run WHERE key IN ('stopped', 'repair', 'prediction')")
+            connection.execute("DELETE FROM finalist")
 
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
@@ -351,7 +414,7 @@ class Recorder:
         if history is not None and self._progress is not None:
             with self._ledger.spending("store"):
                 self._totals = self._totals.after(history)
-                self._progress(self._totals.progress(history[-1], self._search))
+                self._progress(self._totals.progress(history, self._search))
 
     def _write(self) -> None:
         generations, state = self._pending
@@ -382,6 +445,7 @@ class _RunningTotals(NamedTuple):
     generations: int
     best: float  # best fitness
     elapsed_s: float
+    evaluations: int = 0  # designs evaluated
 
     def after(self, history: Sequence[Generation]) -> "_RunningTotals":
         """Return the totals after more generations."""
@@ -390,10 +454,21 @@ class _RunningTotals(NamedTuple):
             len(history),
             max([self.best, *(generation.best for generation in new)]),
             self.elapsed_s + sum(generation.seconds for generation in new),
+            self.evaluations + sum(len(generation.fitness) for generation in new),
         )
 
-    def progress(self, last: Generation, search: SearchSettings) -> Progress:
+    def share(self, search: SearchSettings) -> float:
+        """Return the share of the run that is done, by the limit that is nearest."""
+        shares = [self.generations / search.generations]
+        if search.evaluations:
+            shares.append(self.evaluations / search.evaluations)
+        if search.wall_time_s:
+            shares.append(self.elapsed_s / search.wall_time_s)
+        return min(1.0, max(shares))
+
+    def progress(self, history: Sequence[Generation], search: SearchSettings) -> Progress:
         """Return the progress after the last generation."""
+        last = history[-1]
         designs = last.composite[np.isfinite(last.composite)]
         return Progress(
             generation=self.generations,
@@ -403,5 +478,6 @@ class _RunningTotals(NamedTuple):
             spread=float(designs.std()) if len(designs) else 0.0,
             fabricable_share=last.fabricable_share,
             elapsed_s=self.elapsed_s,
-            left_s=self.elapsed_s / self.generations * (search.generations - self.generations),
+            left_s=self.elapsed_s * (1.0 / self.share(search) - 1.0),
+            history=history,
         )

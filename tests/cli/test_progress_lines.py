@@ -1,0 +1,69 @@
+"""Progress of long commands where no terminal shows a bar."""
+
+import time
+
+import pytest
+
+from vinefab.cli import progress_lines
+from vinefab.cli.common_options import CommandOutput
+from vinefab.cli.progress_lines import _State, progress_in_lines
+
+
+@pytest.fixture
+def often(monkeypatch):
+    """Lines follow each other in hundredths of a second."""
+    for name in ("FIRST_S", "STEP_S", "MOST_STEP_S"):
+        monkeypatch.setattr(progress_lines, name, 0.01)
+
+
+def written(capsys, least):
+    """Wait until some lines are written to standard error, and return them."""
+    text, ends_s = "", time.monotonic() + 5.0
+    while text.count("\n") < least and time.monotonic() < ends_s:
+        time.sleep(0.01)
+        text += capsys.readouterr().err
+    return text.splitlines()
+
+
+@pytest.mark.usefixtures("often")
+def test_a_piped_command_tells_how_far_it_is_while_a_step_lasts(capsys):
+    with CommandOutput().progress("working") as show:
+        show(0.25, "1 of 4")
+        lines = written(capsys, 2)
+    assert len(lines) >= 2
+    assert lines[-1].startswith("working: 25 % after 0 s")
+    assert lines[-1].endswith(": 1 of 4")
+    time.sleep(0.05)
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+def test_quiet_commands_and_quick_ones_write_no_line(capsys, quiet, monkeypatch):
+    if quiet:
+        monkeypatch.setattr(progress_lines, "FIRST_S", 0.001)
+    with CommandOutput(quiet=quiet).progress("working") as show:
+        show(0.5, "half")
+        time.sleep(0.05)
+    assert capsys.readouterr().err == ""
+
+
+def test_the_time_left_is_that_at_the_pace_of_this_session(monkeypatch):
+    now_s = [100.0]
+    monkeypatch.setattr(progress_lines.time, "monotonic", lambda: now_s[0])
+    state = _State("run")
+    assert state.line() == "run: 0 % after 0 s"
+    now_s[0] += 5.0
+    state.update(0.5, "as recorded")  # of an earlier session
+    now_s[0] += 60.0
+    state.update(0.75, "75 of 100")
+    assert state.line() == "run: 75 % after 1 min 5 s, about 1 min 0 s left: 75 of 100"
+    state.update(0.1, "the next part")
+    assert state.line() == "run: 10 % after 1 min 5 s: the next part"
+
+
+@pytest.mark.usefixtures("often")
+def test_nobody_listening_ends_nothing(monkeypatch):
+    monkeypatch.setattr(progress_lines.sys, "stderr", None)
+    with progress_in_lines("working") as show:
+        show(0.5, "half")
+        time.sleep(0.05)

@@ -1,0 +1,124 @@
+"""The page of a run that has ended."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vinefab.core.atomic import is_ours
+from vinefab.pages.html import page_html
+from vinefab.prediction import run_page
+from vinefab.prediction.run_folder import run_in_folder
+from vinefab.prediction.run_page import EndedRun, ended_report, outcome_line, write_run_page
+from vinefab.search.record.result import Extension
+from vinefab.search.record.run_archive import RECORD_FILE, RunArchive
+from vinefab.search.run import run_search
+from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
+from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
+
+RUN = RunSettings(
+    name="few",
+    maps=MapSettings(count=1),
+    space=SpaceSettings(levels=Bounds(low=2, high=2), branches=Bounds(low=2, high=3)),
+    build=BuildSettings(trunk_width_mm=20.0),
+    search=SearchSettings(population=4, generations=3),
+    evaluation=EvaluationSettings(finalists=2, final_poses_per_map=2),
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a run and its page."""
+    out = tmp_path_factory.mktemp("run")
+    result = run_in_folder(RUN, out, again="")
+    write_run_page(out, EndedRun.read(out, result))
+    return out
+
+
+def test_the_folder_holds_a_page_and_its_pictures(folder: Path) -> None:
+    page = (folder / "index.html").read_text()
+    for heading in (
+        "The winner on its training maps",
+        "The winner on unseen maps",
+        "How wide the score is",
+        "The flat sheet and what the rules say",
+        "What limits it",
+        "How it was found",
+    ):
+        assert f"<h2>{heading}</h2>" in page
+    assert "on 50 unseen grid maps (simulated)" in page
+    assert 'src="http' not in page
+    assert 'http-equiv="refresh"' not in page
+    names = {path.name for path in (folder / "pictures").iterdir()}
+    assert {"curve.svg", "sheet.svg", "training_1.svg", "unseen_median.svg"} <= names
+    assert page.count("<img ") == len(names)
+    assert all(is_ours(path) for path in (folder / "pictures").iterdir())
+
+
+def test_the_record_alone_gives_the_page_again(folder: Path, tmp_path: Path) -> None:
+    run = EndedRun.read(folder)
+    write_run_page(tmp_path, run)
+    session = re.compile(r"The last session: [^<]*")
+    one, two = ((place / "index.html").read_text() for place in (folder, tmp_path))
+    assert session.sub("", one) == session.sub("", two)
+    assert RunArchive.read(folder / RECORD_FILE).prediction == run.result.prediction
+
+
+def test_the_outcome_in_one_line(folder: Path) -> None:
+    run = EndedRun.read(folder)
+    line = outcome_line(run, "", Path("out/index.html"))
+    assert re.match(
+        r"found few: coverage \d\.\d{3} \[\d\.\d{3}, \d\.\d{3}\] on 50 unseen grid maps, "
+        r"\d\.\d{3} to \d\.\d{3} over contacts \(simulated\); \d+ branches on 2 levels; "
+        r"manufacturable; open out/index\.html$",
+        line,
+    )
+    assert "; not manufacturable (VF-T02); " in outcome_line(run, "VF-T02 (x)", Path("a"))
+    bare = replace(run, result=replace(run.result, prediction={}, checked=False))
+    assert "on fresh poses (simulated); " in outcome_line(bare, "", Path("a"))
+    assert "manufacturability not asked for" in outcome_line(bare, "", Path("a"))
+
+
+def table(run: EndedRun, caption: str) -> list[tuple[str, ...]]:
+    section = run_page._limit_section(run, run_page._checked(run), run_page._unseen(run))
+    return [row for one in section.tables if caption in one.caption for row in one.rows]
+
+
+def test_bounds_that_the_winner_touches_are_named(folder: Path) -> None:
+    run = EndedRun.read(folder)
+    space = Space(run.settings.space, run.settings.build)
+    x = np.full(len(space), 0.5)
+    x[[variable.name for variable in space.variables].index("angle_deg")] = 1.0
+    winner = run.result.finalists[0]
+    moved = replace(run, result=replace(run.result, finalists=(replace(winner, x=x),)))
+    rows = table(moved, "at an end of its range")
+    assert ("angle_deg, level 2", "160", "most, 160") in rows
+    assert not [row for row in rows if row[0].startswith("length_mm")]
+
+
+def test_rules_close_to_their_limits_are_told_from_broken_ones(folder: Path) -> None:
+    run = EndedRun.read(folder)
+    rows = table(run, "stricter (computed)")
+    kinds = {row[1].split(" ")[0] for row in rows}
+    assert kinds <= {"broken", "close"}
+    broken = {row[0] for row in rows if row[1].startswith("broken")}
+    close = {row[0] for row in rows if row[1].startswith("close")}
+    assert "VF-L06" in broken  # the recipe is not calibrated
+    assert "VF-B01" in close  # the default tail is as short as it may be
+    assert not broken & close
+
+
+def test_a_run_without_prediction_or_with_extensions_has_a_page_too(tmp_path: Path) -> None:
+    unchecked = replace(RUN, evaluation=replace(RUN.evaluation, fabricable=False))
+    result = run_search(unchecked, tmp_path)
+    extension = Extension(
+        utc="2026-01-01T00:00:00", generations_done=2, stopped="", before={"generations": 2},
+        after={"generations": 3},
+    )  # fmt: skip
+    run = EndedRun.read(tmp_path, replace(result, extensions=(extension,)))
+    text = page_html(ended_report(run))
+    assert "How wide the score is" not in text
+    assert "The search did not ask for it." in text
+    assert "generations 2 -&gt; 3" in text

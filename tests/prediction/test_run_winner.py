@@ -1,0 +1,160 @@
+"""What a run's winner is expected to do elsewhere."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vinefab.core.errors import BadInputError
+from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
+from vinefab.maps.generators.grid import grid_map
+from vinefab.model.files.map_geojson import map_text
+from vinefab.model.map import Pose, Start
+from vinefab.prediction.family_deployments import unseen_maps
+from vinefab.prediction.run_winner import (
+    UNSEEN,
+    contact_ends,
+    placed_off_range,
+    predict_winner,
+    prediction_lines,
+)
+from vinefab.prediction.scoring import ScorePlan, score_design_on_task
+from vinefab.search.loop import Search
+from vinefab.search.record.result import RunResult
+from vinefab.search.run import training_maps
+from vinefab.search.settings import (
+    EvaluationSettings,
+    MapSettings,
+    PartSettings,
+    RunSettings,
+    SearchSettings,
+)
+
+RUN = RunSettings(
+    name="few",
+    maps=MapSettings(count=2),
+    task=PartSettings(name="coverage"),
+    search=SearchSettings(population=6, generations=3, seed=4),
+    evaluation=EvaluationSettings(fabricable=False, finalists=2, final_poses_per_map=2),
+)
+
+
+def predicted(settings: RunSettings) -> tuple[Search, RunResult, dict[str, Any]]:
+    search = Search.of(settings, training_maps(settings))
+    result = search.run()
+    return search, result, predict_winner(search, result)
+
+
+@pytest.fixture(scope="module")
+def run() -> tuple[Search, RunResult, dict[str, Any]]:
+    """A run with its result and what is predicted of its winner."""
+    return predicted(RUN)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "start", "words"),
+    [
+        ({"target_mm": [[250.0, 380.0]]}, None, "targets are points of its own"),
+        ({}, Start(pose=Pose.of((250, 15, 90)), spread_x_mm=9.0), "start is a place on its own"),
+    ],
+)
+def test_a_run_that_names_places_is_predicted_on_its_own_maps(
+    parameters: dict[str, object], start: Start | None, words: str
+) -> None:
+    settings = replace(
+        RUN,
+        maps=MapSettings(count=1, seed=3, start=start),
+        task=PartSettings(name="reach", parameters=parameters),
+    )
+    _, _, found = predicted(settings)
+    assert found["unseen"]["label"] == "other poses on the 1 training map"
+    assert words in found["note"]
+
+
+Predicted = tuple[Search, RunResult, dict[str, Any]]
+
+
+def test_the_score_on_unseen_maps_is_that_of_the_score_command(run: Predicted) -> None:
+    _, result, found = run
+    worlds = unseen_maps("grid", UNSEEN, 0).worlds
+    plan = ScorePlan(task="coverage", poses=1, seed=0)
+    score = score_design_on_task(result.best, worlds, plan, RUN.growth)
+    assert found["unseen"]["deployments"] == UNSEEN
+    assert found["unseen"]["label"] == f"{UNSEEN} unseen grid maps"
+    assert found["unseen"]["score"]["mean"] == pytest.approx(score.composite["mean"], abs=1e-3)
+    assert found["unseen"]["score"]["low"] < found["unseen"]["score"]["mean"]
+    # The first half-angle of the range is the run's own.
+    assert found["unseen"]["over_contacts"][0] == found["unseen"]["score"]
+    assert found["training"]["score"]["mean"] == pytest.approx(
+        result.score.composite["mean"], abs=1e-3
+    )
+    growth = GrowthOptions.of({"head_on_half_angle_deg": CONTACT_ANGLES_DEG[-1]})
+    score = score_design_on_task(result.best, worlds, plan, growth)
+    mean = found["unseen"]["over_contacts"][-1]["mean"]
+    assert mean == pytest.approx(score.composite["mean"], abs=1e-3)
+
+
+def test_what_is_predicted_stands_in_lines_and_in_the_origin(run: Predicted) -> None:
+    search, result, found = run
+    assert predict_winner(search, result) == found
+    low, high = contact_ends(found)
+    origin = result.with_prediction(found).best.origin
+    assert origin["unseen_score"] == round(found["unseen"]["score"]["mean"], 4)
+    assert origin["unseen_score_over_contacts"][0] == origin["unseen_score"]
+    assert min(origin["unseen_score_over_contacts"]) == round(low, 4)
+    first, *_, last = prediction_lines(found)
+    assert f"(assumed) {low:.3f} to {high:.3f}" in first
+    assert "placed off by up to 10 mm or 10 deg (assumed)" in last
+
+
+def test_a_body_placed_off_is_compared_with_itself(run: Predicted) -> None:
+    _, _, found = run
+    steps = [(row["knob"], row["step"]) for row in found["placed_off"]]
+    assert len(steps) == len(set(steps)) == 12
+    least, most = placed_off_range(found)
+    assert least <= found["unseen"]["score"]["mean"] <= most
+    near = [row for row in found["placed_off"] if abs(row["step"]) <= 10.0]
+    mean = found["unseen"]["score"]["mean"]
+    assert least == min(mean, *(mean + row["change"] for row in near))
+    assert {row["deployments"] <= UNSEEN for row in found["placed_off"]} == {True}
+    # Degrees of heading, not radians: a twentieth of a turn changes it less than anything does.
+    changes = [abs(row["change"]) for row in found["placed_off"] if row["knob"] == "heading"]
+    assert max(changes[2:4]) <= max(changes[0], changes[-1]) + 0.05
+
+
+def test_a_run_on_files_is_tried_from_other_poses_on_them(tmp_path: Path) -> None:
+    path = tmp_path / "mine.geojson"
+    path.write_text(map_text(grid_map(5)))
+    settings = replace(RUN, maps=MapSettings(count=1, files=(path,)))
+    search, _, found = predicted(settings)
+    assert found["unseen"]["label"] == "other poses on the 1 training map"
+    assert found["unseen"]["deployments"] == UNSEEN
+    final = search.evaluator.final_conditions(settings.search.seed).poses[0]
+    assert len(final) == found["training"]["deployments"] == 2
+    assert found["note"] == ""
+
+
+def test_starts_without_spread_leave_one_deployment_and_no_interval(tmp_path: Path) -> None:
+    world = grid_map(5)
+    fixed = [replace(start, spread_x_mm=0.0, spread_y_mm=0.0, spread_heading_rad=0.0)
+             for start in world.starts]  # fmt: skip
+    path = tmp_path / "mine.geojson"
+    path.write_text(map_text(replace(world, starts=tuple(fixed))))
+    _, _, found = predicted(replace(RUN, maps=MapSettings(count=1, files=(path,))))
+    assert found["unseen"]["deployments"] == 1
+    assert found["unseen"]["score"]["low"] is None
+    assert np.isfinite(placed_off_range(found)).all()
+    assert all(prediction_lines(found))
+
+
+def test_unseen_maps_that_cannot_be_made_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(*_: object) -> None:
+        raise BadInputError("start", "none", "a free place")
+
+    monkeypatch.setattr("vinefab.prediction.run_winner.unseen_maps", none)
+    _, _, found = predicted(RUN)
+    assert found["unseen"]["label"] == "other poses on the 2 training maps"
+    assert "one of them cannot be used: start is 'none'" in found["note"]
+    assert prediction_lines(found)[-1] == found["note"]

@@ -1,0 +1,141 @@
+"""Limits of a run raised when it is resumed."""
+
+import sqlite3
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from vinefab.core.errors import BadInputError
+from vinefab.search.optimizers.shipped_optimizers import OPTIMIZERS
+from vinefab.search.record.result import Progress, RunResult
+from vinefab.search.record.run_archive import RECORD_FILE, RunArchive, plain_summary
+from vinefab.search.run import result_json, result_lines, run_search
+from vinefab.search.settings import MapSettings, PartSettings, RunLimits, RunSettings
+
+QUESTIONS = (
+    "SELECT * FROM run ORDER BY 1",
+    "SELECT number, x, fitness, composite, penalty FROM generation ORDER BY 1",
+    "SELECT * FROM term ORDER BY 1, 2",
+    "SELECT * FROM optimizer",
+    "SELECT * FROM finalist ORDER BY 1",
+)
+
+
+def content(folder: Path) -> list[list[tuple[object, ...]]]:
+    """Return the content of a record without times and without its extensions."""
+    with closing(sqlite3.connect(folder / RECORD_FILE)) as connection:
+        return [connection.execute(text).fetchall() for text in QUESTIONS]
+
+
+def of_generations(settings: RunSettings, generations: int, **changed: object) -> RunSettings:
+    search = replace(settings.search, generations=generations, **changed)  # type: ignore[arg-type]
+    return replace(settings, search=search, maps=MapSettings(count=1))
+
+
+def extended(folder: Path, settings: RunSettings, **limits: float) -> RunResult:
+    return run_search(settings, folder, resume=True, limits=RunLimits(**limits))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", OPTIMIZERS)
+def test_an_extended_run_is_the_one_asked_for_at_once(
+    tmp_path: Path, small: RunSettings, name: str
+) -> None:
+    settings = replace(small, optimizer=PartSettings(name=name))
+    first = run_search(of_generations(settings, 2), tmp_path / "run")
+    second = extended(tmp_path / "run", of_generations(settings, 2), generations=4)
+    whole = run_search(of_generations(settings, 4), tmp_path / "whole")
+    assert len(first.history) == 2
+    assert (second.best, second.run_id) == (whole.best, whole.run_id)
+    assert content(tmp_path / "run") == content(tmp_path / "whole")
+
+
+def test_an_extension_is_recorded_and_holds_for_all_later_sessions(
+    tmp_path: Path, small: RunSettings
+) -> None:
+    asked = of_generations(small, 2)
+    first = run_search(asked, tmp_path)
+    second = extended(tmp_path, asked, generations=3)
+    (extension,) = second.extensions
+    assert extension.generations_done == 2
+    assert extension.stopped == "generations"
+    assert (extension.before["generations"], extension.after["generations"]) == (2, 3)
+    assert extension.score == first.score.composite["mean"]
+    assert any("generations 2 -> 3" in line for line in result_lines(second))
+    assert '"generations_done": 2' in result_json(second)
+    # The run file still says what was asked for first, or now what holds.
+    for settings in (asked, of_generations(small, 3)):
+        again = run_search(settings, tmp_path, resume=True)
+        assert (again.best, again.extensions) == (second.best, second.extensions)
+    archive = RunArchive.read(tmp_path / RECORD_FILE)
+    assert archive.settings.search.generations == 3
+    assert archive.result().extensions == second.extensions
+    assert plain_summary(archive)["extensions"][0]["after"]["generations"] == 3
+
+
+def test_an_extension_that_is_interrupted_goes_on(tmp_path: Path, small: RunSettings) -> None:
+    asked = of_generations(small, 2)
+
+    def stop(progress: Progress) -> None:
+        if progress.generation == 3:
+            raise KeyboardInterrupt
+
+    run_search(asked, tmp_path / "run")
+    with pytest.raises(KeyboardInterrupt):
+        run_search(
+            asked, tmp_path / "run", resume=True, limits=RunLimits(generations=5), progress=stop
+        )
+    run_search(asked, tmp_path / "run", resume=True)
+    run_search(of_generations(small, 5), tmp_path / "whole")
+    assert content(tmp_path / "run") == content(tmp_path / "whole")
+
+
+def test_evaluations_are_a_limit_that_can_be_raised_or_lifted(
+    tmp_path: Path, small: RunSettings
+) -> None:
+    asked = of_generations(small, 5, evaluations=6)
+    assert run_search(asked, tmp_path).stopped == "evaluations"
+    assert len(extended(tmp_path, asked, evaluations=13).history) == 3
+    assert len(extended(tmp_path, asked, evaluations=0).history) == 5
+
+
+@pytest.mark.parametrize(
+    ("limits", "allowed"),
+    [
+        ({"generations": 1}, "--generations is 1; allowed: at least the 2 that the run has"),
+        ({"evaluations": 99}, "--evaluations is 99; allowed: 0: it has no limit"),
+        ({"wall_time_s": 2.0}, "allowed: at least the 900.0 that the run has, or 0 for no limit"),
+        ({"wall_time_s": 1e4}, "allowed: more of --generations, by which the run has stopped"),
+        (
+            {"generations": 10**9},
+            "--generations is 1000000000; allowed: a whole number from 1 to 1000000",
+        ),
+    ],
+)
+def test_limits_that_do_not_let_a_run_go_on_are_refused_and_nothing_changes(
+    tmp_path: Path, small: RunSettings, limits: dict[str, float], allowed: str
+) -> None:
+    asked = of_generations(small, 2, wall_time_s=900.0)
+    run_search(asked, tmp_path)
+    before = content(tmp_path)
+    with pytest.raises(BadInputError) as refused:
+        extended(tmp_path, asked, **limits)
+    assert allowed in str(refused.value)
+    assert content(tmp_path) == before
+
+
+def test_a_changed_run_file_is_told_of_the_option(tmp_path: Path, small: RunSettings) -> None:
+    run_search(of_generations(small, 2), tmp_path)
+    with pytest.raises(BadInputError, match="with which the run began; --generations raises it"):
+        run_search(of_generations(small, 3), tmp_path, resume=True)
+    other = replace(of_generations(small, 2), name="other")
+    with pytest.raises(BadInputError, match="name is 'other'"):
+        extended(tmp_path, other, generations=3)
+
+
+def test_a_limit_raised_to_what_it_is_only_reports(tmp_path: Path, small: RunSettings) -> None:
+    asked = of_generations(small, 2)
+    first = run_search(asked, tmp_path)
+    again = extended(tmp_path, asked, generations=2)
+    assert (again.best, again.extensions) == (first.best, ())

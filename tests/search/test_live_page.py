@@ -1,0 +1,165 @@
+"""The page of a run that is going on."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vinefab.core.errors import CannotWriteError, InterruptedRunError
+from vinefab.pages.live_curve import MOST_POINTS, live_curve
+from vinefab.prediction.run_folder import run_in_folder
+from vinefab.search import live_page
+from vinefab.search.live_page import PAGE_NAME, LivePage
+from vinefab.search.record.result import Generation, Progress
+from vinefab.search.settings import MapSettings, RunSettings
+
+
+@pytest.fixture
+def settings(small: RunSettings, monkeypatch: pytest.MonkeyPatch) -> RunSettings:
+    """A run on one map whose page is written after every generation."""
+    monkeypatch.setattr(live_page, "LEAST_PAUSE_S", 0.0)
+    monkeypatch.setattr(live_page, "_OF_PROCESSOR", 1e9)
+    monkeypatch.setattr(live_page, "_OF_TIME", 1e9)
+    return replace(small, maps=MapSettings(count=1))
+
+
+def stopped_in(generation: int, seen: list[str], folder: Path) -> Callable[[Progress], None]:
+    def look(progress: Progress) -> None:
+        seen.append((folder / PAGE_NAME).read_text())
+        if progress.generation == generation:
+            raise KeyboardInterrupt
+
+    return look
+
+
+def test_the_page_shows_the_run_while_it_goes_on_and_says_how_to_go_on(
+    settings: RunSettings, tmp_path: Path
+) -> None:
+    seen: list[str] = []
+    with pytest.raises(KeyboardInterrupt):
+        run_in_folder(
+            settings, tmp_path, again="do & it again", progress=stopped_in(3, seen, tmp_path)
+        )
+    for number, page in enumerate(seen, start=1):
+        assert f"Running: generation {number} of 5" in page
+        assert '<meta http-equiv="refresh" content="5">' in page
+        assert page.count('<img src="data:image/svg+xml;base64,') == 2
+        assert "branches on" in page
+    ended = (tmp_path / PAGE_NAME).read_text()
+    assert "Interrupted after generation 3 of 5." in ended
+    assert "To go on: do &amp; it again" in ended
+    assert 'http-equiv="refresh"' in ended  # a resumed run is seen by who left it open
+    assert "http" not in re.sub(r"data:[^\"]*|http-equiv", "", ended)
+
+
+def test_no_result_depends_on_the_page(settings: RunSettings, tmp_path: Path) -> None:
+    one = run_in_folder(settings, tmp_path / "one", again="", page=True)
+    two = run_in_folder(settings, tmp_path / "two", again="", page=False)
+    assert (one.best, one.prediction) == (two.best, two.prediction)
+    assert not (tmp_path / "two" / PAGE_NAME).exists()
+
+
+def test_a_page_that_cannot_be_written_stops_no_run(
+    settings: RunSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[Path] = []
+
+    def full(path: Path, _: str) -> Path:
+        calls.append(path)
+        raise CannotWriteError(path, "disk full")
+
+    monkeypatch.setattr(live_page, "write_text", full)
+    result = run_in_folder(settings, tmp_path, again="")
+    assert len(result.history) == 5
+    assert len(calls) == 1
+
+
+def test_a_refused_run_leaves_the_page_of_another_one(
+    settings: RunSettings, tmp_path: Path
+) -> None:
+    (tmp_path / PAGE_NAME).write_text("written by vinefab: of another run")
+    with pytest.raises(InterruptedRunError), LivePage(tmp_path, settings, ""):
+        raise InterruptedRunError("before the first generation", "")
+    assert (tmp_path / PAGE_NAME).read_text() == "written by vinefab: of another run"
+
+
+def test_pages_are_written_no_oftener_than_their_cost_allows(
+    settings: RunSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s, written = [0.0], [0]
+    monkeypatch.setattr(live_page, "LEAST_PAUSE_S", 3.0)
+    monkeypatch.setattr(live_page, "_OF_TIME", 0.05)
+    monkeypatch.setattr(live_page.time, "monotonic", lambda: now_s[0])
+
+    def slow(path: Path, _: str) -> Path:
+        now_s[0] += 2.0
+        written[0] += 1
+        return path
+
+    monkeypatch.setattr(live_page, "write_text", slow)
+    page = LivePage(tmp_path, settings, "")
+    for _ in range(600):
+        now_s[0] += 0.5
+        page.update(progress([generation(0)]))
+    spent_s = 2.0 * written[0]
+    assert written[0] > 3
+    assert spent_s / now_s[0] < 0.07
+
+
+def generation(number: int, best: float = 0.3) -> Generation:
+    values = np.array([0.1, best, -1e6])
+    return Generation(
+        number=number,
+        x=np.full((3, 10), 0.5),
+        fitness=values,
+        composite=np.array([0.1, best, np.nan]),
+        penalty=np.zeros(3),
+        terms={},
+        seconds=1.0,
+    )
+
+
+def progress(history: list[Generation]) -> Progress:
+    return Progress(
+        generation=len(history),
+        generations=10,
+        best=0.3,
+        mean=0.2,
+        spread=0.1,
+        fabricable_share=0.5,
+        elapsed_s=1.0,
+        left_s=9.0,
+        history=history,
+    )
+
+
+def test_a_killed_session_leaves_no_half_written_page(
+    settings: RunSettings, tmp_path: Path
+) -> None:
+    (tmp_path / f".{PAGE_NAME}.k1ll3d").write_text("half")
+    LivePage(tmp_path, settings, "").update(progress([generation(0)]))
+    assert sorted(path.name for path in tmp_path.iterdir()) == [PAGE_NAME]
+
+
+@pytest.mark.parametrize("count", [1, 2, 5 * MOST_POINTS])
+def test_the_curve_is_drawn_at_any_length_within_its_frame(count: int) -> None:
+    best = np.linspace(-5.0, 0.4, count)
+    mean, spread = np.linspace(0.1, 0.3, count), np.full(count, 0.05)
+    mean[0] = np.nan if count > 2 else mean[0]
+    text = live_curve(best, mean, spread).decode()
+    assert "nan" not in text
+    places = [
+        tuple(map(float, pair.split(",")))
+        for line in re.findall(r'points="([^"]*)"', text)
+        for pair in line.split()
+    ]
+    assert all(0.0 <= x <= 720.0 and 0.0 <= y <= 300.0 for x, y in places)
+    assert len(places) <= 4 * MOST_POINTS
+
+
+def test_the_curve_of_designs_that_all_fail_is_empty() -> None:
+    gap = np.full(3, np.nan)
+    assert live_curve(gap, gap, gap).count(b"polyline") == 0

@@ -1,0 +1,497 @@
+"""The page of a run that has ended, with its pictures beside it."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vinefab.core.atomic import write_bytes, write_text
+from vinefab.core.errors import VinefabError
+from vinefab.fabrication.checking import check_design, verdict
+from vinefab.fabrication.findings_picture import findings_picture
+from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
+from vinefab.growth.batch import Batch
+from vinefab.growth.options import GrowthOptions, growth_text
+from vinefab.growth.plan import Plans
+from vinefab.model.deployment import Deployment, Stop
+from vinefab.model.design import Design
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.model.finding import CheckReport, Finding, Severity
+from vinefab.model.laser import LaserProfile
+from vinefab.model.map import Map
+from vinefab.pages.drawing import deployment_plan
+from vinefab.pages.figure import png_bytes, svg_bytes
+from vinefab.pages.html import Headline, Picture, Report, Section, Table, Tone, page_html
+from vinefab.pages.map_view import STOP_WORDS
+from vinefab.prediction.deployment_sections import TOO_FINE, stop_table
+from vinefab.prediction.family_deployments import PreparedFamily
+from vinefab.prediction.run_winner import (
+    PLACED_OFF,
+    contact_ends,
+    interval_words,
+    placed_off_range,
+    unseen_family,
+)
+from vinefab.search.evaluator import with_pose_range
+from vinefab.search.live_page import PAGE_NAME, design_words, run_facts
+from vinefab.search.record.result import RunResult, curve_of
+from vinefab.search.record.run_archive import RECORD_FILE, RunArchive
+from vinefab.search.run_pages import search_section
+from vinefab.search.settings import RunSettings, targets_mm
+from vinefab.search.space import Space
+from vinefab.tasks.evaluate import PreparedMap
+
+PICTURES = "pictures"
+"""The folder beside the page with its pictures."""
+
+
+MOST_TRAINING_SHOWN = 3
+"""Training maps that the winner is drawn on."""
+
+NEAR = 0.1
+"""A rule is close to its limit where a limit stricter by this share would be broken."""
+
+EDGE = 0.01
+"""A winner touches a bound that it is nearer to than this share of the range."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EndedRun:
+    """A run that has ended, with what its page needs."""
+
+    result: RunResult
+    settings: RunSettings
+    maps: tuple[Map, ...]  # the training maps
+
+    @classmethod
+    def read(cls, folder: Path, result: RunResult | None = None) -> "EndedRun":
+        """Return a run from the record in its folder.
+
+        Parameters
+        ----------
+        result
+            Its result, where it is known with the times and notes of this session.
+        """
+        archive = RunArchive.read(folder / RECORD_FILE)
+        result = result or archive.result()
+        return cls(result=result, settings=archive.settings, maps=archive.maps)
+
+    @property
+    def design(self) -> Design:
+        """The winner."""
+        return self.result.best
+
+    @property
+    def growth(self) -> GrowthOptions:
+        """How it is grown to be drawn: as in the run, at the low end of a range of contacts."""
+        return self.settings.growth.at_one_angle
+
+    def training(self) -> PreparedFamily:
+        """Return the training maps with their first starts."""
+        share = self.settings.evaluation.pose_range
+        maps = tuple(PreparedMap.of(with_pose_range(world, share)) for world in self.maps)
+        starts = tuple((world.starts[0].pose,) for world in self.maps)
+        return PreparedFamily(label="training maps", maps=maps, poses=starts)
+
+    def grown(self, family: PreparedFamily) -> Sequence[Deployment]:
+        """Return the winner deployed from every pose of a family."""
+        plans = Plans.of([self.design], self.growth)
+        return Batch(plans, family.launches(), self.growth).regrown()
+
+    def profile(self) -> LaserProfile:
+        """Return the recipe that the winner is checked with."""
+        return read_profile(self.settings.evaluation.recipe or DEFAULT_RECIPE)
+
+
+def write_run_page(folder: Path, run: EndedRun, *, force: bool = False) -> Path:
+    """Write the page of a run that has ended, and its pictures beside it."""
+    report = ended_report(run)
+    for picture in (picture for section in report.sections for picture in section.pictures):
+        write_bytes(folder / PICTURES / picture.file_name, picture.image, force=force)
+    return write_text(folder / PAGE_NAME, page_html(report), force=force)
+
+
+def outcome_line(run: EndedRun, violations: str, where: Path) -> str:
+    """Return what a run has found, in one line."""
+    found, task = run.result.prediction, run.settings.task.name
+    score = f"{task} {run.result.score.composite['mean']:.3f} on fresh poses (simulated)"
+    if found:
+        low, high = contact_ends(found)
+        score = (
+            f"{task} {interval_words(found['unseen']['score'])} on {found['unseen']['label']}, "
+            f"{low:.3f} to {high:.3f} over contacts (simulated)"
+        )
+    made = manufacturable_words(run.result, violations)
+    return f"found {run.design.name}: {score}; {design_words(run.design)}; {made}; open {where}"
+
+
+def manufacturable_words(result: RunResult, violations: str) -> str:
+    """Return whether a run's winner is manufacturable."""
+    if not result.checked:
+        return "manufacturability not asked for"
+    if violations:
+        return f"not manufacturable ({violations.split(' ', 1)[0]})"
+    return "manufacturable"
+
+
+def ended_report(run: EndedRun) -> Report:
+    """Return the page of a run that has ended."""
+    result = run.result
+    checked = _checked(run)
+    made, tone = _made(run, checked)
+    unseen = _unseen(run)
+    drifts = (f"Resumed with other package versions: {drift}." for drift in result.drift)
+    repair = (f"Repair: {result.repair}.",) if result.repair else ()
+    note = result.prediction.get("note", "")
+    return Report(
+        title=f"{run.settings.name}: the best design found",
+        verdict=f"{_verdict(run)}; {design_words(run.design)}; {made}.",
+        tone=tone,
+        cautions=(
+            *(f"{extension.text}." for extension in result.extensions),
+            *(f"{text[:1].upper()}{text[1:]}." for text in (*result.notes, *filter(None, [note]))),
+            *repair,
+            *drifts,
+        ),
+        headlines=_headlines(run),
+        facts=(
+            *run_facts(run.settings),
+            ("stopped by", result.stopped),
+            ("evaluated", f"{result.evaluations} designs in {len(result.history)} generations"),
+            ("run", result.run_id),
+            ("growth model", growth_text(run.settings.growth, [run.design])),
+        ),
+        sections=(
+            *_shown(run, unseen),
+            *_width_sections(run),
+            _sheet_section(run, checked),
+            _limit_section(run, checked, unseen),
+            _found_section(run),
+            _files_section(run),
+        ),
+    )
+
+
+def _verdict(run: EndedRun) -> str:
+    found, task = run.result.prediction, run.settings.task.name
+    if not found:
+        mean = run.result.score.composite["mean"]
+        return f"{task} {mean:.3f} on fresh poses on the training maps (simulated)"
+    unseen = found["unseen"]
+    return f"{task} {interval_words(unseen['score'])} on {unseen['label']} (simulated)"
+
+
+def _made(run: EndedRun, checked: CheckReport | str) -> tuple[str, Tone]:
+    asked = run.settings.evaluation.fabricable
+    if isinstance(checked, str):
+        return f"not checked: {checked}", "caution"
+    if not checked.blocking:
+        return "manufacturable by the rules", "good"
+    broken = ", ".join(sorted({finding.rule for finding in checked.blocking}))
+    return f"not manufacturable: {broken}", "bad" if asked else "caution"
+
+
+def _headlines(run: EndedRun) -> tuple[Headline, ...]:
+    found, task = run.result.prediction, run.settings.task.name
+    fresh = run.result.score
+    headlines = [
+        Headline(
+            name=f"{task} on the training maps",
+            value=f"{fresh.composite['mean']:.3f}",
+            detail=f"mean over {len(fresh.evaluations)} fresh poses, by which the winner was "
+            "chosen among the finalists (simulated)",
+        )
+    ]
+    if not found:
+        return tuple(headlines)
+    unseen, angles = found["unseen"], found["head_on_half_angles_deg"]
+    contact, placed = contact_ends(found), placed_off_range(found)
+    first = Headline(
+        name=f"{task} on {unseen['label']}",
+        value=interval_words(unseen["score"]),
+        detail=f"mean over {unseen['deployments']} deployments, in brackets its 95 % interval over "
+        "maps (simulated)",
+    )
+    ranges = (
+        ("over contacts", contact, f"mean there at head-on half-angles of {angles[0]:g} to "
+         f"{angles[-1]:g} deg (assumed; simulated)"),
+        ("placed off", placed, f"mean there with the body placed up to {PLACED_OFF:g} mm or "
+         f"{PLACED_OFF:g} deg off (assumed; simulated)"),
+    )  # fmt: skip
+    return (
+        first,
+        *(
+            Headline(name=f"{task} {name}", value=f"{ends[0]:.3f} to {ends[1]:.3f}", detail=detail)
+            for name, ends, detail in ranges
+        ),
+        *headlines,
+    )
+
+
+def _unseen(run: EndedRun) -> PreparedFamily:
+    return unseen_family(run.settings, run.training())[0]
+
+
+def _shown(run: EndedRun, unseen: PreparedFamily) -> tuple[Section, ...]:
+    """Return the winner on its training maps and on unseen ones."""
+    training = run.training()
+    kept = min(len(training.maps), MOST_TRAINING_SHOWN)
+    grown = run.grown(training)
+    on_training = [
+        _drawn(run, f"training_{index + 1}", training.maps[index].world, grown[index], "its start")
+        for index in range(kept)
+    ]
+    elsewhere, places = run.grown(unseen), unseen.launches().terrain.tolist()
+    on_unseen = [
+        _drawn(run, name, unseen.maps[places[index]].world, elsewhere[index], words)
+        for index, name, words in _typical(run, len(places))
+    ]
+    return (
+        Section(title="The winner on its training maps", pictures=tuple(on_training)),
+        Section(
+            title="The winner on unseen maps",
+            pictures=tuple(on_unseen),
+            tables=(stop_table(unseen.label, elsewhere),),
+        ),
+    )
+
+
+def _typical(run: EndedRun, count: int) -> list[tuple[int, str, str]]:
+    """Return number, name and words of the unseen deployments to draw: worst, median, best."""
+    scores = run.result.prediction.get("unseen", {}).get("scores", [])
+    if len(scores) != count:
+        return [(0, "unseen_1", "the first pose")]
+    order = np.argsort(scores, kind="stable").tolist()
+    chosen = {order[0]: "least", order[len(order) // 2]: "median", order[-1]: "most"}
+    return [
+        (index, f"unseen_{name}", f"{name} score of {count}, {scores[index]:.3f}")
+        for index, name in chosen.items()
+    ]
+
+
+def _drawn(run: EndedRun, name: str, world: Map, deployment: Deployment, words: str) -> Picture:
+    widths_mm = run.design.build.widths_mm
+    # A robot that hardly grew would be shown without the map that stopped it.
+    whole = bool(deployment.grown_mm.sum() < 0.2 * deployment.tree.total_length_mm)
+    targets = targets_mm(run.settings)
+    figure = deployment_plan(
+        world, deployment, widths_mm, longest_in=4.6, whole=whole, targets_mm=targets
+    )
+    fine = run.design.branch_count > TOO_FINE
+    image = png_bytes(figure, dpi=130) if fine else svg_bytes(figure)
+    return Picture(image=image, caption=f"{world.name}, {words} (simulated).", file=name)
+
+
+def _width_sections(run: EndedRun) -> tuple[Section, ...]:
+    """Return how wide the prediction is; nothing where nothing was predicted."""
+    found = run.result.prediction
+    if not found:
+        return ()
+    angles = found["head_on_half_angles_deg"]
+    contacts = Table(
+        caption=f"Mean {found['task']} score over the head-on half-angle (assumed), with 95 % "
+        "intervals over maps, from the same poses (simulated)",
+        headings=("where", *(f"{angle:g} deg" for angle in angles)),
+        rows=tuple(
+            (found[key]["label"], *(interval_words(v) for v in found[key]["over_contacts"]))
+            for key in ("unseen", "training")
+        ),
+    )
+    placed = Table(
+        caption=f"Change of the mean {found['task']} score on {found['unseen']['label']} when the "
+        "body is placed elsewhere than meant, with its 95 % interval over maps (simulated)",
+        headings=("placed off by", "change", "95 % interval", "deployments"),
+        rows=tuple(_placed_row(row) for row in found["placed_off"]),
+    )
+    words = (
+        "Whether a tip that meets a wall slides on or stops there is not known, nor how well a "
+        "body is placed: what a robot will do lies in these ranges. Positive headings turn the "
+        "base to its left, positive positions move it to its left; places without room for the "
+        "trunk are left out."
+    )
+    section = Section(title="How wide the score is", paragraphs=(words,), tables=(contacts, placed))
+    return (section,)
+
+
+def _placed_row(row: dict[str, Any]) -> tuple[str, ...]:
+    change = "-" if row["change"] is None else f"{row['change']:+.3f}"
+    known = row["low"] is not None
+    interval = f"{row['low']:+.3f} to {row['high']:+.3f}" if known else "-"
+    return (
+        f"{row['knob']} {row['step']:+g} {row['unit']}",
+        change,
+        interval,
+        str(row["deployments"]),
+    )
+
+
+def _checked(run: EndedRun) -> CheckReport | str:
+    """Return the report of all rules on the winner, or why there is none."""
+    try:
+        return check_design(run.design, run.profile())
+    except VinefabError as error:
+        return str(error)
+
+
+def _sheet_section(run: EndedRun, checked: CheckReport | str) -> Section:
+    """Return the flat robot with the findings at their places."""
+    title = "The flat sheet and what the rules say"
+    if isinstance(checked, str):
+        return Section(title=title, paragraphs=(f"Not checked: {checked}.",))
+    asked = "" if run.settings.evaluation.fabricable else " The search did not ask for it."
+    words = (f"{verdict(checked)}; recipe {run.profile().recipe.name}.{asked}",)
+    if run.design.branch_count > TOO_FINE:
+        return Section(
+            title=title,
+            paragraphs=(*words, "Too many branches to be drawn here: vinefab check --svg does."),
+        )
+    image = svg_bytes(findings_picture(run.design, run.profile(), checked))
+    caption = "The body with its seam, as it is cut, and every finding at its place (computed)."
+    picture = Picture(image=image, caption=caption, wide=True, file="sheet")
+    return Section(title=title, paragraphs=words, pictures=(picture,))
+
+
+def _limit_section(run: EndedRun, checked: CheckReport | str, unseen: PreparedFamily) -> Section:
+    """Return what limits the winner: walls and pressure, rules, bounds of the space."""
+    tables = [
+        Table(
+            caption=f"Rules that the winner breaks, or would if limits were {100 * NEAR:.0f} % "
+            "stricter (computed)",
+            headings=("rule", "what", "measured", "limit", "branches"),
+            rows=() if isinstance(checked, str) else _rule_rows(run, checked),
+        ),
+        Table(
+            caption="Variables of the search in which the winner lies at an end of its range",
+            headings=("variable", "winner", "end of its range"),
+            rows=tuple(_bound_rows(run)),
+        ),
+    ]
+    empty = [table.caption for table in tables if not table.rows]
+    kept = Space(run.settings.space, run.settings.build).limits_text(run.design)
+    return Section(
+        title="What limits it",
+        paragraphs=(
+            _stop_words(run, unseen),
+            *([f"Limits of the space: {kept} (planned)."] if kept else []),
+            *(f"{caption}: none." for caption in empty),
+        ),
+        tables=tuple(table for table in tables if table.rows),
+    )
+
+
+def _stop_words(run: EndedRun, unseen: PreparedFamily) -> str:
+    stops = np.concatenate([deployment.stop for deployment in run.grown(unseen)])
+    shares = [
+        f"{100 * share:.0f} % {STOP_WORDS[stop]}"
+        for stop in Stop
+        if (share := float(np.mean(stops == stop))) > 0.0
+    ]
+    return f"How its branches end on {unseen.label} (simulated): {', '.join(shares)}."
+
+
+def _rule_rows(run: EndedRun, checked: CheckReport) -> tuple[tuple[str, ...], ...]:
+    """Return the findings of the rules, and of the same rules a little stricter."""
+    found = {finding.rule: (finding, finding.limit) for finding in reversed(checked.findings)}
+    close: dict[str, tuple[Finding, float | None]] = {}
+    if run.design.branch_count <= TOO_FINE:
+        profile = run.profile()
+        for factor in (1.0 - NEAR, 1.0 + NEAR):
+            stricter = check_design(
+                run.design, profile, _scaled_limits(run.design, profile, factor)
+            )
+            for finding in stricter.findings:
+                if finding.rule not in found and finding.limit is not None:
+                    close.setdefault(finding.rule, (finding, finding.limit / factor))
+    ranks = list(Severity)
+    return tuple(
+        _rule_row(*one, how)
+        for how, kind in (("broken", found), ("close", close))
+        for one in sorted(kind.values(), key=lambda one: ranks.index(one[0].severity))
+    )
+
+
+def _scaled_limits(
+    design: Design, profile: LaserProfile, factor: float
+) -> dict[str, dict[str, float]]:
+    changed = by_rule(changed_limits(design, profile))
+    return {
+        rule.id: {
+            name: factor * value
+            for name, value in {**rule.limits, **changed.get(rule.id, {})}.items()
+            if name.endswith(("error", "warning"))
+        }
+        for rule in RULES.values()
+    }
+
+
+def _rule_row(finding: Finding, limit: float | None, how: str) -> tuple[str, ...]:
+    unit = f" {finding.unit}" if finding.unit else ""
+    measured = "-" if finding.measured is None else f"{finding.measured:.4g}{unit}"
+    allowed = "-" if limit is None else f"{limit:.4g}{unit}"
+    title = RULES[finding.rule].title
+    who = ", ".join(finding.branches[:4])
+    return finding.rule, f"{how} ({finding.severity}): {title}", measured, allowed, who
+
+
+def _bound_rows(run: EndedRun) -> Iterator[tuple[str, str, str]]:
+    """Yield the variables of the winner that lie at an end of their ranges."""
+    space = Space(run.settings.space, run.settings.build)
+    point = run.result.finalists[0].x.tolist()
+    for variable, share in zip(space.variables, point, strict=True):
+        if variable.level > run.design.depth:
+            continue
+        value, (low, high) = variable.value(share), (variable.bounds.low, variable.bounds.high)
+        near = EDGE * (high - low) if not variable.choices else 0.0
+        ends = (("least", low), ("most", high))
+        for name, end in ends:
+            if abs(value - end) <= near:
+                of = "" if variable.level == 0 else f", level {variable.level}"
+                yield f"{variable.name}{of}", f"{value:g}", f"{name}, {end:g}"
+
+
+def _found_section(run: EndedRun) -> Section:
+    """Return how the winner was found."""
+    history = run.result.history
+    section = search_section(run.result, ())
+    pictures = tuple(replace(picture, file="curve") for picture in section.pictures)
+    best, _, _ = curve_of(history)
+    last = int(np.argmax(best == best[-1])) + 1 if np.isfinite(best[-1]) else len(history)
+    words = [f"The best fitness improved for the last time in generation {last} of {len(history)}."]
+    if run.settings.evaluation.fabricable:
+        share = 100.0 * float(np.mean([g.fabricable_share for g in history]))
+        end = 100.0 * history[-1].fabricable_share
+        words.append(
+            f"By the quick rules {share:.0f} % of all designs were manufacturable, {end:.0f} % in "
+            "the last generation."
+        )
+    at_range = run.settings.evaluation.finalists_by == "contact_range"
+    by = "is the mean over the range of contacts" if at_range else "at the contacts of the run"
+    finalists = Table(
+        caption=f"Finalists on the same fresh poses (simulated), the winner first; fitness {by}",
+        headings=("fitness", "mean score", "penalty", "branches", "levels"),
+        rows=tuple(
+            (f"{f.fitness:.4f}", f"{f.score.composite['mean']:.4f}", f"{f.penalty:.3g}",
+             str(f.design.branch_count), str(f.design.depth))
+            for f in run.result.finalists
+        ),
+    )  # fmt: skip
+    paragraphs = (*section.paragraphs, *words)
+    return replace(section, paragraphs=paragraphs, pictures=pictures, tables=(finalists,))
+
+
+def _files_section(run: EndedRun) -> Section:
+    """Return what lies beside the page, and where the time went."""
+    rows = (
+        ("best.toml", "the winner: vinefab grow, score, check, report and fabricate take it"),
+        ("run.sqlite", "the record: every generation, maps, settings; vinefab runs reads it"),
+        (f"{PICTURES}/", "the pictures of this page"),
+    )
+    table = Table(caption="In this folder", headings=("file", "what"), rows=rows)
+    return Section(
+        title="Files and time",
+        paragraphs=(f"The last session: {run.result.times.summary}.",),
+        tables=(table,),
+    )

@@ -1,0 +1,251 @@
+"""The page of a run that is going on, rewritten now and then; loads no plotting."""
+
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from vinefab.core.atomic import write_text
+from vinefab.core.errors import (
+    BadInputError,
+    CannotWriteError,
+    ForeignFileError,
+    InterruptedRunError,
+)
+from vinefab.growth.simulator import grow
+from vinefab.growth.terrain import Terrain
+from vinefab.model.design import Design
+from vinefab.model.files.shipped import DEFAULT_RECIPE
+from vinefab.pages.animation import DeploymentFrame
+from vinefab.pages.animation_svg import svg_animation
+from vinefab.pages.html import Headline, Live, Picture, Report, Section, page_html
+from vinefab.pages.live_curve import live_curve
+from vinefab.search.evaluator import INVALID_FITNESS
+from vinefab.search.record.result import Generation, Progress, curve_of
+from vinefab.search.run import first_map
+from vinefab.search.settings import RunSettings
+from vinefab.search.space import Space
+
+PAGE_NAME = "index.html"
+"""The page of a run in its folder."""
+
+LEAST_PAUSE_S = 3.0
+"""Between two versions of the live page, at least."""
+
+_OF_PROCESSOR, _OF_TIME = 0.01, 0.05
+"""Shares of the processor's time and of a run's time that its live page takes at most; writing to a
+slow disk takes the second only. The first version loads what it needs, and is not counted."""
+
+_REFRESH_S, _STOPPED_REFRESH_S = 5, 20
+_PATIENCE_S = 90
+
+
+class LivePage:
+    """The page of a run that is going on: rewritten now and then, and when it is stopped.
+
+    Nothing but the page depends on it: where it cannot be written, the run goes on without.
+
+    Attributes
+    ----------
+    problem
+        Why the page could not be written; empty if it could.
+    """
+
+    def __init__(self, folder: Path, settings: RunSettings, again: str) -> None:
+        self.path = folder / PAGE_NAME
+        self.problem = ""
+        self._settings, self._again = settings, again
+        self._last: Progress | None = None
+        self._next_s, self._pause_s = 0.0, LEAST_PAUSE_S
+        self._best = _BestSoFar(settings)
+
+    def __enter__(self) -> "LivePage":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        """Say on the page that the run was stopped."""
+        # Before the first generation of this session the page may be of another one.
+        if kind is None or self._last is None:
+            return
+        interrupted = issubclass(kind, KeyboardInterrupt | InterruptedRunError)
+        why = "Interrupted" if interrupted else f"Stopped by an error ({error})"
+        self._write(f"{why} after {self._done(self._last)}.", running=False)
+
+    def update(self, progress: Progress) -> None:
+        """Write the page, unless that was just done."""
+        if self._last is None:
+            self._clear()
+        self._last = progress
+        self._best.look(progress.history)
+        began_s, worked_s = time.monotonic(), time.thread_time()
+        if began_s < self._next_s or self.problem:
+            return
+        left = _duration(progress.left_s)
+        self._write(f"Running: {self._done(progress)}; about {left} left.", running=True)
+        now_s = time.monotonic()
+        if self._next_s:
+            working_s = (time.thread_time() - worked_s) / _OF_PROCESSOR
+            self._pause_s = max(LEAST_PAUSE_S, working_s, (now_s - began_s) / _OF_TIME)
+        self._next_s = now_s + self._pause_s
+
+    def _clear(self) -> None:
+        """Remove what killed sessions left of a version half written."""
+        with suppress(OSError):
+            for path in self.path.parent.glob(f".{PAGE_NAME}.*"):
+                path.unlink(missing_ok=True)
+
+    @staticmethod
+    def _done(progress: Progress) -> str:
+        return f"generation {progress.generation} of {progress.generations}"
+
+    def _write(self, state: str, *, running: bool) -> None:
+        try:
+            write_text(self.path, page_html(self._report(state, running=running)))
+        except (CannotWriteError, ForeignFileError) as error:
+            self.problem = str(error)
+
+    def _report(self, state: str, *, running: bool) -> Report:
+        progress, settings = self._last, self._settings
+        if progress is None:
+            raise BadInputError("progress", None, "that of a generation")
+        pace_s = progress.elapsed_s / max(1, progress.generation)
+        patience_s = round(_PATIENCE_S + 5.0 * pace_s + self._pause_s)
+        curve = Picture(
+            image=live_curve(*curve_of(progress.history)),
+            caption="Best fitness so far, and the scores of each generation (simulated). A best "
+            "value can be luck: at the end finalists are evaluated again on fresh poses.",
+            wide=True,
+        )
+        return Report(
+            title=f"{settings.name}: search for the best design",
+            verdict=state,
+            tone="good" if running else "caution",
+            cautions=() if running else (f"To go on: {self._again}",),
+            headlines=self._headlines(progress),
+            facts=run_facts(settings),
+            sections=(
+                Section(title="The search so far", pictures=(curve,)),
+                self._best.section(),
+                Section(
+                    title="If it stops",
+                    paragraphs=(
+                        "Every generation is recorded. After Ctrl-C, a kill or a power cut this "
+                        "goes on as if nothing had happened:",
+                    ),
+                    code=self._again,
+                ),
+            ),
+            live=Live(
+                refresh_s=_REFRESH_S if running else _STOPPED_REFRESH_S,
+                written_ms=int(1000 * time.time()),
+                patience_s=patience_s if running else 0,
+                again=self._again,
+            ),
+        )
+
+    def _headlines(self, progress: Progress) -> tuple[Headline, ...]:
+        best = progress.best
+        known = best > INVALID_FITNESS
+        found = [
+            Headline(
+                name="best fitness so far",
+                value=f"{best:.4f}" if known else "none",
+                detail="in the search, of many tries: likely too good (simulated)",
+            ),
+            Headline(
+                name="mean of the last generation",
+                value=f"{progress.mean:.4f}",
+                detail=f"standard deviation {progress.spread:.4f} (simulated)",
+            ),
+        ]
+        if self._settings.evaluation.fabricable:
+            share = 100.0 * progress.fabricable_share
+            found.append(
+                Headline(
+                    name="manufacturable",
+                    value=f"{share:.0f} %",
+                    detail="of the last generation, by the quick rules",
+                    tone="good" if share > 0.0 else "caution",
+                )
+            )
+        return tuple(found)
+
+
+class _BestSoFar:
+    """The design with the best fitness of a run so far, on its first training map."""
+
+    def __init__(self, settings: RunSettings) -> None:
+        self._settings, self._world = settings, first_map(settings)
+        self._space = Space(settings.space, settings.build)
+        self._seen, self._fitness = 0, INVALID_FITNESS
+        self._at = 0
+        self._design: Design | None = None
+        self._drawn: tuple[Design, bytes] | None = None
+
+    def look(self, history: Sequence[Generation]) -> None:
+        """Look for a better design in the generations that are new."""
+        for generation in history[self._seen :]:
+            if generation.best > self._fitness:
+                row = int(np.argmax(generation.fitness))
+                self._fitness, self._at = generation.best, generation.number + 1
+                self._design = self._space.design(generation.x[row], self._settings.name)
+        self._seen = len(history)
+
+    def section(self) -> Section:
+        """Return what it is, with a picture."""
+        design, title = self._design, "The best so far"
+        if design is None:
+            return Section(title=title, paragraphs=("No point of the space was a design yet.",))
+        picture = Picture(
+            image=self._picture(design),
+            caption=f"From the start of {self._world.name} (simulated).",
+            wide=True,
+        )
+        words = f"{design_words(design)}, found in generation {self._at}."
+        return Section(title=title, paragraphs=(words,), pictures=(picture,))
+
+    def _picture(self, design: Design) -> bytes:
+        if self._drawn is None or self._drawn[0] is not design:
+            growth, pose = self._settings.growth.at_one_angle, self._world.starts[0].pose
+            deployment = grow(design, Terrain.of(self._world), pose, growth)
+            frame = DeploymentFrame(
+                front_mm=float(deployment.grown_mm.sum()),
+                deployment=deployment,
+                is_growing=np.zeros(len(deployment.tree), dtype=np.bool_),
+            )
+            image = svg_animation(self._world, [frame], design.build.widths_mm)
+            self._drawn = design, image
+        return self._drawn[1]
+
+
+def design_words(design: Design) -> str:
+    """Return the size of a design in words."""
+    branches = f"{design.branch_count} branch{'' if design.branch_count == 1 else 'es'}"
+    return f"{branches} on {design.depth} level{'' if design.depth == 1 else 's'}"
+
+
+def run_facts(settings: RunSettings) -> tuple[tuple[str, str], ...]:
+    """Return name and value of what a run was asked for."""
+    search, maps = settings.search, settings.maps
+    where = "from files" if maps.files else f"of {maps.environment}, seed {maps.seed}"
+    evaluation = settings.evaluation
+    made = f"recipe {evaluation.recipe or DEFAULT_RECIPE}" if evaluation.fabricable else "not asked"
+    return (
+        ("task", settings.task.name),
+        ("training maps", f"{maps.count} {where}"),
+        ("optimizer", f"{settings.optimizer.name}, seed {search.seed}"),
+        ("size", f"{search.population} designs x {search.generations} generations"),
+        ("manufacturability", made),
+    )
+
+
+def _duration(seconds: float) -> str:
+    minutes = round(seconds / 60.0)
+    if seconds < 90.0:
+        return f"{round(seconds)} s"
+    return f"{minutes} min" if minutes < 120 else f"{seconds / 3600.0:.1f} h"

@@ -1,16 +1,25 @@
+import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from vinefab.core.errors import BadInputError, UnknownNameError, UnreadableFileError
+from vinefab.core.errors import (
+    BadInputError,
+    UnknownNameError,
+    UnreadableFileError,
+    VinefabError,
+)
+from vinefab.maps.generators.grid import grid_map
 from vinefab.model.design import Pouch
 from vinefab.model.map import Pose
+from vinefab.search.loop import Search
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
 from vinefab.search.record.run_archive import settings_from_plain
 from vinefab.search.run_file import read_run
 from vinefab.search.settings import PartSettings, RunSettings, plain_settings
-from vinefab.search.space import Bounds
+from vinefab.search.space import Bounds, Space
 from vinefab.tasks.shipped_tasks import make_task
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "grid_coverage.toml"
@@ -283,3 +292,38 @@ def test_an_unknown_part_is_named_with_the_file(tmp_path):
     path.write_text('schema = "vinefab/run-1"\n[task]\nname = "covrage"\n')
     with pytest.raises(UnknownNameError, match=r"typo\.toml: no task is called 'covrage'"):
         read_run(path)
+
+
+def test_designs_to_begin_at_are_points_of_the_space(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(
+        'schema = "vinefab/design-1"\nname = "mine"\n[trunk]\nlength = 100.0\n'
+        "[[level]]\nbranches = 3\nlength = 60.0\nangle_deg = 90.0\n"
+    )
+    settings = read_run(
+        written(tmp_path, '[optimizer]\nstart_from = ["mine.toml", "grid_explorer"]')
+    )
+    space = Space(settings.space, settings.build)
+    mine, shipped = (space.design(np.array(point)) for point in settings.start_from)
+    assert (mine.trunk_length_mm, mine.depth, mine.levels[0].branches) == (100.0, 2, 3)
+    assert mine.levels[0].length_mm == 60.0
+    assert [level.branches for level in shipped.levels] == [2, 3, 3]
+    assert settings_from_plain(json.loads(json.dumps(plain_settings(settings)))) == settings
+
+
+def test_designs_that_no_search_can_begin_at_are_refused(tmp_path: Path) -> None:
+    deep = '[space]\nlevels = [2, 3]\n[optimizer]\nstart_from = ["grid_explorer"]'
+    with pytest.raises(BadInputError, match=r"start_from\[1\].*4 levels.*2 to 3 levels"):
+        read_run(written(tmp_path, deep))
+    with pytest.raises(VinefabError, match="nowhere"):
+        read_run(written(tmp_path, '[optimizer]\nstart_from = ["nowhere.toml"]'))
+    swarm = '[evaluation]\nfabricable = false\n[optimizer]\nname = "pso"\n'
+    swarm += 'start_from = ["grid_explorer"]'
+    with pytest.raises(BadInputError, match="only the optimizer islands"):
+        Search.of(read_run(written(tmp_path, swarm)), (grid_map(1),))
+
+
+def test_a_search_begins_at_the_design_that_it_is_given(tmp_path: Path) -> None:
+    text = '[optimizer]\nstart_from = ["grid_explorer"]\n[evaluation]\nfabricable = false'
+    search = Search.of(read_run(written(tmp_path, text)), (grid_map(1),))
+    first = search.evaluator.space.design(search.optimizer.ask()[0])
+    assert [level.branches for level in first.levels] == [2, 3, 3]

@@ -14,7 +14,11 @@ from vinefab.model.map import Map
 from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Penalty
 from vinefab.search.finalists import choose_finalists, reevaluated
 from vinefab.search.front import check_objectives, minimized
-from vinefab.search.optimizers.islands import RecommendingOptimizer, ScreeningOptimizer
+from vinefab.search.optimizers.islands import (
+    RecommendingOptimizer,
+    ScreeningOptimizer,
+    StartingOptimizer,
+)
 from vinefab.search.optimizers.nsga2 import FrontOptimizer
 from vinefab.search.optimizers.optimizer import Optimizer
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
@@ -119,6 +123,11 @@ class Search:
         # A user's own penalty may take longer than growth: screening asks for many.
         if evaluator.screens and isinstance(optimizer, ScreeningOptimizer):
             optimizer.screen_by(evaluator.penalties)
+        if settings.start_from:
+            if not isinstance(optimizer, StartingOptimizer):
+                allowed = "nothing there: only the optimizer islands begins at designs"
+                raise BadInputError("optimizer.start_from", settings.optimizer.name, allowed)
+            optimizer.start_from([np.array(point) for point in settings.start_from])
         search = cls(settings=settings, maps=spec.maps, evaluator=evaluator, optimizer=optimizer)
         conditions = evaluator.training_conditions(seed, 0)
         evaluator.launches(conditions)

@@ -6,6 +6,7 @@ optimizer named there.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
@@ -22,7 +23,7 @@ from vinefab.model.design import (
     DEFAULT_WIDTH_RATIO,
     Pouch,
 )
-from vinefab.model.files.design_toml import PouchForm
+from vinefab.model.files.design_toml import PouchForm, read_design
 from vinefab.model.files.toml import Form, read_toml, validated
 from vinefab.model.map import Pose, Start
 from vinefab.search.costs import COSTS
@@ -42,6 +43,7 @@ from vinefab.search.space import (
     SYMMETRIC_PERCENT,
     Bounds,
     BuildSettings,
+    Space,
     SpaceSettings,
 )
 from vinefab.tasks.shipped_tasks import TASKS, make_task
@@ -152,6 +154,7 @@ class OptimizerForm(RunPartForm):
     stall_tolerance: float = 0.0
     evaluations: int = 0
     wall_time_s: float = 0.0
+    start_from: list[str] = Field(default_factory=list)
 
 
 class EvaluationForm(Form):
@@ -213,6 +216,7 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         objectives=tuple(form.task.objectives),
         other_parameters=others,
     )
+    settings = replace(settings, start_from=_starts(form.optimizer.start_from, settings, path))
     check_objectives(settings.objectives, settings.task.name, settings.optimizer.name)
     # Built once here, so that a wrong name or parameter is reported with the file.
     environment_options(settings.maps)
@@ -221,6 +225,21 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         make_other_task(other)
     make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
     return settings
+
+
+def _starts(names: list[str], settings: RunSettings, path: Path) -> tuple[tuple[float, ...], ...]:
+    """Return the points of the designs to begin at: the nearest within the space's bounds."""
+    space, points = Space(settings.space, settings.build), []
+    low, high = int(settings.space.levels.low), int(settings.space.levels.high)
+    for place, name in enumerate(names, start=1):
+        file = path.parent / name
+        design = read_design(file if file.is_file() else name)
+        if not low <= design.depth <= high:
+            found = f"{name}, a design with {design.depth} levels"
+            allowed = f"designs with {low} to {high} levels, as in space.levels"
+            raise BadInputError(f"optimizer.start_from[{place}]", found, allowed)
+        points.append(tuple(space.vector(design).tolist()))
+    return tuple(points)
 
 
 def _task_tables(

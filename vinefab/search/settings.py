@@ -252,6 +252,8 @@ class RunSettings:
         alone.
     other_parameters
         Parameters of the other tasks among the objectives, by their names.
+    start_from
+        Points of the space at which the optimizer begins, beside its own.
     """
 
     name: str = "run"
@@ -267,6 +269,7 @@ class RunSettings:
     other_parameters: Mapping[str, Mapping[str, object]] = field(
         default_factory=dict, metadata=LATER
     )
+    start_from: tuple[tuple[float, ...], ...] = field(default=(), metadata=LATER)
 
     @property
     def further_objectives(self) -> tuple[str, ...]:

@@ -134,6 +134,7 @@ def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
         search=SearchSettings(**record["search"]),
         evaluation=EvaluationSettings(**record["evaluation"]),
         objectives=tuple(record.get("objectives", ())),
+        start_from=tuple(map(tuple, record.get("start_from", ()))),
         other_parameters=record.get("other_parameters", {}),
     )
 

@@ -292,6 +292,10 @@ def test_a_run_is_the_same_in_memory_on_disk_and_from_a_file(tmp_path):
     assert len(told) == 2
     assert kept.best == result.best == vf.Design.read(tmp_path / "run" / "best.toml")
     assert vf.optimize(settings, out=str(tmp_path / "run"), resume=True).best == result.best
+    more = vf.optimize(settings, out=tmp_path / "run", resume=True, generations=3, page=False)
+    assert len(more.history) == 3
+    with pytest.raises(vf.BadInputError, match="generations is 3; allowed: together with resume"):
+        vf.optimize(settings, generations=3)
     run_file = tmp_path / "short.toml"
     run_file.write_text(
         'schema = "vinefab/run-1"\n[maps]\nenvironment = "pegs"\ncount = 1\n'
@@ -304,7 +308,7 @@ def test_a_run_is_the_same_in_memory_on_disk_and_from_a_file(tmp_path):
 def test_a_run_takes_another_task_by_name_or_as_an_object(tmp_path):
     assert vf.optimize(run_settings(), task="reach").score.task == "reach"
     assert vf.optimize(run_settings(), task=Height()).score.task == "height"
-    recorded = vf.optimize(run_settings(), out=tmp_path / "run", task=Height())
+    recorded = vf.optimize(run_settings(), out=tmp_path / "run", task=Height(), page=False)
     assert recorded.score.task == "height"
     assert recorded.best == vf.Design.read(tmp_path / "run" / "best.toml")
 
@@ -313,7 +317,7 @@ def test_a_run_of_several_objectives_writes_its_front(tmp_path):
     settings = run_settings(
         objectives=("coverage", "film_length"), optimizer=vf.PartSettings(name="nsga2")
     )
-    vf.optimize(settings, out=tmp_path / "run")
+    vf.optimize(settings, out=tmp_path / "run", page=False)
     names = {path.name for path in (tmp_path / "run").iterdir()}
     assert {"best.toml", "front.json", "front.svg", "front.png", "run.sqlite"} <= names
 

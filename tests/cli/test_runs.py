@@ -8,7 +8,7 @@ import pytest
 def ended(vinefab, run_file, tmp_path):
     """A run's folder."""
     out = tmp_path / "runs" / "first"
-    code, _, complaint = vinefab("optimize", run_file, "--out", out, "-q")
+    code, _, complaint = vinefab("optimize", run_file, "--out", out, "--no-page", "-q")
     assert (code, complaint) == (0, "")
     return out
 

@@ -693,8 +693,9 @@ def _searched(
     """Return the result of a search that is not recorded."""
     from vinefab.prediction.run_winner import predict_winner
     from vinefab.search.loop import Search
-    from vinefab.search.run import penalty_of, training_maps
+    from vinefab.search.run import fresh_maps, penalty_of, training_maps
 
-    search = Search.of(settings, training_maps(settings), penalty_of(settings), task=task)
+    maps, fresh = training_maps(settings), fresh_maps(settings)
+    search = Search.of(settings, maps, penalty_of(settings), task=task, fresh_maps=fresh)
     result = search.run(progress=progress, workers=workers)
     return result.with_prediction(predict_winner(search, result))

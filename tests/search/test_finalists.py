@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,11 +11,15 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.units import rad
 from vinefab.growth.options import CONTACT_ANGLES_DEG
 from vinefab.model.design import Design
-from vinefab.model.map import Map
+from vinefab.model.map import Map, Pose, Start
+from vinefab.search.evaluator import FRESH
+from vinefab.search.finalists import FRESH_POSES
 from vinefab.search.loop import Search
 from vinefab.search.record.result import RunResult
-from vinefab.search.settings import RunSettings
-from vinefab.tasks.evaluate import score_design
+from vinefab.search.run import FRESH_MAPS, fresh_maps, training_maps
+from vinefab.search.settings import PartSettings, RunSettings
+from vinefab.tasks.evaluate import PreparedMap, score_design
+from vinefab.tasks.shipped_tasks import make_task
 
 
 def optimize(
@@ -107,5 +112,41 @@ def test_finalists_may_be_chosen_by_their_mean_over_the_range_of_contacts(
 
 
 def test_other_ways_to_choose_finalists_are_refused(small: RunSettings) -> None:
-    with pytest.raises(BadInputError, match="allowed: one of training, contact_range"):
+    with pytest.raises(BadInputError, match="allowed: one of fresh_maps, training, contact_range"):
         replace(small.evaluation, finalists_by="range")
+
+
+def test_a_winner_is_chosen_on_maps_that_the_search_has_not_seen(small: RunSettings) -> None:
+    settings = replace(small, evaluation=replace(small.evaluation, finalists=8))
+    fresh = fresh_maps(settings)
+    assert len(fresh) == FRESH_MAPS
+    known = training_maps(settings)
+    assert not {world.seed for world in fresh} & {world.seed for world in known}
+    result = Search.of(settings, known, fresh_maps=fresh).run()
+    usual = Search.of(settings, known).run()
+    fitness = [finalist.fitness for finalist in result.finalists]
+    assert fitness == sorted(fitness, reverse=True)
+    assert fitness != [finalist.fitness for finalist in usual.finalists]
+    # What is reported stays the score on the training maps.
+    assert {f.score.composite["mean"] for f in result.finalists} == {
+        f.score.composite["mean"] for f in usual.finalists
+    }
+    sites = [PreparedMap.of(world) for world in fresh]
+    conditions = Search.of(settings, fresh).evaluator.conditions(
+        settings.search.seed, FRESH, 0, FRESH_POSES
+    )
+    task = make_task(settings.task.name, {**settings.task.parameters, "area": "fast"})
+    best = score_design(result.best, sites, conditions.poses, task, settings.growth)
+    assert fitness[0] == pytest.approx(best.composite["mean"])
+
+
+def test_where_a_run_names_its_places_the_winner_is_chosen_there(small: RunSettings) -> None:
+    start = Start(pose=Pose(x_mm=10.0, y_mm=10.0, heading_rad=0.0))
+    aimed = PartSettings(name="reach", parameters={"target_mm": [[100.0, 100.0]]})
+    for other in (
+        replace(small, maps=replace(small.maps, start=start)),
+        replace(small, maps=replace(small.maps, files=(Path("a.geojson"),))),
+        replace(small, task=aimed),
+        replace(small, evaluation=replace(small.evaluation, finalists_by="training")),
+    ):
+        assert fresh_maps(other) == ()

@@ -39,6 +39,7 @@ from vinefab.search.evaluator import with_pose_range
 from vinefab.search.live_page import PAGE_NAME, design_words, run_facts
 from vinefab.search.record.result import RunResult, curve_of
 from vinefab.search.record.run_archive import RECORD_FILE, RunArchive
+from vinefab.search.run import FRESH_MAPS, chooses_on_fresh_maps
 from vinefab.search.run_pages import search_section
 from vinefab.search.settings import RunSettings, targets_mm
 from vinefab.search.space import Space
@@ -467,8 +468,11 @@ def _found_section(run: EndedRun) -> Section:
             f"By the quick rules {share:.0f} % of all designs were manufacturable, {end:.0f} % in "
             "the last generation."
         )
-    at_range = run.settings.evaluation.finalists_by == "contact_range"
-    by = "is the mean over the range of contacts" if at_range else "at the contacts of the run"
+    by = "at the contacts of the run"
+    if run.settings.evaluation.finalists_by == "contact_range":
+        by = "is the mean over the range of contacts"
+    elif chooses_on_fresh_maps(run.settings):
+        by = f"is that on {FRESH_MAPS} maps that the search did not see"
     finalists = Table(
         caption=f"Finalists on the same fresh poses (simulated), the winner first; fitness {by}",
         headings=("fitness", "mean score", "penalty", "branches", "levels"),

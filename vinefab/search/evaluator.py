@@ -175,9 +175,9 @@ LEAST_PENALTIES = 64
 
 MOST_TRAINING_MAPS = 10_000
 
-TRAINING, FINAL, MAPS, HALF_ANGLES = 1411, 1412, 1414, 1415
-"""Random streams of training poses, final poses, the choice of maps for a generation, and the
-head-on half-angles where they are drawn from a range."""
+TRAINING, FINAL, MAPS, HALF_ANGLES, FRESH = 1411, 1412, 1414, 1415, 1416
+"""Random streams of training poses, final poses, the choice of maps for a generation, the head-on
+half-angles where they are drawn from a range, and poses on fresh maps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -10,8 +10,9 @@ from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.growth.options import CONTACT_ANGLES_DEG
 from vinefab.model.design import Design
+from vinefab.model.map import Map
 from vinefab.model.score import Score
-from vinefab.search.evaluator import INVALID_FITNESS, Evaluations, Evaluator, FullCheck
+from vinefab.search.evaluator import FRESH, INVALID_FITNESS, Evaluations, Evaluator, FullCheck
 from vinefab.search.feasibility_repair import RepairResults
 from vinefab.search.front import feasible_points, non_dominated, spread_out
 from vinefab.search.parallel.point_evaluator import Begin
@@ -128,7 +129,11 @@ def _ranked(history: Sequence[Generation], space: Space, count: int) -> list[tup
 
 
 def reevaluated(
-    choice: FinalistChoice, begin: Begin, conditions: Conditions, evaluator: Evaluator
+    choice: FinalistChoice,
+    begin: Begin,
+    conditions: Conditions,
+    evaluator: Evaluator,
+    fresh_maps: Sequence[Map] = (),
 ) -> tuple[Finalist, ...]:
     """Return the points chosen, evaluated on fresh poses, best first.
 
@@ -143,6 +148,8 @@ def reevaluated(
         finalists = [_fully_checked(finalist, conditions, evaluator) for finalist in finalists]
     if evaluator.evaluation.finalists_by == "contact_range":
         finalists = _over_contacts(finalists, begin, conditions, evaluator)
+    elif fresh_maps:
+        finalists = _on_fresh_maps(finalists, fresh_maps, evaluator)
     # Stable: of equals, the one that was better in the search stays first.
     return tuple(sorted(finalists, key=lambda f: -f.fitness))
 
@@ -176,6 +183,26 @@ def _over_contacts(
         means.append(evaluator.composites(evaluations.score, conditions.weights))
     penalty = np.array([finalist.penalty for finalist in finalists])
     fitness = evaluator.fitness(np.mean(means, axis=0), penalty).tolist()
+    return [replace(one, fitness=value) for one, value in zip(finalists, fitness, strict=True)]
+
+
+FRESH_POSES = 2
+"""Poses on each of the fresh maps."""
+
+
+def _on_fresh_maps(
+    finalists: Sequence[Finalist], worlds: Sequence[Map], evaluator: Evaluator
+) -> list[Finalist]:
+    """Return finalists whose fitness is that on maps that the search has not seen."""
+    x = np.array([finalist.x for finalist in finalists])
+    settings = evaluator.spec.settings
+    whole = replace(settings.evaluation, maps_per_generation=0)
+    spec = replace(evaluator.spec, maps=tuple(worlds), settings=replace(settings, evaluation=whole))
+    unseen = Evaluator.of(spec)
+    conditions = unseen.conditions(settings.search.seed, FRESH, 0, FRESH_POSES)
+    scores = unseen.evaluate(x, conditions)[0].score
+    penalty = np.array([finalist.penalty for finalist in finalists])
+    fitness = unseen.fitness(unseen.composites(scores, conditions.weights), penalty).tolist()
     return [replace(one, fitness=value) for one, value in zip(finalists, fitness, strict=True)]
 
 

@@ -80,6 +80,7 @@ class Search:
     maps: tuple[Map, ...]
     evaluator: Evaluator
     optimizer: Optimizer  # before its first generation
+    fresh_maps: tuple[Map, ...] = ()  # unseen ones that the winner is chosen on
 
     @classmethod
     def of(
@@ -89,6 +90,7 @@ class Search:
         penalty: Penalty | None = None,
         *,
         task: Task | None = None,
+        fresh_maps: Sequence[Map] = (),
     ) -> "Search":
         """Prepare the search of a run; nothing is evaluated or written yet.
 
@@ -104,6 +106,8 @@ class Search:
             full check can win, as long as there is one.
         task
             A task object, in place of the task that the settings name.
+        fresh_maps
+            Maps that the winner is chosen on; none: on fresh poses on the training maps.
 
         Raises
         ------
@@ -128,7 +132,13 @@ class Search:
                 allowed = "nothing there: only the optimizer islands begins at designs"
                 raise BadInputError("optimizer.start_from", settings.optimizer.name, allowed)
             optimizer.start_from([np.array(point) for point in settings.start_from])
-        search = cls(settings=settings, maps=spec.maps, evaluator=evaluator, optimizer=optimizer)
+        search = cls(
+            settings=settings,
+            maps=spec.maps,
+            evaluator=evaluator,
+            optimizer=optimizer,
+            fresh_maps=tuple(fresh_maps),
+        )
         conditions = evaluator.training_conditions(seed, 0)
         evaluator.launches(conditions)
         _check_room(evaluator, conditions)
@@ -261,7 +271,8 @@ class Search:
         choice = choose_finalists(history, evaluator, count, further, known)
         conditions = evaluator.final_conditions(settings.search.seed)
         with ledger.spending("evaluating"):
-            return reevaluated(choice, begin, conditions, evaluator), choice.repair
+            finalists = reevaluated(choice, begin, conditions, evaluator, self.fresh_maps)
+        return finalists, choice.repair
 
 
 def _task_settings(task: Task) -> PartSettings:

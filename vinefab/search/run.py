@@ -12,6 +12,7 @@ from vinefab.core.atomic import folder_to_fill
 from vinefab.core.errors import BadInputError, located
 from vinefab.core.jsontext import json_text
 from vinefab.core.registry import with_parameters
+from vinefab.core.rng import child
 from vinefab.growth.options import growth_text, trained_growth
 from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.maps.poses import with_start
@@ -31,7 +32,7 @@ from vinefab.search.parallel.point_evaluator import PointEvaluator, ThreadEvalua
 from vinefab.search.record.result import Progress, RunIdentity, RunResult
 from vinefab.search.record.run_archive import RECORD_FILE, RunArchive, resumed_limits
 from vinefab.search.record.store import RunStore
-from vinefab.search.settings import MapSettings, RunLimits, RunSettings, limit_option
+from vinefab.search.settings import MapSettings, RunLimits, RunSettings, limit_option, targets_mm
 from vinefab.search.space import Space
 from vinefab.tasks.evaluate import composites_text
 from vinefab.tasks.task import Task
@@ -54,6 +55,29 @@ def training_maps(settings: RunSettings) -> tuple[Map, ...]:
     if settings.maps.files:
         return _started(map(read_map, settings.maps.files), settings.maps)
     return generated_maps(settings.maps)
+
+
+FRESH_MAPS, _STREAM = 20, 1417
+"""Maps by which a winner is chosen that the search has not seen, and the stream of their seeds."""
+
+
+def chooses_on_fresh_maps(settings: RunSettings) -> bool:
+    """Return whether the winner of a run is chosen on maps that the search has not seen."""
+    maps = settings.maps
+    places = maps.start is not None or len(targets_mm(settings)) > 0
+    return settings.evaluation.finalists_by == "fresh_maps" and not maps.files and not places
+
+
+def fresh_maps(settings: RunSettings) -> tuple[Map, ...]:
+    """Return maps by which the winner is chosen; none where that is done on the training maps.
+
+    Their seeds lie where nobody begins to count, so that they are neither training maps of another
+    run nor maps that winners are tested on.
+    """
+    if not chooses_on_fresh_maps(settings):
+        return ()
+    first = int(child(settings.search.seed, _STREAM).integers(2**40, 2**41))
+    return generated_maps(replace(settings.maps, seed=first, count=FRESH_MAPS))
 
 
 def first_map(settings: RunSettings) -> Map:
@@ -151,7 +175,7 @@ def run_search(  # noqa: PLR0913  options by keyword
     with located(source) if source else nullcontext():
         maps = training_maps(settings)
         penalty = penalty_of(settings)
-        search = Search.of(settings, maps, penalty, task=task)
+        search = Search.of(settings, maps, penalty, task=task, fresh_maps=fresh_maps(settings))
     identity = RunIdentity.of(search.settings, maps, penalty)
     with (
         folder_to_fill(folder),

@@ -15,7 +15,7 @@ from vinefab.search.space import LATER, BuildSettings, SpaceSettings
 from vinefab.tasks.evaluate import COMPOSITES, STANDARD_DEVIATION
 
 MOST_SECONDS = 1e8
-FINALISTS_BY = ("training", "contact_range")
+FINALISTS_BY = ("fresh_maps", "training", "contact_range")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,8 +194,10 @@ class EvaluationSettings:
     final_poses_per_map
         Fresh poses on each map for that.
     finalists_by
-        What their fitness is there: ``training``, at the contacts that the run trains with, or
-        ``contact_range``, the mean over the head-on half-angles of `CONTACT_ANGLES_DEG`.
+        What their fitness is there: ``training``, on the training maps; ``contact_range``, the
+        same over the head-on half-angles of `CONTACT_ANGLES_DEG`; ``fresh_maps``, on maps of the
+        run's environment that the search did not see, where these are generated and the run
+        names no places, and on the training maps elsewhere.
     """
 
     poses_per_map: int = 1
@@ -210,7 +212,7 @@ class EvaluationSettings:
     penalty_weight: float = 1.0
     finalists: int = 8
     final_poses_per_map: int = 5
-    finalists_by: str = "training"
+    finalists_by: str = "fresh_maps"
 
     def __post_init__(self) -> None:
         whole("evaluation.poses_per_map", self.poses_per_map, 1, 10_000)

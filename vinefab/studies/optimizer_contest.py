@@ -25,7 +25,7 @@ from vinefab.pages.figure import svg_bytes
 from vinefab.search.loop import Search
 from vinefab.search.parallel.worker_processes import WorkerProcesses
 from vinefab.search.record.result import RunIdentity, package_versions
-from vinefab.search.run import environment_options, generated_maps, penalty_of
+from vinefab.search.run import environment_options, fresh_maps, generated_maps, penalty_of
 from vinefab.search.settings import PartSettings, RunSettings, plain_settings
 from vinefab.tasks.evaluate import PreparedMap, poses_on, score_design
 from vinefab.tasks.shipped_tasks import make_task
@@ -213,7 +213,8 @@ def _check(contest: Contest, todo: Sequence[ContestRun]) -> None:
 
 
 def _search(settings: RunSettings) -> Search:
-    return Search.of(settings, generated_maps(settings.maps), penalty_of(settings))
+    maps, fresh = generated_maps(settings.maps), fresh_maps(settings)
+    return Search.of(settings, maps, penalty_of(settings), fresh_maps=fresh)
 
 
 def _add(record: Path, row: ContestRow) -> None:

@@ -54,7 +54,7 @@ COMMAND_LINES = {
     "reproduce": "reproduce transfer --quick --workers {n} --out study",
     "optimize front": "optimize front.toml --out run --resume --workers {n}",
     "optimize": "optimize run.toml --out run --resume --workers {n}",
-    "optimize cluster": "optimize run.toml --out run --resume --cluster local:{n}",
+    "optimize cluster": "optimize run.toml --out run --resume --cluster local:{n} --workers 0",
     "contest": "contest run.toml --optimizer pso --optimizer cmaes --seeds 2 --unseen 2 --jobs {n} "
     "--out contest",
     "runs": "runs record{n} --rebuild rebuilt --json runs.json",

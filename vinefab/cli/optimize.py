@@ -31,13 +31,22 @@ def optimize_command(
     *,
     run_file: Annotated[Path, typer.Argument(metavar="RUN.toml", help="The run file.")],
     out: Annotated[Path, typer.Option("--out", help="Folder for the record and best.toml.")],
-    workers: Annotated[int, typer.Option(min=1, help="Threads; results do not depend on it.")] = 1,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help="Threads; results do not depend on it. With --cluster they evaluate what is too "
+            "little to hand out; 0: nothing is evaluated here.  [default: 1; N with local:N]",
+            show_default=False,
+        ),
+    ] = None,
     cluster: Annotated[
         str | None,
         typer.Option(
-            help="local:N, or the address of a dask scheduler that you trust, in place of "
-            "--workers. For tls:// dask takes PEM files from DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
-            "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and ..._TLS__CLIENT__KEY."
+            help="local:N, or the address of a dask scheduler that you trust: generations that "
+            "are worth it are handed out. For tls:// dask takes PEM files from "
+            "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and "
+            "..._TLS__CLIENT__KEY."
         ),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue the run in --out.")] = False,
@@ -56,7 +65,8 @@ def optimize_command(
     output.ensure_json()
 
     again = ["vinefab", "optimize", str(run_file), "--out", str(out), "--resume"]
-    again += ["--cluster", cluster] if cluster else ["--workers", str(workers)]
+    again += ["--cluster", cluster] if cluster else []
+    again += ["--workers", str(workers)] if workers is not None else []
     command = shlex.join(again)
     with _resumable(command):
         with output.progress(f"optimizing {settings.name}") as show:

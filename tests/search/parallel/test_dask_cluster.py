@@ -15,6 +15,7 @@ from vinefab.core.errors import BadInputError, WorkersLostError
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.search.evaluator import TRAINING, Evaluator, EvaluatorSpec
+from vinefab.search.loop import Search
 from vinefab.search.parallel import dask_cluster as module
 from vinefab.search.parallel.dask_cluster import (
     DaskEvaluator,
@@ -23,6 +24,7 @@ from vinefab.search.parallel.dask_cluster import (
     deserialized,
     serialized,
 )
+from vinefab.search.run import make_point_evaluator
 from vinefab.search.settings import PartSettings, RunSettings
 from vinefab.search.timing import Ledger, Work
 from vinefab.tasks.reach import Reach
@@ -33,6 +35,7 @@ PROGRAM = """
 import os, signal, sys
 from pathlib import Path
 from vinefab.search.run_file import read_run
+from vinefab.search.loop import Search
 from vinefab.search.parallel import dask_cluster as module
 from vinefab.search.parallel.dask_cluster import DaskEvaluator
 from vinefab.search.run import run_search as search
@@ -55,7 +58,7 @@ def main():
 
     module.RESTART_S = 5.0
     threads = search(settings, Path(sys.argv[2]) / "threads")
-    workers = DaskEvaluator("local:2", patience_s=500.0)
+    workers = DaskEvaluator("local:2", threads=0, patience_s=500.0)
     cluster = search(settings, Path(sys.argv[2]) / "cluster", workers=workers, progress=tell)
     assert len(killed) >= 2, killed
     assert cluster.times.workers == 2 and cluster.times.growth_s > 0.0
@@ -101,7 +104,7 @@ def test_a_worker_finds_what_the_run_would_find(fabricable: RunSettings, maps: M
     evaluator = Evaluator.of(EvaluatorSpec(settings=fabricable, maps=maps, penalty=LongTrunk()))
     x = np.random.default_rng(1).random((5, len(evaluator.space)))
     poses = evaluator.conditions(3, TRAINING, 0, 2)
-    found, work = deserialized(_evaluated(WorkerPayload.of(evaluator.spec), x, poses))
+    found, work = deserialized(_evaluated(WorkerPayload.of(evaluator.spec), x, serialized(poses)))
     expected, _ = evaluator.evaluate(x, poses)
     np.testing.assert_array_equal(found.score, expected.score)
     np.testing.assert_array_equal(found.penalty, expected.penalty)
@@ -115,7 +118,9 @@ def test_a_task_object_is_sent_to_the_workers(small: RunSettings, maps: Maps) ->
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps, task=Reach(buffer_mm=25.0)))
     x = np.random.default_rng(1).random((3, len(evaluator.space)))
     poses = evaluator.conditions(3, TRAINING, 0, 1)
-    evaluations, _ = deserialized(_evaluated(WorkerPayload.of(evaluator.spec), x, poses))
+    evaluations, _ = deserialized(
+        _evaluated(WorkerPayload.of(evaluator.spec), x, serialized(poses))
+    )
     np.testing.assert_array_equal(evaluations.score, evaluator.evaluate(x, poses)[0].score)
     assert set(evaluations.terms) == {"reached_mm2", "grown_mm"}
 
@@ -147,7 +152,7 @@ def test_a_worker_with_other_versions_refuses(small: RunSettings, maps: Maps) ->
     strange = replace(payload, versions={**payload.versions, "numpy": "0.1"})
     x, poses = np.full((1, len(evaluator.space)), 0.5), evaluator.conditions(3, TRAINING, 0, 1)
     with pytest.raises(BadInputError, match=r"numpy .*; allowed: numpy 0\.1, as the run has"):
-        _evaluated(strange, x, poses)
+        _evaluated(strange, x, serialized(poses))
 
 
 def test_a_worker_without_the_packages_of_the_run_is_named(small: RunSettings, maps: Maps) -> None:
@@ -155,13 +160,13 @@ def test_a_worker_without_the_packages_of_the_run_is_named(small: RunSettings, m
     payload = WorkerPayload.of(EvaluatorSpec(settings=theirs, maps=maps, penalty=None))
     x, poses = np.full((1, 3), 0.5), ((), ())
     with pytest.raises(BadInputError, match=r"a worker is .*without task 'depth'.*same packages"):
-        _evaluated(payload, x, poses)
+        _evaluated(payload, x, serialized(poses))
     gone = replace(payload, name="gone", spec=b"cno_such_package\nPenalty\n.")
     with pytest.raises(BadInputError, match=r"a worker is .*no_such_package.*same packages"):
-        _evaluated(gone, x, poses)
+        _evaluated(gone, x, serialized(poses))
     # It comes through the wire as it is.
     with pytest.raises(BadInputError) as told:
-        _evaluated(payload, x, poses)
+        _evaluated(payload, x, serialized(poses))
     assert str(deserialized(serialized(told.value))) == str(told.value)
 
 
@@ -181,13 +186,30 @@ def test_the_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         DaskEvaluator("local:2")
 
 
-def test_parts_are_worth_their_round_trip() -> None:
-    four = DaskEvaluator("local:4")
-    assert four._rows(100, 0.0) == 25  # nothing is known yet: an equal share for everybody
-    assert four._rows(100, 0.001) == 25  # a millisecond each: more than a share would be too much
-    assert four._rows(100, 0.01) == 10
-    assert four._rows(100, 1.0) == 7  # long work is dealt out four times a generation
-    assert four._rows(1, 1.0) == 1
+def test_a_small_run_stays_in_threads_and_says_why(
+    small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def started(_: DaskEvaluator) -> None:
+        raise AssertionError("workers were started")
+
+    monkeypatch.setattr(DaskEvaluator, "_client", started)
+    cluster = DaskEvaluator("local:2")
+    result, usual = Search.of(small, maps).run(workers=cluster), Search.of(small, maps).run()
+    assert result.best == usual.best
+    (note,) = [note for note in result.notes if note.startswith("cluster local:2: ")]
+    assert "handed out 0 of 6 batches of designs; the heaviest was" in note
+    assert "s on 2 threads here" in note
+    assert "s on 2 workers after a start of 10 s (assumed)" in note
+    assert result.times.workers == 2
+
+
+def test_threads_beside_a_cluster() -> None:
+    assert DaskEvaluator("local:3").threads == 3
+    assert DaskEvaluator("tcp://host:1").threads == 1
+    assert make_point_evaluator(5, "tcp://host:1").threads == 5  # type: ignore[attr-defined]
+    assert make_point_evaluator(None, None).count == 1
+    with pytest.raises(BadInputError, match="--workers is 0; allowed: 1 or more"):
+        make_point_evaluator(0, None)
 
 
 class Deserted:

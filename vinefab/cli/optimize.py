@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -49,6 +50,10 @@ def optimize_command(
             "..._TLS__CLIENT__KEY."
         ),
     ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="Seed of the search in place of the run file's.", metavar="N"),
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue the run in --out.")] = False,
     json_out: JsonOut = None,
     quiet: Quiet = False,
@@ -60,6 +65,8 @@ def optimize_command(
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     settings = read_run(run_file)
+    if seed is not None:
+        settings = replace(settings, search=replace(settings.search, seed=seed))
     for name in ("best.toml", *(FRONT_FILES if settings.objectives else ())):
         ensure_writable(out / name, force=force)
     output.ensure_json()
@@ -67,6 +74,7 @@ def optimize_command(
     again = ["vinefab", "optimize", str(run_file), "--out", str(out), "--resume"]
     again += ["--cluster", cluster] if cluster else []
     again += ["--workers", str(workers)] if workers is not None else []
+    again += ["--seed", str(seed)] if seed is not None else []
     command = shlex.join(again)
     with _resumable(command):
         with output.progress(f"optimizing {settings.name}") as show:

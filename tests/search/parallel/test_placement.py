@@ -43,7 +43,7 @@ def test_work_units_get_smaller_but_not_below_the_least() -> None:
     units = unit_rows(np.ones(1000), 2, least=20.0)
     sizes = [len(rows) for rows in units]
     assert sizes == sorted(sizes, reverse=True)
-    assert sizes[0] == 334
+    assert sizes[0] == 333
     assert min(sizes[:-1]) == 20
     assert [len(rows) for rows in unit_rows(np.ones(10), 4, least=1e9)] == [10]
     # As long as nothing is known of the work, every worker gets the same.
@@ -51,13 +51,15 @@ def test_work_units_get_smaller_but_not_below_the_least() -> None:
     assert [len(rows) for rows in unknown.units(np.ones(100))] == [25, 25, 25, 25]
 
 
-def test_the_least_unit_balances_handing_out_and_work() -> None:
-    least_s = least_unit_s(40.0, COSTS)
-    units = 40.0 / least_s
-    assert units * COSTS.per_unit_s == pytest.approx(least_s)
-    assert units == pytest.approx(200.0)
+def test_the_least_unit_is_worth_its_cost() -> None:
+    # Few workers: handing out takes a twentieth of the work.
+    assert least_unit_s(40.0, 2, COSTS) == pytest.approx(0.02)
+    # More: while each does one unit, a unit can be handed out to all.
+    assert least_unit_s(40.0, 100, COSTS) == pytest.approx(0.1)
+    # Too many: handing out all units takes as long as one of them, with 200 of 10,000 workers.
+    assert least_unit_s(40.0, 10_000, COSTS) == pytest.approx(0.2)
     few = Pace(threads=1, workers=10_000, costs=COSTS, work_s=0.04)
-    assert len(few.units(np.ones(1000))) <= 200  # not one for each of ten thousand workers
+    assert len(few.units(np.ones(1000))) == 200
 
 
 def test_a_generation_goes_where_it_is_done_sooner() -> None:

@@ -40,13 +40,19 @@ SAMPLE_S = 0.05
 """Work that is evaluated here, at the beginning of a run, to know how much a generation is."""
 
 
-def least_unit_s(work_s: float, costs: HandingOut) -> float:
-    """Return the least work of a unit: with it, handing out takes no longer than one unit.
+MOST_WASTE = 0.05
+"""Largest share of the cost of a unit in its work, as long as there are few workers."""
 
-    Units are handed out one after the other, and worked off beside each other: n units of a work W
-    that each cost c take n c + W / n on n workers, which is least for n = sqrt(W / c).
+
+def least_unit_s(work_s: float, workers: int, costs: HandingOut) -> float:
+    """Return the least work of a unit that is worth handing out.
+
+    Units are handed out one after the other and worked off beside each other. N workers are kept
+    busy by units of work N c, if each costs c. With more workers than that leaves units for, n
+    units of a work W take n c + W / n on n of them, which is least for units of work sqrt(W c).
     """
-    return math.sqrt(max(0.0, work_s) * costs.per_unit_s)
+    busy_s = max(workers, 1.0 / MOST_WASTE) * costs.per_unit_s
+    return min(busy_s, math.sqrt(max(0.0, work_s) * costs.per_unit_s))
 
 
 def unit_rows(weights: Floats, workers: int, least: float) -> list[Ints]:
@@ -68,11 +74,11 @@ def unit_rows(weights: Floats, workers: int, least: float) -> list[Ints]:
     """
     order = np.argsort(-weights, kind="stable")
     until = np.cumsum(weights[order])
+    middle = until - 0.5 * weights[order]
     units, first, done = list[Ints](), 0, 0.0
     while first < len(order):
         share = max((until[-1] - done) / (SHARE_LEFT * workers), least)
-        # A unit ends with the point that reaches its share.
-        last = min(int(np.searchsorted(until, done + share * (1.0 - 1e-9))) + 1, len(order))
+        last = max(first + 1, int(np.searchsorted(middle, done + share)))
         units.append(order[first:last])
         first, done = last, float(until[last - 1])
     return units
@@ -94,7 +100,7 @@ class Pace:
         weight = float(weights.sum())
         if self.work_s <= 0.0:  # not measured yet: the same for every worker
             return unit_rows(weights, self.workers, weight / self.workers)
-        least_s = least_unit_s(self.work_s * weight, self.costs)
+        least_s = least_unit_s(self.work_s * weight, self.workers, self.costs)
         return unit_rows(weights, self.workers, least_s / self.work_s)
 
     def seconds_here(self, weight: float) -> float:
@@ -146,6 +152,13 @@ class Pace:
             f"{self.seconds_here(weight):.2g} s on {self.threads} "
             f"thread{'' if self.threads == 1 else 's'} here, {there}"
         )
+
+
+def point_weights(evaluator: Evaluator, x: Floats, conditions: Conditions) -> Floats:
+    """Return the work of each point in branches to grow; too large a design grows none."""
+    sizes = evaluator.space.batch(x).sizes
+    growths = sum(len(places) for places in conditions.poses)
+    return np.where(sizes > MOST_BRANCHES, 1.0, 1.0 + sizes) * max(1, growths)
 
 
 class RemoteWorkers(Protocol):
@@ -204,7 +217,7 @@ class PlacedRun:
         first = self._sample(x, conditions)
         rest = x[len(first.penalty) :]
         if not len(rest):
-            self._decide(self._weights(x, conditions))
+            self._decide(point_weights(self._evaluator, x, conditions))
             return lambda: first
         finish = self._placed(rest, conditions)
         return lambda: Evaluations.concatenated([first, finish()])
@@ -224,13 +237,13 @@ class PlacedRun:
             parts.append(part)
             done, work_s = min(2 * done, len(x)), work_s + sum(work)
         if done > 1:  # the first point was evaluated while code was loaded
-            weight = float(self._weights(x[1:done], conditions).sum())
+            weight = float(point_weights(self._evaluator, x[1:done], conditions).sum())
             self.pace = replace(self.pace, work_s=work_s / weight)
         return Evaluations.concatenated(parts)
 
     def _placed(self, x: Floats, conditions: Conditions) -> Finish:
         """Begin to evaluate points where it is done sooner, and time them."""
-        weights = self._weights(x, conditions)
+        weights = point_weights(self._evaluator, x, conditions)
         there = self._decide(weights)
         pace, began_s, worked_s = self.pace, time.perf_counter(), self._ledger.worked_s
         if there:
@@ -264,9 +277,3 @@ class PlacedRun:
         if self.pace.threads and work_s > self._heaviest_s:
             self._heaviest_s, self._heaviest = work_s, self.pace.text(weights)
         return there
-
-    def _weights(self, x: Floats, conditions: Conditions) -> Floats:
-        """Return the work of each point in branches to grow; too large a design grows none."""
-        sizes = self._evaluator.space.batch(x).sizes
-        growths = sum(len(places) for places in conditions.poses)
-        return np.where(sizes > MOST_BRANCHES, 1.0, 1.0 + sizes) * max(1, growths)

@@ -1,14 +1,17 @@
 """How far more workers help a search: the simulated speed on up to 256 workers, as a figure.
 
 python examples/draw_cluster_scaling.py PICTURE.png              the search is measured here
-python examples/draw_cluster_scaling.py PICTURE.png local:2      then compared with real workers
+python examples/draw_cluster_scaling.py PICTURE.png sleeping     then dask workers that sleep
+python examples/draw_cluster_scaling.py PICTURE.png local:2      then a search on real workers
 """
 
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from distributed import Client, LocalCluster
 
 from vinefab.core.atomic import write_bytes
 from vinefab.core.validation import Floats
@@ -35,6 +38,12 @@ from vinefab.studies.cluster_scaling import (
 from vinefab.tasks.evaluate import Conditions
 
 MEASURED_GENERATIONS = 8
+HARDER = 100
+"""A score that takes longer, such as coverage with `area = "exact"`."""
+
+NEAR = Network(latency_s=LATENCIES_S[0])
+SLEEPERS = ((1, 2), (2, 4), (2, 32), (2, 64))
+"""Processes and threads in each."""
 
 
 def search_of(population: int, maps: int) -> RunSettings:
@@ -51,8 +60,11 @@ def draw(picture: Path) -> None:
         load_of("20 designs x 4 maps", search_of(20, 4)),
         load_of("100 designs x 20 maps", search_of(100, 20)),
         load_of("1,000 designs x 20 maps", search_of(1000, 20)),
-        load_of("the same, 100 times the work each", search_of(1000, 20), times=100.0),
     )
+    harder = replace(
+        loads[-1], name=f"{HARDER} times the work each", work_s=HARDER * loads[-1].work_s
+    )
+    loads = (*loads, harder)
     for load in loads:
         work_s = load.work_s * load.generations[0].sum()
         print(f"{load.name}: {work_s:.3g} s of work and {load.loop_s:.2g} s between generations")
@@ -60,6 +72,32 @@ def draw(picture: Path) -> None:
     print("\n".join(scaling_rows(results)))
     data = svg_bytes if picture.suffix == ".svg" else png_bytes
     write_bytes(picture, data(scaling_figure(results)))
+
+
+def compare_sleepers() -> None:
+    """Print how long dask takes for work units that sleep, and what the simulation says."""
+    load = load_of("1,000 designs x 20 maps", search_of(1000, 20))
+    weights = load.generations[0]
+    for processes, threads in SLEEPERS:
+        workers = processes * threads
+        pace = pace_on(workers, load.work_s)
+        units_s = [load.work_s * float(weights[rows].sum()) for rows in pace.units(weights)]
+        with (
+            LocalCluster(processes, threads_per_worker=threads, dashboard_address=None) as cluster,
+            Client(cluster) as client,
+        ):
+            client.gather([client.submit(abs, number, pure=False) for number in range(64)])
+            slept_s = []
+            for _ in range(5):
+                began_s = time.perf_counter()
+                client.gather([client.submit(time.sleep, each, pure=False) for each in units_s])
+                slept_s.append(time.perf_counter() - began_s)
+        predicted_s = simulated_s(units_s, workers=workers, costs=UnitCosts(), network=NEAR)
+        print(
+            f"{workers} sleeping workers, {len(units_s)} units of {sum(units_s):.2f} s: "
+            f"{min(slept_s):.3f} s (predicted {predicted_s:.3f} s)",
+            flush=True,
+        )
 
 
 def compare(address: str) -> None:
@@ -106,15 +144,21 @@ def timed(
 
 def prediction_s(weights: Floats, work_s: float, ledger: Ledger) -> float:
     """Return how long the simulation takes for points of so much work."""
-    costs, network, workers = UnitCosts(), Network(latency_s=LATENCIES_S[0]), ledger.workers
     each_s = work_s / weights.sum()
-    known = handing_out(workers, costs, network)
-    units = Pace(threads=0, workers=workers, costs=known, work_s=each_s).units(weights)
+    units = pace_on(ledger.workers, each_s).units(weights)
     units_s = [each_s * float(weights[rows].sum()) for rows in units]
-    return simulated_s(units_s, workers=workers, costs=costs, network=network)
+    return simulated_s(units_s, workers=ledger.workers, costs=UnitCosts(), network=NEAR)
+
+
+def pace_on(workers: int, work_s: float) -> Pace:
+    """Return the pace of a run that hands out everything."""
+    costs = handing_out(workers, UnitCosts(), NEAR)
+    return Pace(threads=0, workers=workers, costs=costs, work_s=work_s)
 
 
 if __name__ == "__main__":
     draw(Path(sys.argv[1]))
-    if len(sys.argv) > 2:
+    if sys.argv[2:] == ["sleeping"]:
+        compare_sleepers()
+    elif sys.argv[2:]:
         compare(sys.argv[2])

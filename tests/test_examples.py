@@ -17,6 +17,7 @@ from vinefab.search.run_file import read_run
 ROOT = Path(__file__).parents[1]
 
 SCRIPTS = {
+    "draw_cluster_scaling": (),
     "draw_environments": ("cave",),
     "draw_result": (),
 }

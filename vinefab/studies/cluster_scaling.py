@@ -59,14 +59,8 @@ class SearchLoad:
     loop_s: float  # asking, telling and adding up results, per generation
 
 
-def load_of(name: str, settings: RunSettings, *, times: float = 1.0) -> SearchLoad:
-    """Measure what a search asks of its workers, with a few designs.
-
-    Parameters
-    ----------
-    times
-        How many times as much work a design is.
-    """
+def load_of(name: str, settings: RunSettings) -> SearchLoad:
+    """Measure what a search asks of its workers, with a few designs."""
     search = Search.of(settings, training_maps(settings), penalty_of(settings))
     evaluator, seed, population = search.evaluator, settings.search.seed, settings.search.population
     conditions, rng = evaluator.training_conditions(seed, 0), np.random.default_rng(seed)
@@ -82,7 +76,7 @@ def load_of(name: str, settings: RunSettings, *, times: float = 1.0) -> SearchLo
     return SearchLoad(
         name=name,
         generations=weights,
-        work_s=times * min(few_s) / float(weights[0][: len(few)].sum()),
+        work_s=min(few_s) / float(weights[0][: len(few)].sum()),
         result_bytes=8.0 * (1 + len(whole.terms)) * whole.score.shape[1],
         loop_s=min(_loop_s(search, whole) for _ in range(3)),
     )

@@ -61,10 +61,8 @@ def draw(picture: Path) -> None:
         load_of("100 designs x 20 maps", search_of(100, 20)),
         load_of("1,000 designs x 20 maps", search_of(1000, 20)),
     )
-    harder = replace(
-        loads[-1], name=f"{HARDER} times the work each", work_s=HARDER * loads[-1].work_s
-    )
-    loads = (*loads, harder)
+    heavy, name = loads[-1], f"1,000 x 20, {HARDER} times the work each"
+    loads = (*loads, replace(heavy, name=name, work_s=HARDER * heavy.work_s))
     for load in loads:
         work_s = load.work_s * load.generations[0].sum()
         print(f"{load.name}: {work_s:.3g} s of work and {load.loop_s:.2g} s between generations")

@@ -148,7 +148,7 @@ class Pace:
             seconds = self.seconds_there(weights)
             there = f"{seconds:.2g} s on {self.workers} worker{plural} {trip}"
         return (
-            f"{weight * self.work_s:.2g} s of work (measured): "
+            f"{weight * self.work_s:.2g} s of work (measured), expected to take "
             f"{self.seconds_here(weight):.2g} s on {self.threads} "
             f"thread{'' if self.threads == 1 else 's'} here, {there}"
         )
@@ -204,7 +204,7 @@ class PlacedRun:
         self._remote, self._here = remote, here
         self._left = evaluator.spec.settings.search.generations
         self._has_worked_there = False
-        self._heaviest_s, self._heaviest = -math.inf, ""
+        self._heaviest_s, self._last_large = 0.0, ""
         self.pace = Pace(threads=threads, workers=workers, costs=remote.costs(), work_s=0.0)
         self.batches, self.handed_out = 0, 0  # of designs: generations, finalists
 
@@ -225,7 +225,9 @@ class PlacedRun:
     @property
     def decision(self) -> str:
         """What was decided and why, for the user."""
-        why = f"the heaviest was {self._heaviest}" if self._heaviest else "as --workers 0 asks"
+        why = f"the last large one had {self._last_large}"
+        if self.pace.threads == 0:
+            why = "as --workers 0 asks"
         return f"handed out {self.handed_out} of {self.batches} batches of designs; {why}"
 
     def _sample(self, x: Floats, conditions: Conditions) -> Evaluations:
@@ -274,6 +276,7 @@ class PlacedRun:
         there = self.pace.goes_there(weights, self._left)
         self._ledger.workers = self.pace.workers if there else max(1, self.pace.threads)
         work_s = self.pace.work_s * float(weights.sum())
-        if self.pace.threads and work_s > self._heaviest_s:
-            self._heaviest_s, self._heaviest = work_s, self.pace.text(weights)
+        self._heaviest_s = max(self._heaviest_s, work_s)
+        if work_s >= 0.5 * self._heaviest_s:  # finalists are few
+            self._last_large = self.pace.text(weights)
         return there

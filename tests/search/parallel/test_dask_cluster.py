@@ -199,7 +199,7 @@ def test_a_small_run_stays_in_threads_and_says_why(
     (note,) = [note for note in result.notes if note.startswith("cluster local:2: ")]
     assert "handed out 0 of 6 batches of designs; the last large one had " in note
     assert "s on 2 threads here" in note
-    assert "s on 2 workers after a start of 10 s (assumed)" in note
+    assert "s on 2 workers once they have started, 10 s (assumed)" in note
     assert result.times.workers == 2
 
 

@@ -85,7 +85,8 @@ def test_the_pace_is_that_of_the_last_generation() -> None:
     there = here.after(weights, 3.0, 8.0, there=True)
     assert there.seconds_there(weights) == pytest.approx(3.0)
     assert there.seconds_here(20.0) == 5.0
-    assert pace.after(weights, None, 8.0, there=True).there_s is None
+    # The first time, workers load code: that says nothing of the work.
+    assert pace.after(weights, None, 8.0, there=True) == pace
 
 
 @dataclass
@@ -94,6 +95,7 @@ class Neighbours:
 
     evaluator: Evaluator
     there: list[int]  # how many there are at each call; the last stays
+    start_s: float = 0.0
     waited_s: list[float] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
 
@@ -102,7 +104,7 @@ class Neighbours:
         return self.there.pop(0) if len(self.there) > 1 else self.there[0]
 
     def costs(self) -> HandingOut:
-        return replace(COSTS, per_unit_s=1e-6, round_trip_s=1e-6)
+        return replace(COSTS, per_unit_s=1e-6, round_trip_s=1e-6, start_s=self.start_s)
 
     def begin(self, x: Floats, conditions: Conditions, units: Sequence[Ints]) -> Finish:
         self.units.append(len(units))
@@ -137,3 +139,23 @@ def test_results_are_those_of_threads_wherever_points_go(
     else:
         assert remote.waited_s[1:] == [math.inf] * 3
         assert run.decision == "handed out 3 of 3 batches of designs; as --workers 0 asks"
+
+
+def test_workers_are_used_only_when_the_run_to_come_pays_for_their_start(
+    small: RunSettings, maps: tuple[Map, ...]
+) -> None:
+    long = replace(small, search=replace(small.search, generations=1000))
+    x, workers = np.random.default_rng(1).random((200, 16)), 8
+    for settings, start_s, used in ((small, 50.0, False), (long, 0.5, True)):
+        evaluator = Evaluator.of(EvaluatorSpec(settings=settings, maps=maps))
+        points = x[:, : len(evaluator.space)]
+        conditions = [evaluator.conditions(3, TRAINING, number, 4) for number in range(3)]
+        remote = Neighbours(evaluator, there=[workers], start_s=start_s)
+        ledger = Ledger(1)
+        with ThreadEvaluator(1).started(evaluator, ledger) as here:
+            run = PlacedRun(evaluator, ledger, remote, here=here, threads=1, workers=workers)
+            for met in conditions:
+                run.begin(points, met)()
+        assert (len(remote.units) > 0) is used
+        assert (run.pace.costs.start_s == 0.0) is used
+        assert ("once they have started" in run.decision) is not used

@@ -62,8 +62,11 @@ def deserialized(data: bytes) -> Any:  # noqa: ANN401 - any object
     return pickle.loads(data)  # noqa: S301
 
 
-ASSUMED_COSTS = HandingOut(round_trip_s=0.02, per_unit_s=0.002, start_s=10.0)
-"""Of workers of this computer before they are started: the start takes 4 s, loading as long."""
+LOADING_S = 5.0
+"""How long workers take to load compiled code, where it was compiled before."""
+
+ASSUMED_COSTS = HandingOut(round_trip_s=0.02, per_unit_s=0.002, start_s=2.0 * LOADING_S)
+"""Of workers of this computer before they are started, which takes as long as loading."""
 
 PROBES = 16
 """Empty work units that are handed out to measure what that costs."""
@@ -356,7 +359,7 @@ def _measured_costs(client: Any) -> HandingOut:  # noqa: ANN401 - distributed ha
         times_s.append(time.perf_counter() - began_s)
     one_s = min(times_s[0::2])
     per_unit_s = max(1e-5, (min(times_s[1::2]) - one_s) / (PROBES - 1))
-    return HandingOut(round_trip_s=one_s, per_unit_s=per_unit_s)
+    return HandingOut(round_trip_s=one_s, per_unit_s=per_unit_s, start_s=LOADING_S)
 
 
 def _address_in(path: Path) -> str | None:

@@ -29,7 +29,7 @@ class HandingOut:
 
     round_trip_s: float  # from handing out one empty work unit to its result
     per_unit_s: float  # for each work unit more
-    start_s: float = 0.0  # until the first worker can work; 0: they are there
+    start_s: float = 0.0  # assumed, until workers have started and loaded code; 0: they have
 
     def overhead_s(self, units: int) -> float:
         """Return the time that a generation of so many work units takes beside the work."""
@@ -127,10 +127,10 @@ class Pace:
         self, weights: Floats, seconds: float | None, work_s: float, *, there: bool
     ) -> "Pace":
         """Return the pace after points took so long, here or there; None: no typical time."""
+        if seconds is None:  # with the loading of code in both
+            return self
         weight = float(weights.sum())
         measured = replace(self, work_s=work_s / weight)
-        if seconds is None:
-            return measured
         if not there:
             return replace(measured, here_s=seconds / weight)
         working_s = max(0.0, seconds - self.costs.overhead_s(len(self.units(weights))))
@@ -139,14 +139,14 @@ class Pace:
     def text(self, weights: Floats) -> str:
         """Return the times that a decision rests on."""
         weight, costs = float(weights.sum()), self.costs
-        trip = f"with a round trip of {1e3 * costs.round_trip_s:.0f} ms (measured)"
-        if costs.start_s:
-            trip = f"after a start of {costs.start_s:.0f} s (assumed)"
+        trip = f" with a round trip of {1e3 * costs.round_trip_s:.0f} ms (measured)"
+        start = f" once they have started, {costs.start_s:.0f} s (assumed)"
         there = "no worker had come"
         if self.workers:
             plural = "" if self.workers == 1 else "s"
             seconds = self.seconds_there(weights)
-            there = f"{seconds:.2g} s on {self.workers} worker{plural} {trip}"
+            there = f"{seconds:.2g} s on {self.workers} worker{plural}"
+            there += start if costs.start_s else trip
         return (
             f"{weight * self.work_s:.2g} s of work (measured), expected to take "
             f"{self.seconds_here(weight):.2g} s on {self.threads} "
@@ -255,7 +255,9 @@ class PlacedRun:
             finish = self._here(x, conditions)
         # Workers load compiled code first, which says nothing of the next generation.
         is_typical = not there or self._has_worked_there
-        self._has_worked_there |= there
+        if there and not self._has_worked_there:
+            self._has_worked_there = True
+            self.pace = replace(pace, costs=replace(pace.costs, start_s=0.0))
 
         def timed() -> Evaluations:
             evaluations = finish()
@@ -272,7 +274,10 @@ class PlacedRun:
         if self.pace.workers == 0 or self.pace.goes_there(weights, self._left):
             wait_s = self.pace.seconds_here(float(weights.sum())) if self.pace.threads else math.inf
             workers = self._remote.connect(wait_s=wait_s)
-            self.pace = replace(self.pace, workers=workers, costs=self._remote.costs())
+            costs = self._remote.costs()
+            if self._has_worked_there:
+                costs = replace(costs, start_s=0.0)
+            self.pace = replace(self.pace, workers=workers, costs=costs)
         there = self.pace.goes_there(weights, self._left)
         self._ledger.workers = self.pace.workers if there else max(1, self.pace.threads)
         work_s = self.pace.work_s * float(weights.sum())

@@ -102,7 +102,7 @@ class LongTrunk:
 
 def test_a_worker_finds_what_the_run_would_find(fabricable: RunSettings, maps: Maps) -> None:
     evaluator = Evaluator.of(EvaluatorSpec(settings=fabricable, maps=maps, penalty=LongTrunk()))
-    x = np.random.default_rng(1).random((5, len(evaluator.space)))
+    x = np.random.default_rng(1).random((module.TOGETHER + 5, len(evaluator.space)))
     poses = evaluator.conditions(3, TRAINING, 0, 2)
     found, work = deserialized(_evaluated(WorkerPayload.of(evaluator.spec), x, serialized(poses)))
     expected, _ = evaluator.evaluate(x, poses)

@@ -34,9 +34,19 @@ def test_work_units_have_every_point_once_and_heavy_ones_first(workers: int, cou
     assert min(count, workers) <= len(units) <= count
     done = weights[np.concatenate(units)]
     assert (np.diff(done) <= 0.0).all()
-    work = [float(weights[rows].sum()) for rows in units]
-    # With no more workers than work for them, the last unit is short: nobody waits long for it.
-    assert work[-1] <= max(weights.max(), work[0])
+
+
+def test_only_points_that_are_units_by_themselves_are_sorted() -> None:
+    weights = np.array([1.0, 5.0, 2.0, 9.0, 1.5, 2.5])
+    units = unit_rows(weights, 2, least=4.0)
+    assert np.concatenate(units).tolist() == [3, 1, 0, 2, 4, 5]
+    assert units[0].tolist() == [3]
+
+
+def test_no_unit_holds_up_the_end() -> None:
+    weights = np.random.default_rng(1).lognormal(size=1000)
+    work = [float(weights[rows].sum()) for rows in unit_rows(weights, 4, least=10.0)]
+    assert max(work[-4:]) <= max(10.0 + weights.max(), 0.02 * weights.sum())
 
 
 def test_work_units_get_smaller_but_not_below_the_least() -> None:

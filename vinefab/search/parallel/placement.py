@@ -56,7 +56,10 @@ def least_unit_s(work_s: float, workers: int, costs: HandingOut) -> float:
 
 
 def unit_rows(weights: Floats, workers: int, least: float) -> list[Ints]:
-    """Divide points into work units: heavy points first, and smaller units towards the end.
+    """Divide points into work units: the heaviest first, and smaller units towards the end.
+
+    Only points that are heavier than a least unit are sorted. The others stay in their order:
+    units of large designs alone, more than fit into a processor's caches, take a seventh longer.
 
     Parameters
     ----------
@@ -72,7 +75,7 @@ def unit_rows(weights: Floats, workers: int, least: float) -> list[Ints]:
     list of arrays
         The rows of each unit.
     """
-    order = np.argsort(-weights, kind="stable")
+    order = np.argsort(-np.where(weights > least, weights, 0.0), kind="stable")
     until = np.cumsum(weights[order])
     middle = until - 0.5 * weights[order]
     units, first, done = list[Ints](), 0, 0.0

@@ -4,6 +4,7 @@ import importlib.util
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -254,3 +255,62 @@ def test_counting_starts_with_the_ledger() -> None:
     ledger.add(Work(making_s=1.0, scoring_s=0.5))
     ledger.add(Work(growth_s=0.25))
     assert ledger.worked_s == 1.75
+
+
+class Shrinking:
+    """A client whose workers come and go."""
+
+    def __init__(self, *counts: int) -> None:
+        self.counts = list(counts)
+        self.waited: list[float] = []
+
+    def submit(self, *_: object, **__: object) -> "Shrinking":
+        return self
+
+    def done(self) -> bool:
+        return True
+
+    def gather(self, _: object) -> list[object]:
+        return []
+
+    def nthreads(self) -> dict[str, int]:
+        return {"worker": self.counts.pop(0) if len(self.counts) > 1 else self.counts[0]}
+
+    def wait_for_workers(self, _: int, timeout: float) -> None:
+        self.waited.append(timeout)
+        raise TimeoutError
+
+
+@pytest.mark.parametrize(
+    ("wait_s", "counts", "expected"), [(np.inf, (3, 2, 0), [3, 2, 2]), (0.0, (3, 0, 1), [3, 0, 1])]
+)
+def test_workers_are_counted_again_and_those_that_restart_are_waited_for(
+    small: RunSettings,
+    maps: Maps,
+    monkeypatch: pytest.MonkeyPatch,
+    wait_s: float,
+    counts: tuple[int, ...],
+    expected: list[int],
+) -> None:
+    client, cluster = Shrinking(*counts), DaskEvaluator("tcp://host:1")
+    monkeypatch.setattr(module, "POLL_S", -1.0)
+    monkeypatch.setattr(DaskEvaluator, "_client", lambda _: nullcontext(client))
+    payload = WorkerPayload.of(EvaluatorSpec(settings=small, maps=maps))
+    with ExitStack() as stack:
+        workers = module._DaskWorkers(cluster, stack, payload, Ledger(1))
+        assert [workers.connect(wait_s=wait_s) for _ in range(3)] == expected
+    assert client.waited == []
+
+
+def test_a_run_that_may_not_compute_here_gives_up_without_a_first_worker(
+    small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client, cluster = Shrinking(0), DaskEvaluator("tcp://host:1", threads=0, patience_s=7.0)
+    monkeypatch.setattr(DaskEvaluator, "_client", lambda _: nullcontext(client))
+    payload = WorkerPayload.of(EvaluatorSpec(settings=small, maps=maps))
+    with ExitStack() as stack:
+        workers = module._DaskWorkers(cluster, stack, payload, Ledger(1))
+        assert workers.connect(wait_s=3.0) == 0  # so long the work would take here
+        with pytest.raises(WorkersLostError, match="no worker within 7 s"):
+            workers.connect(wait_s=np.inf)
+    assert client.waited == [3.0, 7.0]

@@ -186,14 +186,14 @@ class DaskEvaluator:
         self,
         client: Any,  # noqa: ANN401 - distributed has no types
         futures: Sequence[Any],
-    ) -> list[tuple[Evaluations, Work]]:
+    ) -> list[Any]:
         """Return the results of futures, also when workers die meanwhile."""
         from distributed import KilledWorker  # noqa: PLC0415 - optional
 
         for _ in range(MOST_RETRIES):
             self._await(client, futures)
             try:
-                return [deserialized(data) for data in client.gather(futures)]
+                return list(client.gather(futures))
             except KilledWorker:
                 for future in futures:
                     if future.status == "error":
@@ -330,15 +330,29 @@ class _DaskWorkers:
             self._sent = self._client.submit(_received, self._payload, key=key)
         now_s = time.monotonic()
         if now_s - self._counted_s > POLL_S or (self._count == 0 and wait_s > POLL_S):
-            self._count = self._cluster._wait_for_workers(self._client, wait_s)
-            self._counted_s = now_s
+            # Where all have gone, work that must be handed out waits for those that are restarted.
+            had = self._count if wait_s == math.inf else 0
+            self._count = self._cluster._wait_for_workers(self._client, 0.0 if had else wait_s)
+            self._count, self._counted_s = self._count or had, now_s
         if self._count and self._costs is None:
-            self._costs = _measured_costs(self._client)
+            self._costs = self._measured_costs()
         return self._count
 
     def costs(self) -> HandingOut:
         """Return what handing out costs."""
         return self._costs or ASSUMED_COSTS
+
+    def _measured_costs(self) -> HandingOut:
+        """Measure what it costs to hand out work units that do nothing."""
+        client, times_s = self._client, []
+        for count in (1, PROBES, 1, PROBES):  # the first ones open connections
+            began_s = time.perf_counter()
+            work = [client.submit(abs, number, pure=False) for number in range(count)]
+            self._cluster._gathered(client, work)
+            times_s.append(time.perf_counter() - began_s)
+        one_s = min(times_s[0::2])
+        per_unit_s = max(1e-5, (min(times_s[1::2]) - one_s) / (PROBES - 1))
+        return HandingOut(round_trip_s=one_s, per_unit_s=per_unit_s, start_s=LOADING_S)
 
     def begin(self, x: Floats, conditions: Conditions, units: Sequence[Ints]) -> Finish:
         """Hand out work units."""
@@ -346,25 +360,13 @@ class _DaskWorkers:
         work = [client.submit(_evaluated, sent, x[rows], data, pure=False) for rows in units]
 
         def finish() -> Evaluations:
-            done = self._cluster._gathered(client, work)
+            done = [deserialized(data) for data in self._cluster._gathered(client, work)]
             for _, spent in done:
                 self._ledger.add(spent)
             together = Evaluations.concatenated([evaluations for evaluations, _ in done])
             return together.reordered(np.argsort(np.concatenate(units)))
 
         return finish
-
-
-def _measured_costs(client: Any) -> HandingOut:  # noqa: ANN401 - distributed has no types
-    """Measure what it costs to hand out work units that do nothing."""
-    times_s = []
-    for count in (1, PROBES, 1, PROBES):  # the first ones open connections
-        began_s = time.perf_counter()
-        client.gather([client.submit(abs, number, pure=False) for number in range(count)])
-        times_s.append(time.perf_counter() - began_s)
-    one_s = min(times_s[0::2])
-    per_unit_s = max(1e-5, (min(times_s[1::2]) - one_s) / (PROBES - 1))
-    return HandingOut(round_trip_s=one_s, per_unit_s=per_unit_s, start_s=LOADING_S)
 
 
 def _address_in(path: Path) -> str | None:

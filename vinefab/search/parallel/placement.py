@@ -206,7 +206,7 @@ class PlacedRun:
         self._evaluator, self._ledger = evaluator, ledger
         self._remote, self._here = remote, here
         self._left = evaluator.spec.settings.search.generations
-        self._has_worked_there = False
+        self._has_worked_there, self._most_there = False, 0
         self._heaviest_s, self._last_large = 0.0, ""
         self.pace = Pace(threads=threads, workers=workers, costs=remote.costs(), work_s=0.0)
         self.batches, self.handed_out = 0, 0  # of designs: generations, finalists
@@ -282,7 +282,8 @@ class PlacedRun:
                 costs = replace(costs, start_s=0.0)
             self.pace = replace(self.pace, workers=workers, costs=costs)
         there = self.pace.goes_there(weights, self._left)
-        self._ledger.workers = self.pace.workers if there else max(1, self.pace.threads)
+        self._most_there = max(self._most_there, self.pace.workers)
+        self._ledger.workers = self._most_there if there else max(1, self.pace.threads)
         work_s = self.pace.work_s * float(weights.sum())
         self._heaviest_s = max(self._heaviest_s, work_s)
         if work_s >= 0.5 * self._heaviest_s:  # finalists are few

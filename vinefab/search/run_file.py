@@ -173,7 +173,8 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         build=_build(form.build),
         growth=GrowthOptions.of(form.growth.model_dump(exclude_none=True)),
         optimizer=PartSettings(
-            name=form.optimizer.name or ("nsga2" if form.task.objectives else RunSettings().optimizer.name),
+            name=form.optimizer.name
+            or ("nsga2" if form.task.objectives else RunSettings().optimizer.name),
             parameters=form.optimizer.model_extra or {},
         ),
         search=SearchSettings(**search),

@@ -39,6 +39,7 @@ from vinefab.search.run_file import read_run
 from vinefab.search.loop import Search
 from vinefab.search.parallel import dask_cluster as module
 from vinefab.search.parallel.dask_cluster import DaskEvaluator
+from vinefab.search.parallel.placement import HandingOut
 from vinefab.search.run import run_search as search
 
 def main():
@@ -67,6 +68,15 @@ def main():
     assert cluster.score == threads.score
     for one, other in zip(cluster.history, threads.history, strict=True):
         assert (one.x == other.x).all() and (one.fitness == other.fitness).all()
+
+    # Workers that are started in the middle, because handing out seems to cost nothing.
+    free = HandingOut(round_trip_s=1e-6, per_unit_s=1e-6)
+    module.ASSUMED_COSTS = free
+    module._DaskWorkers._measured_costs = lambda _: free
+    workers = DaskEvaluator("local:2", threads=1)
+    mixed = search(settings, Path(sys.argv[2]) / "mixed", workers=workers)
+    assert mixed.best == threads.best
+    assert "handed out" in mixed.notes[-1] and "handed out 0" not in mixed.notes[-1], mixed.notes
 
 if __name__ == "__main__":
     main()

@@ -26,6 +26,7 @@ from vinefab.search.space import Space
 ROOT = Path(__file__).parents[1]
 
 SCRIPTS = {
+    "draw_cluster_scaling": (),
     "draw_environments": ("cave",),
     "draw_result": (),
 }

@@ -54,10 +54,10 @@ COMMAND_LINES = {
     "reproduce": "reproduce transfer --quick --workers {n} --out study",
     "optimize front": "optimize front.toml --out run --resume --workers {n}",
     "optimize": "optimize run.toml --out run --resume --workers {n}",
-    "optimize cluster": "optimize run.toml --out run --resume --cluster local:{n}",
+    "optimize cluster": "optimize run.toml --out run --resume --cluster local:{n} --workers 0",
     "contest": "contest run.toml --optimizer pso --optimizer cmaes --seeds 2 --unseen 2 --jobs {n} "
     "--out contest",
-    "runs": "runs record{n} --rebuild rebuilt --json runs.json",
+    "runs": "runs record{n} --rebuild rebuilt --best best.toml --json runs.json",
     "grow pictures": f"{GROW} --head-on-half-angle-deg {{n}} --json g.json --svg g.svg --history 9",
     "grow animation": f"{GROW} --head-on-half-angle-deg {{n}} --animate g.gif --frames 8",
     "check": "check three_level_tree --limit VF-C01.warning={n} --svg c.svg --dxf c.dxf "

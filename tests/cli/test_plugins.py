@@ -155,6 +155,7 @@ def test_parts_of_another_package_work_on_the_workers_of_a_cluster(
     run_file.write_text(RUN)
     place = {**os.environ, "PYTHONPATH": str(their_package)}
     command = [sys.executable, "-m", "vinefab", "optimize", run_file, "--cluster", "local:1", "-q"]
+    command += ["--workers", "0"]  # else so small a run would stay here
     subprocess.run([*command, "--out", out], check=True, env=place, timeout=240)
     assert vinefab("optimize", run_file, "--out", tmp_path / "threads", "-q")[0] == 0
     found = (out / "best.toml").read_bytes()

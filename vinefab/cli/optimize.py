@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -39,14 +40,27 @@ def optimize_command(
     *,
     run_file: Annotated[Path, typer.Argument(metavar="RUN.toml", help="The run file.")],
     out: Annotated[Path, typer.Option("--out", help="Folder for the record and best.toml.")],
-    workers: Annotated[int, typer.Option(min=1, help="Threads; results do not depend on it.")] = 1,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help="Threads; results do not depend on it. With --cluster they evaluate what is too "
+            "little to hand out; 0: nothing is evaluated here.  [default: 1; N with local:N]",
+            show_default=False,
+        ),
+    ] = None,
     cluster: Annotated[
         str | None,
         typer.Option(
-            help="local:N, or the address of a dask scheduler that you trust, in place of "
-            "--workers. For tls:// dask takes PEM files from DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
-            "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and ..._TLS__CLIENT__KEY."
+            help="local:N, or the address of a dask scheduler that you trust: generations that "
+            "are worth it are handed out. For tls:// dask takes PEM files from "
+            "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and "
+            "..._TLS__CLIENT__KEY."
         ),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="Seed of the search in place of the run file's.", metavar="N"),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue the run in --out.")] = False,
     generations: Annotated[
@@ -77,6 +91,8 @@ def optimize_command(
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     settings = read_run(run_file)
+    if seed is not None:
+        settings = replace(settings, search=replace(settings.search, seed=seed))
     limits = _limits(generations, evaluations, wall_time_s, resume=resume)
     pages = (PAGE_NAME,) if page else ()
     for name in ("best.toml", *pages, *(FRONT_FILES if settings.objectives else ())):
@@ -84,7 +100,9 @@ def optimize_command(
     output.ensure_json()
 
     again = ["vinefab", "optimize", str(run_file), "--out", str(out), "--resume"]
-    again += ["--cluster", cluster] if cluster else ["--workers", str(workers)]
+    again += ["--cluster", cluster] if cluster else []
+    again += ["--workers", str(workers)] if workers is not None else []
+    again += ["--seed", str(seed)] if seed is not None else []
     for name, value in limits.given.items() if limits else ():
         again += [limit_option(name), f"{value:g}" if isinstance(value, float) else str(value)]
     again += [] if page else ["--no-page"]

@@ -108,6 +108,11 @@ class Evaluations:
             },
         )
 
+    def reordered(self, rows: Ints) -> "Evaluations":
+        """Return the evaluations of points in another order, or of some of them."""
+        terms = {name: values[rows] for name, values in self.terms.items()}
+        return Evaluations(penalty=self.penalty[rows], score=self.score[rows], terms=terms)
+
     def with_penalties(self, penalty: Floats) -> "Evaluations":
         """Return the same with penalties; a point with penalty NaN has no valid design."""
         invalid = np.isnan(penalty)

@@ -200,7 +200,7 @@ class Search:
             times=ledger.split(),
             checked=settings.evaluation.fabricable,
             repair=repair,
-            notes=self.evaluator.notes,
+            notes=(*self.evaluator.notes, *points.notes),
             drift=store.drift if store is not None else (),
             extensions=store.extensions if store is not None else (),
         )

@@ -121,15 +121,15 @@ LIMITED = "space."
 """How violations begin that are of limits of the space alone."""
 
 
-def make_point_evaluator(workers: int, cluster: str | None) -> PointEvaluator:
-    """Return the point evaluator: threads, or the workers of a cluster."""
+def make_point_evaluator(workers: int | None, cluster: str | None) -> PointEvaluator:
+    """Return the point evaluator: threads, or the workers of a cluster with threads beside them."""
     if cluster is None:
-        return ThreadEvaluator(workers)
-    if workers != 1:
-        raise BadInputError("--workers", workers, "not together with --cluster")
+        if workers == 0:
+            raise BadInputError("--workers", 0, "1 or more; 0 only with --cluster")
+        return ThreadEvaluator(1 if workers is None else workers)
     from vinefab.search.parallel.dask_cluster import DaskEvaluator  # noqa: PLC0415 - optional
 
-    return DaskEvaluator(cluster)
+    return DaskEvaluator(cluster, threads=workers)
 
 
 def run_search(  # noqa: PLR0913  options by keyword

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.core.jsontext import json_text
+from vinefab.core.validation import Floats
 from vinefab.model.files.design_toml import design_text
 from vinefab.model.map import Map
 from vinefab.pages.charts import fitness_curve
@@ -34,19 +35,117 @@ class RunListing:
     rows: tuple[dict[str, Any], ...]  # the summary of each, in plain values
     broken: tuple[str, ...]  # one line for each that is unreadable
 
+    @property
+    def seeds(self) -> tuple["SeedSummary", ...]:
+        """The runs that differ in their seed alone, of which there are several, together."""
+        alike: dict[str, list[dict[str, Any]]] = {}
+        for row in self.rows:
+            alike.setdefault(row["seedless_run"], []).append(row)
+        return tuple(SeedSummary.of(rows) for rows in alike.values() if len(rows) > 1)
+
+    @property
+    def lines(self) -> list[str]:
+        """The listing as lines for the user."""
+        broken = [f"unreadable: {line}" for line in self.broken]
+        merged = [line for summary in self.seeds for line in summary.lines]
+        return [*map(run_line, self.rows), *broken, *merged]
+
     def json(self) -> str:
         """Return the listing as JSON: ``vinefab/runs-1``."""
-        content = {"runs": list(self.rows), "broken": list(self.broken)}
+        seeds = [summary.plain() for summary in self.seeds]
+        content = {"runs": list(self.rows), "broken": list(self.broken), "seeds": seeds}
         return json_text("vinefab/runs-1", content)
 
 
-def list_runs(folder: Path) -> RunListing:
-    """Return the records below a folder; one that is unreadable does not hide the others."""
-    paths = records_in(folder)
-    if not paths:
-        raise BadInputError("DIR", str(folder), f"a folder with a {RECORD_FILE} in it or below")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeedSummary:
+    """Runs that differ in their seed alone."""
+
+    name: str
+    optimizer: str
+    unended: tuple[str, ...]  # folders of runs that have not ended
+    # of the runs that have ended, one per seed, best winner first, as in `RunListing.rows`
+    ended: tuple[dict[str, Any], ...]
+
+    @classmethod
+    def of(cls, rows: Sequence[dict[str, Any]]) -> "SeedSummary":
+        """Return the summary of some runs, at least one."""
+        # A run that lies in two folders is one run.
+        ended = {row["seed"]: row for row in rows if row["winner_fitness"] is not None}
+        by_seed = [ended[seed] for seed in sorted(ended)]
+        return cls(
+            name=rows[0]["name"],
+            optimizer=rows[0]["optimizer"],
+            unended=tuple(r["folder"] for r in rows if r["seed"] not in ended),
+            ended=tuple(sorted(by_seed, key=lambda row: -row["winner_fitness"])),
+        )
+
+    @property
+    def scores(self) -> Floats:
+        """Mean score of each winner on its fresh poses, best winner first."""
+        return np.array([row["winner_score"]["mean"] for row in self.ended])
+
+    @property
+    def deviation(self) -> float | None:
+        """Standard deviation of the scores over seeds; None for a single one."""
+        return float(self.scores.std(ddof=1)) if len(self.ended) > 1 else None
+
+    @property
+    def manufacturable(self) -> int | None:
+        """Number of manufacturable winners; None where none was asked for."""
+        known = [row["manufacturable"] for row in self.ended]
+        return None if None in known else sum(known)
+
+    def plain(self) -> dict[str, Any]:
+        """Return the summary as plain values."""
+        some = bool(self.ended)
+        return {
+            "name": self.name,
+            "optimizer": self.optimizer,
+            "seeds": sorted(row["seed"] for row in self.ended),
+            "unended": list(self.unended),
+            "manufacturable": self.manufacturable,
+            "mean": float(self.scores.mean()) if some else None,
+            "deviation": self.deviation,
+            "lowest": float(self.scores.min()) if some else None,
+            "highest": float(self.scores.max()) if some else None,
+            "best": self.ended[0]["folder"] if some else None,
+            "best_seed": self.ended[0]["seed"] if some else None,
+        }
+
+    @property
+    def lines(self) -> list[str]:
+        """The summary as lines for the user."""
+        count, waiting = len(self.ended), len(self.unended)
+        rest = f", {waiting} {'has' if waiting == 1 else 'have'} not" if waiting else ""
+        heading = f"{self.name} ({self.optimizer}), {count} seed{'' if count == 1 else 's'} ended"
+        if not count:
+            return [f"{heading}{rest}"]
+        spread = "" if self.deviation is None else f" +- {self.deviation:.4f} (standard deviation)"
+        made = self.manufacturable
+        makeable = "" if made is None else f", {made} of {count} manufacturable"
+        best = self.ended[0]
+        return [
+            f"{heading}{rest}: winners' mean score {self.scores.mean():.4f}{spread}, "
+            f"{self.scores.min():.4f} to {self.scores.max():.4f}{makeable} (simulated, each on its "
+            "own fresh poses on the training maps)",
+            f"best: seed {best['seed']} in {best['folder']}, mean score "
+            f"{best['winner_score']['mean']:.4f}; the best of several is partly luck: compare "
+            "winners on unseen maps with vinefab compare",
+        ]
+
+
+def list_runs(folders: Sequence[Path]) -> RunListing:
+    """Return the records below folders; one that is unreadable does not hide the others."""
+    paths: dict[Path, Path] = {}  # by what they are without links: folders may overlap
+    for folder in folders:
+        below = records_in(folder)
+        if not below:
+            raise BadInputError("DIR", str(folder), f"a folder with a {RECORD_FILE} in it or below")
+        for path in below:
+            paths.setdefault(path.resolve(), path)
     rows, broken = [], []
-    for path in paths:
+    for path in paths.values():
         try:
             with damage_errors(path):
                 row = plain_summary(RunArchive.read(path))
@@ -63,7 +162,23 @@ def run_line(row: dict[str, Any]) -> str:
     state = f"stopped by {row['stopped']}" if row["stopped"] else "can be resumed"
     done = f"{row['generations']}/{row['most_generations']} generations"
     run = f"{row['name']} ({row['optimizer']}, seed {row['seed']}, run {row['run']})"
-    return f"{row['folder']}: {run}: {done}, {best}, {state}"
+    won = row["winner_score"]
+    winner = "" if won is None else f", winner {won['mean']:.4f} on fresh poses"
+    return f"{row['folder']}: {run}: {done}, {best}{winner}, {state}"
+
+
+def write_best(listing: RunListing, path: Path, *, force: bool = False) -> bool:
+    """Write the best winner of runs that differ in their seed alone; return whether all ended."""
+    kinds = {row["seedless_run"] for row in listing.rows}
+    if len(kinds) != 1:
+        allowed = "with folders whose runs differ in their seed alone"
+        raise BadInputError("--best", f"{len(kinds)} kinds of runs", allowed)
+    summary = SeedSummary.of(listing.rows)
+    if not summary.ended:
+        raise BadInputError("--best", "no run that has ended", "once a run has ended")
+    archive = RunArchive.read(Path(summary.ended[0]["folder"]) / RECORD_FILE)
+    write_text(path, design_text(archive.result().best), force=force)
+    return not (summary.unended or listing.broken)
 
 
 def rebuild(folder: Path, out: Path, *, force: bool = False) -> tuple[Path, ...]:

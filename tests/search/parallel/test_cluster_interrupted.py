@@ -29,7 +29,7 @@ def test_ctrl_c_while_the_cluster_starts_is_one_line(tmp_path):
     temporary.mkdir()
     command = [sys.executable, "-m", "vinefab", "optimize", tmp_path / "long.toml"]
     process = subprocess.Popen(
-        [*command, "--out", tmp_path / "run", "--cluster", "local:1", "-q"],
+        [*command, "--out", tmp_path / "run", "--cluster", "local:1", "--workers", "0", "-q"],
         env=os.environ | {"TMPDIR": str(temporary)},
         stderr=subprocess.PIPE,
         text=True,

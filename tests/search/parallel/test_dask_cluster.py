@@ -4,6 +4,7 @@ import importlib.util
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from vinefab.core.errors import BadInputError, WorkersLostError
 from vinefab.model.design import Design
 from vinefab.model.map import Map
 from vinefab.search.evaluator import TRAINING, Evaluator, EvaluatorSpec
+from vinefab.search.loop import Search
 from vinefab.search.parallel import dask_cluster as module
 from vinefab.search.parallel.dask_cluster import (
     DaskEvaluator,
@@ -23,6 +25,7 @@ from vinefab.search.parallel.dask_cluster import (
     deserialized,
     serialized,
 )
+from vinefab.search.run import make_point_evaluator
 from vinefab.search.settings import PartSettings, RunSettings
 from vinefab.search.timing import Ledger, Work
 from vinefab.tasks.reach import Reach
@@ -33,8 +36,10 @@ PROGRAM = """
 import os, signal, sys
 from pathlib import Path
 from vinefab.search.run_file import read_run
+from vinefab.search.loop import Search
 from vinefab.search.parallel import dask_cluster as module
 from vinefab.search.parallel.dask_cluster import DaskEvaluator
+from vinefab.search.parallel.placement import HandingOut
 from vinefab.search.run import run_search as search
 
 def main():
@@ -55,7 +60,7 @@ def main():
 
     module.RESTART_S = 5.0
     threads = search(settings, Path(sys.argv[2]) / "threads")
-    workers = DaskEvaluator("local:2", patience_s=500.0)
+    workers = DaskEvaluator("local:2", threads=0, patience_s=500.0)
     cluster = search(settings, Path(sys.argv[2]) / "cluster", workers=workers, progress=tell)
     assert len(killed) >= 2, killed
     assert cluster.times.workers == 2 and cluster.times.growth_s > 0.0
@@ -63,6 +68,15 @@ def main():
     assert cluster.score == threads.score
     for one, other in zip(cluster.history, threads.history, strict=True):
         assert (one.x == other.x).all() and (one.fitness == other.fitness).all()
+
+    # Workers that are started in the middle, because handing out seems to cost nothing.
+    free = HandingOut(round_trip_s=1e-6, per_unit_s=1e-6)
+    module.ASSUMED_COSTS = free
+    module._DaskWorkers._measured_costs = lambda _: free
+    workers = DaskEvaluator("local:2", threads=1)
+    mixed = search(settings, Path(sys.argv[2]) / "mixed", workers=workers)
+    assert mixed.best == threads.best
+    assert "handed out" in mixed.notes[-1] and "handed out 0" not in mixed.notes[-1], mixed.notes
 
 if __name__ == "__main__":
     main()
@@ -99,9 +113,9 @@ class LongTrunk:
 
 def test_a_worker_finds_what_the_run_would_find(fabricable: RunSettings, maps: Maps) -> None:
     evaluator = Evaluator.of(EvaluatorSpec(settings=fabricable, maps=maps, penalty=LongTrunk()))
-    x = np.random.default_rng(1).random((5, len(evaluator.space)))
+    x = np.random.default_rng(1).random((module.TOGETHER + 5, len(evaluator.space)))
     poses = evaluator.conditions(3, TRAINING, 0, 2)
-    found, work = deserialized(_evaluated(WorkerPayload.of(evaluator.spec), x, poses))
+    found, work = deserialized(_evaluated(WorkerPayload.of(evaluator.spec), x, serialized(poses)))
     expected, _ = evaluator.evaluate(x, poses)
     np.testing.assert_array_equal(found.score, expected.score)
     np.testing.assert_array_equal(found.penalty, expected.penalty)
@@ -115,7 +129,9 @@ def test_a_task_object_is_sent_to_the_workers(small: RunSettings, maps: Maps) ->
     evaluator = Evaluator.of(EvaluatorSpec(settings=small, maps=maps, task=Reach(buffer_mm=25.0)))
     x = np.random.default_rng(1).random((3, len(evaluator.space)))
     poses = evaluator.conditions(3, TRAINING, 0, 1)
-    evaluations, _ = deserialized(_evaluated(WorkerPayload.of(evaluator.spec), x, poses))
+    evaluations, _ = deserialized(
+        _evaluated(WorkerPayload.of(evaluator.spec), x, serialized(poses))
+    )
     np.testing.assert_array_equal(evaluations.score, evaluator.evaluate(x, poses)[0].score)
     assert set(evaluations.terms) == {"reached_mm2", "grown_mm"}
 
@@ -147,7 +163,7 @@ def test_a_worker_with_other_versions_refuses(small: RunSettings, maps: Maps) ->
     strange = replace(payload, versions={**payload.versions, "numpy": "0.1"})
     x, poses = np.full((1, len(evaluator.space)), 0.5), evaluator.conditions(3, TRAINING, 0, 1)
     with pytest.raises(BadInputError, match=r"numpy .*; allowed: numpy 0\.1, as the run has"):
-        _evaluated(strange, x, poses)
+        _evaluated(strange, x, serialized(poses))
 
 
 def test_a_worker_without_the_packages_of_the_run_is_named(small: RunSettings, maps: Maps) -> None:
@@ -155,13 +171,13 @@ def test_a_worker_without_the_packages_of_the_run_is_named(small: RunSettings, m
     payload = WorkerPayload.of(EvaluatorSpec(settings=theirs, maps=maps, penalty=None))
     x, poses = np.full((1, 3), 0.5), ((), ())
     with pytest.raises(BadInputError, match=r"a worker is .*without task 'depth'.*same packages"):
-        _evaluated(payload, x, poses)
+        _evaluated(payload, x, serialized(poses))
     gone = replace(payload, name="gone", spec=b"cno_such_package\nPenalty\n.")
     with pytest.raises(BadInputError, match=r"a worker is .*no_such_package.*same packages"):
-        _evaluated(gone, x, poses)
+        _evaluated(gone, x, serialized(poses))
     # It comes through the wire as it is.
     with pytest.raises(BadInputError) as told:
-        _evaluated(payload, x, poses)
+        _evaluated(payload, x, serialized(poses))
     assert str(deserialized(serialized(told.value))) == str(told.value)
 
 
@@ -181,13 +197,30 @@ def test_the_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         DaskEvaluator("local:2")
 
 
-def test_parts_are_worth_their_round_trip() -> None:
-    four = DaskEvaluator("local:4")
-    assert four._rows(100, 0.0) == 25  # nothing is known yet: an equal share for everybody
-    assert four._rows(100, 0.001) == 25  # a millisecond each: more than a share would be too much
-    assert four._rows(100, 0.01) == 10
-    assert four._rows(100, 1.0) == 7  # long work is dealt out four times a generation
-    assert four._rows(1, 1.0) == 1
+def test_a_small_run_stays_in_threads_and_says_why(
+    small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def started(_: DaskEvaluator) -> None:
+        raise AssertionError("workers were started")
+
+    monkeypatch.setattr(DaskEvaluator, "_client", started)
+    cluster = DaskEvaluator("local:2")
+    result, usual = Search.of(small, maps).run(workers=cluster), Search.of(small, maps).run()
+    assert result.best == usual.best
+    (note,) = [note for note in result.notes if note.startswith("cluster local:2: ")]
+    assert "handed out 0 of 6 batches of designs; the last large one had " in note
+    assert "s on 2 threads here" in note
+    assert "s on 2 workers once they have started, 10 s (assumed)" in note
+    assert result.times.workers == 2
+
+
+def test_threads_beside_a_cluster() -> None:
+    assert DaskEvaluator("local:3").threads == 3
+    assert DaskEvaluator("tcp://host:1").threads == 1
+    assert make_point_evaluator(5, "tcp://host:1").threads == 5  # type: ignore[attr-defined]
+    assert make_point_evaluator(None, None).count == 1
+    with pytest.raises(BadInputError, match="--workers is 0; allowed: 1 or more"):
+        make_point_evaluator(0, None)
 
 
 class Deserted:
@@ -232,3 +265,62 @@ def test_counting_starts_with_the_ledger() -> None:
     ledger.add(Work(making_s=1.0, scoring_s=0.5))
     ledger.add(Work(growth_s=0.25))
     assert ledger.worked_s == 1.75
+
+
+class Shrinking:
+    """A client whose workers come and go."""
+
+    def __init__(self, *counts: int) -> None:
+        self.counts = list(counts)
+        self.waited: list[float] = []
+
+    def submit(self, *_: object, **__: object) -> "Shrinking":
+        return self
+
+    def done(self) -> bool:
+        return True
+
+    def gather(self, _: object) -> list[object]:
+        return []
+
+    def nthreads(self) -> dict[str, int]:
+        return {"worker": self.counts.pop(0) if len(self.counts) > 1 else self.counts[0]}
+
+    def wait_for_workers(self, _: int, timeout: float) -> None:
+        self.waited.append(timeout)
+        raise TimeoutError
+
+
+@pytest.mark.parametrize(
+    ("wait_s", "counts", "expected"), [(np.inf, (3, 2, 0), [3, 2, 2]), (0.0, (3, 0, 1), [3, 0, 1])]
+)
+def test_workers_are_counted_again_and_those_that_restart_are_waited_for(
+    small: RunSettings,
+    maps: Maps,
+    monkeypatch: pytest.MonkeyPatch,
+    wait_s: float,
+    counts: tuple[int, ...],
+    expected: list[int],
+) -> None:
+    client, cluster = Shrinking(*counts), DaskEvaluator("tcp://host:1")
+    monkeypatch.setattr(module, "POLL_S", -1.0)
+    monkeypatch.setattr(DaskEvaluator, "_client", lambda _: nullcontext(client))
+    payload = WorkerPayload.of(EvaluatorSpec(settings=small, maps=maps))
+    with ExitStack() as stack:
+        workers = module._DaskWorkers(cluster, stack, payload, Ledger(1))
+        assert [workers.connect(wait_s=wait_s) for _ in range(3)] == expected
+    assert client.waited == []
+
+
+def test_a_run_that_may_not_compute_here_gives_up_without_a_first_worker(
+    small: RunSettings, maps: Maps, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client, cluster = Shrinking(0), DaskEvaluator("tcp://host:1", threads=0, patience_s=7.0)
+    monkeypatch.setattr(DaskEvaluator, "_client", lambda _: nullcontext(client))
+    payload = WorkerPayload.of(EvaluatorSpec(settings=small, maps=maps))
+    with ExitStack() as stack:
+        workers = module._DaskWorkers(cluster, stack, payload, Ledger(1))
+        assert workers.connect(wait_s=3.0) == 0  # so long the work would take here
+        with pytest.raises(WorkersLostError, match="no worker within 7 s"):
+            workers.connect(wait_s=np.inf)
+    assert client.waited == [3.0, 7.0]

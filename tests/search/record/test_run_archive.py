@@ -91,7 +91,7 @@ def test_a_record_of_infinite_times_is_listed_as_unreadable(
             "UPDATE session SET seconds = replace(seconds, '0.', '1e999, \"x\": 0.')"
         )
         connection.execute("UPDATE finalist SET fitness = 9e999")
-    listing = list_runs(tmp_path)
+    listing = list_runs([tmp_path])
     assert not listing.rows
     assert len(listing.broken) == 1
 

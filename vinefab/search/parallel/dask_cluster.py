@@ -22,13 +22,16 @@ from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from vinefab.core.errors import BadInputError, UnknownNameError, WorkersLostError
 from vinefab.core.hashing import sha256_of
 from vinefab.core.interruption import stops_deferred
-from vinefab.core.validation import Floats
+from vinefab.core.validation import Floats, Ints, whole
 from vinefab.search.evaluator import Evaluations, Evaluator, EvaluatorSpec
 from vinefab.search.parallel.executor import in_work_units
-from vinefab.search.parallel.point_evaluator import Begin, Finish
+from vinefab.search.parallel.placement import HandingOut, PlacedRun
+from vinefab.search.parallel.point_evaluator import Begin, Finish, ThreadEvaluator
 from vinefab.search.record.result import package_versions, plugin_packages
 from vinefab.search.timing import Ledger, Work
 from vinefab.tasks.evaluate import Conditions
@@ -60,8 +63,18 @@ def deserialized(data: bytes) -> Any:  # noqa: ANN401 - any object
     return pickle.loads(data)  # noqa: S301
 
 
-ROUND_TRIP_S = 0.1
-"""Least work to send at once: a round trip takes some milliseconds."""
+LOADING_S = 5.0
+"""How long workers take to load compiled code, where it was compiled before."""
+
+ASSUMED_COSTS = HandingOut(round_trip_s=0.02, per_unit_s=0.002, start_s=2.0 * LOADING_S)
+"""Of workers of this computer before they are started, which takes as long as loading."""
+
+PROBES = 16
+"""Empty work units that are handed out to measure what that costs."""
+
+TOGETHER = 125
+"""Designs that a worker evaluates together. They are grown by size, and the large ones of a
+thousand take a seventh longer than in eight parts: their branches do not stay in the caches."""
 
 PATIENCE_S = 300.0
 """How long a run waits without any worker before it gives up."""
@@ -115,20 +128,31 @@ class WorkerPayload:
 
 
 class DaskEvaluator:
-    """The workers of a dask scheduler.
+    """The workers of a dask scheduler, and threads here for what is too little to hand out.
+
+    The first designs are evaluated here and timed; then every generation goes where it is done
+    sooner by what was measured. Workers of this computer are started only when that pays.
 
     Parameters
     ----------
     address
         ``local:N`` for N processes on this computer, else a scheduler's address
         (``tcp://host:8786``, ``tls://host:8786``) or its file (``scheduler.json``).
+    threads
+        How many threads evaluate here; 0: everything is handed out. None: N for ``local:N``, else
+        one.
     patience_s
         How long to wait without any worker.
     """
 
-    def __init__(self, address: str, *, patience_s: float = PATIENCE_S) -> None:
+    def __init__(
+        self, address: str, *, threads: int | None = None, patience_s: float = PATIENCE_S
+    ) -> None:
         self.address = address
         self.count = self._local_count()
+        usual = self.count if self._is_local else 1
+        self.threads = whole("workers", usual if threads is None else threads, 0, 1024)
+        self.notes: tuple[str, ...] = ()
         self._patience_s = patience_s
         self._restart: Callable[[], object] | None = None
         if any(importlib.util.find_spec(name) is None for name in NEEDED):
@@ -137,50 +161,39 @@ class DaskEvaluator:
 
     @contextmanager
     def started(self, evaluator: Evaluator, ledger: Ledger) -> Iterator[Begin]:
-        """Connect to the workers for a run."""
-        payload = WorkerPayload.of(evaluator.spec)
-        with self._client() as client:
-            ledger.workers = self.count = self._count_workers(client)
-            # As a task that can be repeated, not as data that is lost with the worker that has it.
-            sent = client.submit(_received, payload, key=f"vinefab-{payload.name}")
-            evaluated = 0
+        """Connect to the workers for a run; those of this computer are started when it pays."""
+        with ExitStack() as stack:
+            here = stack.enter_context(
+                ThreadEvaluator(max(1, self.threads)).started(evaluator, ledger)
+            )
+            remote = _DaskWorkers(self, stack, WorkerPayload.of(evaluator.spec), ledger)
+            workers = self.count
+            if not self._is_local or self.threads == 0:
+                workers = remote.connect(wait_s=0.0 if self.threads else math.inf)
+            run = PlacedRun(
+                evaluator, ledger, remote, here=here, threads=self.threads, workers=workers
+            )
+            try:
+                yield run.begin
+            finally:
+                self.notes = (f"cluster {self.address}: {run.decision}",)
 
-            def begin(x: Floats, conditions: Conditions) -> Finish:
-                usual_s = ledger.worked_s / evaluated if evaluated else 0.0
-                parts = in_work_units(x, self._rows(len(x), usual_s))
-                work = [client.submit(_evaluated, sent, p, conditions, pure=False) for p in parts]
-
-                def finish() -> Evaluations:
-                    nonlocal evaluated
-                    done = self._gathered(client, work)
-                    for _, spent in done:
-                        ledger.add(spent)
-                    evaluated += len(x)
-                    return Evaluations.concatenated([evaluations for evaluations, _ in done])
-
-                return finish
-
-            yield begin
-
-    def _rows(self, count: int, usual_s: float) -> int:
-        """Return how many points to send together: worth a round trip, but some per worker."""
-        share = math.ceil(count / self.count)
-        if usual_s <= 0.0:
-            return share
-        return min(share, max(math.ceil(ROUND_TRIP_S / usual_s), math.ceil(share / 4)))
+    @property
+    def _is_local(self) -> bool:
+        return self.address.startswith("local:")
 
     def _gathered(
         self,
         client: Any,  # noqa: ANN401 - distributed has no types
         futures: Sequence[Any],
-    ) -> list[tuple[Evaluations, Work]]:
+    ) -> list[Any]:
         """Return the results of futures, also when workers die meanwhile."""
         from distributed import KilledWorker  # noqa: PLC0415 - optional
 
         for _ in range(MOST_RETRIES):
             self._await(client, futures)
             try:
-                return [deserialized(data) for data in client.gather(futures)]
+                return list(client.gather(futures))
             except KilledWorker:
                 for future in futures:
                     if future.status == "error":
@@ -281,14 +294,79 @@ class DaskEvaluator:
             problem = f"a worker ended while it started ({error})"
             raise WorkersLostError(f"cluster {self.address}", problem) from error
 
-    def _count_workers(self, client: Any) -> int:  # noqa: ANN401 - as above
-        """Return the number of worker threads, waiting for the first worker."""
-        try:
-            client.wait_for_workers(1, timeout=self._patience_s)
-        except TimeoutError as error:
-            problem = f"no worker within {self._patience_s:g} s"
-            raise WorkersLostError(f"cluster {self.address}", problem) from error
-        return sum(client.nthreads().values())
+    def _wait_for_workers(self, client: Any, wait_s: float) -> int:  # noqa: ANN401 - as above
+        """Return the number of worker threads, waiting for the first worker; 0: none came."""
+        count: int = sum(client.nthreads().values())
+        if count == 0 and wait_s > 0.0:
+            try:
+                client.wait_for_workers(1, timeout=min(wait_s, self._patience_s))
+            except TimeoutError as error:
+                if wait_s > self._patience_s:
+                    problem = f"no worker within {self._patience_s:g} s"
+                    raise WorkersLostError(f"cluster {self.address}", problem) from error
+            count = sum(client.nthreads().values())
+        return count
+
+
+class _DaskWorkers:
+    """The workers of a scheduler during a run; `RemoteWorkers`."""
+
+    def __init__(
+        self, cluster: DaskEvaluator, stack: ExitStack, payload: WorkerPayload, ledger: Ledger
+    ) -> None:
+        self._cluster, self._stack, self._payload = cluster, stack, payload
+        self._ledger = ledger
+        self._client: Any = None  # distributed has no types
+        self._sent: Any = None
+        self._costs: HandingOut | None = None
+        self._counted_s, self._count = -math.inf, 0
+
+    def connect(self, *, wait_s: float) -> int:
+        """Return the number of workers, which may change."""
+        if self._client is None:
+            self._client = self._stack.enter_context(self._cluster._client())
+            # As a task that can be repeated, not as data that is lost with the worker that has it.
+            key = f"vinefab-{self._payload.name}"
+            self._sent = self._client.submit(_received, self._payload, key=key)
+        now_s = time.monotonic()
+        if now_s - self._counted_s > POLL_S or (self._count == 0 and wait_s > POLL_S):
+            # Where all have gone, work that must be handed out waits for those that are restarted.
+            had = self._count if wait_s == math.inf else 0
+            self._count = self._cluster._wait_for_workers(self._client, 0.0 if had else wait_s)
+            self._count, self._counted_s = self._count or had, now_s
+        if self._count and self._costs is None:
+            self._costs = self._measured_costs()
+        return self._count
+
+    def costs(self) -> HandingOut:
+        """Return what handing out costs."""
+        return self._costs or ASSUMED_COSTS
+
+    def _measured_costs(self) -> HandingOut:
+        """Measure what it costs to hand out work units that do nothing."""
+        client, times_s = self._client, []
+        for count in (1, PROBES, 1, PROBES):  # the first ones open connections
+            began_s = time.perf_counter()
+            work = [client.submit(abs, number, pure=False) for number in range(count)]
+            self._cluster._gathered(client, work)
+            times_s.append(time.perf_counter() - began_s)
+        one_s = min(times_s[0::2])
+        per_unit_s = max(1e-5, (min(times_s[1::2]) - one_s) / (PROBES - 1))
+        return HandingOut(round_trip_s=one_s, per_unit_s=per_unit_s, start_s=LOADING_S)
+
+    def begin(self, x: Floats, conditions: Conditions, units: Sequence[Ints]) -> Finish:
+        """Hand out work units."""
+        client, sent, data = self._client, self._sent, serialized(conditions)
+        work = [client.submit(_evaluated, sent, x[rows], data, pure=False) for rows in units]
+
+        def finish() -> Evaluations:
+            done = [deserialized(data) for data in self._cluster._gathered(client, work)]
+            for _, spent in done:
+                self._ledger.add(spent)
+            together = Evaluations.concatenated([evaluations for evaluations, _ in done])
+            return together.reordered(np.argsort(np.concatenate(units)))
+
+        return finish
 
 
 def _address_in(path: Path) -> str | None:
@@ -352,7 +430,7 @@ def _received(payload: WorkerPayload) -> WorkerPayload:
     return payload
 
 
-def _evaluated(payload: WorkerPayload, x: Floats, conditions: Conditions) -> bytes:
+def _evaluated(payload: WorkerPayload, x: Floats, conditions: bytes) -> bytes:
     """Evaluate points on a worker and serialize the result."""
     own = _own_versions(tuple(payload.versions))
     if own != dict(payload.versions):
@@ -368,7 +446,12 @@ def _evaluated(payload: WorkerPayload, x: Floats, conditions: Conditions) -> byt
         raise BadInputError("a worker", missing, f"{_INSTALLED}{why}") from None
     except (ImportError, AttributeError) as error:
         raise BadInputError("a worker", f"incomplete: {error}", _INSTALLED) from None
-    return serialized(evaluator.evaluate(x, conditions))
+    met = _conditions(conditions)
+    if not any(known is met for known, _ in evaluator.ready):
+        evaluator.prepare_launches([met])
+    parts = [evaluator.evaluate(part, met) for part in in_work_units(x, TOGETHER)]
+    evaluations = Evaluations.concatenated([part for part, _ in parts])
+    return serialized((evaluations, Work.total([spent for _, spent in parts])))
 
 
 _INSTALLED = "workers with the same packages installed as where the run began"
@@ -383,3 +466,10 @@ def _own_versions(names: tuple[str, ...]) -> dict[str, str]:
 @lru_cache(maxsize=2)
 def _evaluator(name: str, spec: bytes) -> Evaluator:  # noqa: ARG001 - a short key for the cache
     return Evaluator.of(deserialized(spec))
+
+
+@lru_cache(maxsize=2)
+def _conditions(data: bytes) -> Conditions:
+    """Return the same object for the same conditions: what is prepared for it is found again."""
+    conditions: Conditions = deserialized(data)
+    return conditions

@@ -31,6 +31,11 @@ class PointEvaluator(Protocol):
         """Number of workers."""
         ...
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know after a run, a sentence each."""
+        ...
+
     def started(self, evaluator: Evaluator, ledger: Ledger) -> AbstractContextManager[Begin]:
         """Start the workers for a run; the ledger counts their work."""
         ...
@@ -42,6 +47,8 @@ class ThreadEvaluator:
     Growth is compiled and geometry is in C, and both release the interpreter. Threads draw no
     random numbers and share nothing mutable, so that their number has no influence on results.
     """
+
+    notes: tuple[str, ...] = ()
 
     def __init__(self, count: int) -> None:
         self.count = whole("workers", count, 1, 1024)

@@ -263,6 +263,13 @@ class RunIdentity:
         return {name: self.settings["search"][name] for name in LIMIT_NAMES}
 
     @property
+    def seedless_id(self) -> str:
+        """Id of all runs that differ from this one in their seed alone."""
+        settings = self._portable_settings
+        search = {key: value for key, value in settings["search"].items() if key != "seed"}
+        return fingerprint({**settings, "search": search}, self.maps, self.versions["vinefab"])
+
+    @property
     def _portable_settings(self) -> dict[str, Any]:
         """The settings without the paths of map files; their content counts instead.
 

@@ -439,9 +439,11 @@ def plain_summary(archive: RunArchive) -> dict[str, Any]:
     """Return the summary of a record as plain values."""
     settings, history = archive.settings, archive.history
     winner = archive.finalists[0] if archive.finalists else None
+    checked = settings.evaluation.fabricable
     return {
         "folder": str(archive.path.parent),
         "run": archive.identity.run_id,
+        "seedless_run": archive.identity.seedless_id,
         "name": settings.name,
         "task": settings.task.name,
         "optimizer": settings.optimizer.name,
@@ -455,6 +457,8 @@ def plain_summary(archive: RunArchive) -> dict[str, Any]:
         "winner_score": None if winner is None else dict(winner.score.composite),
         "unseen_score": archive.prediction.get("unseen", {}).get("score"),
         "extensions": [asdict(extension) for extension in archive.extensions],
+        "winner_fitness": None if winner is None else winner.fitness,
+        "manufacturable": None if winner is None or not checked else winner.penalty == 0.0,
         "sessions": [{"began_utc": s.began_utc, **s.times.plain()} for s in archive.sessions],
         "versions": dict(archive.identity.versions),
     }

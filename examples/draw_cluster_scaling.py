@@ -1,0 +1,162 @@
+"""How far more workers help a search: the simulated speed on up to 256 workers, as a figure.
+
+python examples/draw_cluster_scaling.py PICTURE.png              the search is measured here
+python examples/draw_cluster_scaling.py PICTURE.png sleeping     then dask workers that sleep
+python examples/draw_cluster_scaling.py PICTURE.png local:2      then a search on real workers
+"""
+
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from distributed import Client, LocalCluster
+
+from vinefab.core.atomic import write_bytes
+from vinefab.core.validation import Floats
+from vinefab.pages.figure import png_bytes, svg_bytes
+from vinefab.search.evaluator import Evaluations
+from vinefab.search.loop import Schedule, Search
+from vinefab.search.parallel.dask_cluster import DaskEvaluator
+from vinefab.search.parallel.placement import Pace, point_weights
+from vinefab.search.parallel.point_evaluator import Begin, ThreadEvaluator
+from vinefab.search.run import training_maps
+from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
+from vinefab.search.timing import Ledger
+from vinefab.studies.cluster_scaling import (
+    LATENCIES_S,
+    Network,
+    Scaling,
+    UnitCosts,
+    handing_out,
+    load_of,
+    scaling_figure,
+    scaling_rows,
+    simulated_s,
+)
+from vinefab.tasks.evaluate import Conditions
+
+MEASURED_GENERATIONS = 8
+HARDER = 100
+"""A score that takes longer, such as coverage with `area = "exact"`."""
+
+NEAR = Network(latency_s=LATENCIES_S[0])
+SLEEPERS = ((1, 2), (2, 4), (2, 32), (2, 64))
+"""Processes and threads in each."""
+
+
+def search_of(population: int, maps: int) -> RunSettings:
+    """Return a search for coverage in the Grid."""
+    return RunSettings(
+        maps=MapSettings(count=maps),
+        search=SearchSettings(population=population, generations=MEASURED_GENERATIONS),
+        evaluation=EvaluationSettings(fabricable=False),
+    )
+
+
+def draw(picture: Path) -> None:
+    loads = (
+        load_of("20 designs x 4 maps", search_of(20, 4)),
+        load_of("100 designs x 20 maps", search_of(100, 20)),
+        load_of("1,000 designs x 20 maps", search_of(1000, 20)),
+    )
+    heavy, name = loads[-1], f"1,000 x 20, {HARDER} times the work each"
+    loads = (*loads, replace(heavy, name=name, work_s=HARDER * heavy.work_s))
+    for load in loads:
+        work_s = load.work_s * load.generations[0].sum()
+        print(f"{load.name}: {work_s:.3g} s of work and {load.loop_s:.2g} s between generations")
+    results = [Scaling.of(load, latency_s) for load in loads for latency_s in LATENCIES_S]
+    print("\n".join(scaling_rows(results)))
+    data = svg_bytes if picture.suffix == ".svg" else png_bytes
+    write_bytes(picture, data(scaling_figure(results)))
+
+
+def compare_sleepers() -> None:
+    """Print how long dask takes for work units that sleep, and what the simulation says."""
+    load = load_of("1,000 designs x 20 maps", search_of(1000, 20))
+    weights = load.generations[0]
+    for processes, threads in SLEEPERS:
+        workers = processes * threads
+        pace = pace_on(workers, load.work_s)
+        units_s = [load.work_s * float(weights[rows].sum()) for rows in pace.units(weights)]
+        with (
+            LocalCluster(processes, threads_per_worker=threads, dashboard_address=None) as cluster,
+            Client(cluster) as client,
+        ):
+            client.gather([client.submit(abs, number, pure=False) for number in range(64)])
+            slept_s = []
+            for _ in range(5):
+                began_s = time.perf_counter()
+                client.gather([client.submit(time.sleep, each, pure=False) for each in units_s])
+                slept_s.append(time.perf_counter() - began_s)
+        predicted_s = simulated_s(units_s, workers=workers, costs=UnitCosts(), network=NEAR)
+        print(
+            f"{workers} sleeping workers, {len(units_s)} units of {sum(units_s):.2f} s: "
+            f"{min(slept_s):.3f} s (predicted {predicted_s:.3f} s)",
+            flush=True,
+        )
+
+
+def compare(address: str) -> None:
+    """Print times of a heavy search in threads and on a cluster, and what the simulation says."""
+    settings = search_of(1000, 20)
+    search = Search.of(settings, training_maps(settings))
+    evaluator, cluster = search.evaluator, DaskEvaluator(address, threads=0)
+    here, there = Ledger(1), Ledger(1)
+    schedule, ratios, errors = Schedule(evaluator, 1), [], []
+    with (
+        cluster.started(evaluator, there) as begin_there,
+        ThreadEvaluator(cluster.count).started(evaluator, here) as begin_here,
+    ):
+        for number in range(MEASURED_GENERATIONS):
+            x, conditions = search.optimizer.ask(), schedule.conditions(number)
+            found, here_s, _ = timed(begin_here, x, conditions, here)
+            same, there_s, work_s = timed(begin_there, x, conditions, there)
+            if found.score.tobytes() != same.score.tobytes():
+                raise SystemExit("the workers found something else: report this")
+            composite = evaluator.composites(found.score, conditions.weights)
+            search.optimizer.tell(x, evaluator.fitness(composite, found.penalty))
+            if number < 2:  # workers load compiled code
+                continue
+            predicted_s = prediction_s(point_weights(evaluator, x, conditions), work_s, there)
+            ratios.append(here_s / there_s)
+            errors.append(predicted_s / there_s)
+            print(
+                f"generation {number}: {here_s:.2f} s in {cluster.count} threads, {there_s:.2f} s "
+                f"on {there.workers} workers (predicted {predicted_s:.2f} s)",
+                flush=True,
+            )
+    print(f"threads' time over workers': {np.median(ratios):.2f} (median of {len(ratios)})")
+    print(f"predicted over measured: {np.median(errors):.2f}")
+
+
+def timed(
+    begin: Begin, x: Floats, conditions: Conditions, ledger: Ledger
+) -> tuple[Evaluations, float, float]:
+    """Return evaluations, how long they took, and their processor time."""
+    began_s, worked_s = time.perf_counter(), ledger.worked_s
+    evaluations = begin(x, conditions)()
+    return evaluations, time.perf_counter() - began_s, ledger.worked_s - worked_s
+
+
+def prediction_s(weights: Floats, work_s: float, ledger: Ledger) -> float:
+    """Return how long the simulation takes for points of so much work."""
+    each_s = work_s / weights.sum()
+    units = pace_on(ledger.workers, each_s).units(weights)
+    units_s = [each_s * float(weights[rows].sum()) for rows in units]
+    return simulated_s(units_s, workers=ledger.workers, costs=UnitCosts(), network=NEAR)
+
+
+def pace_on(workers: int, work_s: float) -> Pace:
+    """Return the pace of a run that hands out everything."""
+    costs = handing_out(workers, UnitCosts(), NEAR)
+    return Pace(threads=0, workers=workers, costs=costs, work_s=work_s)
+
+
+if __name__ == "__main__":
+    draw(Path(sys.argv[1]))
+    if sys.argv[2:] == ["sleeping"]:
+        compare_sleepers()
+    elif sys.argv[2:]:
+        compare(sys.argv[2])

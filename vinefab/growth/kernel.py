@@ -334,6 +334,11 @@ def _vertex_swept(walls, rules, sweep, skip, reach):
     return best[0], best[1]
 
 
+@inlined
+def _length(dx, dy):
+    return math.sqrt(dx * dx + dy * dy)
+
+
 # --- What ends a slide ------------------------------------------------------------------------
 
 
@@ -385,7 +390,7 @@ def _moved(walls, rules, growth, tip, distance):
 def _heading(rules, growth, tip, x, y):
     """Return the unit vector from pivot to (x, y); the heading so far if they coincide."""
     qx, qy = x - growth.points[tip.pivot, 0], y - growth.points[tip.pivot, 1]
-    reach = math.sqrt(qx * qx + qy * qy)
+    reach = _length(qx, qy)
     if reach <= rules.tolerance_mm:
         return tip.ux, tip.uy
     return qx / reach, qy / reach
@@ -448,7 +453,7 @@ def _grow_free(walls, rules, growth, tip, length):
     """Return the tip after growing along its heading as far as possible (rule 1)."""
     px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
     room = length - growth.chain_length[tip.pivot]
-    left = room - math.sqrt((tip.x - px) ** 2 + (tip.y - py) ** 2)
+    left = room - _length(tip.x - px, tip.y - py)
     ray = (tip.x, tip.y, tip.ux, tip.uy)
     wall, distance, place = _wall_ahead(walls, rules, ray, (tip.corner, tip.corner), left)
     if wall == NO_WALL or distance >= left:
@@ -467,7 +472,7 @@ def _wrapped(walls, growth, tip, vertex):
     vx, vy = walls.vertex[vertex, 0], walls.vertex[vertex, 1]
     pivot = tip.pivot + 1
     growth.points[pivot, 0], growth.points[pivot, 1] = vx, vy
-    step = math.sqrt((vx - px) ** 2 + (vy - py) ** 2)
+    step = _length(vx - px, vy - py)
     growth.chain_length[pivot] = growth.chain_length[pivot - 1] + step
     growth.chain_sense[pivot] = int(tip.sense)
     return _with_pivot(tip, pivot)
@@ -543,7 +548,7 @@ def _tension(growth, rules, film, tip, x, y, ux, uy):
     turned = _capstan(growth, rules, base, before, tip.pivot, ux, uy)
     held = store * growth.chain_gain[tip.pivot] + rules.drag_kpa_mm * growth.chain_drawn[tip.pivot]
     qx, qy = x - growth.points[tip.pivot, 0], y - growth.points[tip.pivot, 1]
-    return turned * held + rules.drag_kpa_mm * math.sqrt(qx * qx + qy * qy)
+    return turned * held + rules.drag_kpa_mm * _length(qx, qy)
 
 
 @inlined
@@ -555,8 +560,8 @@ def _held_at(tip, x, y, ux, uy):
 def _flown_to_limit(growth, rules, film, tip, x, y):
     """Return the tip where a free flight to (x, y) has used up the pressure: linear in length."""
     px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
-    nearest = math.sqrt((tip.x - px) ** 2 + (tip.y - py) ** 2)
-    farthest = math.sqrt((x - px) ** 2 + (y - py) ** 2)
+    nearest = _length(tip.x - px, tip.y - py)
+    farthest = _length(x - px, y - py)
     tension = _tension(growth, rules, film, tip, px, py, tip.ux, tip.uy)
     reach = min(max((film[3] - tension) / rules.drag_kpa_mm, nearest), farthest)
     return _held_at(tip, px + reach * tip.ux, py + reach * tip.uy, tip.ux, tip.uy)
@@ -635,8 +640,7 @@ def _record_film(growth, rules, film, branch, tip):
     turned = _capstan(growth, rules, film[0], film[1], tip.pivot, tip.ux, tip.uy)
     qx, qy = tip.x - growth.points[tip.pivot, 0], tip.y - growth.points[tip.pivot, 1]
     growth.gain[branch] = growth.chain_gain[tip.pivot] * turned
-    length = math.sqrt(qx * qx + qy * qy)
-    growth.drawn[branch] = growth.chain_drawn[tip.pivot] * turned + length
+    growth.drawn[branch] = growth.chain_drawn[tip.pivot] * turned + _length(qx, qy)
 
 
 # --- A branch, and the tree -------------------------------------------------------------------
@@ -647,7 +651,7 @@ def _steep_body(walls, growth, tip):
     """Return how long the body from pivot to tip is if it slides steeply, else 0."""
     qx, qy = tip.x - growth.points[tip.pivot, 0], tip.y - growth.points[tip.pivot, 1]
     along = tip.sense * (qx * walls.wall[tip.wall, 2] + qy * walls.wall[tip.wall, 3])
-    reach = math.sqrt(qx * qx + qy * qy)
+    reach = _length(qx, qy)
     return reach if along < STEEP_COSINE * reach else 0.0
 
 
@@ -669,7 +673,7 @@ def _record(growth, branch, tip, length):
     """Write how a branch ended."""
     last = tip.pivot + 1
     px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
-    step = math.sqrt((tip.x - px) ** 2 + (tip.y - py) ** 2)
+    step = _length(tip.x - px, tip.y - py)
     growth.points[last, 0], growth.points[last, 1] = tip.x, tip.y
     growth.first_point[branch + 1] = last + 1
     growth.stop[branch] = tip.stop

@@ -125,7 +125,7 @@ def _passes_end(walls, rules, dx, dy, wall, at_end, distance):
     At a convex corner it does if the other wall of the wedge does not face it. At a point where
     rings touch it may come from another wedge altogether: then this wall is out of its reach.
     """
-    other = walls.link[wall, 1] if at_end else walls.link[wall, 0]
+    other = np.int64(walls.link[wall, 1] if at_end else walls.link[wall, 0])
     outward = 1.0 if at_end else -1.0
     nx, ny = -walls.wall[other, 3], walls.wall[other, 2]
     facing = dx * nx + dy * ny
@@ -260,7 +260,7 @@ def _sweep_to(walls, rules, vertex, sweep, skip, reach):
     if ahead <= tolerance:
         if along > ux * qx + uy * qy + tolerance:
             return math.inf
-        solid = sense * (ux * walls.vertex[vertex, 3] - uy * walls.vertex[vertex, 2])
+        solid = sense * (ux * walls.solid[vertex, 1] - uy * walls.solid[vertex, 0])
         return 0.0 if solid > 0.0 else math.inf
     return swept / closing
 
@@ -430,10 +430,11 @@ def _place_on(walls, x, y, wall):
 def _reach_end(walls, rules, tip):
     """Return the tip after reaching the end of its wall: on the next wall, free, or stopped."""
     wall, forward = tip.wall, tip.sense > 0.0
-    following = walls.link[wall, 1] if forward else walls.link[wall, 0]
-    point = walls.link[wall, 3] if forward else walls.link[wall, 2]
-    x = walls.wall[wall, 5] if forward else walls.wall[wall, 0]
-    y = walls.wall[wall, 6] if forward else walls.wall[wall, 1]
+    following = np.int64(walls.link[wall, 1] if forward else walls.link[wall, 0])
+    point = np.int64(walls.link[wall, 3] if forward else walls.link[wall, 2])
+    # A wall ends where the following one starts.
+    x = walls.wall[following, 0] if forward else walls.wall[wall, 0]
+    y = walls.wall[following, 1] if forward else walls.wall[wall, 1]
     nx, ny = -walls.wall[following, 3], walls.wall[following, 2]
     opens = tip.sense * (walls.wall[wall, 2] * nx + walls.wall[wall, 3] * ny)
     place = 0.0 if forward else walls.wall[following, 4]
@@ -497,7 +498,7 @@ def _slide(walls, rules, growth, tip, base, length):
     room = length - growth.chain_length[tip.pivot]
     to_length = _length_distance(qx, qy, sx, sy, room, to_end)
     reach = min(to_length, to_end)
-    ends = (walls.link[wall, 2], walls.link[wall, 3])
+    ends = (np.int64(walls.link[wall, 2]), np.int64(walls.link[wall, 3]))
     hit, to_hit = NO_WALL, reach
     # Walls do not cross: only one that another all but touches can be blocked before its end.
     if walls.link[wall, 4] != 0:
@@ -777,7 +778,7 @@ def grow_branches(walls, tree, rules, start, growth, first, last):
 # Parts of a batch, with the names that `vinefab.growth.arrays` gives them.
 _Walls = namedtuple(
     "_Walls",
-    "wall link vertex vertex_point box shape wall_first wall_item vertex_first",
+    "wall link vertex solid vertex_point box shape wall_first wall_item vertex_first",
 )
 _Tree = namedtuple("_Tree", "parent turn length fits limit store")
 _Rules = namedtuple(
@@ -801,6 +802,7 @@ def _page(atlas, page):
         atlas.wall[one[0] : two[0]],
         atlas.link[one[0] : two[0]],
         atlas.vertex[one[1] : two[1]],
+        atlas.solid[one[1] : two[1]],
         atlas.vertex_point[one[1] : two[1]],
         atlas.box[page],
         atlas.shape[page],

@@ -23,7 +23,7 @@ import numpy as np
 
 from vinefab.core.compiling import compiled, inlined
 
-# mypy: allow-untyped-defs, allow-untyped-calls
+# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code=arg-type
 # ruff: noqa: ANN001, ANN202, ANN201, FBT003  numba infers the types of what it compiles
 # ruff: noqa: PLR0913, PLR0917  scalars are the compiled way to hand things over
 

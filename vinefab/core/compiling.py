@@ -58,6 +58,19 @@ def interpreted(name: str) -> ModuleType:
     return module
 
 
+@cache
+def _join_conditions() -> None:
+    """Let conditions joined with ``|`` and ``&`` take one jump, instead of one each.
+
+    LLVM would take them apart again. Processors foresee few of a growth's conditions, and a wrong
+    guess takes as long as a test of a wall: a tenth of the time of a growth. An option of LLVM,
+    which may be set but once; it changes the form of code and none of its results.
+    """
+    from llvmlite import binding  # noqa: PLC0415  as numba
+
+    binding.set_option("", "--jump-is-expensive")
+
+
 def _is_interpreted(function: Callable[..., Any]) -> bool:
     return function.__module__.endswith(_INTERPRETED)
 
@@ -65,6 +78,7 @@ def _is_interpreted(function: Callable[..., Any]) -> bool:
 def _jit(function: Callable[..., Any], **options: bool) -> Any:  # noqa: ANN401  a numba dispatcher
     import numba  # noqa: PLC0415  not loaded where code is interpreted
 
+    _join_conditions()
     # No compiled function allocates an array, so none needs the run-time that counts references to
     # arrays: atomic additions at every call, and half of the time of a growth (numba 0.68).
     settings: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False, **options}

@@ -154,7 +154,7 @@ def _meeting(walls, rules, ox, oy, dx, dy, wall):
     behind = (facing >= -rules.tolerance_rad) | (height < -tolerance)
     if behind | ((height > tolerance) & slips):
         return math.inf, 0.0
-    if height <= tolerance and -tolerance <= place <= length + tolerance:
+    if (height <= tolerance) & (-tolerance <= place) & (place <= length + tolerance):
         to_start, to_end = place, length - place
     elif (height <= 0.0) | slips:
         return math.inf, 0.0
@@ -193,12 +193,12 @@ def _nearest_in_cell(walls, rules, ray, skip, cell, best):
             continue
         distance, place = _meeting(walls, rules, ox, oy, dx, dy, item)
         wall = np.int64(item)
-        if distance > nearest + rules.tolerance_mm or wall == found:
+        if (distance > nearest + rules.tolerance_mm) | (wall == found):
             continue
         facing = dy * walls.wall[item, 2] - dx * walls.wall[item, 3]
-        ties = found != NO_WALL and distance >= nearest - rules.tolerance_mm
-        gentler = facing > gentlest or (facing == gentlest and wall < found)
-        if (ties and gentler) or (not ties and distance <= nearest):
+        ties = (found != NO_WALL) & (distance >= nearest - rules.tolerance_mm)
+        gentler = (facing > gentlest) | ((facing == gentlest) & (wall < found))
+        if (ties & gentler) | ((not ties) & (distance <= nearest)):
             found, nearest, at, gentlest = wall, distance, place, facing
     return found, nearest, at, gentlest
 
@@ -281,7 +281,7 @@ def _first_in_cells(walls, rules, sweep, skip, cells, best):
             continue
         vx, vy = walls.vertex[vertex, 0] - sweep[0], walls.vertex[vertex, 1] - sweep[1]
         span = vx * vx + vy * vy
-        if found == NO_POINT or distance < nearest or span > farthest:
+        if (found == NO_POINT) | (distance < nearest) | (span > farthest):
             found, nearest, farthest = np.int64(vertex), distance, span
     return found, nearest, farthest
 
@@ -289,7 +289,7 @@ def _first_in_cells(walls, rules, sweep, skip, cells, best):
 @inlined
 def _band(ax, ay, bx, by, low, high, span):
     """Widen ``span`` to the x that an edge from a to b takes between two heights."""
-    if max(ay, by) < low or min(ay, by) > high:
+    if (max(ay, by) < low) | (min(ay, by) > high):
         return span
     one, two = 0.0, 1.0
     if ay != by:
@@ -457,7 +457,7 @@ def _grow_free(walls, rules, growth, tip, length):
     left = room - _length(tip.x - px, tip.y - py)
     ray = (tip.x, tip.y, tip.ux, tip.uy)
     wall, distance, place = _wall_ahead(walls, rules, ray, (tip.corner, tip.corner), left)
-    if wall == NO_WALL or distance >= left:
+    if (wall == NO_WALL) | (distance >= left):
         x, y = px + room * tip.ux, py + room * tip.uy
         return TipState(x, y, tip.ux, tip.uy, tip.pivot, NO_WALL, 0.0, 0.0, NO_POINT, FULL_LENGTH)
     x = walls.wall[wall, 0] + place * walls.wall[wall, 2]

@@ -10,9 +10,11 @@ A wall has its free side on the left: its normal is its tangent turned by +90 de
 slides with ``sense`` +1 moves along the tangent and the body turns left; with -1, both reverse.
 This follows from the body pressing on the wall, so no small number ever decides a turning sense.
 
-Half of the time goes into branches of the code that the processor cannot foresee. Tests are
-therefore joined with ``|`` and ``&``, which take no branch, where the parts cost little. Numbers
-from the grid index are made unsigned, because signed ones could count from an array's end.
+A third of the time goes into branches of the code that the processor cannot foresee. Tests are
+therefore joined with ``|`` and ``&``, which take one branch together (`vinefab.core.compiling`),
+where the parts cost little. Numbers from the grid index are made unsigned, because signed ones
+could count from an array's end. Python can run the same code without compiling it:
+`vinefab.growth.simulator.quickest_engine`.
 """
 
 import math

@@ -27,8 +27,8 @@ def test_the_example_spells_out_the_defaults(tmp_path: Path) -> None:
     for part in ("maps", "space", "build", "growth", "search", "evaluation"):
         assert getattr(example, part) == getattr(bare, part)
     assert make_task("coverage", example.task.parameters) == make_task("coverage")
-    assert make_optimizer_config("cmaes", example.optimizer.parameters) == make_optimizer_config(
-        "cmaes"
+    assert make_optimizer_config("islands", example.optimizer.parameters) == make_optimizer_config(
+        "islands"
     )
 
 

@@ -363,8 +363,12 @@ class Batch:
         for span in range(int(spans.number[plan].max())):
             jobs.page[:] = self._page[terrain, spans.radius[plan, span]]
             jobs.until[:] = spans.until[plan, span]
-            for job in np.flatnonzero(spans.is_wider[plan, span]).tolist():
-                self._mark_fits(job, jobs, growth, span)
+            wider = np.flatnonzero(spans.is_wider[plan, span])
+            if span == 0:
+                self._mark_trunks(wider, launch, jobs)
+            else:
+                for job in wider.tolist():
+                    self._mark_fits(job, jobs, growth, span)
             grow_jobs(self._walls, trees, self._rules, jobs, growth, 0, len(plan))
             if (jobs.done < jobs.until).any():
                 return None
@@ -394,6 +398,18 @@ class Batch:
             done=np.zeros(len(plan), dtype=np.int64),
             until=np.zeros(len(plan), dtype=np.int64),
         )
+
+    def _mark_trunks(self, which: Ints, launch: Ints, jobs: JobArrays) -> None:
+        """Mark which trunks have room at their base: once for each launch and body radius."""
+        radii_mm = self.plans.spans.radii_mm
+        radius = self.plans.spans.radius[jobs.tree[which], 0]
+        pairs, pair = np.unique(launch[which] * len(radii_mm) + radius, return_inverse=True)
+        fits = np.ones(len(pairs), dtype=np.bool_)
+        for row, (place, size) in enumerate(zip(*np.divmod(pairs, len(radii_mm)), strict=True)):
+            terrain = self.launches.atlas.terrains[self.launches.terrain[place]]
+            start_mm = self.launches.start[place, None, :2]
+            fits[row] = terrain.have_room(start_mm, radii_mm[size])[0]
+        jobs.fits[jobs.branch[:-1][which]] = fits[pair]
 
     def _mark_fits(self, job: int, jobs: JobArrays, growth: Growth, level: int) -> None:
         """Mark which branches of one job's next span have room at their base."""

@@ -8,7 +8,7 @@ take as long as growing it, in one thread at a time. Results equal those of
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import overload
+from typing import NamedTuple, overload
 
 import numpy as np
 
@@ -62,6 +62,38 @@ def branch_counts(depth: Ints, branches: Ints) -> Ints:
     counts = np.ones((len(depth), 1 + branches.shape[1]))
     np.cumprod(np.where(below, branches, 0.0), axis=1, out=counts[:, 1:])
     return np.minimum(counts, MOST_BRANCHES + 1.0).astype(np.int64)
+
+
+class BatchBranches(NamedTuple):
+    """All branches of a design batch, design by design, parents first."""
+
+    first: Ints  # where each design's branches begin, with the total at the end, shape (m + 1,)
+    parent: Ints  # within its tree, -1 for trunks
+    level: Ints  # 1 for trunks
+    offset_rad: Floats  # angle from the parent's heading
+    length_mm: Floats
+
+
+def batch_branches(designs: DesignBatch) -> BatchBranches:
+    """Return all branches of a design batch, as `vinefab.model.tree.branch_tree` has them."""
+    from vinefab.growth import batch_kernel  # noqa: PLC0415  numba takes a second to import
+
+    first = np.zeros(len(designs) + 1, dtype=np.int64)
+    np.cumsum(designs.sizes, out=first[1:])
+    parent, level = np.empty((2, first[-1]), dtype=np.int64)
+    offset_rad, length_mm = np.empty((2, first[-1]))
+    found = BatchBranches(first, parent, level, offset_rad, length_mm)
+    # Columns of a table are another type to numba, which would compile a second time.
+    batch_kernel.plan_trees(
+        np.ascontiguousarray(designs.depth),
+        np.ascontiguousarray(designs.trunk_mm),
+        np.ascontiguousarray(designs.branches),
+        np.ascontiguousarray(designs.fan_rad),
+        np.ascontiguousarray(designs.length_mm),
+        np.ascontiguousarray(designs.growth),
+        *found,
+    )
+    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -120,24 +152,7 @@ def planned_batch(
     """Return the plans of a design batch; builds of other depths begin with the same widths."""
     from vinefab.growth import batch_kernel  # noqa: PLC0415  numba takes a second to import
 
-    first = np.zeros(len(designs) + 1, dtype=np.int64)
-    np.cumsum(designs.sizes, out=first[1:])
-    parent, level = np.empty((2, first[-1]), dtype=np.int64)
-    offset_rad, length_mm = np.empty((2, first[-1]))
-    # Columns of a table are another type to numba, which would compile a second time.
-    batch_kernel.plan_trees(
-        np.ascontiguousarray(designs.depth),
-        np.ascontiguousarray(designs.trunk_mm),
-        np.ascontiguousarray(designs.branches),
-        np.ascontiguousarray(designs.fan_rad),
-        np.ascontiguousarray(designs.length_mm),
-        np.ascontiguousarray(designs.growth),
-        first,
-        parent,
-        level,
-        offset_rad,
-        length_mm,
-    )
+    first, parent, level, offset_rad, length_mm = batch_branches(designs)
     turn = np.column_stack([np.cos(offset_rad), np.sin(offset_rad)])
     deepest = builds[max(builds)]
     feed, riding_mm = Feed.of(deepest, options), np.zeros(len(length_mm))

@@ -26,29 +26,42 @@ class FinalistChoice:
     """The points that are evaluated again at the end of a run."""
 
     points: list[Floats]  # at least one
+    checked: bool = False  # whether they are known to pass the full check
     repair: str = ""  # message on the feasibility repair; empty where none was needed
 
 
 def choose_finalists(
-    history: Sequence[Generation], evaluator: Evaluator, count: int, costs: Sequence[str] = ()
+    history: Sequence[Generation],
+    evaluator: Evaluator,
+    count: int,
+    costs: Sequence[str] = (),
+    recommended: Sequence[Floats] = (),
 ) -> FinalistChoice:
     """Return the points that are evaluated again at the end of a run.
 
     Without a full check these are the best of the run. With one, they are the best that pass it;
     if none does, the best are repaired, and if that fails too they stay as they are. With costs,
     they are taken from the front of fitness and costs.
+
+    Parameters
+    ----------
+    recommended
+        Points that the optimizer takes to be the best; they become up to half of the finalists.
     """
     if costs and (front := front_points(history, evaluator, count, costs)):
-        return FinalistChoice(points=front)
-    penalty, space = evaluator.penalty, evaluator.space
+        return FinalistChoice(points=front, checked=True)
+    penalty, space, known = evaluator.penalty, evaluator.space, list(recommended[: count // 2])
     if not isinstance(penalty, FullCheck):
-        return FinalistChoice(points=best_points(history, space, count))
-    passing = _passing(history, space, count, penalty.passes)
+        return FinalistChoice(points=[*known, *best_points(history, space, count - len(known))])
+    known = [x for x in known if penalty.passes(space.design(x))]
+    passing = [*known, *_passing(history, space, count - len(known), penalty.passes)]
     if passing:
-        return FinalistChoice(points=passing)
+        return FinalistChoice(points=passing, checked=True)
     best = best_points(history, space, count)
     repairs = RepairResults.of(best, space, penalty, penalty.passes)
-    return FinalistChoice(points=repairs.repaired or best, repair=repairs.message)
+    if repairs.repaired:
+        return FinalistChoice(points=repairs.repaired, checked=True, repair=repairs.message)
+    return FinalistChoice(points=best, repair=repairs.message)
 
 
 def front_points(
@@ -111,20 +124,19 @@ def _ranked(history: Sequence[Generation], space: Space, count: int) -> list[tup
 
 
 def reevaluated(
-    points: Sequence[Floats], begin: Begin, conditions: Conditions, evaluator: Evaluator
+    choice: FinalistChoice, begin: Begin, conditions: Conditions, evaluator: Evaluator
 ) -> tuple[Finalist, ...]:
-    """Return points evaluated on fresh poses, best first.
+    """Return the points chosen, evaluated on fresh poses, best first.
 
     The best of many noisy evaluations is overestimated; here all finalists are evaluated on the
     same poses, more of them, and none by which it was selected. Designs without a penalty come
     first, because their fitness is above that of all others; one that fails the full check counts
     as penalized.
     """
-    x = np.array(points)
-    finalists = [
-        _fully_checked(finalist, conditions, evaluator)
-        for finalist in _finalists(x, begin(x, conditions)(), conditions, evaluator)
-    ]
+    x = np.array(choice.points)
+    finalists = list(_finalists(x, begin(x, conditions)(), conditions, evaluator))
+    if not choice.checked:
+        finalists = [_fully_checked(finalist, conditions, evaluator) for finalist in finalists]
     # Stable: of equals, the one that was better in the search stays first.
     return tuple(sorted(finalists, key=lambda f: -f.fitness))
 

@@ -14,6 +14,7 @@ from vinefab.model.map import Map
 from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Penalty
 from vinefab.search.finalists import choose_finalists, reevaluated
 from vinefab.search.front import check_objectives, costs_of
+from vinefab.search.optimizers.islands import RecommendingOptimizer, ScreeningOptimizer
 from vinefab.search.optimizers.nsga2 import FrontOptimizer
 from vinefab.search.optimizers.optimizer import Optimizer
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
@@ -117,6 +118,9 @@ class Search:
             optimizer.set_costs(
                 lambda x: costs_of(x, evaluator.space, settings.costs), evaluator.lowest
             )
+        # A user's own penalty may take longer than growth: screening asks for many.
+        if evaluator.penalty_of_batch is not None and isinstance(optimizer, ScreeningOptimizer):
+            optimizer.screen_by(evaluator.penalties)
         search = cls(settings=settings, maps=spec.maps, evaluator=evaluator, optimizer=optimizer)
         conditions = evaluator.training_conditions(seed, 0)
         evaluator.launches(conditions)
@@ -233,10 +237,13 @@ class Search:
         if store is not None and (recorded := store.finalists(evaluator.space)):
             return recorded, store.repair
         count, costs = settings.evaluation.finalists, settings.costs
-        choice = choose_finalists(history, evaluator, count, costs)
+        known: list[Floats] = []
+        if isinstance(self.optimizer, RecommendingOptimizer):
+            known = self.optimizer.recommended()
+        choice = choose_finalists(history, evaluator, count, costs, known)
         conditions = evaluator.final_conditions(settings.search.seed)
         with ledger.spending("evaluating"):
-            return reevaluated(choice.points, begin, conditions, evaluator), choice.repair
+            return reevaluated(choice, begin, conditions, evaluator), choice.repair
 
 
 def _task_settings(task: Task) -> PartSettings:

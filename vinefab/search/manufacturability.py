@@ -27,8 +27,12 @@ from vinefab.fabrication.rules.tree_and_base import CLAMP, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
 from vinefab.model.design import MOST_BRANCHES, Build, Design
 from vinefab.model.laser import LaserProfile
+from vinefab.search.penalty_batch import BatchPenalty
 from vinefab.search.settings import RunSettings
 from vinefab.search.space import Bounds, Space
+
+_VINE_MM = 200.0
+"""Length of the vine for rules that do not depend on length."""
 
 BED_RESERVE_MM = 10.0
 """Allowance for seam, kerf and the overcut at the mouth, on the size of a flat robot."""
@@ -55,6 +59,12 @@ class ManufacturabilityPenalty:
             sheet_mm=self.sheet_mm,
         )
 
+    def within(self, space: Space) -> BatchPenalty:
+        """Return the same penalty for batches of a space's designs."""
+        vine = Design(name="vine", trunk_length_mm=_VINE_MM, build=space.build_of(1))
+        changed = by_rule(changed_limits(vine, self.profile))
+        return BatchPenalty.of(space, self.profile, changed, self.sheet_mm)
+
     @property
     def sheet_mm(self) -> tuple[float, float]:
         """Width and height that a flat robot must fit into."""
@@ -74,9 +84,6 @@ class ManufacturabilityPenalty:
         rules = ", ".join(dict.fromkeys(finding.rule for finding in blocking))
         return f"{rules} ({blocking[0].message})" if blocking else ""
 
-
-_VINE_MM = 200.0
-"""Length of the vine for rules that do not depend on length."""
 
 _OTHERWISE = "or evaluation.fabricable = false"
 

@@ -173,7 +173,7 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         build=_build(form.build),
         growth=GrowthOptions.of(form.growth.model_dump(exclude_none=True)),
         optimizer=PartSettings(
-            name=form.optimizer.name or ("nsga2" if form.task.objectives else "cmaes"),
+            name=form.optimizer.name or ("nsga2" if form.task.objectives else RunSettings().optimizer.name),
             parameters=form.optimizer.model_extra or {},
         ),
         search=SearchSettings(**search),

@@ -191,7 +191,7 @@ class RunSettings:
     space: SpaceSettings = field(default_factory=SpaceSettings)
     build: BuildSettings = field(default_factory=BuildSettings)
     growth: GrowthOptions = field(default_factory=GrowthOptions)
-    optimizer: PartSettings = PartSettings(name="cmaes")
+    optimizer: PartSettings = PartSettings(name="islands")
     search: SearchSettings = SearchSettings()
     evaluation: EvaluationSettings = EvaluationSettings()
     objectives: tuple[str, ...] = ()

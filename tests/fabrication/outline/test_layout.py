@@ -43,5 +43,5 @@ def test_arrays_cannot_be_written(make_plan):
 
 
 def test_trunk_has_the_default_fillet_for_its_pouch(make_plan):
-    assert level_fillets_mm(make_plan((4.0,))) == (2.0,)
-    assert level_fillets_mm(make_plan((40.0,))) == (10.0,)
+    assert level_fillets_mm(make_plan((4.0,)).build) == (2.0,)
+    assert level_fillets_mm(make_plan((40.0,)).build) == (10.0,)

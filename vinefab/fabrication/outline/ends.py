@@ -146,7 +146,7 @@ def leaf_of(design: Design, lean_rad: float) -> Leaf:
     return Leaf(
         half_mm=design.build.end_widths_mm[-1] / 2,
         lean_rad=lean_rad,
-        fillet_mm=level_fillets_mm(design)[-1],
+        fillet_mm=level_fillets_mm(design.build)[-1],
     )
 
 

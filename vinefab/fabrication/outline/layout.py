@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vinefab.core.validation import Floats, frozen_floats
-from vinefab.model.design import DEFAULT_FILLET_RATIO, DEFAULT_LEAST_FILLET_MM, Design
+from vinefab.model.design import DEFAULT_FILLET_RATIO, DEFAULT_LEAST_FILLET_MM, Build, Design
 from vinefab.model.tree import BranchTree, branch_tree
 
 
@@ -30,10 +30,10 @@ class FlatLayout:
     tail_mm: float  # straight length below the trunk's base
 
 
-def level_fillets_mm(design: Design) -> tuple[float, ...]:
+def level_fillets_mm(build: Build) -> tuple[float, ...]:
     """Return the designed fillet radius of every level, the trunk's default first."""
-    trunk = max(DEFAULT_LEAST_FILLET_MM, DEFAULT_FILLET_RATIO * design.build.widths_mm[0])
-    return (trunk, *design.build.fillet_mm)
+    trunk = max(DEFAULT_LEAST_FILLET_MM, DEFAULT_FILLET_RATIO * build.widths_mm[0])
+    return (trunk, *build.fillet_mm)
 
 
 def flat_layout(design: Design) -> FlatLayout:
@@ -70,7 +70,9 @@ def flat_layout(design: Design) -> FlatLayout:
         end_width_mm=frozen_floats(
             "end_width_mm", np.array(design.build.end_widths_mm)[tree.level - 1]
         ),
-        fillet_mm=frozen_floats("fillet_mm", np.array(level_fillets_mm(design))[tree.level - 1]),
+        fillet_mm=frozen_floats(
+            "fillet_mm", np.array(level_fillets_mm(design.build))[tree.level - 1]
+        ),
         is_leaf=is_leaf,
         tail_mm=design.build.tail_mm,
     )

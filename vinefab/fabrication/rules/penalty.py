@@ -15,7 +15,7 @@ from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRan
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of, spacing
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
-from vinefab.model.design import Design
+from vinefab.model.design import Build, Design
 from vinefab.model.laser import LaserProfile
 from vinefab.model.tree import branch_tree
 from vinefab.physics.growth_pressure import planned_growth_kpa
@@ -31,7 +31,7 @@ def rooms_mm(design: Design) -> list[Pair]:
     """
     ends = [*(_joint(design, level) for level in range(1, design.depth))]
     bases_mm = [0.0, *(child_mm for _, child_mm in ends)]
-    tips_mm = [*(parent_mm for parent_mm, _ in ends), _tip_mm(design)]
+    tips_mm = [*(parent_mm for parent_mm, _ in ends), pouch_takes_mm(design.build)]
     lengths_mm = [_trunk_mm(design)]
     for number in range(2, design.depth + 1):
         leans, all_mm = level_tapers_rad(design, number), level_lengths_mm(design, number)
@@ -82,10 +82,10 @@ def _gap(angle_rad: float, halves_mm: Pair, radius_mm: float, disc_mm: float = 0
     return max(0.0, (two + one * cos) / sin), max(0.0, (one + two * cos) / sin)
 
 
-def _tip_mm(design: Design) -> float:
+def pouch_takes_mm(build: Build) -> float:
     """Return how much of a leaf its pouch takes, before the end of its planned length."""
-    pouch, half_mm = design.build.pouch, design.build.end_widths_mm[-1] / 2.0
-    radius_mm = level_fillets_mm(design)[-1]
+    pouch, half_mm = build.pouch, build.end_widths_mm[-1] / 2.0
+    radius_mm = level_fillets_mm(build)[-1]
     if pouch is None or pouch.flat_width_mm <= 2.0 * half_mm:
         return 0.0
     if pouch.shape == "round":
@@ -93,7 +93,7 @@ def _tip_mm(design: Design) -> float:
     return (pouch.length_mm or 0.0) / 2.0 + radius_mm
 
 
-_MOST = 10.0
+MOST_OF_ONE = 10.0
 """Most that a single broken limit adds, so that none outweighs all others."""
 
 
@@ -117,10 +117,11 @@ def window_penalty(
         branch_tree(design), build.widths_mm, fit.loose, fit.diameter_mm
     ).max()
     most_kpa = growth_limit_kpa(build.widest_mm, profile.material, values)
-    return math.log1p(min(_MOST, max(0.0, takes_kpa / most_kpa - 1.0)))
+    return math.log1p(min(MOST_OF_ONE, max(0.0, takes_kpa / most_kpa - 1.0)))
 
 
-_TURNS = 180
+TURNS = 180
+"""Rotations of a flat robot that are tried, over half a turn."""
 
 
 def excess_mm(capsules: Capsules, sheet_mm: tuple[float, float]) -> float:
@@ -131,7 +132,7 @@ def excess_mm(capsules: Capsules, sheet_mm: tuple[float, float]) -> float:
     Whole degrees are tried. `place_contours` tries more, so that a finished outline fits no worse
     except for seam, kerf and the overcut at the mouth.
     """
-    turns = np.arange(_TURNS) * np.pi / _TURNS
+    turns = np.arange(TURNS) * np.pi / TURNS
     across = np.stack([np.cos(turns), np.sin(turns)])
     half, end_half = capsules.half_mm[:, None], capsules.end_half_mm[:, None]
     corners = capsules.start_mm[0] + np.array([[0.0, 1.0], [0.0, -1.0]]) * capsules.half_mm[0]
@@ -140,7 +141,7 @@ def excess_mm(capsules: Capsules, sheet_mm: tuple[float, float]) -> float:
     low = np.concatenate([ends - end_half, starts - half[1:], corners @ across]).min(axis=0)
     wide = high - low
     # Turning by a right angle swaps width and height.
-    tall = np.roll(wide, -_TURNS // 2)
+    tall = np.roll(wide, -TURNS // 2)
     over = np.maximum(wide - sheet_mm[0], tall - sheet_mm[1])
     return float(over.min())
 
@@ -148,7 +149,7 @@ def excess_mm(capsules: Capsules, sheet_mm: tuple[float, float]) -> float:
 DEFAULT_FILM_MM = 0.075
 """Two plies of 0.0375 mm."""
 
-_MOST_CHECKED_BRANCHES = 2000
+MOST_CHECKED_BRANCHES = 2000
 """Larger trees are penalized for their size, without checking their branches."""
 
 
@@ -181,7 +182,7 @@ def fabrication_penalty(
     """
     changed = limits or {}
     kinds = (
-        _widths(design, changed),
+        width_violations(design.build, changed),
         _joints(design, changed),
         _packing(design, changed, film_mm),
         _on_sheet(design, changed, sheet_mm),
@@ -200,7 +201,7 @@ def _short_of(values: Iterable[float], limit: float) -> float:
 
 def relative_excess(value: float, limit: float) -> float:
     """Return the relative excess of a value over a limit, at most 10; 0 below it."""
-    return 0.0 if value <= limit else min(_MOST, (value - limit) / max(abs(limit), 1e-9))
+    return 0.0 if value <= limit else min(MOST_OF_ONE, (value - limit) / max(abs(limit), 1e-9))
 
 
 def _over(values: Iterable[float], limit: float) -> float:
@@ -208,8 +209,9 @@ def _over(values: Iterable[float], limit: float) -> float:
     return math.fsum(relative_excess(value, limit) for value in values)
 
 
-def _widths(design: Design, changed: LimitChanges) -> float:
-    widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
+def width_violations(build: Build, changed: LimitChanges) -> float:
+    """Return the summed depths of violations by the widths of the levels, whatever they hold."""
+    widths_mm, ends_mm = build.widths_mm, build.end_widths_mm
     ratios = (wide / narrow for wide, narrow in zip(ends_mm, widths_mm[1:], strict=False))
     narrow = _short_of(ends_mm, _limit(LEAST_WIDTH, changed))
     return narrow + _short_of(ratios, _limit(WIDTH_RATIO, changed))
@@ -225,7 +227,7 @@ def _joints(design: Design, changed: LimitChanges) -> float:
 
 def _crowded(room_mm: float, length_mm: float) -> float:
     """Return how much of a branch is missing for its two ends to fit on it, at most 10."""
-    return min(_MOST, max(0.0, (LEAST_SEGMENT_MM - room_mm) / length_mm))
+    return min(MOST_OF_ONE, max(0.0, (LEAST_SEGMENT_MM - room_mm) / length_mm))
 
 
 def _packing(design: Design, changed: LimitChanges, film_mm: float) -> float:
@@ -234,7 +236,7 @@ def _packing(design: Design, changed: LimitChanges, film_mm: float) -> float:
 
 
 def _on_sheet(design: Design, changed: LimitChanges, sheet_mm: tuple[float, float] | None) -> float:
-    if design.branch_count > _MOST_CHECKED_BRANCHES:
+    if design.branch_count > MOST_CHECKED_BRANCHES:
         return float(design.branch_count) ** 2
     capsules = capsules_of(flat_layout(design), design.build)
     near = _too_near(capsules, _limit(CLEARANCE, changed))

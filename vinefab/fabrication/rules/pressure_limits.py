@@ -4,7 +4,7 @@ Narrow leaves at the end of long, winding paths need much pressure to grow; the 
 at the least. Whether anything is left between the two decides whether a robot can be deployed.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from vinefab.fabrication.rules.rule import (
@@ -213,7 +213,7 @@ def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
     if subject.profile is None:
         return RuleNotApplicable(reason="needs a recipe, for the seam")
     fit = GrowthConstantsRange.of(subject.profile, limits)
-    loose, tight = (worst_growth(subject, c, fit.diameter_mm) for c in (fit.loose, fit.tight))
+    loose, tight = worst_growths(subject, (fit.loose, fit.tight), fit.diameter_mm)
     takes = f"{loose.pressure_kpa:.1f} to {tight.pressure_kpa:.1f} kPa ({fit.source})"
     width_mm, _ = widest(subject)
     top_kpa = safe_pressure_kpa(width_mm, subject.profile.material, limits)
@@ -259,23 +259,35 @@ def _too_much(
 
 def worst_growth(subject: Subject, constants: GrowthConstants, fitted_mm: float) -> WorstBranch:
     """Return which branch takes the most pressure to grow, over all deployments."""
+    return worst_growths(subject, (constants,), fitted_mm)[0]
+
+
+def worst_growths(
+    subject: Subject, several: Sequence[GrowthConstants], fitted_mm: float
+) -> list[WorstBranch]:
+    """Return for several constants which branch takes the most pressure to grow.
+
+    Deployments may be grown anew whenever they are asked for, so each is walked once for all.
+    """
     build, tree = subject.design.build, subject.layout.tree
-    riding = riding_mm(tree, build.widths_mm).tolist()
+    riding, level = riding_mm(tree, build.widths_mm).tolist(), tree.level.tolist()
     # A tapered branch is narrowest, and needs most, at its tip.
     diameters_mm = [inflated_diameter_mm(end_mm) for end_mm in build.end_widths_mm]
-    by_level = [constants.at_diameter(diameter_mm, fitted_mm) for diameter_mm in diameters_mm]
-    level = tree.level.tolist()
-    found = (
-        WorstBranch(
-            pressure_kpa=path.pressure_kpa(by_level[level[branch] - 1], riding[branch]),
-            branch=branch,
-            place=place,
-        )
-        for place, paths in _paths(subject)
-        for branch, path in paths.items()
-    )
-    # Equal tips differ in the last digits only: the first of them stands for all.
-    return max(found, key=lambda worst: round(worst.pressure_kpa, 9))
+    by_level = [[c.at_diameter(d_mm, fitted_mm) for d_mm in diameters_mm] for c in several]
+    found: list[list[WorstBranch]] = [[] for _ in several]
+    for place, paths in _paths(subject):
+        for worst, constants in zip(found, by_level, strict=True):
+            here = (
+                WorstBranch(
+                    pressure_kpa=path.pressure_kpa(constants[level[branch] - 1], riding[branch]),
+                    branch=branch,
+                    place=place,
+                )
+                for branch, path in paths.items()
+            )
+            # Equal tips differ in the last digits only: the first of them stands for all.
+            worst[:] = [max((*worst, *here), key=lambda each: round(each.pressure_kpa, 9))]
+    return [worst for (worst,) in found]
 
 
 def _paths(subject: Subject) -> Iterator[tuple[str, dict[int, GrowthPath]]]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from vinefab.core.validation import Floats, Ints
 from vinefab.fabrication.outline.ends import Leaf, corner_radii_mm
-from vinefab.fabrication.outline.layout import FlatLayout
+from vinefab.fabrication.outline.layout import FlatLayout, level_fillets_mm
 from vinefab.fabrication.outline.stroke import Point
 from vinefab.model.design import Build
 
@@ -56,7 +56,7 @@ def capsules_of(layout: FlatLayout, build: Build) -> Capsules:
         branches.append(rows[:1])
     tails = sum(map(len, branches))
     leaves = rows[layout.is_leaf]
-    for low_mm, high_mm, half_mm in _pouch_capsules(layout, build):
+    for low_mm, high_mm, half_mm in pouch_capsules(build):
         starts.append(_at_tips(layout, leaves, low_mm))
         ends.append(_at_tips(layout, leaves, high_mm))
         halves.append(np.full(len(leaves), half_mm))
@@ -90,7 +90,7 @@ def _tail_capsules(layout: FlatLayout, build: Build) -> list[tuple[Point, Point,
     return found
 
 
-def _pouch_capsules(layout: FlatLayout, build: Build) -> list[tuple[Point, Point, float]]:
+def pouch_capsules(build: Build) -> list[tuple[Point, Point, float]]:
     """Return ends and half widths of a pouch's capsules in the frame of the tip."""
     pouch = build.pouch
     if pouch is None:
@@ -98,7 +98,7 @@ def _pouch_capsules(layout: FlatLayout, build: Build) -> list[tuple[Point, Point
     if pouch.shape == "round":
         return [((0.0, 0.0), (0.0, 0.0), pouch.radius_mm or 0.0)]
     leaf = Leaf(
-        half_mm=build.end_widths_mm[-1] / 2.0, lean_rad=0.0, fillet_mm=float(layout.fillet_mm[-1])
+        half_mm=build.end_widths_mm[-1] / 2.0, lean_rad=0.0, fillet_mm=level_fillets_mm(build)[-1]
     )
     _, corner_mm = corner_radii_mm(pouch, leaf)
     corner_mm = max(0.0, corner_mm)

@@ -6,7 +6,7 @@ treated like the others: the package's probabilities for categories became NaN i
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,6 +45,11 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
         return np.clip(reals, 0.0, 1.0), self._discretization(rest) if self._Nin else rest
 
     @property
+    def middle(self) -> Floats:
+        """Mean of each coordinate, within the bounds where it is continuous, shape (d,)."""
+        return np.concatenate([np.clip(self._mean[: self._Nco], 0.0, 1.0), self._mean[self._Nco :]])
+
+    @property
     def spread(self) -> Floats:
         """Standard deviation of each coordinate, shape (d,)."""
         deviations: Floats = self._sigma * self._A * np.sqrt(np.diag(self._C))
@@ -68,6 +73,26 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
         self._update_gaussian(v)
         if self._Nin:
             self._margin_correction()
+
+    def packed(self) -> Floats:
+        """Return everything that changes between generations, without integers, as one vector."""
+        sigma, history = [self._sigma, self._g], self._iqhist_values
+        axes: list[Any] = [self._B, self._D] if self._B is not None else []
+        arrays = [self._mean, self._C, self._p_sigma, self._pc, self._A, *axes]
+        return np.concatenate([[len(history)], history, sigma, *map(np.ravel, arrays)])
+
+    def unpack(self, vector: Floats) -> None:
+        """Continue from what `packed` returned."""
+        count, size = int(vector[0]), len(self._mean)
+        self._iqhist_values = vector[1 : count + 1].tolist()
+        self._sigma, self._g = float(vector[count + 1]), int(vector[count + 2])
+        rest = vector[count + 3 :]
+        for name, shape in _PACKED.items():
+            if not len(rest):
+                break
+            length = size ** len(shape)
+            setattr(self, name, rest[:length].reshape([size] * len(shape)).copy())
+            rest = rest[length:]
 
     def _discretization(self, v_discrete: Floats) -> Floats:
         """Return the integers that values stand for, shape (n,) or (m, n) as given."""
@@ -200,6 +225,31 @@ def _square_of(chance: Any) -> Any:  # noqa: ANN401 - a number or an array
     return 2.0 * special.gammaincinv(0.5, chance)
 
 
+_PACKED = {"_mean": "d", "_C": "dd", "_p_sigma": "d", "_pc": "d", "_A": "d", "_B": "dd", "_D": "d"}
+"""Arrays of a distribution without integers, with a letter for each dimension."""
+
+
+def mixed_distribution(
+    middle: Floats, spread: Floats, *, population: int, counts: Sequence[int] = ()
+) -> Distribution:
+    """Return a distribution before its first generation.
+
+    Parameters
+    ----------
+    middle, spread
+        Mean and standard deviation of each coordinate, shape (d,); integers last.
+    counts
+        Number of values of each integer.
+    """
+    return Distribution(
+        x_space=[[0.0, 1.0]] * (len(middle) - len(counts)) or None,
+        z_space=[list(range(count)) for count in counts] or None,
+        population_size=population,
+        mean=middle.copy(),
+        cov=np.diag(spread**2),
+    )
+
+
 _STREAM = 1405
 _RUN_AWAY = 1e3
 """Largest standard deviation, in ranges. Noise can let it grow without end: then all points are
@@ -317,12 +367,11 @@ class Cma:
     def _new_search(self, config: CmaConfig) -> Any:  # noqa: ANN401 - cmaes has no types here
         whole = self._counts[self._integer]
         middles = np.concatenate([np.full(len(self._real), 0.5), (whole - 1.0) / 2.0])
-        return Distribution(
-            x_space=[[0.0, 1.0]] * len(self._real) or None,
-            z_space=[list(range(count)) for count in whole.tolist()] or None,
-            population_size=self._population,
-            mean=middles,
-            cov=np.diag((config.spread * self._ranges) ** 2),
+        return mixed_distribution(
+            middles,
+            config.spread * self._ranges,
+            population=self._population,
+            counts=whole.tolist(),
         )
 
 

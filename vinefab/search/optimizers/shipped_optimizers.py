@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from vinefab.core.registry import Registry, with_parameters
 from vinefab.search.optimizers.cmaes import CmaConfig
 from vinefab.search.optimizers.evolution import EvolutionConfig
+from vinefab.search.optimizers.islands import IslandsConfig
 from vinefab.search.optimizers.nsga2 import NsgaConfig
 from vinefab.search.optimizers.optimizer import OptimizerConfig
 from vinefab.search.optimizers.particleswarm import AdaptiveSwarmConfig
@@ -16,6 +17,7 @@ OPTIMIZERS: Registry[Callable[..., OptimizerConfig]] = Registry(
     {
         "cmaes": CmaConfig,
         "evolution": EvolutionConfig,
+        "islands": IslandsConfig,
         "nsga2": NsgaConfig,
         "particleswarm": AdaptiveSwarmConfig,
         "pso": SwarmConfig,

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Generic, Protocol, TypeVar
 
-from vinefab.core.validation import Floats
+from vinefab.core.validation import Floats, Ints
 
 _Result = TypeVar("_Result")
 
@@ -102,13 +102,10 @@ class ThreadExecutor:
                 raise
 
 
-def in_work_units(x: Floats, rows: int) -> Sequence[Floats]:
-    """Divide points into parts of at most ``rows`` rows, at least one each.
+_Rows = TypeVar("_Rows", Floats, Ints)
 
-    Parameters
-    ----------
-    x
-        The points, shape (m, d).
-    """
+
+def in_work_units(x: _Rows, rows: int) -> Sequence[_Rows]:
+    """Divide an array into parts of at most ``rows`` rows, at least one each."""
     size = max(1, rows)
     return [x[first : first + size] for first in range(0, len(x), size)]

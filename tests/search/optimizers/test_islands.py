@@ -1,0 +1,150 @@
+"""Islands: structures, rungs, and the screening by a penalty."""
+
+import numpy as np
+import pytest
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.validation import Floats
+from vinefab.search.optimizers.cmaes import Cma, CmaConfig, mixed_distribution
+from vinefab.search.optimizers.islands import (
+    Islands,
+    IslandsConfig,
+    RecommendingOptimizer,
+    ScreeningOptimizer,
+)
+from vinefab.search.optimizers.optimizer import SearchAxes
+
+AXES = SearchAxes(choices=(3, 0, 4, 0, 0), levels=(0, 0, 2, 2, 3), depth=0, least_depth=1)
+"""Levels 1 to 3, a length, a number of branches on level 2, and a length each on levels 2 and 3."""
+
+STRUCTURES = 9  # one vine, and 4 numbers of branches with or without a third level
+
+
+def started(population: int = 24, seed: int = 1, **parameters: int) -> Islands:
+    search = IslandsConfig(**parameters).start(AXES, population, seed)
+    assert isinstance(search, Islands)
+    return search
+
+
+def ran(search: Islands, worth: object, generations: int) -> tuple[Floats, Floats]:
+    asked, told = [], []
+    for _ in range(generations):
+        x = search.ask()
+        fitness = worth(x)  # type: ignore[operator]
+        search.tell(x, fitness)
+        asked.append(x)
+        told.append(fitness)
+    return np.concatenate(asked), np.concatenate(told)
+
+
+def of_structure(x: Floats, depth: int, branches: int) -> Floats:
+    index = AXES.indices(x)
+    return (index[:, 0] == depth) & (index[:, 2] == branches)
+
+
+def deceptive(x: Floats) -> Floats:
+    """A slope for most structures; for one, a low plain with a high and narrow peak."""
+    slope = 0.5 * x[:, 1]
+    away = np.linalg.norm(x[:, [1, 3, 4]] - [0.3, 0.6, 0.2], axis=1)
+    return np.where(of_structure(x, 2, 3), 0.2 + np.exp(-2.0 * away), slope)
+
+
+def test_every_island_keeps_to_one_structure_and_all_are_tried() -> None:
+    x, _ = ran(started(), lambda x: -x[:, 1], 200)
+    index = AXES.canonical(x)[:, [0, 2]]
+    assert len(np.unique(index, axis=0)) == STRUCTURES
+
+
+def test_a_structure_that_is_good_only_once_adapted_is_found() -> None:
+    for seed in range(5):
+        search = started(seed=seed)
+        _, fitness = ran(search, deceptive, 120)
+        assert fitness.max() > 1.0
+        assert of_structure(search.recommended()[0][None], 2, 3).all()
+        assert deceptive(search.recommended()[0][None])[0] > 1.0
+
+
+def test_the_better_structures_get_more_points() -> None:
+    x, _ = ran(started(), deceptive, 120)
+    share = of_structure(x, 2, 3).mean()
+    assert share > 3.0 / STRUCTURES
+
+
+def test_no_point_with_a_penalty_is_evaluated_where_there_are_others() -> None:
+    search = started()
+
+    def penalty(x: Floats) -> Floats:
+        narrow = np.maximum(0.0, np.abs(x[:, 1] - 0.77) - 0.02) * 100.0
+        return np.where(of_structure(x, 1, 2), 5.0, narrow)
+
+    search.screen_by(penalty)
+    x, _ = ran(search, lambda x: -x[:, 3], 60)
+    assert (penalty(x) == 0.0).all()
+    assert not of_structure(x, 1, 2).any()
+    assert all(penalty(point[None])[0] == 0.0 for point in search.recommended())
+
+
+def test_where_everything_has_a_penalty_the_least_is_evaluated() -> None:
+    search = started()
+    search.screen_by(lambda x: 1.0 + x[:, 1])
+    x, _ = ran(search, lambda x: -1.0 - x[:, 1], 12)
+    assert len(x) >= 12
+    assert x[:, 1].mean() < 0.3
+    assert search.recommended() == []
+
+
+def test_points_without_a_design_are_no_trap() -> None:
+    search = started()
+    search.screen_by(lambda x: np.where(x[:, 0] > 0.5, np.nan, 0.0))
+    x, _ = ran(search, lambda x: x[:, 1], 20)
+    assert (x[:, 0] <= 0.5).all()
+
+
+def test_the_population_is_divided_evenly() -> None:
+    assert len(started(population=50).ask()) == 48
+    assert len(started(population=20).ask()) == 20
+    assert len(started(population=5).ask()) == 5
+    with pytest.raises(BadInputError, match="at least 4"):
+        started(population=3)
+
+
+def test_more_structures_than_can_be_counted_are_drawn() -> None:
+    axes = SearchAxes(choices=(3, 900, 900, 0), levels=(0, 2, 3, 0), depth=0, least_depth=1)
+    search = IslandsConfig().start(axes, 24, 1)
+    seen = []
+    for _ in range(30):
+        x = search.ask()
+        search.tell(x, x[:, 3])
+        seen.append(x)
+    assert len(np.unique(axes.canonical(np.concatenate(seen))[:, :3], axis=0)) > 5
+
+
+def test_whole_numbers_alone_are_left_to_cmaes() -> None:
+    axes = SearchAxes(choices=(3, 4), levels=(0, 0))
+    assert isinstance(IslandsConfig().start(axes, 12, 1), Cma)
+
+
+def test_only_islands_screen_and_recommend() -> None:
+    assert isinstance(started(), ScreeningOptimizer)
+    assert isinstance(started(), RecommendingOptimizer)
+    plain = CmaConfig().start(AXES, 12, 1)
+    assert not isinstance(plain, ScreeningOptimizer | RecommendingOptimizer)
+
+
+def test_a_packed_distribution_goes_on_to_the_last_bit() -> None:
+    rng = np.random.RandomState(1)
+    one = mixed_distribution(np.full(4, 0.5), np.full(4, 0.2), population=8)
+    for _ in range(5):
+        v = one.sample(rng, 8)
+        one.learn(v[np.argsort((v**2).sum(axis=1))])
+    other = mixed_distribution(np.zeros(4), np.ones(4), population=8)
+    other.unpack(one.packed())
+    for _ in range(3):
+        state = rng.get_state()
+        v = one.sample(rng, 8)
+        rng.set_state(state)
+        w = other.sample(rng, 8)
+        np.testing.assert_array_equal(v, w)
+        one.learn(v.copy())
+        other.learn(w.copy())
+    np.testing.assert_array_equal(one.packed(), other.packed())

@@ -1,0 +1,431 @@
+"""Islands: one CMA-ES for each of many structures, and more time for those that do well.
+
+A structure is a choice of all integers: the number of levels and the children on each. One search
+over all of them freezes its integers early, on whatever structure was good at first. Here every
+island keeps to one structure and adapts a normal distribution of its lengths, angles and growths.
+Islands climb rungs: those whose points were among the best at one rung get several times as many
+generations to reach the next (asynchronous successive halving, Li et al., arXiv:1810.05934). The
+number of generations of the run has no influence on which points are asked for.
+
+Where designs have to be manufacturable, the penalty, which is far cheaper than growth, chooses what
+is evaluated: islands begin at points without penalty, and of the points that they sample only those
+without penalty are evaluated.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from vinefab.core.errors import BadInputError
+from vinefab.core.rng import child
+from vinefab.core.validation import Floats, Ints, number, whole
+from vinefab.search.optimizers.cmaes import (
+    LEAST_POPULATION,
+    CmaConfig,
+    Distribution,
+    mixed_distribution,
+)
+from vinefab.search.optimizers.optimizer import Optimizer, SearchAxes
+
+_STREAM = 1406
+
+PenaltyOfPoints = Callable[[Floats], Floats]
+"""Takes points, shape (m, d); returns penalties, 0 if manufacturable, NaN if not valid; (m,)."""
+
+
+@runtime_checkable
+class ScreeningOptimizer(Protocol):
+    """An optimizer that asks only for points without penalty, where it finds any."""
+
+    def screen_by(self, penalty: PenaltyOfPoints) -> None:
+        """Take the penalty of points."""
+        ...
+
+
+@runtime_checkable
+class RecommendingOptimizer(Protocol):
+    """An optimizer that knows better points than the best that it happened to evaluate."""
+
+    def recommended(self) -> list[Floats]:
+        """Return points that it takes to be the best, best first."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IslandsConfig:
+    """Parameters of the islands.
+
+    Parameters
+    ----------
+    island
+        Points that an island evaluates in a generation, about: the population is divided evenly.
+    first_generations
+        Generations of an island on the first rung.
+    keep
+        One island of so many climbs to the next rung, which takes so many times as long.
+    spread
+        Standard deviation of an island's first points, as a share of each range.
+    """
+
+    island: int = 10
+    first_generations: int = 2
+    keep: int = 3
+    spread: float = 0.2
+
+    def __post_init__(self) -> None:
+        whole("optimizer.island", self.island, LEAST_POPULATION, 1000)
+        whole("optimizer.first_generations", self.first_generations, 1, 1000)
+        whole("optimizer.keep", self.keep, 2, 100)
+        number("optimizer.spread", self.spread, 1e-3, 1.0)
+
+    def start(self, axes: SearchAxes, population: int, seed: int) -> Optimizer:
+        """Return the search before its first generation.
+
+        Without any continuous variable there is nothing that an island could adapt: then it is
+        CMA-ES over the integers.
+        """
+        if population < LEAST_POPULATION:
+            allowed = f"at least {LEAST_POPULATION} for the optimizer islands"
+            raise BadInputError("optimizer.population", population, allowed)
+        if axes.integer.all():
+            return CmaConfig(spread=self.spread).start(axes, population, seed)
+        return Islands(self, axes, population, seed)
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Island:
+    """One structure and a distribution of its other variables."""
+
+    number: int
+    structure: Floats  # a point of it, shape (d,)
+    free: Ints  # coordinates that its designs have and that are not integers, shape (k,)
+    search: Distribution  # of the free coordinates
+    rung: int = 0
+    generations: int = 0
+    ratings: list[float] = field(default_factory=list)  # of its generations
+
+    def points(self, v: Floats) -> Floats:
+        """Return points with given free coordinates, shape (m, d)."""
+        x = np.tile(self.structure, (len(v), 1))
+        x[:, self.free] = np.clip(v, 0.0, 1.0)
+        return x
+
+    @property
+    def rating(self) -> float:
+        """How good its points were in the second half of its generations."""
+        later = self.ratings[len(self.ratings) // 2 :]
+        return math.fsum(later) / len(later) if later else -math.inf
+
+
+_TRIED, _DESCENT = 64, 40
+"""Random points tried for a start without penalty, and generations of a descent of the penalty from
+the best of them."""
+
+_DEAD_ENDS, _ATTEMPTS = 8, 64
+"""Structures without a start that are found before an island begins with a penalty, and structures
+looked at, known ones among them."""
+
+_DRAWN = 2
+"""Points sampled for each that is evaluated, where only those without penalty are."""
+
+_PARKED, _RECOMMENDED = 6, 8
+"""Islands kept on each rung that did not climb yet, and points recommended."""
+
+_CONVERGED = 1e-4
+"""Largest spread, as a share of the ranges, of an island that has ended."""
+
+_MOST_STRUCTURES = 4096
+"""More are drawn at random, not one after the other."""
+
+_SAMPLES, _STARTS, _ORDER = range(3)
+
+
+class Islands:
+    """Islands that evaluate some points each, a few at a time, and climb rungs."""
+
+    def __init__(self, config: IslandsConfig, axes: SearchAxes, population: int, seed: int) -> None:
+        self._config, self._axes, self._seed = config, axes, seed
+        self._slots = max(1, population // config.island)
+        self._size = population // self._slots
+        self._penalty: PenaltyOfPoints | None = None
+        self._structures = _structures(axes)
+        self._generation = 0
+        self._begun = 0  # islands so far
+        self._visited = 0  # those of them that took the next structure of all
+        self._dead: set[tuple[int, ...]] = set()  # structures without a design without penalty
+        self._active: list[Island] = []
+        self._parked: list[Island] = []  # at the end of their rungs
+        self._ratings: list[list[float]] = []  # of all that ever reached the end of each rung
+        self._climbed: list[int] = []  # number of those that went on
+        self._asked: list[_Asked] = []
+
+    def screen_by(self, penalty: PenaltyOfPoints) -> None:
+        """Take the penalty of points: only those without are evaluated, where there are any."""
+        self._penalty = penalty
+
+    def ask(self) -> Floats:
+        """Return the points of all active islands, shape (m, d); fewer where few are valid."""
+        if not self._asked:
+            while len(self._active) < self._slots:
+                self._active.append(self._promoted() or self._new_island())
+            self._asked = self._samples()
+        return np.concatenate([asked.x[: asked.count] for asked in self._asked])
+
+    def tell(self, x: Floats, fitness: Floats) -> None:  # noqa: ARG002 - points are kept as sampled
+        """Let every island learn; those at the end of their rung make room for others."""
+        first = 0
+        for asked in self._asked:
+            values = fitness[first : first + asked.count]
+            first += asked.count
+            self._learn(asked, values)
+        self._asked = []
+        self._generation += 1
+        self._park()
+
+    def recommended(self) -> list[Floats]:
+        """Return the middles of the best islands, best first."""
+        ranked = sorted(self._active + self._parked, key=lambda i: i.rating, reverse=True)
+        middles = [island.points(island.search.middle[None]) for island in ranked]
+        x = np.concatenate([np.empty((0, len(self._axes))), *middles])
+        valid = self._penalties(x) == 0.0
+        return list(x[valid][:_RECOMMENDED])
+
+    # --- One generation -------------------------------------------------------------------------
+
+    def _samples(self) -> list["_Asked"]:
+        """Return what every active island asks for."""
+        drawn = self._size * (_DRAWN if self._penalty else 1)
+        samples = [island.search.sample(self._rng(island), drawn) for island in self._active]
+        points = [island.points(v) for island, v in zip(self._active, samples, strict=True)]
+        penalties = np.split(self._penalties(np.concatenate(points)), len(points))
+        asked = [
+            _Asked.of(*each, self._size)
+            for each in zip(self._active, samples, points, penalties, strict=True)
+        ]
+        if not any(each.count for each in asked):
+            for each in asked:  # nothing valid anywhere: the least violations are evaluated
+                each.count = 1
+        return asked
+
+    def _rng(self, island: Island) -> np.random.RandomState:
+        place = (_STREAM, _SAMPLES, island.number, island.generations)
+        sequence = np.random.SeedSequence(self._seed, spawn_key=place)
+        return np.random.RandomState(np.random.MT19937(sequence))
+
+    def _penalties(self, x: Floats) -> Floats:
+        """Return the penalties of points, infinite where there is no design, shape (m,)."""
+        if self._penalty is None or len(x) == 0:
+            return np.zeros(len(x))
+        penalty = self._penalty(x)
+        return np.where(np.isnan(penalty), np.inf, penalty)
+
+    def _learn(self, asked: "_Asked", fitness: Floats) -> None:
+        """Update an island by its points: evaluated ones by fitness, others by penalty."""
+        island = asked.island
+        best = np.argsort(-fitness, kind="stable")
+        island.search.learn(np.concatenate([asked.v[best], asked.v[asked.count :]]))
+        island.generations += 1
+        if asked.count:
+            better = fitness[best][: max(1, asked.count // 2)]
+            island.ratings.append(float(better.mean()))
+
+    def _park(self) -> None:
+        """Take islands at the end of their rungs out of the active ones."""
+        going = []
+        for island in self._active:
+            spread = island.search.spread.max()
+            if not spread < 1.0 / _CONVERGED:
+                continue  # ran away
+            until = self._config.first_generations * self._config.keep**island.rung
+            if island.generations < until and spread > _CONVERGED:
+                going.append(island)
+                continue
+            while len(self._ratings) <= island.rung:
+                self._ratings.append([])
+                self._climbed.append(0)
+            self._ratings[island.rung].append(island.rating)
+            self._parked.append(island)
+        self._active = going
+        for rung in range(len(self._ratings)):
+            here = [island for island in self._parked if island.rung == rung]
+            for island in sorted(here, key=lambda i: i.rating, reverse=True)[_PARKED:]:
+                self._parked.remove(island)
+
+    # --- Which islands go on, and which begin ---------------------------------------------------
+
+    def _promoted(self) -> Island | None:
+        """Return an island that climbs to its next rung, from as high as possible."""
+        for rung in reversed(range(len(self._ratings))):
+            ratings = sorted(self._ratings[rung], reverse=True)
+            allowed = len(ratings) // self._config.keep
+            here = [
+                i for i in self._parked if i.rung == rung and i.search.spread.max() > _CONVERGED
+            ]
+            if not here or allowed <= self._climbed[rung]:
+                continue
+            best = max(here, key=lambda island: island.rating)
+            if best.rating >= ratings[allowed - 1]:
+                self._climbed[rung] += 1
+                self._parked.remove(best)
+                best.rung = rung + 1
+                return best
+        return None
+
+    def _new_island(self) -> Island:
+        """Return an island at a point without penalty, where one is found."""
+        begun: list[tuple[float, Island]] = []
+        for attempt in range(_ATTEMPTS):
+            number_, self._begun = self._begun, self._begun + 1
+            rng = child(self._seed, _STREAM, _STARTS, number_)
+            structure = self._structure(rng)
+            is_last = attempt == _ATTEMPTS - 1
+            if self._key(structure) in self._dead and not is_last:
+                continue
+            island, penalty = self._start(number_, structure, rng)
+            begun.append((penalty, island))
+            if penalty == 0.0:
+                return island
+            self._dead.add(self._key(structure))
+            if len(begun) == _DEAD_ENDS:
+                break
+        return min(begun, key=lambda each: each[0])[1]
+
+    def _structure(self, rng: np.random.Generator) -> Floats:
+        """Return a structure: that of one of the best islands, or the next one of all."""
+        known = sorted(self._active + self._parked, key=lambda i: i.rating, reverse=True)
+        if self._ratings and known and rng.random() < 0.5:
+            return known[int(rng.integers(min(len(known), self._config.keep)))].structure
+        if self._structures is None:
+            structure: Floats = self._axes.canonical(rng.random((1, len(self._axes))))[0]
+            return structure
+        count = len(self._structures)
+        turn, place = divmod(self._visited, count)
+        order = child(self._seed, _STREAM, _ORDER, turn).permutation(count)
+        self._visited += 1
+        following: Floats = self._structures[order[place]]
+        return following
+
+    def _start(
+        self, number_: int, structure: Floats, rng: np.random.Generator
+    ) -> tuple[Island, float]:
+        """Return an island at a point of a structure with the least penalty found, and that."""
+        free = _free(self._axes, structure)
+        island = Island(
+            number=number_,
+            structure=structure,
+            free=free,
+            search=self._distribution(np.full(len(free), 0.5)),
+        )
+        v = rng.random((_TRIED, len(free)))
+        for generation in range(_DESCENT):
+            penalty = self._penalties(island.points(v))
+            best = int(penalty.argmin())
+            if penalty[best] == 0.0 or not np.isfinite(penalty[best]):
+                break
+            if generation == 0:
+                island.search = self._distribution(v[best])
+            else:
+                island.search.learn(v[np.argsort(penalty, kind="stable")])
+            v = island.search.sample(_legacy(rng), self._size)
+        island.search = self._distribution(np.clip(v[best], 0.0, 1.0))
+        return island, float(penalty[best])
+
+    def _distribution(self, middle: Floats) -> Distribution:
+        return mixed_distribution(
+            middle, np.full(len(middle), self._config.spread), population=self._size
+        )
+
+    def _key(self, structure: Floats) -> tuple[int, ...]:
+        return tuple(self._axes.indices(structure[None])[0].tolist())
+
+    # --- State ----------------------------------------------------------------------------------
+
+    def state(self) -> Mapping[str, object]:
+        """Return all islands that may go on, and what is known of the others."""
+        islands = [*self._active, *self._parked]
+        state: dict[str, object] = {
+            "generation": self._generation,
+            "begun": self._begun,
+            "visited": self._visited,
+            "dead": sorted(map(list, self._dead)),
+            "ratings": [list(ratings) for ratings in self._ratings],
+            "climbed": list(self._climbed),
+            "active": len(self._active),
+            "rungs": [[i.number, i.rung, i.generations] for i in islands],
+            "island ratings": [list(island.ratings) for island in islands],
+        }
+        for place, island in enumerate(islands):
+            state[f"structure {place}"] = island.structure
+            state[f"distribution {place}"] = island.search.packed()
+        return state
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+        self._generation = state["generation"]
+        self._begun, self._visited = state["begun"], state["visited"]
+        self._dead = {tuple(key) for key in state["dead"]}
+        self._ratings = [list(ratings) for ratings in state["ratings"]]
+        self._climbed, self._asked = list(state["climbed"]), []
+        islands = []
+        for place, (number_, rung, generations) in enumerate(state["rungs"]):
+            structure = np.array(state[f"structure {place}"], dtype=np.float64)
+            free = _free(self._axes, structure)
+            search = self._distribution(np.full(len(free), 0.5))
+            search.unpack(np.array(state[f"distribution {place}"], dtype=np.float64))
+            islands.append(
+                Island(
+                    number=number_,
+                    structure=structure,
+                    free=free,
+                    search=search,
+                    rung=rung,
+                    generations=generations,
+                    ratings=list(state["island ratings"][place]),
+                )
+            )
+        self._active, self._parked = islands[: state["active"]], islands[state["active"] :]
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Asked:
+    """The points of an island in one generation: those to be evaluated first."""
+
+    island: Island
+    v: Floats  # free coordinates as sampled, shape (s, k)
+    x: Floats  # points, shape (s, d)
+    count: int  # number of points to be evaluated
+
+    @classmethod
+    def of(cls, island: Island, v: Floats, x: Floats, penalty: Floats, size: int) -> "_Asked":
+        """Choose from the points drawn: the first without penalty, then the lowest penalties."""
+        valid = np.flatnonzero(penalty == 0.0)[:size]
+        rest = np.flatnonzero(penalty > 0.0)
+        rest = rest[np.argsort(penalty[rest], kind="stable")]
+        rows = np.concatenate([valid, rest])[:size]
+        return cls(island=island, v=v[rows], x=x[rows], count=len(valid))
+
+
+def _legacy(rng: np.random.Generator) -> np.random.RandomState:
+    """Return a generator of the kind that distributions take."""
+    return np.random.RandomState(int(rng.integers(2**32)))
+
+
+def _free(axes: SearchAxes, structure: Floats) -> Ints:
+    """Return the coordinates that the designs of a structure have and that are not integers."""
+    real = ~axes.integer
+    free = np.flatnonzero(real & axes.active(structure[None])[0])
+    return free if len(free) else np.flatnonzero(real)
+
+
+def _structures(axes: SearchAxes) -> Floats | None:
+    """Return all structures as points, shape (s, d), or None if they are too many to count."""
+    counts = [max(1, choices) for choices in axes.choices]
+    if math.prod(counts) > _MOST_STRUCTURES:
+        return None
+    indices = np.array(list(product(*map(range, counts))), dtype=np.float64)
+    points = axes.canonical((indices + 0.5) / np.array(counts))
+    return np.unique(points, axis=0)

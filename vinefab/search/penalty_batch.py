@@ -1,0 +1,225 @@
+"""Penalties of many designs at once: the tables and limits that the compiled kernel needs.
+
+Everything that depends on a level or a depth alone is computed once, by the readable rules.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from vinefab.core.validation import Floats, Ints
+from vinefab.fabrication.outline.layout import level_fillets_mm
+from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
+from vinefab.fabrication.rules.clearance import CLEARANCE
+from vinefab.fabrication.rules.joints import ANGLE, CROTCH
+from vinefab.fabrication.rules.penalty import (
+    MOST_CHECKED_BRANCHES,
+    MOST_OF_ONE,
+    TURNS,
+    pouch_takes_mm,
+    width_violations,
+)
+from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, growth_limit_kpa
+from vinefab.fabrication.rules.rule import LimitChanges, Rule
+from vinefab.fabrication.rules.spacing import pouch_capsules
+from vinefab.fabrication.rules.widths import PACKING
+from vinefab.model.design import MOST_BRANCHES, Build
+from vinefab.model.laser import LaserProfile
+from vinefab.physics.tube import inflated_diameter_mm, lumen_area_mm2
+from vinefab.search.design_batch import DesignBatch, batch_branches
+from vinefab.search.space import Space
+
+
+class DesignArrays(NamedTuple):
+    """Designs, m of them, with at most n levels below the trunk, and their trees one by one."""
+
+    depth: Ints  # levels of each design, the trunk included, shape (m,)
+    trunk: Floats  # length of each trunk, mm, shape (m,)
+    # of each design and level below the trunk, as in `vinefab.model.design.Level`, shape (m, n)
+    branches: Ints
+    fan: Floats  # rad
+    size: Floats  # length of the first child, mm
+    growth: Floats
+    first: Ints  # where each design's branches begin, shape (m + 1,)
+    # every branch, parents first
+    parent: Ints  # within its tree, -1 for trunks
+    level: Ints  # 1 for trunks
+    offset: Floats  # angle from the parent's heading, rad
+    length: Floats  # mm
+
+
+class LevelTables(NamedTuple):
+    """What depends on the level or the depth of a design alone, for n + 1 levels and depths."""
+
+    half: Floats  # half the lay-flat width of each level, mm
+    fillet: Floats  # radius at the joint below each level, mm
+    area: Floats  # cross-section of each level's inflated lumen, mm2
+    scale: Floats  # growth constants of each level's tube over those of the fitted tube
+    # of designs of each depth
+    widths: Floats  # summed violations by the widths themselves
+    tip: Floats  # what the pouch takes of a leaf, mm
+    pouch_share: Floats  # share of a leaf's lumen that its own pouch fills
+    leaf_width: Floats  # lay-flat width of the leaves, pouches included, mm
+    pouch_first: Ints  # first of the pouch's capsules; with the total at the end
+    # capsules of the pouch in the frame of the tip: both ends and half the width, mm, shape (k, 5)
+    pouch: Floats
+
+
+class PenaltyLimits(NamedTuple):
+    """Limits of the rules, and constants."""
+
+    angle_deg: float  # least angle between neighbours
+    crotch: float  # most of a branch that may lie in the crotch
+    packing_percent: float  # most of a lumen that folded film may fill
+    film_mm: float  # thickness of all plies over the share of solid film when crumpled
+    clearance_mm: float  # least distance of branches
+    segment_mm: float  # shortest straight side
+    tail_mm: float
+    sheet_wide_mm: float  # sheet that the flat robot must fit
+    sheet_high_mm: float
+    most_kpa: float  # most that growth may take
+    yield_kpa: float
+    drag_kpa_mm: float
+    storage_kpa: float
+    friction: float
+    most_branches: int  # larger trees are penalized for their size alone
+    most: float  # most that a single broken limit adds
+
+
+class Scratch(NamedTuple):
+    """Memory for one design: its branches, then its capsules."""
+
+    heading: Floats  # of each branch, rad
+    riding: Floats  # film inside each branch, mm
+    factor: Floats  # on the store's tension, of each branch
+    drag: Floats  # of all segments before, of each branch
+    capsule: Floats  # start x, start y, end x, end y, half width, mm, shape (k, 5)
+    box: Floats  # low x, low y, high x, high y, mm, shape (k, 4)
+    owner: Ints  # branch that each capsule belongs to, shape (k,)
+    turn: Floats  # cosine and sine of the rotations tried, shape (2, t)
+    low: Floats  # lowest place across each rotation, mm, shape (t,)
+    high: Floats  # highest place, mm, shape (t,)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BatchPenalty:
+    """The penalty of the designs of one space, many at once; equal to that of single designs."""
+
+    tables: LevelTables
+    limits: PenaltyLimits
+
+    @classmethod
+    def of(
+        cls,
+        space: Space,
+        profile: LaserProfile,
+        changed: LimitChanges,
+        sheet_mm: tuple[float, float],
+    ) -> "BatchPenalty":
+        """Prepare the penalty of a space's designs with a recipe and its changed limits."""
+        deepest = int(space.settings.levels.high)
+        builds = [space.build_of(depth) for depth in range(1, deepest + 1)]
+        window = WINDOW.limits_with(changed.get(WINDOW.id, {}))
+        fit = GrowthConstantsRange.of(profile, window)
+        packing = PACKING.limits_with(changed.get(PACKING.id, {}))
+        material = profile.material
+        limits = PenaltyLimits(
+            angle_deg=_error(ANGLE, changed),
+            crotch=_error(CROTCH, changed),
+            packing_percent=packing["error"],
+            film_mm=material.plies * material.ply_mm.value / packing["packing"],
+            clearance_mm=_error(CLEARANCE, changed),
+            segment_mm=LEAST_SEGMENT_MM,
+            tail_mm=space.build.tail_mm,
+            sheet_wide_mm=sheet_mm[0],
+            sheet_high_mm=sheet_mm[1],
+            most_kpa=growth_limit_kpa(builds[-1].widest_mm, material, window),
+            yield_kpa=fit.loose.yield_kpa.value,
+            drag_kpa_mm=fit.loose.drag_kpa_m.value / 1000.0,
+            storage_kpa=fit.loose.storage_kpa.value,
+            friction=fit.loose.friction.value,
+            most_branches=MOST_CHECKED_BRANCHES,
+            most=MOST_OF_ONE,
+        )
+        tables = _tables(builds, fit.diameter_mm, limits.film_mm, changed)
+        return cls(tables=tables, limits=limits)
+
+    def __call__(self, designs: DesignBatch) -> Floats:
+        """Return the penalties of designs, NaN for those with too many branches; shape (m,)."""
+        penalty = np.full(len(designs), np.nan)
+        rows = np.flatnonzero(designs.sizes <= MOST_BRANCHES)
+        if len(rows):
+            penalty[rows] = self._of_valid(designs.part(rows))
+        return penalty
+
+    def _of_valid(self, designs: DesignBatch) -> Floats:
+        """Return the penalties of designs of which none is too large."""
+        from vinefab.search import penalty_kernel  # noqa: PLC0415  numba takes a second to import
+
+        branches = batch_branches(designs)
+        arrays = DesignArrays(
+            depth=np.ascontiguousarray(designs.depth),
+            trunk=np.ascontiguousarray(designs.trunk_mm),
+            branches=np.ascontiguousarray(designs.branches),
+            fan=np.ascontiguousarray(designs.fan_rad),
+            size=np.ascontiguousarray(designs.length_mm),
+            growth=np.ascontiguousarray(designs.growth),
+            first=branches.first,
+            parent=branches.parent,
+            level=branches.level,
+            offset=branches.offset_rad,
+            length=branches.length_mm,
+        )
+        flat = np.where(designs.sizes <= MOST_CHECKED_BRANCHES, designs.sizes, 0)
+        pouches = np.diff(self.tables.pouch_first)[designs.depth - 1]
+        scratch = _scratch(int(designs.sizes.max()), int((flat * (1 + pouches)).max()))
+        penalty = np.empty(len(designs))
+        penalty_kernel.penalize(arrays, self.tables, self.limits, scratch, penalty)
+        return penalty
+
+
+def _scratch(branches: int, capsules: int) -> Scratch:
+    """Return memory for the largest design."""
+    turns = np.arange(TURNS) * np.pi / TURNS
+    return Scratch(
+        heading=np.empty(branches),
+        riding=np.empty(branches),
+        factor=np.empty(branches),
+        drag=np.empty(branches),
+        capsule=np.empty((capsules, 5)),
+        box=np.empty((capsules, 4)),
+        owner=np.empty(capsules, dtype=np.int64),
+        turn=np.stack([np.cos(turns), np.sin(turns)]),
+        low=np.empty(TURNS),
+        high=np.empty(TURNS),
+    )
+
+
+def _error(rule: Rule, changed: LimitChanges) -> float:
+    return rule.limits_with(changed.get(rule.id, {}))["error"]
+
+
+def _tables(
+    builds: list[Build], diameter_mm: float, film_mm: float, changed: LimitChanges
+) -> LevelTables:
+    """Return what depends on a level or a depth alone; the last build is the deepest."""
+    deepest = builds[-1]
+    widths_mm = np.array(deepest.widths_mm)
+    pouch_mm = deepest.pouch.flat_width_mm if deepest.pouch else 0.0
+    leaves_mm = np.array([build.widths_mm[-1] for build in builds])
+    leaf_areas_mm2 = lumen_area_mm2(1.0) * leaves_mm**2
+    pouches = [pouch_capsules(build) for build in builds]
+    rows = [[*start, *end, half] for found in pouches for start, end, half in found]
+    return LevelTables(
+        half=widths_mm / 2.0,
+        fillet=np.array(level_fillets_mm(deepest)),
+        area=np.array([lumen_area_mm2(width_mm) for width_mm in deepest.widths_mm]),
+        scale=diameter_mm / (inflated_diameter_mm(1.0) * widths_mm),
+        widths=np.array([width_violations(build, changed) for build in builds]),
+        tip=np.array([pouch_takes_mm(build) for build in builds]),
+        pouch_share=np.where(pouch_mm > leaves_mm, pouch_mm * film_mm / leaf_areas_mm2, 0.0),
+        leaf_width=np.maximum(leaves_mm, pouch_mm),
+        pouch_first=np.cumsum([0, *map(len, pouches)]),
+        pouch=np.array(rows).reshape(-1, 5),
+    )

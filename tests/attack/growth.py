@@ -152,15 +152,17 @@ def nasty_map(rng: np.random.Generator, kind: str) -> Map:
 
 def nasty_pose(rng: np.random.Generator, terrain: Terrain) -> Pose:
     """Return a free pose: often on a wall or a corner, aimed at corners or along walls."""
-    wall = terrain.walls().wall
+    walls = terrain.walls()
+    wall, end = walls.wall, walls.end
     x_min, y_min, x_max, y_max = terrain.world.bounds.bounds
     for _ in range(10_000):
         x, y = rng.uniform((x_min, y_min), (x_max, y_max))
         heading = rng.choice([rng.uniform(-np.pi, np.pi), np.pi / 4 * rng.integers(0, 8)])
-        one, other = wall[rng.integers(0, len(wall), 2)]
+        drawn = rng.integers(0, len(wall), 2)
+        one, other = wall[drawn]
         if rng.random() < 0.4:
             share = rng.choice([0.0, 0.5, 1.0, rng.random()])
-            x, y = one[:2] * (1.0 - share) + one[5:7] * share
+            x, y = one[:2] * (1.0 - share) + end[drawn[0]] * share
         if rng.random() < 0.3:
             heading = math.atan2(other[1] - y, other[0] - x)
         elif rng.random() < 0.3:

@@ -238,10 +238,17 @@ QUICK = {
     "fabricate": ["fabricate", "plain_vine", "--out", "OUT", "--allow-uncalibrated", "-q"],
 }
 
+GROWN = {
+    "grow": ["grow", "three_level_tree", "--map", "MAP", "-q"],
+    "score": ["score", "three_level_tree", "--maps", "MAP", "-q"],
+}
+"""A few growths are over before compiled code would be loaded."""
 
-@pytest.mark.parametrize("arguments", QUICK.values(), ids=QUICK)
-def test_commands_that_do_not_simulate_do_not_load_the_simulator(tmp_path, arguments):
-    given = [str(tmp_path / "out") if argument == "OUT" else argument for argument in arguments]
+
+@pytest.mark.parametrize("arguments", (QUICK | GROWN).values(), ids=QUICK | GROWN)
+def test_commands_that_simulate_little_do_not_load_the_compiler(grid, tmp_path, arguments):
+    paths = {"OUT": str(tmp_path / "out"), "MAP": str(grid)}
+    given = [paths.get(argument, argument) for argument in arguments]
     script = (
         "import sys; from vinefab.cli.main import main; code = main(sys.argv[1:]); "
         "print(code, 'numba' in sys.modules, 'trimesh' in sys.modules, file=sys.stderr)"

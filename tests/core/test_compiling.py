@@ -1,11 +1,16 @@
 """The cache of compiled code notices edits to one file only."""
 
 import ast
+import math
+import platform
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import vinefab
+from vinefab.core import compiling
 
 KERNELS = sorted(Path(vinefab.__file__).parent.rglob("*kernel.py"))
 ALLOWED = {"math", "collections", "typing", "numpy", "vinefab.core.compiling"}
@@ -28,6 +33,30 @@ def test_compiled_files_import_nothing_of_ours(path: Path) -> None:
 
 
 def test_all_that_is_compiled_stands_in_such_files() -> None:
-    assert len(KERNELS) == 5
+    assert len(KERNELS) == 6
     others = set(Path(vinefab.__file__).parent.rglob("*.py")) - set(KERNELS)
-    assert not [path for path in others if "vinefab.core.compiling" in imports(path)]
+    users = [path for path in others if "vinefab.core.compiling" in imports(path)]
+    # They take `interpreted` of it.
+    assert sorted(path.name for path in users) == ["benchmark_growths.py", "simulator.py"]
+    assert not [path for path in users if re.search(r"\b(compiled|inlined)\(", path.read_text())]
+
+
+def _kept(points, ends):
+    count = 0
+    for k in range(len(points)):
+        x, y = points[k, 0], points[k, 1]
+        if (x * y > 3.0) | (x < y) | (x + y > 9.0) | (y * y < 0.5):
+            continue
+        ends[count] = math.sqrt(x) / math.sqrt(y + ends[0])
+        count += 1
+    return count
+
+
+def test_joined_conditions_take_one_jump():
+    """Seven jumps on x86; sixteen where LLVM takes the conditions apart (twice: unrolled)."""
+    function = compiling._jit(_kept)
+    assert function(np.ones((4, 2)), np.ones(4)) == _kept(np.ones((4, 2)), np.ones(4)) == 4
+    (code,) = function.inspect_asm().values()
+    if platform.machine() not in {"x86_64", "AMD64"}:
+        pytest.skip("jumps are counted in x86 code")
+    assert len(re.findall(r"\n\tj(?!mp)\w+", code.split(".size")[0])) < 12

@@ -150,14 +150,16 @@ def random_pose() -> Callable[[np.random.Generator, Terrain], Pose]:
     """Free poses, many degenerate: on walls, in corners, aimed at vertices or along walls."""
 
     def make(rng: np.random.Generator, ground: Terrain) -> Pose:
-        wall = ground.walls().wall
+        walls = ground.walls()
+        wall, end = walls.wall, walls.end
         while True:
             x, y = rng.uniform(0.0, SIZE_MM, 2)
             heading = rng.uniform(-np.pi, np.pi)
-            one, other = wall[rng.integers(0, len(wall), 2)]
+            drawn = rng.integers(0, len(wall), 2)
+            one, other = wall[drawn]
             if rng.random() < 0.2:
                 share = rng.choice([0.0, 0.5, 1.0, rng.random()])
-                x, y = one[:2] * (1.0 - share) + one[5:7] * share
+                x, y = one[:2] * (1.0 - share) + end[drawn[0]] * share
             if rng.random() < 0.2:
                 heading = math.atan2(other[1] - y, other[0] - x)
             elif rng.random() < 0.2:

@@ -10,12 +10,24 @@ import pytest
 from numpy.testing import assert_allclose
 from shapely import box
 
-from vinefab.growth import kernel, reference
+from vinefab.core import compiling
+from vinefab.growth import reference
 from vinefab.growth.arrays import Growth, Launch, Rules
-from vinefab.growth.simulator import MOST_EVENTS, TOLERANCE_RAD, grow_branches_of
+from vinefab.growth.batch import Batch, Launches, TerrainSet
+from vinefab.growth.options import GrowthOptions
+from vinefab.growth.plan import Plans
+from vinefab.growth.simulator import (
+    INTERPRETED_BRANCHES,
+    KERNEL,
+    MOST_EVENTS,
+    TOLERANCE_RAD,
+    grow_branches_of,
+)
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
-from vinefab.model.map import Map
+from vinefab.model.map import Map, Pose
+
+kernel = compiling.interpreted(KERNEL)
 
 ROOM = Terrain.of(Map(name="room", bounds=box(-1000.0, -1000.0, 150.0, 1000.0)))
 RULES = Rules(
@@ -114,7 +126,7 @@ def test_code_is_compiled_without_a_cache_where_none_can_be_written(monkeypatch)
         return njit(**options)
 
     monkeypatch.setattr(numba, "njit", unwritable)
-    doubled = kernel.compiled(lambda x: 2 * x)
+    doubled = compiling.compiled(lambda x: 2 * x)
     assert doubled(21) == 42
     assert [options.get("cache", False) for options in settings] == [True, False]
 
@@ -123,3 +135,33 @@ def test_code_is_compiled_without_a_cache_where_none_can_be_written(monkeypatch)
 def test_compiler_is_not_imported_before_it_is_needed(module):
     code = f"import sys, vinefab.growth.{module}; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+ENGINES = """
+import sys
+from vinefab.growth import simulator
+begin = [simulator.quickest_engine(n) for n in (3000, 2000, 1000, 1)]
+assert "numba" not in sys.modules
+simulator.grow_jobs_of("kernel")
+print(*begin, simulator.quickest_engine(0))
+"""
+
+
+def test_the_interpreter_grows_a_bounded_number_of_branches_then_code_is_compiled():
+    assert INTERPRETED_BRANCHES == 4000
+    done = subprocess.run([sys.executable, "-c", ENGINES], check=True, capture_output=True)
+    assert done.stdout.split() == [b"interpreted", b"kernel", b"interpreted", b"kernel", b"kernel"]
+
+
+def test_a_batch_is_the_same_by_every_engine(terrain, tree):
+    ground, robot = terrain(box(0.0, 0.0, 300.0, 300.0)), tree(120.0, (3, 90.0, 100.0, 0.8))
+    poses = [Pose(x_mm=150.0, y_mm=20.0, heading_rad=angle) for angle in (0.3, 1.0, 2.0)]
+    options = GrowthOptions.published()
+    launches = Launches.of(TerrainSet([ground]), [poses])
+    plans = Plans.of([robot], options)
+    fast, plain = (
+        Batch(plans, launches, options, engine=engine).deployments()
+        for engine in ("kernel", "interpreted")
+    )
+    for one, two in zip(fast, plain, strict=True):
+        assert one.points_mm.tobytes() == two.points_mm.tobytes()

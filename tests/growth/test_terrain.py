@@ -44,10 +44,10 @@ def test_free_space_is_on_the_left_of_every_wall(terrain):
 
 
 def test_only_the_obstacle_corners_can_be_wrapped(terrain):
-    vertex = terrain(ROOM, box(20.0, 20.0, 40.0, 40.0)).walls().vertex
-    assert sorted(map(tuple, vertex[:, :2])) == [(20, 20), (20, 40), (40, 20), (40, 40)]
-    inward = [30.0, 30.0] - vertex[:, :2]
-    assert_allclose(vertex[:, 2:], inward / np.hypot(*inward.T)[:, None])
+    walls = terrain(ROOM, box(20.0, 20.0, 40.0, 40.0)).walls()
+    assert sorted(map(tuple, walls.vertex)) == [(20, 20), (20, 40), (40, 20), (40, 40)]
+    inward = [30.0, 30.0] - walls.vertex
+    assert_allclose(walls.solid, inward / np.hypot(*inward.T)[:, None])
 
 
 @pytest.mark.parametrize(
@@ -125,7 +125,7 @@ def test_index_lists_every_wall_in_every_cell_that_it_touches(random_map, seed, 
     arrays = Terrain.of(random_map(rng, kind)).walls()
     x, y, cell, _ = arrays.box
     columns, rows = arrays.shape
-    lines = shapely.linestrings(np.stack([arrays.wall[:, :2], arrays.wall[:, 5:7]], axis=1))
+    lines = shapely.linestrings(np.stack([arrays.wall[:, :2], arrays.end], axis=1))
     for number in rng.integers(0, columns * rows, 15):
         row, column = divmod(int(number), int(columns))
         left, low = x + column * cell, y + row * cell
@@ -141,7 +141,7 @@ def test_index_lists_a_wall_on_the_edge_between_cells_in_both(terrain):
     arrays = terrain(ROOM, box(10.0, 10.0, 30.0, 30.0)).walls()
     column_edge = float(arrays.box[0] + 2.0 * arrays.box[2])
     arrays = terrain(ROOM, box(column_edge, 10.0, 90.0, 30.0)).walls()
-    upright = np.flatnonzero((arrays.wall[:, 0] == arrays.wall[:, 5]) & (arrays.wall[:, 0] < 90.0))
+    upright = np.flatnonzero((arrays.wall[:, 0] == arrays.end[:, 0]) & (arrays.wall[:, 0] < 90.0))
     (number,) = [wall for wall in upright if arrays.wall[wall, 0] > 10.0]
     cells = [
         cell

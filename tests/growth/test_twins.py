@@ -2,18 +2,20 @@
 
 import cmath
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from vinefab.growth import kernel
+from vinefab.core.compiling import interpreted
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.reference import World
-from vinefab.growth.simulator import grow, rules_of
+from vinefab.growth.simulator import KERNEL, grow, rules_of
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Stop
 
+kernel = interpreted(KERNEL)
 MAPS = 60
 GROWTHS_PER_MAP = 4
 
@@ -53,6 +55,33 @@ def test_twins_agree_on_inflated_bodies(random_map, random_pose, random_tree, ki
         assert_allclose(fast.points_mm, plain.points_mm, atol=1e-6)
         deployed += int(fast.deployed.sum())
     assert deployed > 5
+
+
+@pytest.mark.parametrize("kind", ["convex", "star", "needles", "lattice"])
+def test_the_interpreter_gives_what_compiled_code_does_to_the_last_bit(
+    random_map, random_pose, random_tree, kind
+):
+    stops = set()
+    for number in range(10):
+        rng = np.random.default_rng([8, number])
+        terrain = Terrain.of(random_map(rng, kind))
+        robot, pose = random_tree(rng), random_pose(rng, terrain)
+        options = GrowthOptions.published(
+            head_on_half_angle_rad=math.radians(rng.choice([0.0, 1.0, 15.0])),
+            children_of_stuck=str(rng.choice(["stop", "deploy"])),
+            body=str(rng.choice(["centerline", "inflated"])),
+            pressure_stop=number % 2 == 0,
+        )
+        build = replace(robot.build, pressure_kpa=float(rng.uniform(0.2, 2.0)))
+        robot = replace(robot, build=build)
+        fast = grow(robot, terrain, pose, options, "kernel")
+        plain = grow(robot, terrain, pose, options, "interpreted")
+        for name in ("points_mm", "first_point", "stop", "grown_mm", "contact_turn_rad"):
+            assert getattr(fast, name).tobytes() == getattr(plain, name).tobytes(), (number, name)
+        assert fast.tight_exit.tolist() == plain.tight_exit.tolist()
+        stops |= set(fast.stop.tolist())
+    assert Stop.PRESSURE in stops
+    assert len(stops) > 2
 
 
 def test_rules_agree_one_by_one(random_map):

@@ -69,6 +69,7 @@ def quick(monkeypatch):
         "FLOOR_GROWTHS": 1,
         "MEMORY_AFTER": (10, 20),
         "GENERATIONS": 2,
+        "FIRST_GROWTHS": {"interpreted": ""},
     }.items():
         monkeypatch.setattr(bench_module, name, value)
 
@@ -85,6 +86,9 @@ def test_the_result_has_the_agreed_form_and_words():
     assert len(read["ns_per_event"]) == 2
     assert read["reference_error_mm"] < 1e-9
     assert read["evaluations_per_s"] < read["branches_per_s"] / 40.0
+    assert read["search"]["trees_per_s"] > 100.0
+    assert 0.0 < read["search"]["scoring_us"] < 1e6 / read["search"]["trees_per_s"]
+    assert 0.0 < read["first_grow_s"]["interpreted"] < 60.0
     assert [share for share, _ in seen] == sorted(share for share, _ in seen)
     words = "\n".join(bench_lines(result))
     assert f"{result.speedup:,.0f} times slower" in words

@@ -1,16 +1,21 @@
-"""Compilation of kernels: the only module that imports numba, which takes a second.
+"""Compilation of kernels: the only module that imports numba, which takes half a second.
 
 Functions that call each other must stand in one file that imports no other module of vinefab: the
 cache on disk notices edits to a function's own file only. After a change here, the caches
 (``__pycache__/*.nbi``) must be deleted by hand.
 """
 
+import importlib.util
 from collections.abc import Callable
+from functools import cache
+from importlib.machinery import SourceFileLoader
+from types import ModuleType
 from typing import Any
 
-import numba
-
 # mypy: allow-untyped-calls
+
+_INTERPRETED = " (interpreted)"
+"""Ends the names of modules whose functions are left to the interpreter."""
 
 
 def compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba dispatcher
@@ -19,24 +24,62 @@ def compiled(function: Callable[..., Any]) -> Any:  # noqa: ANN401  a numba disp
     The cache lies beside the function's file or, if that folder is read-only, in the user's cache
     folder. If neither is writable, every process compiles anew.
     """
-    return _jit(function, forceinline=False)
+    if _is_interpreted(function):
+        return function
+    try:
+        return _jit(function, cache=True)
+    except RuntimeError:
+        return _jit(function)
 
 
 def inlined(function: Callable[..., Any]) -> Any:  # noqa: ANN401  as above
-    """Compile a function into its callers.
+    """Compile a function into its callers; Python itself cannot call it (see `interpreted`).
 
     Otherwise every call copies the descriptors of some twenty arrays: most of the time of a growth,
-    which consists of many short calls.
+    which consists of many short calls. An entry for Python of each would take as long to compile as
+    all the rest.
     """
-    return _jit(function, forceinline=True)
+    if _is_interpreted(function):
+        return function
+    return _jit(function, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
-def _jit(function: Callable[..., Any], *, forceinline: bool) -> Any:  # noqa: ANN401  as above
+@cache
+def interpreted(name: str) -> ModuleType:
+    """Return a module of compiled functions as one of plain Python functions.
+
+    They do the same operations in the same order: the same results, to the last bit, some hundred
+    times slower, but at once. Nothing of numba is loaded.
+    """
+    found = importlib.util.find_spec(name)
+    loader = SourceFileLoader(name + _INTERPRETED, "" if found is None else str(found.origin))
+    module = ModuleType(loader.name)
+    loader.exec_module(module)
+    return module
+
+
+@cache
+def _join_conditions() -> None:
+    """Let conditions joined with ``|`` and ``&`` take one jump, instead of one each.
+
+    LLVM would take them apart again. Processors foresee few of a growth's conditions, and a wrong
+    guess takes as long as a test of a wall: a tenth of the time of a growth. An option of LLVM,
+    which may be set but once; it changes the form of code and none of its results.
+    """
+    from llvmlite import binding  # noqa: PLC0415  as numba
+
+    binding.set_option("", "--jump-is-expensive")
+
+
+def _is_interpreted(function: Callable[..., Any]) -> bool:
+    return function.__module__.endswith(_INTERPRETED)
+
+
+def _jit(function: Callable[..., Any], **options: bool) -> Any:  # noqa: ANN401  a numba dispatcher
+    import numba  # noqa: PLC0415  not loaded where code is interpreted
+
+    _join_conditions()
     # No compiled function allocates an array, so none needs the run-time that counts references to
     # arrays: atomic additions at every call, and half of the time of a growth (numba 0.68).
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
-    options["forceinline"] = forceinline
-    try:
-        return numba.njit(cache=True, **options)(function)
-    except RuntimeError:
-        return numba.njit(**options)(function)
+    settings: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False, **options}
+    return numba.njit(**settings)(function)

@@ -20,14 +20,16 @@ class WallArrays(NamedTuple):
     Parameters
     ----------
     wall
-        Start x, start y, tangent x, tangent y, length, end x, end y; shape (n, 7), mm.
+        Start x, start y, tangent x, tangent y, length; shape (n, 5), mm. A wall ends where the
+        following one starts, and what is left out of memory need not be fetched from it: on large
+        maps, growth waits for that.
     link
         Wall before and wall after in the same wedge of free space, start point and end point
         (numbers of distinct places), and 1 if another wall comes so near that a tip sliding on
         this one could meet it, else 0; shape (n, 5).
-    vertex
-        Vertices that a body can wrap around, where free space takes more than half the turn:
-        x, y and a unit vector into the solid; shape (m, 4); in the order of their cells.
+    vertex, solid
+        Vertices that a body can wrap around, where free space takes more than half the turn, in
+        the order of their cells, and unit vectors into the solid there; shape (m, 2), mm.
     vertex_point
         Number of each vertex's place, as in ``link``; shape (m,).
     box
@@ -42,14 +44,20 @@ class WallArrays(NamedTuple):
     """
 
     wall: Floats
-    link: Ints
+    link: Ints32
     vertex: Floats
-    vertex_point: Ints
+    solid: Floats
+    vertex_point: Ints32
     box: Floats
     shape: Ints
     wall_first: Ints32
     wall_item: Ints32
     vertex_first: Ints32
+
+    @property
+    def end(self) -> Floats:
+        """End x and end y of each wall, shape (n, 2), mm."""
+        return np.asarray(self.wall[self.link[:, 1], :2])
 
 
 class TreeArrays(NamedTuple):
@@ -216,7 +224,7 @@ class TerrainSetArrays(NamedTuple):
 
     Parameters
     ----------
-    wall, link, vertex, vertex_point, wall_first, wall_item, vertex_first
+    wall, link, vertex, solid, vertex_point, wall_first, wall_item, vertex_first
         As in `WallArrays`; numbers of walls, points and items count within their page.
     box, shape
         One row per page; shapes (k, 4) and (k, 2).
@@ -228,9 +236,10 @@ class TerrainSetArrays(NamedTuple):
     """
 
     wall: Floats
-    link: Ints
+    link: Ints32
     vertex: Floats
-    vertex_point: Ints
+    solid: Floats
+    vertex_point: Ints32
     box: Floats
     shape: Ints
     wall_first: Ints32
@@ -249,6 +258,7 @@ class TerrainSetArrays(NamedTuple):
             wall=_joined([p.wall for p in pages]),
             link=_joined([p.link for p in pages]),
             vertex=_joined([p.vertex for p in pages]),
+            solid=_joined([p.solid for p in pages]),
             vertex_point=_joined([p.vertex_point for p in pages]),
             box=_fixed(np.stack([p.box for p in pages])),
             shape=_fixed(np.stack([p.shape for p in pages])),

@@ -13,7 +13,14 @@ from vinefab.core.validation import Floats, Ints
 from vinefab.growth.arrays import Growth, JobArrays, TerrainSetArrays
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import POINTS_PER_BRANCH, SPARE_POINTS, rules_of
+from vinefab.growth.simulator import (
+    POINTS_PER_BRANCH,
+    SPARE_POINTS,
+    Engine,
+    grow_jobs_of,
+    quickest_engine,
+    rules_of,
+)
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Pose
@@ -270,6 +277,8 @@ class Batch:
         Options of the growth model, the same that the plans were made with.
     idle
         Workspaces shared with other batches; threads take and return them.
+    engine
+        ``kernel``, ``interpreted`` or ``auto``, see `vinefab.growth.simulator.Engine`.
 
     Notes
     -----
@@ -284,6 +293,7 @@ class Batch:
         launches: Launches,
         options: GrowthOptions,
         idle: list[Workspace] | None = None,
+        engine: Engine = "kernel",
     ) -> None:
         self.plans = plans
         half_angle_rad = launches.half_angle_rad
@@ -297,6 +307,9 @@ class Batch:
         self._page = launches.atlas.pages(plans.spans.radii_mm)
         # Appending and popping are safe between threads.
         self._idle = [] if idle is None else idle
+        if engine == "auto":
+            engine = quickest_engine(len(launches) * len(plans.trees.parent))
+        self._engine = engine
 
     def __len__(self) -> int:
         return len(self.plans) * len(self.launches)
@@ -343,9 +356,7 @@ class Batch:
 
     def _grown(self, plan: Ints, launch: Ints, room_each: int, scratch: Workspace) -> Block | None:
         """Return some growths, or None if they need more chain points per branch."""
-        from vinefab.growth import kernel  # noqa: PLC0415  numba takes a second to import
-
-        jobs = self._jobs(plan, launch, room_each)
+        jobs, grow_jobs = self._jobs(plan, launch, room_each), grow_jobs_of(self._engine)
         growth = scratch.growth(len(plan), int(jobs.branch[-1]), int(jobs.room[-1]))
         terrain = self.launches.terrain[launch]
         spans, trees = self.plans.spans, self.plans.trees
@@ -358,7 +369,7 @@ class Batch:
             else:
                 for job in wider.tolist():
                     self._mark_fits(job, jobs, growth, span)
-            kernel.grow_jobs(self._walls, trees, self._rules, jobs, growth, 0, len(plan))
+            grow_jobs(self._walls, trees, self._rules, jobs, growth, 0, len(plan))
             if (jobs.done < jobs.until).any():
                 return None
         return Block(

@@ -71,13 +71,15 @@ def _with_holes(free: BaseGeometry, holes: Shapes) -> BaseGeometry:
 
 
 class FreeSpaceWalls(NamedTuple):
-    """Walls of a free space; see `vinefab.growth.arrays.WallArrays` for the columns."""
+    """Walls of a free space; see `vinefab.growth.arrays.WallArrays` for the columns.
 
-    # wall, link: the walls and how they hang together; the last column of ``WallArrays.link`` is
-    # not here
+    Here ``wall`` has two more, end x and end y, and ``link`` has not got the last one.
+    """
+
+    # wall, link: the walls and how they hang together
     wall: Floats
     link: Ints
-    # vertex, vertex_point: the vertices that a body can wrap around
+    # vertex, vertex_point: the vertices that a body can wrap around, x, y and ``solid``
     vertex: Floats
     vertex_point: Ints
 
@@ -220,10 +222,11 @@ def indexed(walls: FreeSpaceWalls, near_mm: float) -> WallArrays:
     crowded = _crowded(walls, wall_item, _lists_at_starts(grid, walls.wall, wall_first), near_mm)
     vertex_first, order = _listed(grid, *_cells_of_vertices(grid, walls.vertex))
     arrays = WallArrays(
-        wall=np.ascontiguousarray(walls.wall),
-        link=np.column_stack([walls.link, crowded]),
-        vertex=walls.vertex[order],
-        vertex_point=walls.vertex_point[order],
+        wall=np.ascontiguousarray(walls.wall[:, :5]),
+        link=np.column_stack([walls.link, crowded]).astype(np.int32),
+        vertex=np.ascontiguousarray(walls.vertex[order, :2]),
+        solid=np.ascontiguousarray(walls.vertex[order, 2:]),
+        vertex_point=walls.vertex_point[order].astype(np.int32),
         box=np.array([grid.x_mm, grid.y_mm, grid.cell_mm, grid.per_mm]),
         shape=np.array([grid.columns, grid.rows], dtype=np.int64),
         wall_first=wall_first,

@@ -10,9 +10,11 @@ A wall has its free side on the left: its normal is its tangent turned by +90 de
 slides with ``sense`` +1 moves along the tangent and the body turns left; with -1, both reverse.
 This follows from the body pressing on the wall, so no small number ever decides a turning sense.
 
-Half of the time goes into branches of the code that the processor cannot foresee. Tests are
-therefore joined with ``|`` and ``&``, which take no branch, where the parts cost little. Numbers
-from the grid index are made unsigned, because signed ones could count from an array's end.
+A third of the time goes into branches of the code that the processor cannot foresee. Tests are
+therefore joined with ``|`` and ``&``, which take one branch together (`vinefab.core.compiling`),
+where the parts cost little. Numbers from the grid index are made unsigned, because signed ones
+could count from an array's end. Python can run the same code without compiling it:
+`vinefab.growth.simulator.quickest_engine`.
 """
 
 import math
@@ -23,7 +25,7 @@ import numpy as np
 
 from vinefab.core.compiling import compiled, inlined
 
-# mypy: allow-untyped-defs, allow-untyped-calls
+# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code=arg-type
 # ruff: noqa: ANN001, ANN202, ANN201, FBT003  numba infers the types of what it compiles
 # ruff: noqa: PLR0913, PLR0917  scalars are the compiled way to hand things over
 
@@ -125,7 +127,7 @@ def _passes_end(walls, rules, dx, dy, wall, at_end, distance):
     At a convex corner it does if the other wall of the wedge does not face it. At a point where
     rings touch it may come from another wedge altogether: then this wall is out of its reach.
     """
-    other = walls.link[wall, 1] if at_end else walls.link[wall, 0]
+    other = np.int64(walls.link[wall, 1] if at_end else walls.link[wall, 0])
     outward = 1.0 if at_end else -1.0
     nx, ny = -walls.wall[other, 3], walls.wall[other, 2]
     facing = dx * nx + dy * ny
@@ -154,7 +156,7 @@ def _meeting(walls, rules, ox, oy, dx, dy, wall):
     behind = (facing >= -rules.tolerance_rad) | (height < -tolerance)
     if behind | ((height > tolerance) & slips):
         return math.inf, 0.0
-    if height <= tolerance and -tolerance <= place <= length + tolerance:
+    if (height <= tolerance) & (-tolerance <= place) & (place <= length + tolerance):
         to_start, to_end = place, length - place
     elif (height <= 0.0) | slips:
         return math.inf, 0.0
@@ -193,12 +195,12 @@ def _nearest_in_cell(walls, rules, ray, skip, cell, best):
             continue
         distance, place = _meeting(walls, rules, ox, oy, dx, dy, item)
         wall = np.int64(item)
-        if distance > nearest + rules.tolerance_mm or wall == found:
+        if (distance > nearest + rules.tolerance_mm) | (wall == found):
             continue
         facing = dy * walls.wall[item, 2] - dx * walls.wall[item, 3]
-        ties = found != NO_WALL and distance >= nearest - rules.tolerance_mm
-        gentler = facing > gentlest or (facing == gentlest and wall < found)
-        if (ties and gentler) or (not ties and distance <= nearest):
+        ties = (found != NO_WALL) & (distance >= nearest - rules.tolerance_mm)
+        gentler = (facing > gentlest) | ((facing == gentlest) & (wall < found))
+        if (ties & gentler) | ((not ties) & (distance <= nearest)):
             found, nearest, at, gentlest = wall, distance, place, facing
     return found, nearest, at, gentlest
 
@@ -260,7 +262,7 @@ def _sweep_to(walls, rules, vertex, sweep, skip, reach):
     if ahead <= tolerance:
         if along > ux * qx + uy * qy + tolerance:
             return math.inf
-        solid = sense * (ux * walls.vertex[vertex, 3] - uy * walls.vertex[vertex, 2])
+        solid = sense * (ux * walls.solid[vertex, 1] - uy * walls.solid[vertex, 0])
         return 0.0 if solid > 0.0 else math.inf
     return swept / closing
 
@@ -281,7 +283,7 @@ def _first_in_cells(walls, rules, sweep, skip, cells, best):
             continue
         vx, vy = walls.vertex[vertex, 0] - sweep[0], walls.vertex[vertex, 1] - sweep[1]
         span = vx * vx + vy * vy
-        if found == NO_POINT or distance < nearest or span > farthest:
+        if (found == NO_POINT) | (distance < nearest) | (span > farthest):
             found, nearest, farthest = np.int64(vertex), distance, span
     return found, nearest, farthest
 
@@ -289,7 +291,7 @@ def _first_in_cells(walls, rules, sweep, skip, cells, best):
 @inlined
 def _band(ax, ay, bx, by, low, high, span):
     """Widen ``span`` to the x that an edge from a to b takes between two heights."""
-    if max(ay, by) < low or min(ay, by) > high:
+    if (max(ay, by) < low) | (min(ay, by) > high):
         return span
     one, two = 0.0, 1.0
     if ay != by:
@@ -332,6 +334,11 @@ def _vertex_swept(walls, rules, sweep, skip, reach):
         cells = (row * columns + left, row * columns + right)
         best = _first_in_cells(walls, rules, sweep, skip, cells, best)
     return best[0], best[1]
+
+
+@inlined
+def _length(dx, dy):
+    return math.sqrt(dx * dx + dy * dy)
 
 
 # --- What ends a slide ------------------------------------------------------------------------
@@ -385,7 +392,7 @@ def _moved(walls, rules, growth, tip, distance):
 def _heading(rules, growth, tip, x, y):
     """Return the unit vector from pivot to (x, y); the heading so far if they coincide."""
     qx, qy = x - growth.points[tip.pivot, 0], y - growth.points[tip.pivot, 1]
-    reach = math.sqrt(qx * qx + qy * qy)
+    reach = _length(qx, qy)
     if reach <= rules.tolerance_mm:
         return tip.ux, tip.uy
     return qx / reach, qy / reach
@@ -425,10 +432,11 @@ def _place_on(walls, x, y, wall):
 def _reach_end(walls, rules, tip):
     """Return the tip after reaching the end of its wall: on the next wall, free, or stopped."""
     wall, forward = tip.wall, tip.sense > 0.0
-    following = walls.link[wall, 1] if forward else walls.link[wall, 0]
-    point = walls.link[wall, 3] if forward else walls.link[wall, 2]
-    x = walls.wall[wall, 5] if forward else walls.wall[wall, 0]
-    y = walls.wall[wall, 6] if forward else walls.wall[wall, 1]
+    following = np.int64(walls.link[wall, 1] if forward else walls.link[wall, 0])
+    point = np.int64(walls.link[wall, 3] if forward else walls.link[wall, 2])
+    # A wall ends where the following one starts.
+    x = walls.wall[following, 0] if forward else walls.wall[wall, 0]
+    y = walls.wall[following, 1] if forward else walls.wall[wall, 1]
     nx, ny = -walls.wall[following, 3], walls.wall[following, 2]
     opens = tip.sense * (walls.wall[wall, 2] * nx + walls.wall[wall, 3] * ny)
     place = 0.0 if forward else walls.wall[following, 4]
@@ -448,10 +456,10 @@ def _grow_free(walls, rules, growth, tip, length):
     """Return the tip after growing along its heading as far as possible (rule 1)."""
     px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
     room = length - growth.chain_length[tip.pivot]
-    left = room - math.sqrt((tip.x - px) ** 2 + (tip.y - py) ** 2)
+    left = room - _length(tip.x - px, tip.y - py)
     ray = (tip.x, tip.y, tip.ux, tip.uy)
     wall, distance, place = _wall_ahead(walls, rules, ray, (tip.corner, tip.corner), left)
-    if wall == NO_WALL or distance >= left:
+    if (wall == NO_WALL) | (distance >= left):
         x, y = px + room * tip.ux, py + room * tip.uy
         return TipState(x, y, tip.ux, tip.uy, tip.pivot, NO_WALL, 0.0, 0.0, NO_POINT, FULL_LENGTH)
     x = walls.wall[wall, 0] + place * walls.wall[wall, 2]
@@ -467,7 +475,7 @@ def _wrapped(walls, growth, tip, vertex):
     vx, vy = walls.vertex[vertex, 0], walls.vertex[vertex, 1]
     pivot = tip.pivot + 1
     growth.points[pivot, 0], growth.points[pivot, 1] = vx, vy
-    step = math.sqrt((vx - px) ** 2 + (vy - py) ** 2)
+    step = _length(vx - px, vy - py)
     growth.chain_length[pivot] = growth.chain_length[pivot - 1] + step
     growth.chain_sense[pivot] = int(tip.sense)
     return _with_pivot(tip, pivot)
@@ -492,7 +500,7 @@ def _slide(walls, rules, growth, tip, base, length):
     room = length - growth.chain_length[tip.pivot]
     to_length = _length_distance(qx, qy, sx, sy, room, to_end)
     reach = min(to_length, to_end)
-    ends = (walls.link[wall, 2], walls.link[wall, 3])
+    ends = (np.int64(walls.link[wall, 2]), np.int64(walls.link[wall, 3]))
     hit, to_hit = NO_WALL, reach
     # Walls do not cross: only one that another all but touches can be blocked before its end.
     if walls.link[wall, 4] != 0:
@@ -543,7 +551,7 @@ def _tension(growth, rules, film, tip, x, y, ux, uy):
     turned = _capstan(growth, rules, base, before, tip.pivot, ux, uy)
     held = store * growth.chain_gain[tip.pivot] + rules.drag_kpa_mm * growth.chain_drawn[tip.pivot]
     qx, qy = x - growth.points[tip.pivot, 0], y - growth.points[tip.pivot, 1]
-    return turned * held + rules.drag_kpa_mm * math.sqrt(qx * qx + qy * qy)
+    return turned * held + rules.drag_kpa_mm * _length(qx, qy)
 
 
 @inlined
@@ -555,8 +563,8 @@ def _held_at(tip, x, y, ux, uy):
 def _flown_to_limit(growth, rules, film, tip, x, y):
     """Return the tip where a free flight to (x, y) has used up the pressure: linear in length."""
     px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
-    nearest = math.sqrt((tip.x - px) ** 2 + (tip.y - py) ** 2)
-    farthest = math.sqrt((x - px) ** 2 + (y - py) ** 2)
+    nearest = _length(tip.x - px, tip.y - py)
+    farthest = _length(x - px, y - py)
     tension = _tension(growth, rules, film, tip, px, py, tip.ux, tip.uy)
     reach = min(max((film[3] - tension) / rules.drag_kpa_mm, nearest), farthest)
     return _held_at(tip, px + reach * tip.ux, py + reach * tip.uy, tip.ux, tip.uy)
@@ -635,8 +643,7 @@ def _record_film(growth, rules, film, branch, tip):
     turned = _capstan(growth, rules, film[0], film[1], tip.pivot, tip.ux, tip.uy)
     qx, qy = tip.x - growth.points[tip.pivot, 0], tip.y - growth.points[tip.pivot, 1]
     growth.gain[branch] = growth.chain_gain[tip.pivot] * turned
-    length = math.sqrt(qx * qx + qy * qy)
-    growth.drawn[branch] = growth.chain_drawn[tip.pivot] * turned + length
+    growth.drawn[branch] = growth.chain_drawn[tip.pivot] * turned + _length(qx, qy)
 
 
 # --- A branch, and the tree -------------------------------------------------------------------
@@ -647,7 +654,7 @@ def _steep_body(walls, growth, tip):
     """Return how long the body from pivot to tip is if it slides steeply, else 0."""
     qx, qy = tip.x - growth.points[tip.pivot, 0], tip.y - growth.points[tip.pivot, 1]
     along = tip.sense * (qx * walls.wall[tip.wall, 2] + qy * walls.wall[tip.wall, 3])
-    reach = math.sqrt(qx * qx + qy * qy)
+    reach = _length(qx, qy)
     return reach if along < STEEP_COSINE * reach else 0.0
 
 
@@ -669,7 +676,7 @@ def _record(growth, branch, tip, length):
     """Write how a branch ended."""
     last = tip.pivot + 1
     px, py = growth.points[tip.pivot, 0], growth.points[tip.pivot, 1]
-    step = math.sqrt((tip.x - px) ** 2 + (tip.y - py) ** 2)
+    step = _length(tip.x - px, tip.y - py)
     growth.points[last, 0], growth.points[last, 1] = tip.x, tip.y
     growth.first_point[branch + 1] = last + 1
     growth.stop[branch] = tip.stop
@@ -773,7 +780,7 @@ def grow_branches(walls, tree, rules, start, growth, first, last):
 # Parts of a batch, with the names that `vinefab.growth.arrays` gives them.
 _Walls = namedtuple(
     "_Walls",
-    "wall link vertex vertex_point box shape wall_first wall_item vertex_first",
+    "wall link vertex solid vertex_point box shape wall_first wall_item vertex_first",
 )
 _Tree = namedtuple("_Tree", "parent turn length fits limit store")
 _Rules = namedtuple(
@@ -797,6 +804,7 @@ def _page(atlas, page):
         atlas.wall[one[0] : two[0]],
         atlas.link[one[0] : two[0]],
         atlas.vertex[one[1] : two[1]],
+        atlas.solid[one[1] : two[1]],
         atlas.vertex_point[one[1] : two[1]],
         atlas.box[page],
         atlas.shape[page],

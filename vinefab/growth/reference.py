@@ -85,14 +85,17 @@ class World:
                 length=length,
                 ends=(start, end),
             )
-            for (ax, ay, tx, ty, length, bx, by), (_, _, start, end, _) in zip(
-                arrays.wall.tolist(), arrays.link.tolist(), strict=True
+            for (ax, ay, tx, ty, length), (bx, by), (_, _, start, end, _) in zip(
+                arrays.wall.tolist(), arrays.end.tolist(), arrays.link.tolist(), strict=True
             )
         ]
         vertices = [
             Vertex(complex(x, y), place, complex(mx, my))
-            for (x, y, mx, my), place in zip(
-                arrays.vertex.tolist(), arrays.vertex_point.tolist(), strict=True
+            for (x, y), (mx, my), place in zip(
+                arrays.vertex.tolist(),
+                arrays.solid.tolist(),
+                arrays.vertex_point.tolist(),
+                strict=True,
             )
         ]
         neighbours = [(before, after) for before, after, *_ in arrays.link.tolist()]

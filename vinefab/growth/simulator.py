@@ -1,11 +1,13 @@
 """The simulator of one design on one map from one pose."""
 
 import math
+import sys
 from collections.abc import Callable
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from vinefab.core.compiling import interpreted
 from vinefab.core.errors import UnknownNameError
 from vinefab.core.validation import Floats
 from vinefab.growth.arrays import (
@@ -26,7 +28,13 @@ from vinefab.model.design import Design
 from vinefab.model.map import Pose
 from vinefab.physics.growth_pressure import FITTED
 
-Engine = Literal["kernel", "reference"]
+Engine = Literal["auto", "kernel", "interpreted", "reference"]
+"""``kernel``: the compiled simulator. ``interpreted``: the same code run by Python, which begins at
+once, with the same results to the last bit. ``reference``: its readable twin. ``auto``: one of the
+first two, see `quickest_engine`."""
+
+KERNEL = "vinefab.growth.kernel"
+
 GrowBranches = Callable[[WallArrays, TreeArrays, Rules, Launch, Growth, int, int], int]
 
 TOLERANCE_RAD = 2.0**-42
@@ -39,13 +47,17 @@ POINTS_PER_BRANCH = 6
 SPARE_POINTS = 16
 """Initial room for chain points; doubled when a tree needs more."""
 
+INTERPRETED_BRANCHES = 4_000
+"""So many branches a process leaves to the interpreter, half a second of them. Loading the compiled
+kernel takes as long; compiling it, once on every computer, takes many times longer."""
+
 
 def grow(
     design: Design,
     terrain: Terrain,
     pose: Pose,
     options: GrowthOptions | None = None,
-    engine: Engine = "kernel",
+    engine: Engine = "auto",
     plan: Plan | None = None,
 ) -> Deployment:
     """Return how a design deploys from a pose.
@@ -61,7 +73,8 @@ def grow(
     options
         Options of the growth model; the defaults if None.
     engine
-        ``kernel``: compiled. ``reference``: the readable twin, a thousand times slower.
+        What computes it, see `Engine`; ``kernel`` and ``interpreted`` give the same result to the
+        last bit, and ``reference`` within rounding.
     plan
         The branches to grow, such as a part of the design's, cut shorter; the design's if None.
 
@@ -82,6 +95,8 @@ def grow(
     plan = plan or Plan.of(design, options)
     rules = rules_of(options, terrain.tolerance_mm)
     rules = rules._replace(head_on_half_angle_rad=options.only_half_angle_rad)
+    if engine == "auto":
+        engine = quickest_engine(len(plan))
     growth = _grown(plan, terrain, start, rules, grow_branches_of(engine))
     used = growth.first_point[-1]
     return Deployment(
@@ -96,6 +111,27 @@ def grow(
     )
 
 
+class _Allowance:
+    """The branches that this process may still leave to the interpreter."""
+
+    def __init__(self) -> None:
+        self.branches = INTERPRETED_BRANCHES
+
+
+_ALLOWANCE = _Allowance()
+
+
+def quickest_engine(branches: int) -> Engine:
+    """Return the engine that is done first with so many branches more: compiled code once loaded.
+
+    Until then the interpreter, up to `INTERPRETED_BRANCHES` in all.
+    """
+    if KERNEL in sys.modules or branches > _ALLOWANCE.branches:
+        return "kernel"
+    _ALLOWANCE.branches -= branches
+    return "interpreted"
+
+
 def grow_branches_of(engine: Engine) -> GrowBranches:
     """Return an engine by its name, imported when first used.
 
@@ -106,11 +142,29 @@ def grow_branches_of(engine: Engine) -> GrowBranches:
     """
     if engine == "kernel":
         return _grow_as_batch
+    if engine == "interpreted":
+        return _interpreted("grow_branches")
     if engine == "reference":
         from vinefab.growth import reference  # noqa: PLC0415  only one engine is loaded
 
         return reference.grow_reference_branches
-    raise UnknownNameError("growth engine", engine, ("kernel", "reference"))
+    raise UnknownNameError("growth engine", engine, ("kernel", "interpreted", "reference"))
+
+
+def grow_jobs_of(engine: Engine) -> Callable[..., None]:
+    """Return ``grow_jobs`` of the compiled kernel, or as the interpreter runs it."""
+    if engine == "interpreted":
+        return _interpreted("grow_jobs")
+    from vinefab.growth import kernel  # noqa: PLC0415  numba takes half a second to import
+
+    grow_jobs: Callable[..., None] = kernel.grow_jobs
+    return grow_jobs
+
+
+def _interpreted(name: str) -> Callable[..., Any]:
+    """Return a function of the kernel as the interpreter runs it, which does not warn either."""
+    function: Callable[..., Any] = getattr(interpreted(KERNEL), name)
+    return np.errstate(all="ignore")(function)
 
 
 def _grow_as_batch(  # noqa: PLR0913, PLR0917  as both engines are called
@@ -126,12 +180,10 @@ def _grow_as_batch(  # noqa: PLR0913, PLR0917  as both engines are called
 
     The same compiled code as for batches: compiling another entry would take ten seconds more.
     """
-    from vinefab.growth import kernel  # noqa: PLC0415  numba takes a second to import
-
     angle_rad, room = rules.head_on_half_angle_rad, len(growth.points)
     jobs = JobArrays.alone(start, angle_rad, tree.fits, room, first, last)
     atlas = TerrainSetArrays.of([walls], [rules.tolerance_mm])
-    kernel.grow_jobs(atlas, TreesArrays.of([tree]), rules, jobs, growth, 0, 1)
+    grow_jobs_of("kernel")(atlas, TreesArrays.of([tree]), rules, jobs, growth, 0, 1)
     return int(jobs.done[0])
 
 

@@ -1,6 +1,9 @@
 """How fast growth and search are: against other ways, in size, in threads, and to the floor."""
 
 import importlib
+import math
+import os
+import subprocess
 import sys
 import tempfile
 import time
@@ -8,17 +11,22 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from vinefab.core.atomic import write_text
 from vinefab.core.jsontext import json_text
 from vinefab.growth.batch import Batch, BlockMapper, Launches
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.poses import draw_poses
-from vinefab.model.map import Pose
+from vinefab.model.design import Design
+from vinefab.model.files.map_geojson import map_text
+from vinefab.model.map import Map, Pose
 from vinefab.model.tree import branch_tree
+from vinefab.search.evaluator import Evaluator, EvaluatorSpec
 from vinefab.search.run import run_search
 from vinefab.search.settings import (
     EvaluationSettings,
@@ -27,7 +35,8 @@ from vinefab.search.settings import (
     RunSettings,
     SearchSettings,
 )
-from vinefab.search.timing import TimeSplit
+from vinefab.search.space import Bounds, SpaceSettings
+from vinefab.search.timing import TimeSplit, Work
 from vinefab.studies.benchmark_growths import (
     BENCH_GROWTH,
     Floor,
@@ -76,6 +85,82 @@ def search_split(optimizer: str, threads: int, generations: int) -> TimeSplit:
         return run_search(settings, Path(folder), workers=threads).times
 
 
+class SearchEvaluation(NamedTuple):
+    """Trees of 40 branches as a search evaluates them: planned, grown and scored for coverage."""
+
+    trees_per_s: float  # of one core
+    # of it, the time that planning and growth take, and scoring, us per tree
+    growth_us: float
+    scoring_us: float
+
+
+def search_evaluation(world: Map) -> SearchEvaluation:
+    """Measure trees whose trunks differ in length, from five poses, as `Evaluator` takes them."""
+    space = SpaceSettings(levels=_fixed(4), by_level=_table_of(tree_of_40()))
+    settings = RunSettings(
+        name="bench",
+        maps=MapSettings(count=1),
+        growth=BENCH_GROWTH,
+        space=space,
+        evaluation=EvaluationSettings(fabricable=False, poses_per_map=MAPS),
+    )
+    evaluator = Evaluator.of(EvaluatorSpec(settings=settings, maps=(world,)))
+    conditions = evaluator.training_conditions(1, 1)
+    evaluator.prepare_launches([conditions])
+    x, parts = np.linspace(0.0, 1.0, DESIGNS)[:, None], list[Work]()
+    taken_s = least_s(lambda: parts.append(evaluator.evaluate(x, conditions)[1]))
+    trees = DESIGNS * MAPS
+    return SearchEvaluation(
+        trees_per_s=trees / taken_s,
+        growth_us=1e6 * min(part.growth_s for part in parts) / trees,
+        scoring_us=1e6 * min(part.scoring_s for part in parts) / trees,
+    )
+
+
+def _fixed(value: float) -> Bounds:
+    return Bounds(low=value, high=value)
+
+
+def _table_of(design: Design) -> dict[int, dict[str, Bounds]]:
+    """Return the ranges that leave nothing free of a design but a tenth of its trunk's length."""
+    trunk_mm = design.trunk_length_mm
+    table = {1: {"length_mm": Bounds(low=0.95 * trunk_mm, high=1.05 * trunk_mm)}}
+    for number, level in enumerate(design.levels, start=2):
+        table[number] = {
+            "length_mm": _fixed(level.length_mm),
+            "angle_deg": _fixed(math.degrees(level.fan_rad)),
+            "branches": _fixed(level.branches),
+            "growth_percent": _fixed(100.0 * level.growth),
+        }
+    return table
+
+
+FIRST_GROWTHS = {"interpreted": "", "compiled": "import vinefab.growth.kernel\n"}
+"""How to grow first of all, and what a process does for it before: what is loaded is used."""
+
+_FIRST_GROWTH = """
+import sys, time
+from vinefab.cli.main import main
+code = main(["grow", "three_level_tree", "--map", sys.argv[1], "--quiet"])
+print(time.process_time())
+sys.exit(code)
+"""
+
+
+def first_growth_s(world: Map, before: str) -> float:
+    """Return the processor time of ``vinefab grow`` where nothing was ever compiled."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "map.geojson"
+        write_text(path, map_text(world))
+        done = subprocess.run(  # noqa: S603  this interpreter, on our own code
+            [sys.executable, "-c", before + _FIRST_GROWTH, str(path)],
+            env=os.environ | {"NUMBA_CACHE_DIR": folder},
+            stdout=subprocess.PIPE,
+            check=True,
+        )
+    return float(done.stdout)
+
+
 SCHEMA = "vinefab/bench-1"
 SIZES = (300, 3_000, 30_000, 300_000)
 MILLION = 1_010_000
@@ -111,6 +196,8 @@ class BenchmarkResult:
     # for coverage
     branches_per_s: float
     evaluations_per_s: float
+    search: SearchEvaluation  # the same evaluations by the search's own evaluator
+    first_grow_s: dict[str, float]  # time of ``vinefab grow`` on a new computer, by `FIRST_GROWTHS`
     # reference_branches_per_s, twin_branches_per_s: branches grown by the Shapely reference and by
     # the kernel's readable twin
     reference_branches_per_s: float
@@ -155,6 +242,7 @@ class BenchmarkResult:
             "ns_per_event": [size.ns_per_event for size in self.sizes],
             "floor_ns_per_event": self.floor.ns_per_event,
             "over_floor": self.over_floor,
+            "search": self.search._asdict(),
         }
         for name in ("threads", "batches", "memory"):
             content[name] = {str(key): value for key, value in content[name].items()}
@@ -189,6 +277,8 @@ def run_benchmark(
     return BenchmarkResult(
         branches_per_s=branches / grown_s,
         evaluations_per_s=len(batch) / evaluated_s,
+        search=search_evaluation(site.world),
+        first_grow_s={name: first_growth_s(site.world, do) for name, do in FIRST_GROWTHS.items()},
         reference_branches_per_s=reference.branches / reference_s,
         reference_error_mm=reference.error_mm(),
         twin_branches_per_s=_twin(site.terrain, poses[:5]),
@@ -332,6 +422,12 @@ def _compared(result: BenchmarkResult) -> list[str]:
         f"  {twin:,.0f} times slower",
         f"full evaluation    {result.evaluations_per_s:12,.0f} trees/s scored for coverage"
         f"  {result.evaluation_over_growth:.2f} times the time of growth alone",
+        f"  in a search      {result.search.trees_per_s:12,.0f} trees/s"
+        f"  (growth {result.search.growth_us:.1f} us, scoring {result.search.scoring_us:.1f} us)",
+        *(
+            f"first grow ever    {taken_s:12.2f} s, {name}"
+            for name, taken_s in result.first_grow_s.items()
+        ),
     ]
 
 

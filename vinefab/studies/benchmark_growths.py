@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from vinefab.core.compiling import interpreted
 from vinefab.core.rng import child
 from vinefab.core.validation import Floats, Ints
 from vinefab.growth import kernel
@@ -16,7 +17,7 @@ from vinefab.growth.arrays import Growth, Launch
 from vinefab.growth.batch import Batch, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
-from vinefab.growth.simulator import rules_of
+from vinefab.growth.simulator import KERNEL, rules_of
 from vinefab.growth.terrain import Terrain
 from vinefab.maps.generators.grid import GridOptions, grid_map
 from vinefab.model.design import Build, Design, Level
@@ -158,7 +159,7 @@ def floor_on(terrain: Terrain, poses: tuple[Pose, ...]) -> Floor:
 
 
 def _tests(terrain: Terrain, poses: tuple[Pose, ...]) -> _Tests:
-    """Return every test that some growths make, by running the kernel as plain Python."""
+    """Return every test that some growths make, from an interpreted kernel that notes them."""
     batch = batch_on(terrain, poses)
     walls, rules = terrain.walls(), rules_of(BENCH_GROWTH, terrain.tolerance_mm)
     plan, rays, sweeps, count = batch.plans.each[0], [], [], 0
@@ -189,9 +190,10 @@ def _tests(terrain: Terrain, poses: tuple[Pose, ...]) -> _Tests:
 
 
 def _plain_kernel() -> dict[str, Any]:
-    """Return the kernel's names with functions that are not compiled and call each other."""
-    plain: dict[str, Any] = dict(vars(kernel))
-    for name, part in vars(kernel).items():
-        if hasattr(part, "py_func"):
-            plain[name] = FunctionType(part.py_func.__code__, plain, name)
+    """Return the kernel's names with functions of its own, which call each other by them."""
+    source = vars(interpreted(KERNEL))
+    plain: dict[str, Any] = dict(source)
+    for name, part in source.items():
+        if isinstance(part, FunctionType):
+            plain[name] = FunctionType(part.__code__, plain, name)
     return plain

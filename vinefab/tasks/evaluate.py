@@ -200,7 +200,7 @@ def score_designs(
     if not designs:
         return ()
     options = options or GrowthOptions()
-    batch = Batch(Plans.of(designs, options), launches, options)
+    batch = Batch(Plans.of(designs, options), launches, options, engine="auto")
     contexts = [prepared.context for prepared in maps]
     evaluated = concatenated_outcomes(
         list(batch.each(lambda block: outcomes(task, block, contexts), over))

@@ -90,9 +90,7 @@ class Raster:
 
         largest = int(np.diff(first).max(initial=1))
         seen, summed = np.zeros((2, len(first) - 1))
-        work = np.empty((5, largest))
-        index = np.empty((3, largest), dtype=np.int64)
-        begins = np.empty(len(self.free_mm2), dtype=np.int64)
+        rows, most = len(self.free_mm2) + 2, 2 * STRIPS_PER_RADIUS + 3
         areas_kernel.cover_areas(
             tips_mm,
             first,
@@ -100,9 +98,10 @@ class Raster:
             self.segments,
             self.free_mm2,
             self.box,
-            work,
-            index,
-            begins,
+            np.empty((2, largest), dtype=np.int64),
+            np.empty((3, rows), dtype=np.int64),
+            np.empty((4, rows)),
+            np.empty((4, most * largest)),
             seen,
             summed,
         )

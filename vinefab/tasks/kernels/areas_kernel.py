@@ -7,14 +7,13 @@ compiled file does not notice changes of another. The arrays are described in
 
 import math
 
+import numpy as np
+
 from vinefab.core.compiling import compiled, inlined
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 # ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of what it compiles
 # ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
-
-
-NOTHING = -1
 
 
 # --- Free space as strips ---------------------------------------------------------------------
@@ -87,28 +86,30 @@ def _fill_row(left, right, rise, row, box, free, slope):
 
 # --- Discs on strips --------------------------------------------------------------------------
 
-
-@inlined
-def _free_to(free, row, place):
-    """Return the free area of a strip up to a place in cells: linear between the cells' sides."""
-    columns = free.shape[1] - 1
-    place = min(max(place, 0.0), float(columns))
-    column = min(int(place), columns - 1)
-    one = free[row, column]
-    return one + (place - column) * (free[row, column + 1] - one)
+# Look-ups in tables stand in loops of their own: the arithmetic before them is compiled to vector
+# instructions, which look-ups are not.
 
 
 @inlined
-def _below(half, place):
-    """Return the area of the unit disc below a place in a table of heights from -1 to 1."""
-    place = min(max(place, 0.0), float(len(half) - 1))
-    index = min(int(place), len(half) - 2)
-    one = half[index]
-    return one + (place - index) * (half[index + 1] - one)
+def _cell_of(place, last):
+    """Return the cell of a place, of those from 0 to ``last``, and how far along it the place is.
+
+    Places beyond either end count as that end.
+    """
+    place = min(max(place, 0.0), float(last))
+    cell = min(np.int64(place), last - 1)
+    return cell, place - cell
+
+
+@inlined
+def _between(table, cell, along):
+    """Return the value some way along a cell: linear between those at its two ends."""
+    one = table[np.uint64(cell)]
+    return one + along * (table[np.uint64(cell) + np.uint64(1)] - one)
 
 
 @compiled
-def cover_areas(tips, first, radius, half, free, box, work, index, begins, seen, summed):
+def cover_areas(tips, first, radius, half, free, box, disc, row, place, piece, seen, summed):
     """Compute the free area that equal discs cover together, and the sum of each one's free area.
 
     Strip by strip, a disc is taken for the rectangle of the same area in that strip. Rectangles of
@@ -125,102 +126,135 @@ def cover_areas(tips, first, radius, half, free, box, work, index, begins, seen,
     half
         Area of the unit disc below each of the heights evenly spaced from -1 to 1.
     free, box
-        The strips, as `fill` left them.
-    work
-        Working room for the discs of one set: area of the unit disc below the strip; free area to
-        the left and to the right ends of stretches that rectangles cover; x of the centre in
-        cells; place in ``half`` of the lowest strip's lower side; shape (5, n).
-    index
-        Working room: next disc that begins in the same row, last row, discs of the strip in order;
-        shape (3, n).
-    begins
-        Working room: first disc that begins in each row, shape (rows,).
+        The strips, as `fill_strips` left them.
+    disc
+        Working room: discs of one set in the order of their x, and the first row of each; shape
+        (2, n) for the largest set.
+    row
+        Working room for each row: where its pieces end, and cells along a disc; shape
+        (3, rows + 2).
+    place
+        Working room for each row: least left end so far, and places along a disc; shape
+        (4, rows + 2).
+    piece
+        Working room for the pieces of discs in rows, row by row and in each in the order of x:
+        least left end of it and those to its right, its right end, its free area, and its row;
+        shape (4, p).
     seen, summed
         Where the results go, mm2; shape (j,).
     """
     for j in range(len(seen)):
-        seen[j], summed[j] = _cover_one(
-            tips[first[j] : first[j + 1]], radius / box[2], half, free, box, work, index, begins
-        )
+        own = tips[first[j] : first[j + 1]]
+        placed = _in_order(own, radius / box[2], box, disc, row[0])
+        count = _begin_rows(row[0], place[0])
+        for k in range(placed, 0, -1):
+            x, y = _in_cells(own, box, disc[0, np.uint64(k - 1)])
+            _cut(x, y, radius / box[2], half, free, row, place, piece)
+        seen[j], summed[j] = _joined(piece, count)
 
 
 @inlined
-def _begin(tips, radius, half, free, box, work, index, begins):
-    """Sort discs by the row that they begin in; return the first and last row of all."""
-    following, until = index[0], index[1]
-    rows, lowest, highest = free.shape[0], free.shape[0], -1
-    per_row = 0.5 * (len(half) - 1) / radius
-    for row in range(rows):
-        begins[row] = NOTHING
-    for disc in range(len(tips)):
-        y = (tips[disc, 1] - box[1]) / box[2]
-        begin = max(int(y - radius), 0)
-        end = min(int(y + radius), rows - 1)
-        if y + radius <= 0.0 or begin > end:
-            continue
-        following[disc], until[disc] = begins[begin], end
-        begins[begin] = disc
-        work[3, disc] = (tips[disc, 0] - box[0]) / box[2]
-        work[4, disc] = (radius - y) * per_row
-        work[0, disc] = _below(half, work[4, disc] + begin * per_row)
-        lowest, highest = min(lowest, begin), max(highest, end)
-    return lowest, highest
+def _in_cells(tips, box, disc):
+    """Return the centre of a disc in cells."""
+    at = np.uint64(disc)
+    return (tips[at, 0] - box[0]) / box[2], (tips[at, 1] - box[1]) / box[2]
 
 
 @inlined
-def _insert(order, x, active, disc):
-    """Add a disc to those of the strip, which are in the order of their centres' x."""
-    at = active
-    while at > 0 and x[order[at - 1]] > x[disc]:
-        order[at] = order[at - 1]
-        at -= 1
-    order[at] = disc
+def _rows_of(y, radius, rows):
+    """Return the first and the last row that a disc meets, the last before the first if none."""
+    return max(int(y - radius), 0), min(int(y + radius), rows - 1) if y + radius > 0.0 else -1
 
 
 @inlined
-def _cover_one(tips, radius, half, free, box, work, index, begins):
-    """Return the area that one set of discs covers, and the sum over the discs."""
-    following, until, order = index[0], index[1], index[2]
-    below, x, place = work[0], work[3], work[4]
-    lowest, highest = _begin(tips, radius, half, free, box, work, index, begins)
-    seen, summed, active = 0.0, 0.0, 0
-    scale, per_row = 0.5 * radius * radius, 0.5 * (len(half) - 1) / radius
-    for row in range(lowest, highest + 1):
-        disc = begins[row]
-        while disc != NOTHING:
-            _insert(order, x, active, disc)
-            active += 1
-            disc = following[disc]
-        above = (row + 1) * per_row
-        kept, runs = 0, 0
-        for k in range(active):
-            disc = order[k]
-            under = _below(half, place[disc] + above)
-            half_width = scale * (under - below[disc])
-            below[disc] = under
-            left = _free_to(free, row, x[disc] - half_width)
-            right = _free_to(free, row, x[disc] + half_width)
-            summed += right - left
-            runs = _join(work[1], work[2], runs, left, right)
-            order[kept] = disc
-            kept += until[disc] > row
-        for k in range(runs):
-            seen += work[2, k] - work[1, k]
-        active = kept
-    return seen, summed
+def _in_order(tips, radius, box, disc, change):
+    """Put the discs that meet rows in the order of their x; return how many there are.
 
-
-@inlined
-def _join(left, right, runs, one, two):
-    """Add a stretch to disjoint ones, joined with those that it meets; return their number.
-
-    Stretches come in the order of their middles, so that only the last ones can be met.
+    ``change`` becomes how many more discs each row meets than the one before it. Of equal x, the
+    disc that begins in the lower row is first, then the one with the higher number.
     """
-    while runs > 0 and one <= right[runs - 1]:
-        runs -= 1
-        one, two = min(one, left[runs]), max(two, right[runs])
-    left[runs], right[runs] = one, two
-    return runs + 1
+    order, begins, placed = disc[0], disc[1], 0
+    change[:] = 0
+    for number in range(len(tips) - 1, -1, -1):
+        x, y = _in_cells(tips, box, number)
+        begin, end = _rows_of(y, radius, len(change) - 2)
+        if begin > end:
+            continue
+        begins[np.uint64(number)] = begin
+        change[np.uint64(begin)] += 1
+        change[np.uint64(end + 1)] -= 1
+        at = placed
+        while at > 0:
+            before = order[np.uint64(at - 1)]
+            x_before, _ = _in_cells(tips, box, before)
+            if x_before < x or (x_before == x and begins[np.uint64(before)] <= begin):
+                break
+            order[np.uint64(at)] = before
+            at -= 1
+        order[np.uint64(at)] = number
+        placed += 1
+    return placed
+
+
+@inlined
+def _begin_rows(change, least):
+    """Turn the changes of the rows' numbers of pieces into where their pieces end.
+
+    Returns how many pieces there are in all.
+    """
+    here, total = 0, 0
+    for row in range(len(change)):
+        here += change[row]
+        total += here
+        change[row], least[row] = total, math.inf
+    return total
+
+
+@inlined
+def _cut(x, y, radius, half, free, row, place, piece):
+    """Cut a disc into its pieces and put each before those of its row to its right."""
+    ends, cell, far_cell = row[0], row[1], row[2]
+    least, along, far_along, height = place[0], place[1], place[2], place[3]
+    begin, end = _rows_of(y, radius, len(free))
+    per_row, scale = 0.5 * (len(half) - 1) / radius, 0.5 * radius * radius
+    for i in range(end - begin + 2):
+        at = (radius - y) * per_row + (begin + i) * per_row
+        cell[i], along[i] = _cell_of(at, len(half) - 1)
+    for i in range(end - begin + 2):
+        height[i] = _between(half, cell[i], along[i])
+    for i in range(end - begin + 1):
+        height[i] = scale * (height[i + 1] - height[i])
+    for i in range(end - begin + 1):
+        cell[i], along[i] = _cell_of(x - height[i], free.shape[1] - 1)
+    for i in range(end - begin + 1):
+        far_cell[i], far_along[i] = _cell_of(x + height[i], free.shape[1] - 1)
+    for i in range(end - begin + 1):
+        strip = np.uint64(begin + i)
+        left = _between(free[strip], cell[i], along[i])
+        right = _between(free[strip], far_cell[i], far_along[i])
+        least[strip] = min(least[strip], left)
+        ends[strip] -= 1
+        to = np.uint64(ends[strip])
+        piece[0, to], piece[1, to], piece[2, to] = least[strip], right, right - left
+        piece[3, to] = begin + i
+
+
+@inlined
+def _joined(piece, count):
+    """Return the free area that pieces cover together, and the sum of their areas.
+
+    A stretch ends before a piece that begins, as all to its right do, beyond all to its left.
+    """
+    seen, summed, start, reached, row = 0.0, 0.0, 0.0, 0.0, -1.0
+    for k in range(count):
+        is_other_row = piece[3, k] != row
+        is_apart = is_other_row | (piece[0, k] > reached)
+        seen += reached - start if is_apart else 0.0
+        start = piece[0, k] if is_apart else start
+        reached = max(-math.inf if is_other_row else reached, piece[1, k])
+        summed += piece[2, k]
+        row = piece[3, k]
+    return seen + (reached - start), summed
 
 
 # --- Bodies on cells --------------------------------------------------------------------------

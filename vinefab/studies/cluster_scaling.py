@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 
 from vinefab.core.validation import Floats
 from vinefab.pages.charts import frame
-from vinefab.pages.figure import INK, LEVEL_COLOURS, blank, house_style
+from vinefab.pages.colours import INK, LEVEL_COLOURS
+from vinefab.pages.figure import blank, house_style
 from vinefab.search.evaluator import Evaluations
 from vinefab.search.loop import Search
 from vinefab.search.parallel.placement import HandingOut, Pace, point_weights

@@ -285,6 +285,12 @@ def run_settings(**more):
     )
 
 
+@pytest.fixture(autouse=True)
+def few_unseen_maps(monkeypatch):
+    """A run's winner is tried on few unseen maps: fifty take longer than a run of these tests."""
+    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN", 3)
+
+
 def test_a_run_is_the_same_in_memory_on_disk_and_from_a_file(tmp_path):
     settings, told = run_settings(), []
     result = vf.optimize(settings, progress=told.append)

@@ -31,6 +31,12 @@ def no_lines_of_progress(monkeypatch):
     monkeypatch.setattr("vinefab.cli.progress_lines.FIRST_S", 1e6)
 
 
+@pytest.fixture(autouse=True)
+def few_unseen_maps(monkeypatch):
+    """A run's winner is tried on few unseen maps: fifty take longer than a run of these tests."""
+    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN", 3)
+
+
 @pytest.fixture
 def vinefab(capsys):
     """Return a function that runs a command line: (exit code, output, complaints)."""

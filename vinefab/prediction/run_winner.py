@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -12,6 +12,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
+from vinefab.growth.batch import Launches, TerrainSet
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.model.design import Design
 from vinefab.model.map import Pose
@@ -51,11 +52,16 @@ class WinnerTrial:
     design: Design
     task: Task
     growth: GrowthOptions  # the run's, at one half-angle
+    # walls of the maps that it is tried on, by their names; they take longer than growth
+    terrains: dict[tuple[str, ...], TerrainSet] = field(default_factory=dict)
 
     def scores(self, family: PreparedFamily, growth: GrowthOptions | None = None) -> Floats:
         """Return the score from every pose of a family, shape (n,)."""
         options = growth or self.growth
-        launches = family.launches()
+        terrains = self.terrains.setdefault(
+            (family.label, *family.names), TerrainSet([place.terrain for place in family.maps])
+        )
+        launches = Launches.of(terrains, family.poses)
         (score,) = score_designs([self.design], family.maps, launches, self.task, options)
         return score.scores
 

@@ -287,8 +287,9 @@ def run_settings(**more):
 
 @pytest.fixture(autouse=True)
 def few_unseen_maps(monkeypatch):
-    """A run's winner is tried on few unseen maps: fifty take longer than a run of these tests."""
+    """A run's winner is chosen and tried on few maps: seventy take longer than a run here."""
     monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN", 3)
+    monkeypatch.setattr("vinefab.search.run.FRESH_MAPS", 2)
 
 
 def test_a_run_is_the_same_in_memory_on_disk_and_from_a_file(tmp_path):
@@ -297,7 +298,8 @@ def test_a_run_is_the_same_in_memory_on_disk_and_from_a_file(tmp_path):
     kept = vf.optimize(settings, out=tmp_path / "run", workers=2)
     assert len(told) == 2
     assert kept.best == result.best == vf.Design.read(tmp_path / "run" / "best.toml")
-    assert vf.optimize(settings, out=str(tmp_path / "run"), resume=True).best == result.best
+    again = vf.optimize(settings, out=str(tmp_path / "run"), resume=True, page=False)
+    assert again.best == result.best
     more = vf.optimize(settings, out=tmp_path / "run", resume=True, generations=3, page=False)
     assert len(more.history) == 3
     with pytest.raises(vf.BadInputError, match="generations is 3; allowed: together with resume"):

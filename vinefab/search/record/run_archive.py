@@ -264,12 +264,23 @@ def _generation(connection: sqlite3.Connection, row: tuple[Any, ...]) -> Generat
     return Generation(
         number=number,
         x=from_blob(x, rows=len(from_blob(fitness))),
-        fitness=from_blob(fitness),
-        composite=from_blob(composite),
-        penalty=from_blob(penalty),
+        fitness=_scores(fitness),
+        composite=_scores(composite),
+        penalty=_scores(penalty),
         terms={name: from_blob(value) for name, value in terms},
         seconds=seconds,
     )
+
+
+_LARGEST_SCORE = 1e100
+"""Larger ones are damage: their squares overflow."""
+
+
+def _scores(blob: bytes) -> Floats:
+    values = from_blob(blob)
+    if (np.abs(values) > _LARGEST_SCORE).any():
+        raise ValueError(f"a score beyond {_LARGEST_SCORE:g}")
+    return values
 
 
 def read_finalists(connection: sqlite3.Connection, space: Space) -> tuple[Finalist, ...]:

@@ -88,15 +88,16 @@ def test_the_result_has_the_agreed_form_and_words():
     assert read["evaluations_per_s"] < read["branches_per_s"] / 40.0
     assert read["search"]["trees_per_s"] > 100.0
     assert 0.0 < read["search"]["scoring_us"] < 1e6 / read["search"]["trees_per_s"]
+    assert 0.0 < read["penalty"]["at_once_us"] < read["penalty"]["alone_us"]
     assert 0.0 < read["first_grow_s"]["interpreted"] < 60.0
     assert [share for share, _ in seen] == sorted(share for share, _ in seen)
     words = "\n".join(bench_lines(result))
     assert f"{result.speedup:,.0f} times slower" in words
     assert "floor" in words
-    assert read["searches"]["cmaes"]["workers"] == 2
+    assert read["searches"]["manufacturable"]["workers"] == 2
     shares = read["searches"]["particleswarm"]["shares"]
     assert 0.0 < shares["evaluating"] < 1.0
-    assert words.count("use of 2 workers while evaluating") == 2
+    assert words.count("use of 2 workers while evaluating") == 3
 
 
 def test_memory_does_not_grow_with_the_number_of_evaluations():

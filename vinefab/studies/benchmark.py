@@ -24,9 +24,12 @@ from vinefab.growth.terrain import Terrain
 from vinefab.maps.poses import draw_poses
 from vinefab.model.design import Design
 from vinefab.model.files.map_geojson import map_text
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map, Pose
 from vinefab.model.tree import branch_tree
 from vinefab.search.evaluator import Evaluator, EvaluatorSpec
+from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.run import run_search
 from vinefab.search.settings import (
     EvaluationSettings,
@@ -35,7 +38,7 @@ from vinefab.search.settings import (
     RunSettings,
     SearchSettings,
 )
-from vinefab.search.space import Bounds, SpaceSettings
+from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
 from vinefab.search.timing import TimeSplit, Work
 from vinefab.studies.benchmark_growths import (
     BENCH_GROWTH,
@@ -65,21 +68,22 @@ def peak_mb() -> float | None:
     return float(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / per_mb)
 
 
-SEARCHES = ("particleswarm", "cmaes")
-"""The paper's optimizer, and the default."""
+SEARCHES = ("particleswarm", "islands", "manufacturable")
+"""The paper's optimizer, the default, and the default for designs that can be cut."""
 
 MAPS, DESIGNS = 5, 100
 
 
-def search_split(optimizer: str, threads: int, generations: int) -> TimeSplit:
+def search_split(search: str, threads: int, generations: int) -> TimeSplit:
     """Return where the time of a search goes: coverage of five Grids, Table 1, with a record."""
+    fabricable = search == "manufacturable"
     settings = RunSettings(
         name="bench",
         maps=MapSettings(count=MAPS),
         growth=GrowthOptions.published(),
-        optimizer=PartSettings(name=optimizer),
+        optimizer=PartSettings(name="islands" if fabricable else search),
         search=SearchSettings(population=DESIGNS, generations=generations),
-        evaluation=EvaluationSettings(fabricable=False),
+        evaluation=EvaluationSettings(fabricable=fabricable, finalists_by="training"),
     )
     with tempfile.TemporaryDirectory() as folder:
         return run_search(settings, Path(folder), workers=threads).times
@@ -115,6 +119,25 @@ def search_evaluation(world: Map) -> SearchEvaluation:
         growth_us=1e6 * min(part.growth_s for part in parts) / trees,
         scoring_us=1e6 * min(part.scoring_s for part in parts) / trees,
     )
+
+
+class PenaltyTimes(NamedTuple):
+    """Time of the penalty of a design of 40 branches, us."""
+
+    at_once_us: float  # of a generation, compiled
+    alone_us: float  # of one design, by the readable rules
+
+
+def penalty_times() -> PenaltyTimes:
+    """Measure the penalties of random designs of the paper's space with 3 children on 3 levels."""
+    profile = read_profile(DEFAULT_RECIPE)
+    three = SpaceSettings(levels=_fixed(4), branches=_fixed(3))
+    space, penalty = Space(three, BuildSettings()), ManufacturabilityPenalty(profile=profile)
+    x = np.random.default_rng(1).random((DESIGNS, len(space)))
+    at_once, batch = penalty.within(space), space.batch(x)
+    designs = [space.design(point) for point in x]
+    taken_s = least_each_s((lambda: at_once(batch), lambda: [penalty(one) for one in designs]))
+    return PenaltyTimes(*(1e6 * each_s / DESIGNS for each_s in taken_s))
 
 
 def _fixed(value: float) -> Bounds:
@@ -197,6 +220,7 @@ class BenchmarkResult:
     branches_per_s: float
     evaluations_per_s: float
     search: SearchEvaluation  # the same evaluations by the search's own evaluator
+    penalty: PenaltyTimes  # how far designs are from manufacturable
     first_grow_s: dict[str, float]  # time of ``vinefab grow`` on a new computer, by `FIRST_GROWTHS`
     # reference_branches_per_s, twin_branches_per_s: branches grown by the Shapely reference and by
     # the kernel's readable twin
@@ -243,6 +267,7 @@ class BenchmarkResult:
             "floor_ns_per_event": self.floor.ns_per_event,
             "over_floor": self.over_floor,
             "search": self.search._asdict(),
+            "penalty": self.penalty._asdict(),
         }
         for name in ("threads", "batches", "memory"):
             content[name] = {str(key): value for key, value in content[name].items()}
@@ -278,6 +303,7 @@ def run_benchmark(
         branches_per_s=branches / grown_s,
         evaluations_per_s=len(batch) / evaluated_s,
         search=search_evaluation(site.world),
+        penalty=penalty_times(),
         first_grow_s={name: first_growth_s(site.world, do) for name, do in FIRST_GROWTHS.items()},
         reference_branches_per_s=reference.branches / reference_s,
         reference_error_mm=reference.error_mm(),
@@ -424,6 +450,8 @@ def _compared(result: BenchmarkResult) -> list[str]:
         f"  {result.evaluation_over_growth:.2f} times the time of growth alone",
         f"  in a search      {result.search.trees_per_s:12,.0f} trees/s"
         f"  (growth {result.search.growth_us:.1f} us, scoring {result.search.scoring_us:.1f} us)",
+        f"penalty            {result.penalty.at_once_us:12.1f} us a design of a generation"
+        f"  {result.penalty.alone_us / result.penalty.at_once_us:,.0f} times longer one by one",
         *(
             f"first grow ever    {taken_s:12.2f} s, {name}"
             for name, taken_s in result.first_grow_s.items()

@@ -7,12 +7,14 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.search.optimizers.cmaes import Cma, CmaConfig, mixed_distribution
 from vinefab.search.optimizers.islands import (
+    UNRATED,
     Islands,
     IslandsConfig,
     RecommendingOptimizer,
     ScreeningOptimizer,
 )
 from vinefab.search.optimizers.optimizer import SearchAxes
+from vinefab.search.record.run_archive import state_from_text, state_to_text
 
 AXES = SearchAxes(choices=(3, 0, 4, 0, 0), levels=(0, 0, 2, 2, 3), depth=0, least_depth=1)
 """Levels 1 to 3, a length, a number of branches on level 2, and a length each on levels 2 and 3."""
@@ -91,6 +93,29 @@ def test_where_everything_has_a_penalty_the_least_is_evaluated() -> None:
     assert len(x) >= 12
     assert x[:, 1].mean() < 0.3
     assert search.recommended() == []
+
+
+def test_an_island_that_never_hits_a_valid_point_can_be_recorded() -> None:
+    search, given = started(), np.array([0.9, 0.31, 0.7, 0.62, 0.18])
+
+    def penalty(x: Floats) -> Floats:
+        away = np.abs(x - AXES.canonical(given[None])[0]).max(axis=1)
+        return np.where(of_structure(x, 2, 2) & (away > 1e-9), 1.0, 0.0)
+
+    search.screen_by(penalty)
+    search.start_from([given])
+    ran(search, lambda x: x[:, 1], 4)
+    again = started()
+    again.restore(state_from_text(state_to_text(search.state())))
+    np.testing.assert_array_equal(again.state()["rungs"], search.state()["rungs"])
+    assert min(min(ratings) for ratings in search.state()["ratings"]) == UNRATED
+
+
+def test_where_few_points_are_valid_more_are_drawn() -> None:
+    search = started()
+    search.screen_by(lambda x: np.where(x[:, 1] * 100.0 % 1.0 < 0.1, 0.0, 1.0))
+    x, _ = ran(search, lambda x: x[:, 1], 10)
+    assert len(x) == 240
 
 
 def test_points_without_a_design_are_no_trap() -> None:

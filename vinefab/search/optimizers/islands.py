@@ -109,6 +109,10 @@ class IslandsConfig:
         return Islands(self, axes, population, seed)
 
 
+UNRATED = -1e9
+"""Rating of an island of which no point was evaluated yet; finite, for records."""
+
+
 @dataclass(slots=True, kw_only=True, eq=False)
 class Island:
     """One structure and a distribution of its other variables."""
@@ -131,7 +135,7 @@ class Island:
     def rating(self) -> float:
         """How good its points were in the second half of its generations."""
         later = self.ratings[len(self.ratings) // 2 :]
-        return math.fsum(later) / len(later) if later else -math.inf
+        return math.fsum(later) / len(later) if later else UNRATED
 
 
 _TRIED, _DESCENT = 64, 40
@@ -142,8 +146,9 @@ _DEAD_ENDS, _ATTEMPTS = 8, 64
 """Structures without a start that are found before an island begins with a penalty, and structures
 looked at, known ones among them."""
 
-_DRAWN = 2
-"""Points sampled for each that is evaluated, where only those without penalty are."""
+_DRAWN = 2, 6, 24
+"""Points sampled for each that is evaluated, where only those without penalty are: at first, and
+then as long as too few have none."""
 
 _PARKED, _RECOMMENDED = 6, 8
 """Islands kept on each rung that did not climb yet, and points recommended."""
@@ -192,7 +197,7 @@ class Islands:
             while len(self._active) < self._slots:
                 self._active.append(self._promoted() or self._new_island())
             self._asked = self._samples()
-        return np.concatenate([asked.x[: asked.count] for asked in self._asked])
+        return np.concatenate([asked.x for asked in self._asked])
 
     def tell(self, x: Floats, fitness: Floats) -> None:  # noqa: ARG002 - points are kept as sampled
         """Let every island learn; those at the end of their rung make room for others."""
@@ -216,15 +221,16 @@ class Islands:
     # --- One generation -------------------------------------------------------------------------
 
     def _samples(self) -> list["_Asked"]:
-        """Return what every active island asks for."""
-        drawn = self._size * (_DRAWN if self._penalty else 1)
-        samples = [island.search.sample(self._rng(island), drawn) for island in self._active]
-        points = [island.points(v) for island, v in zip(self._active, samples, strict=True)]
-        penalties = np.split(self._penalties(np.concatenate(points)), len(points))
-        asked = [
-            _Asked.of(*each, self._size)
-            for each in zip(self._active, samples, points, penalties, strict=True)
-        ]
+        """Return what every active island asks for; more is drawn where few points are valid."""
+        asked = [_Asked(island=i, rng=self._rng(i), size=self._size) for i in self._active]
+        for times in _DRAWN if self._penalty else (1,):
+            lacking = [each for each in asked if each.count < self._size]
+            if lacking:
+                samples = [each.draw(times * self._size) for each in lacking]
+                points = [each.island.points(v) for each, v in zip(lacking, samples, strict=True)]
+                penalties = np.split(self._penalties(np.concatenate(points)), len(lacking))
+                for each, v, penalty in zip(lacking, samples, penalties, strict=True):
+                    each.add(v, penalty)
         if not any(each.count for each in asked):
             for each in asked:  # nothing valid anywhere: the least violations are evaluated
                 each.count = 1
@@ -428,18 +434,28 @@ class _Asked:
     """The points of an island in one generation: those to be evaluated first."""
 
     island: Island
-    v: Floats  # free coordinates as sampled, shape (s, k)
-    x: Floats  # points, shape (s, d)
-    count: int  # number of points to be evaluated
+    rng: np.random.RandomState
+    size: int  # points wanted
+    v: Floats = field(default_factory=lambda: np.empty((0, 0)))  # free coordinates, shape (s, k)
+    penalty: Floats = field(default_factory=lambda: np.empty(0))  # shape (s,)
+    count: int = 0  # number of points to be evaluated
 
-    @classmethod
-    def of(cls, island: Island, v: Floats, x: Floats, penalty: Floats, size: int) -> "_Asked":
-        """Choose from the points drawn: the first without penalty, then the lowest penalties."""
-        valid = np.flatnonzero(penalty == 0.0)[:size]
-        rest = np.flatnonzero(penalty > 0.0)
-        rest = rest[np.argsort(penalty[rest], kind="stable")]
-        rows = np.concatenate([valid, rest])[:size]
-        return cls(island=island, v=v[rows], x=x[rows], count=len(valid))
+    @property
+    def x(self) -> Floats:
+        """The points to be evaluated, shape (count, d)."""
+        return self.island.points(self.v[: self.count])
+
+    def draw(self, count: int) -> Floats:
+        """Return further samples, shape (count, k)."""
+        return self.island.search.sample(self.rng, count)
+
+    def add(self, v: Floats, penalty: Floats) -> None:
+        """Choose from these and those before: the first without penalty, then the lowest."""
+        if len(self.v):
+            v, penalty = np.concatenate([self.v, v]), np.concatenate([self.penalty, penalty])
+        best = np.argsort(penalty, kind="stable")[: self.size]
+        self.v, self.penalty = v[best], penalty[best]
+        self.count = int((self.penalty == 0.0).sum())
 
 
 def _legacy(rng: np.random.Generator) -> np.random.RandomState:

@@ -195,6 +195,15 @@ def _made(run: EndedRun, checked: CheckReport | str) -> tuple[str, Tone]:
     return f"not manufacturable: {broken}", "bad" if asked else "caution"
 
 
+def _chosen_by(settings: RunSettings) -> str:
+    """Return where the fitness of finalists comes from, as a phrase."""
+    if settings.evaluation.finalists_by == "contact_range":
+        return "over the range of contacts"
+    if chooses_on_fresh_maps(settings):
+        return f"on {FRESH_MAPS} other maps that the search did not see"
+    return "on these poses"
+
+
 def _headlines(run: EndedRun) -> tuple[Headline, ...]:
     found, task = run.result.prediction, run.settings.task.name
     fresh = run.result.score
@@ -202,8 +211,8 @@ def _headlines(run: EndedRun) -> tuple[Headline, ...]:
         Headline(
             name=f"{task} on the training maps",
             value=f"{fresh.composite['mean']:.3f}",
-            detail=f"mean over {len(fresh.evaluations)} fresh poses, by which the winner was "
-            "chosen among the finalists (simulated)",
+            detail=f"mean over {len(fresh.evaluations)} fresh poses (simulated); the winner was "
+            f"chosen among the finalists {_chosen_by(run.settings)}",
         )
     ]
     if not found:
@@ -468,13 +477,9 @@ def _found_section(run: EndedRun) -> Section:
             f"By the quick rules {share:.0f} % of all designs were manufacturable, {end:.0f} % in "
             "the last generation."
         )
-    by = "at the contacts of the run"
-    if run.settings.evaluation.finalists_by == "contact_range":
-        by = "is the mean over the range of contacts"
-    elif chooses_on_fresh_maps(run.settings):
-        by = f"is that on {FRESH_MAPS} maps that the search did not see"
     finalists = Table(
-        caption=f"Finalists on the same fresh poses (simulated), the winner first; fitness {by}",
+        caption="Finalists on the same fresh poses (simulated), the winner first: chosen by their "
+        f"fitness {_chosen_by(run.settings)}",
         headings=("fitness", "mean score", "penalty", "branches", "levels"),
         rows=tuple(
             (f"{f.fitness:.4f}", f"{f.score.composite['mean']:.4f}", f"{f.penalty:.3g}",

@@ -232,12 +232,14 @@ def _starts(names: list[str], settings: RunSettings, path: Path) -> tuple[tuple[
     space, points = Space(settings.space, settings.build), []
     low, high = int(settings.space.levels.low), int(settings.space.levels.high)
     for place, name in enumerate(names, start=1):
-        file = path.parent / name
+        file, key = path.parent / name, f"optimizer.start_from[{place}]"
+        if not file.is_file() and name not in {*names("design"), *user_names("design")}:
+            raise BadInputError(key, name, f"a design file, {file}, or the name of a design")
         design = read_design(file if file.is_file() else name)
         if not low <= design.depth <= high:
             found = f"{name}, a design with {design.depth} levels"
             allowed = f"designs with {low} to {high} levels, as in space.levels"
-            raise BadInputError(f"optimizer.start_from[{place}]", found, allowed)
+            raise BadInputError(key, found, allowed)
         points.append(tuple(space.vector(design).tolist()))
     return tuple(points)
 

@@ -24,6 +24,7 @@ from vinefab.model.design import (
     Pouch,
 )
 from vinefab.model.files.design_toml import PouchForm, read_design
+from vinefab.model.files.shipped import names, user_names
 from vinefab.model.files.toml import Form, read_toml, validated
 from vinefab.model.map import Pose, Start
 from vinefab.search.costs import COSTS
@@ -227,11 +228,11 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
     return settings
 
 
-def _starts(names: list[str], settings: RunSettings, path: Path) -> tuple[tuple[float, ...], ...]:
+def _starts(given: list[str], settings: RunSettings, path: Path) -> tuple[tuple[float, ...], ...]:
     """Return the points of the designs to begin at: the nearest within the space's bounds."""
     space, points = Space(settings.space, settings.build), []
     low, high = int(settings.space.levels.low), int(settings.space.levels.high)
-    for place, name in enumerate(names, start=1):
+    for place, name in enumerate(given, start=1):
         file, key = path.parent / name, f"optimizer.start_from[{place}]"
         if not file.is_file() and name not in {*names("design"), *user_names("design")}:
             raise BadInputError(key, name, f"a design file, {file}, or the name of a design")

@@ -38,27 +38,19 @@ def choose_finalists(
     evaluator: Evaluator,
     count: int,
     further: Sequence[str] = (),
-    recommended: Sequence[Floats] = (),
 ) -> FinalistChoice:
     """Return the points that are evaluated again at the end of a run.
 
     Without a full check these are the best of the run. With one, they are the best that pass it;
     if none does, the best are repaired, and if that fails too they stay as they are. With further
     objectives, they are taken from the front.
-
-    Parameters
-    ----------
-    recommended
-        Points that the optimizer takes to be the best; they become up to half of the finalists.
     """
     if further and (front := front_points(history, evaluator, count, further)):
         return FinalistChoice(points=front, checked=True)
     penalty, space = evaluator.winner_penalty, evaluator.space
-    known = list(recommended[: count // 2])
     if not isinstance(penalty, FullCheck):
-        return FinalistChoice(points=[*known, *best_points(history, space, count - len(known))])
-    known = [x for x in known if penalty.passes(space.design(x))]
-    passing = [*known, *_passing(history, space, count - len(known), penalty.passes)]
+        return FinalistChoice(points=best_points(history, space, count))
+    passing = _passing(history, space, count, penalty.passes)
     if passing:
         return FinalistChoice(points=passing, checked=True)
     best = best_points(history, space, count)

@@ -15,7 +15,6 @@ from vinefab.search.evaluator import Evaluator, EvaluatorSpec, Penalty
 from vinefab.search.finalists import choose_finalists, reevaluated
 from vinefab.search.front import check_objectives, minimized
 from vinefab.search.optimizers.islands import (
-    RecommendingOptimizer,
     ScreeningOptimizer,
     StartingOptimizer,
 )
@@ -265,10 +264,7 @@ class Search:
         if store is not None and (recorded := store.finalists(evaluator.space)):
             return recorded, store.repair
         count, further = settings.evaluation.finalists, settings.further_objectives
-        known: list[Floats] = []
-        if isinstance(self.optimizer, RecommendingOptimizer):
-            known = self.optimizer.recommended()
-        choice = choose_finalists(history, evaluator, count, further, known)
+        choice = choose_finalists(history, evaluator, count, further)
         conditions = evaluator.final_conditions(settings.search.seed)
         with ledger.spending("evaluating"):
             finalists = reevaluated(choice, begin, conditions, evaluator, self.fresh_maps)

@@ -45,11 +45,6 @@ class Distribution(CatCMAwM):  # type: ignore[misc]  # the package has no types 
         return np.clip(reals, 0.0, 1.0), self._discretization(rest) if self._Nin else rest
 
     @property
-    def middle(self) -> Floats:
-        """Mean of each coordinate, within the bounds where it is continuous, shape (d,)."""
-        return np.concatenate([np.clip(self._mean[: self._Nco], 0.0, 1.0), self._mean[self._Nco :]])
-
-    @property
     def spread(self) -> Floats:
         """Standard deviation of each coordinate, shape (d,)."""
         deviations: Floats = self._sigma * self._A * np.sqrt(np.diag(self._C))

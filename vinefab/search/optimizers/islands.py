@@ -47,15 +47,6 @@ class ScreeningOptimizer(Protocol):
 
 
 @runtime_checkable
-class RecommendingOptimizer(Protocol):
-    """An optimizer that knows better points than the best that it happened to evaluate."""
-
-    def recommended(self) -> list[Floats]:
-        """Return points that it takes to be the best, best first."""
-        ...
-
-
-@runtime_checkable
 class StartingOptimizer(Protocol):
     """An optimizer that can begin at given points."""
 
@@ -150,8 +141,8 @@ _DRAWN = 2, 6, 24
 """Points sampled for each that is evaluated, where only those without penalty are: at first, and
 then as long as too few have none."""
 
-_PARKED, _RECOMMENDED = 6, 8
-"""Islands kept on each rung that did not climb yet, and points recommended."""
+_PARKED = 6
+"""Islands kept on each rung that did not climb yet."""
 
 _CONVERGED = 1e-4
 """Largest spread, as a share of the ranges, of an island that has ended."""
@@ -209,14 +200,6 @@ class Islands:
         self._asked = []
         self._generation += 1
         self._park()
-
-    def recommended(self) -> list[Floats]:
-        """Return the middles of the best islands, best first."""
-        ranked = sorted(self._active + self._parked, key=lambda i: i.rating, reverse=True)
-        middles = [island.points(island.search.middle[None]) for island in ranked]
-        x = np.concatenate([np.empty((0, len(self._axes))), *middles])
-        valid = self._penalties(x) == 0.0
-        return list(x[valid][:_RECOMMENDED])
 
     # --- One generation -------------------------------------------------------------------------
 

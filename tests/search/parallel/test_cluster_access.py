@@ -12,7 +12,7 @@ from vinefab.search.parallel import dask_cluster
 from vinefab.search.parallel.dask_cluster import DaskEvaluator
 
 PROGRAM = """
-import http.client, json, os, stat, sys
+import gc, http.client, json, os, stat, sys
 from pathlib import Path
 
 import dask, psutil
@@ -50,6 +50,9 @@ def admitted(address, security=None):
             return client.submit(os.getpid).result(timeout=5)
     except (OSError, TypeError):  # TypeError: no certificates at all
         return None
+    finally:
+        # dask hangs where what is left of a refused client is deleted while another starts.
+        gc.collect()
 
 def folder_modes():
     folder = Path(get_worker().local_directory)

@@ -307,7 +307,7 @@ def test_a_run_is_the_same_in_memory_on_disk_and_from_a_file(tmp_path):
     run_file = tmp_path / "short.toml"
     run_file.write_text(
         'schema = "vinefab/run-1"\n[maps]\nenvironment = "pegs"\ncount = 1\n'
-        "[optimizer]\npopulation = 4\ngenerations = 2\n"
+        '[optimizer]\nname = "islands"\npopulation = 4\ngenerations = 2\n'
         "[evaluation]\nfabricable = false\nfinalists = 2\nfinal_poses_per_map = 1\n"
     )
     assert vf.optimize(run_file).best == result.best

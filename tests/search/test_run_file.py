@@ -323,7 +323,18 @@ def test_designs_that_no_search_can_begin_at_are_refused(tmp_path: Path) -> None
 
 
 def test_a_search_begins_at_the_design_that_it_is_given(tmp_path: Path) -> None:
-    text = '[optimizer]\nstart_from = ["grid_explorer"]\n[evaluation]\nfabricable = false'
+    text = '[evaluation]\nfabricable = false\n[optimizer]\nname = "islands"\n'
+    text += 'start_from = ["grid_explorer"]'
     search = Search.of(read_run(written(tmp_path, text)), (grid_map(1),))
     first = search.evaluator.space.design(search.optimizer.ask()[0])
     assert [level.branches for level in first.levels] == [2, 3, 3]
+
+
+def test_without_a_name_the_optimizer_is_the_one_that_does_best(tmp_path: Path) -> None:
+    for text, name in {
+        "": "islands",
+        "[evaluation]\nfabricable = false": "cmaes",
+        '[task]\nobjectives = ["coverage", "film_length"]': "nsga2",
+        '[evaluation]\nfabricable = false\n[optimizer]\nname = "islands"': "islands",
+    }.items():
+        assert read_run(written(tmp_path, text)).optimizer.name == name

@@ -145,7 +145,7 @@ class RunGrowthForm(Form):
 
 
 class OptimizerForm(RunPartForm):
-    """Table ``[optimizer]``; without a name the default, ``nsga2`` where there are objectives."""
+    """Table ``[optimizer]``; without a name `_default_optimizer`."""
 
     name: str = ""
     population: int = SearchSettings().population
@@ -208,8 +208,7 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         build=_build(form.build),
         growth=GrowthOptions.of(form.growth.model_dump(exclude_none=True)),
         optimizer=PartSettings(
-            name=form.optimizer.name
-            or ("nsga2" if form.task.objectives else RunSettings().optimizer.name),
+            name=form.optimizer.name or _default_optimizer(form),
             parameters=form.optimizer.model_extra or {},
         ),
         search=SearchSettings(**search),
@@ -226,6 +225,13 @@ def _settings(form: RunForm, path: Path) -> RunSettings:
         make_other_task(other)
     make_optimizer_config(settings.optimizer.name, settings.optimizer.parameters)
     return settings
+
+
+def _default_optimizer(form: RunForm) -> str:
+    """Return the optimizer that does best: islands only where designs have to be manufacturable."""
+    if form.task.objectives:
+        return "nsga2"
+    return RunSettings().optimizer.name if form.evaluation.fabricable else "cmaes"
 
 
 def _starts(given: list[str], settings: RunSettings, path: Path) -> tuple[tuple[float, ...], ...]:

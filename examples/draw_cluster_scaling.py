@@ -19,8 +19,8 @@ from vinefab.pages.figure import png_bytes, svg_bytes
 from vinefab.search.evaluator import Evaluations
 from vinefab.search.loop import Schedule, Search
 from vinefab.search.parallel.dask_cluster import DaskEvaluator
-from vinefab.search.parallel.placement import Pace, point_weights
 from vinefab.search.parallel.point_evaluator import Begin, ThreadEvaluator
+from vinefab.search.parallel.work_placement import Pace, point_weights
 from vinefab.search.run import training_maps
 from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
 from vinefab.search.timing import Ledger

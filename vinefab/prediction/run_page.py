@@ -36,7 +36,7 @@ from vinefab.prediction.run_winner import (
     unseen_family,
 )
 from vinefab.search.evaluator import with_pose_range
-from vinefab.search.live_page import PAGE_NAME, design_words, run_facts
+from vinefab.search.live_page import PAGE_NAME, run_facts, size_words
 from vinefab.search.record.result import RunResult, curve_of
 from vinefab.search.record.run_archive import RECORD_FILE, RunArchive
 from vinefab.search.run import FRESH_MAPS, chooses_on_fresh_maps
@@ -126,7 +126,7 @@ def outcome_line(run: EndedRun, violations: str, where: Path) -> str:
             f"{low:.3f} to {high:.3f} over contacts (simulated)"
         )
     made = manufacturable_words(run.result, violations)
-    return f"found {run.design.name}: {score}; {design_words(run.design)}; {made}; open {where}"
+    return f"found {run.design.name}: {score}; {size_words(run.design)}; {made}; open {where}"
 
 
 def manufacturable_words(result: RunResult, violations: str) -> str:
@@ -149,7 +149,7 @@ def ended_report(run: EndedRun) -> Report:
     note = result.prediction.get("note", "")
     return Report(
         title=f"{run.settings.name}: the best design found",
-        verdict=f"{_verdict(run)}; {design_words(run.design)}; {made}.",
+        verdict=f"{_verdict(run)}; {size_words(run.design)}; {made}.",
         tone=tone,
         cautions=(
             *(f"{extension.text}." for extension in result.extensions),

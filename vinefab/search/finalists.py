@@ -173,9 +173,7 @@ def _over_contacts(
         at_angle = replace(conditions, half_angles_rad=(rad(angle_deg),) * count)
         evaluations = begin(x, at_angle)()
         means.append(evaluator.composites(evaluations.score, conditions.weights))
-    penalty = np.array([finalist.penalty for finalist in finalists])
-    fitness = evaluator.fitness(np.mean(means, axis=0), penalty).tolist()
-    return [replace(one, fitness=value) for one, value in zip(finalists, fitness, strict=True)]
+    return _with_composites(finalists, np.mean(means, axis=0), evaluator)
 
 
 FRESH_POSES = 2
@@ -193,8 +191,15 @@ def _on_fresh_maps(
     unseen = Evaluator.of(spec)
     conditions = unseen.conditions(settings.search.seed, FRESH, 0, FRESH_POSES)
     scores = unseen.evaluate(x, conditions)[0].score
+    return _with_composites(finalists, unseen.composites(scores, conditions.weights), unseen)
+
+
+def _with_composites(
+    finalists: Sequence[Finalist], composites: Floats, evaluator: Evaluator
+) -> list[Finalist]:
+    """Return finalists whose fitness is that of other composite scores, shape (m,)."""
     penalty = np.array([finalist.penalty for finalist in finalists])
-    fitness = unseen.fitness(unseen.composites(scores, conditions.weights), penalty).tolist()
+    fitness = evaluator.fitness(composites, penalty).tolist()
     return [replace(one, fitness=value) for one, value in zip(finalists, fitness, strict=True)]
 
 

@@ -206,7 +206,7 @@ class _BestSoFar:
             caption=f"From the start of {self._world.name} (simulated).",
             wide=True,
         )
-        words = f"{design_words(design)}, found in generation {self._at}."
+        words = f"{size_words(design)}, found in generation {self._at}."
         return Section(title=title, paragraphs=(words,), pictures=(picture,))
 
     def _picture(self, design: Design) -> bytes:
@@ -223,7 +223,7 @@ class _BestSoFar:
         return self._drawn[1]
 
 
-def design_words(design: Design) -> str:
+def size_words(design: Design) -> str:
     """Return the size of a design in words."""
     branches = f"{design.branch_count} branch{'' if design.branch_count == 1 else 'es'}"
     return f"{branches} on {design.depth} level{'' if design.depth == 1 else 's'}"

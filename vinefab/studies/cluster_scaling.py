@@ -2,8 +2,8 @@
 
 A search waits for a whole generation before it asks for the next one. Here the workers, their
 network and the process that hands out work are simulated event by event with measured costs; where
-a generation is evaluated and its work units come from `vinefab.search.parallel.placement`, as in a
-run with ``--cluster``.
+a generation is evaluated and its work units come from `vinefab.search.parallel.work_placement`, as
+in a run with ``--cluster``.
 """
 
 import heapq
@@ -19,7 +19,7 @@ from vinefab.pages.colours import INK, LEVEL_COLOURS
 from vinefab.pages.figure import blank, house_style
 from vinefab.search.evaluator import Evaluations
 from vinefab.search.loop import Search
-from vinefab.search.parallel.placement import HandingOut, Pace, point_weights
+from vinefab.search.parallel.work_placement import HandingOut, Pace, point_weights
 from vinefab.search.run import penalty_of, training_maps
 from vinefab.search.settings import RunSettings
 from vinefab.search.timing import Stopwatch

@@ -39,7 +39,7 @@ from vinefab.search.run_file import read_run
 from vinefab.search.loop import Search
 from vinefab.search.parallel import dask_cluster as module
 from vinefab.search.parallel.dask_cluster import DaskEvaluator
-from vinefab.search.parallel.placement import HandingOut
+from vinefab.search.parallel.work_placement import HandingOut
 from vinefab.search.run import run_search as search
 
 def main():

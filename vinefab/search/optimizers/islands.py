@@ -163,7 +163,6 @@ class Islands:
         self._size = population // self._slots
         self._penalty: PenaltyOfPoints | None = None
         self._structures = _structures(axes)
-        self._generation = 0
         self._given: list[Floats] = []  # points to start from
         self._begun = 0  # islands so far; the first of them start from the points given
         self._visited = 0  # those of them that took the next structure of all
@@ -198,7 +197,6 @@ class Islands:
             first += asked.count
             self._learn(asked, values)
         self._asked = []
-        self._generation += 1
         self._park()
 
     # --- One generation -------------------------------------------------------------------------
@@ -378,7 +376,6 @@ class Islands:
         """Return all islands that may go on, and what is known of the others."""
         islands = [*self._active, *self._parked]
         state: dict[str, object] = {
-            "generation": self._generation,
             "begun": self._begun,
             "visited": self._visited,
             "dead": sorted(map(list, self._dead)),
@@ -395,7 +392,6 @@ class Islands:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from a state."""
-        self._generation = state["generation"]
         self._begun, self._visited = state["begun"], state["visited"]
         self._dead = {tuple(key) for key in state["dead"]}
         self._ratings = [list(ratings) for ratings in state["ratings"]]

@@ -10,14 +10,14 @@ import pytest
 from vinefab.core.validation import Floats, Ints
 from vinefab.model.map import Map
 from vinefab.search.evaluator import TRAINING, Evaluations, Evaluator, EvaluatorSpec
-from vinefab.search.parallel.placement import (
+from vinefab.search.parallel.point_evaluator import Finish, ThreadEvaluator
+from vinefab.search.parallel.work_placement import (
     HandingOut,
     Pace,
     PlacedRun,
     least_unit_s,
     unit_rows,
 )
-from vinefab.search.parallel.point_evaluator import Finish, ThreadEvaluator
 from vinefab.search.settings import RunSettings
 from vinefab.search.timing import Ledger
 from vinefab.tasks.evaluate import Conditions

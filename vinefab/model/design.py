@@ -176,6 +176,34 @@ class Collar:
         return self.length_mm + self.flare_mm
 
 
+MOST_PIECES = 676
+"""Labels of pieces have at most two letters."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PieceSettings:
+    """How a robot may be cut in flat pieces, which sleeves join.
+
+    Parameters
+    ----------
+    most
+        Most pieces; the fewest that the tree needs are cut.
+    lap_mm
+        Length along which the socket of one piece lies over the plug of another [assumed].
+    ease_mm
+        How much wider than the plug's outside a socket is, flat [assumed].
+    """
+
+    most: int = 6
+    lap_mm: float = 15.0
+    ease_mm: float = 1.0
+
+    def __post_init__(self) -> None:
+        whole("build.pieces.most", self.most, 1, MOST_PIECES)
+        number("build.pieces.lap_mm", self.lap_mm, 1.0, 1000.0, "mm")
+        number("build.pieces.ease_mm", self.ease_mm, 0.0, 100.0, "mm")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Build:
     """How a tree of lines becomes a flat tube; one entry per level, trunk first.
@@ -198,6 +226,8 @@ class Build:
         Pouch at every leaf tip, or None for rounded tips.
     collar
         Transition from the tail to the clamp of a base, or None for a tail of the trunk's width.
+    pieces
+        How the robot may be cut in pieces, or None for one flat outline.
     """
 
     widths_mm: tuple[float, ...]
@@ -207,6 +237,7 @@ class Build:
     pressure_kpa: float = DEFAULT_PRESSURE_KPA
     pouch: Pouch | None = None
     collar: Collar | None = None
+    pieces: PieceSettings | None = None
 
     def __post_init__(self) -> None:
         for ratio in self.taper:

@@ -16,10 +16,12 @@ from vinefab.model.design import (
     DEFAULT_TAIL_MM,
     DEFAULT_TRUNK_WIDTH_MM,
     DEFAULT_WIDTH_RATIO,
+    MOST_PIECES,
     Build,
     Collar,
     Design,
     Level,
+    PieceSettings,
     Pouch,
     Waiver,
     default_fillets_mm,
@@ -68,6 +70,14 @@ class CollarForm(Form):
     flare_mm: Width = 40.0
 
 
+class PiecesForm(Form):
+    """Inline table ``pieces``."""
+
+    most: Annotated[int, Field(ge=1, le=MOST_PIECES)] = PieceSettings().most
+    lap_mm: Annotated[float, Field(ge=1, le=1000)] = PieceSettings().lap_mm
+    ease_mm: Annotated[float, Field(ge=0, le=100)] = PieceSettings().ease_mm
+
+
 class BuildForm(Form):
     """Table ``[build]``: every key may be left out."""
 
@@ -81,6 +91,7 @@ class BuildForm(Form):
     pressure_kpa: Annotated[float, Field(ge=0, le=10_000)] = DEFAULT_PRESSURE_KPA
     pouch: PouchForm | None = None
     collar: CollarForm | None = None
+    pieces: PiecesForm | None = None
 
 
 class WaiveForm(Form):
@@ -183,6 +194,7 @@ def _build(form: BuildForm, depth: int) -> Build:
         pouch=pouch,
         taper=() if form.taper is None else tuple(form.taper),
         collar=None if form.collar is None else Collar(**form.collar.model_dump()),
+        pieces=None if form.pieces is None else PieceSettings(**form.pieces.model_dump()),
     )
 
 
@@ -215,6 +227,10 @@ def _build_table(build: Build) -> dict[str, Any]:
     if build.collar is not None:
         names = ("clamp_diameter_mm", "length_mm", "flare_mm")
         table["collar"] = {name: getattr(build.collar, name) for name in names}
+    if build.pieces is not None:
+        table["pieces"] = {
+            name: getattr(build.pieces, name) for name in ("most", "lap_mm", "ease_mm")
+        }
     if build.pouch is not None:
         pouch = build.pouch
         sizes = {name: getattr(pouch, name) for name in ("radius_mm", "length_mm", "width_mm")}

@@ -1,0 +1,57 @@
+"""A robot cut in flat pieces: which branches each holds, and the sleeves that join them."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Piece:
+    """A connected part of the branch tree that lies flat by itself.
+
+    Branches are named by their index in the tree.
+    """
+
+    label: str  # A for the piece with the tail, then B, C, ...; AA after Z
+    root: int  # the branch that it begins with: the trunk (0), or one that begins in a socket
+    branches: tuple[int, ...]  # the branches that end on it, its root among them, ascending
+    stubs: tuple[int, ...] = ()  # the branches of which only the stub with its plug is on it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sleeve:
+    """Where two pieces meet: a socket over a plug, on a straight stretch of one branch.
+
+    Distances are along the branch, from the joint or base where it begins.
+    """
+
+    label: str  # that of the outer piece, the one with the socket
+    inner: str  # label of the piece with the plug
+    branch: int  # index of the branch
+    socket_mm: float  # where the socket begins
+    plug_mm: float  # where the plug ends: one lap farther
+    blend_end_mm: float  # where the socket's blend ends and the branch has its own width
+    width_mm: float  # lay-flat lumen width of the branch where the socket begins
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Partition:
+    """A robot in pieces, or the reason why it cannot be cut in the pieces that it may have."""
+
+    # from the base outward: the piece with the tail first; the whole robot if it is not cut
+    pieces: tuple[Piece, ...]
+    sleeves: tuple[Sleeve, ...] = ()  # of all pieces but the first, in their order
+    proven_least: bool = True  # whether no fewer pieces are possible
+    refusal: str = ""  # why the pieces do not pass all rules about room; empty if they do
+
+    def sleeve(self, branch: int) -> Sleeve:
+        """Return the sleeve on a branch that is cut, by the branch's index."""
+        return next(sleeve for sleeve in self.sleeves if sleeve.branch == branch)
+
+
+def piece_label(number: int) -> str:
+    """Return the label of a piece by its number from 0.
+
+    >>> [piece_label(number) for number in (0, 25, 26)]
+    ['A', 'Z', 'AA']
+    """
+    first, last = divmod(number, 26)
+    return (piece_label(first - 1) if first else "") + chr(ord("A") + last)

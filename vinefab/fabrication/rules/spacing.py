@@ -407,7 +407,7 @@ class RotatedSpan:
 
 
 def excess_mm(capsules: Capsules, sheet_mm: tuple[float, float]) -> float:
-    """Return by how much a flat robot exceeds a sheet in its best rotation, at most 0 if it fits."""
+    """Return how far a flat robot exceeds a sheet in its best rotation; 0 or less if it fits."""
     span = RotatedSpan()
     span.add_mouth(capsules)
     span.add(capsules.end_mm, capsules.end_half_mm)

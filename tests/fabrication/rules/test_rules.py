@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.pieces.sleeve import SleeveSize
+from vinefab.fabrication.job.sleeve import SleeveSize
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.fabrication.rules.rule import Limits, RuleNotApplicable
 from vinefab.fabrication.rules.run_rules import run_checks

@@ -7,9 +7,9 @@ import shapely
 
 from vinefab.fabrication.job.laser_job import check_size, laser_job
 from vinefab.fabrication.job.placement import ONE, SheetOptions
+from vinefab.fabrication.job.sleeve import SleeveSize
 from vinefab.fabrication.outline.body_outline import BodyOutline, body_outline
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
-from vinefab.fabrication.pieces.sleeve import SleeveSize
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design

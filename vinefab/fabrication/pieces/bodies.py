@@ -5,7 +5,6 @@ Each is measured by capsules, as whole robots are: ends that are flat in film co
 
 from dataclasses import dataclass
 from enum import IntEnum
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray

@@ -64,8 +64,8 @@ JOB_RULES = frozenset(
 FLAT_RULES = frozenset(rule.id for rule in _BUILTIN) - JOB_RULES
 """Rules that need no paths of the laser."""
 
-PIECE_RULES = frozenset(rule.id for rule in (LAP, LAP_PACKING))
-"""Rules about pieces and their sleeves: a robot that may not be cut has no such checks."""
+SLEEVE_RULES = frozenset(rule.id for rule in _BUILTIN if rule.id.startswith("VF-J"))
+"""Rules about pieces and their sleeves: reports of robots that may not be cut do not name them."""
 
 COMMAND_LINE = "--limit"
 

@@ -7,7 +7,7 @@ from typing import Protocol, TypeVar
 
 from vinefab.core.hashing import fingerprint
 from vinefab.core.jsontext import json_text
-from vinefab.fabrication.rules.catalog import PIECE_RULES, RULES, by_rule, changed_limits
+from vinefab.fabrication.rules.catalog import RULES, SLEEVE_RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.rig_rules import RIG_CHECKS, RigSubject
 from vinefab.fabrication.rules.rule import (
     LimitChanges,
@@ -76,7 +76,7 @@ def run_checks(
 
 
 def _concerns(rule: Rule, subject: Subject) -> bool:
-    return subject.partition is not None or rule.id not in PIECE_RULES
+    return subject.partition is not None or rule.id not in SLEEVE_RULES
 
 
 def merged_reports(report: CheckReport, more: CheckReport) -> CheckReport:

@@ -5,10 +5,11 @@ import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.fabrication import checking
+from vinefab.fabrication.job.sleeve import SleeveSize
 from vinefab.fabrication.rules.catalog import RULES, SLEEVE_RULES
 from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.model.design import Design, Waiver
+from vinefab.model.design import Design, PieceSettings, Waiver
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.shipped import names
 from vinefab.model.finding import Severity
@@ -38,14 +39,18 @@ def test_every_rule_is_either_run_or_skipped_with_a_reason(
     assert all(skipped.reason for skipped in report.skipped)
 
 
-def test_rules_about_pieces_run_where_a_robot_may_be_cut(make: Make, profile: LaserProfile) -> None:
+def test_rules_about_pieces_run_or_say_why_where_a_design_may_be_cut(
+    make: Make, profile: LaserProfile
+) -> None:
+    assert {"VF-J01", "VF-J02", "VF-J03", "VF-J04", "VF-J05"} == SLEEVE_RULES
+    uncut = Subject.of(make(pieces=PieceSettings()), profile)
+    skipped = {skip.rule: skip.reason for skip in run_checks(uncut).skipped}
+    assert all(skipped[rule] for rule in SLEEVE_RULES)
     whole = Partition(pieces=(Piece(label="A", root=0, branches=(0,)),))
-    for known in (profile, None):
-        report = run_checks(replace(Subject.of(make(), known), partition=whole))
-        about = [run for run in report.run if run.rule in SLEEVE_RULES]
-        assert {run.rule for run in about} >= {"VF-J03", "VF-J04"}
-        # One piece has no sleeve.
-        assert [run.checked for run in about if run.rule in ("VF-J03", "VF-J04")] == [0, 0]
+    size = SleeveSize(lap_mm=15.0, rise_mm=1.0)
+    run = run_checks(replace(uncut, partition=whole, sleeve=size)).run
+    # One piece has no sleeve.
+    assert [one.checked for one in run if one.rule in ("VF-J03", "VF-J04")] == [0, 0]
 
 
 def test_without_a_recipe_its_rules_are_skipped_and_say_so(make: Make) -> None:

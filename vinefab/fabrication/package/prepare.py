@@ -32,7 +32,7 @@ from vinefab.fabrication.package.readme_text import readme_text
 from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.as_built import READBACK
-from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES
+from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES, concerns
 from vinefab.fabrication.rules.run_rules import checks_text, merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.deployment import Deployment
@@ -165,7 +165,8 @@ def _beside(design: Design, profile: LaserProfile, job: Job) -> CheckReport:
     """
     report = run_checks(Subject.on_sheet(design, profile, job), only=RULES.keys() - SHEET_RULES)
     reason = f"checked once for the whole sheet, with {job.name}"
-    skipped = tuple(RuleSkipped(rule=rule, reason=reason) for rule in sorted(SHEET_RULES))
+    rules = [rule for rule in sorted(SHEET_RULES) if concerns(rule, design)]
+    skipped = tuple(RuleSkipped(rule=rule, reason=reason) for rule in rules)
     once = replace(report, run=(), skipped=skipped, findings=())
     return replace(merged_reports(report, once), stale_waivers=())
 

@@ -26,7 +26,7 @@ from vinefab.fabrication.pieces.piece_joining import (
     JoiningStep,
     joining_order,
 )
-from vinefab.fabrication.pieces.sleeve import SleeveSize, sleeve_size
+from vinefab.fabrication.job.sleeve import SleeveSize, sleeve_size
 from vinefab.model.design import Design
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour

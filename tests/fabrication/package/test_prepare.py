@@ -30,7 +30,7 @@ from vinefab.fabrication.package.prepare import (
     prepare,
     zip_bytes,
 )
-from vinefab.model.design import Build, Design
+from vinefab.model.design import Build, Design, PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
@@ -152,6 +152,20 @@ def test_line_energy_and_fluence_are_worked_out(
     assert energy.value == pytest.approx(600.0)
     assert fluence_mj_mm2(profile.machine, settings).value == pytest.approx(1200.0)
     assert energy.standing is Standing.COMPUTED
+
+
+def test_job_json_holds_the_bond_of_laps_for_robots_that_may_be_cut(
+    content: PackageContent,
+) -> None:
+    bond = read_profile("co2_60w__stretchlon_200").recipe.lap
+    recipe = replace(content.profile.recipe, lap=bond)
+    bonded = replace(content, profile=replace(content.profile, recipe=recipe))
+    assert package_files(bonded)["job.json"] == package_files(content)["job.json"]
+    build = replace(content.design.build, pieces=PieceSettings())
+    cut = replace(bonded, design=replace(content.design, build=build))
+    lap = json.loads(package_files(cut)["job.json"])["recipe"]["lap"]
+    assert lap["method"] == "impulse_seal"
+    assert lap["strength_n_per_mm"]["standing"] == "assumed"
 
 
 def test_job_json_holds_every_setting_with_its_standing(content: PackageContent) -> None:

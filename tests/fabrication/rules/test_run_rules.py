@@ -5,7 +5,7 @@ import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.fabrication import checking
-from vinefab.fabrication.rules.catalog import RULES
+from vinefab.fabrication.rules.catalog import PIECE_RULES, RULES
 from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design, Waiver
@@ -14,6 +14,7 @@ from vinefab.model.files.shipped import names
 from vinefab.model.finding import Severity
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
+from vinefab.model.pieces import Partition, Piece
 
 Make = Callable[..., Design]
 
@@ -33,8 +34,18 @@ def test_every_rule_is_either_run_or_skipped_with_a_reason(
 ) -> None:
     report = run_checks(Subject.of(make(), profile if recipe == "with" else None))
     reported = [*(run.rule for run in report.run), *(skipped.rule for skipped in report.skipped)]
-    assert sorted(reported) == sorted(RULES)
+    assert sorted(reported) == sorted(RULES.keys() - PIECE_RULES)
     assert all(skipped.reason for skipped in report.skipped)
+
+
+def test_rules_about_pieces_run_where_a_robot_may_be_cut(make: Make, profile: LaserProfile) -> None:
+    whole = Partition(pieces=(Piece(label="A", root=0, branches=(0,)),))
+    for known in (profile, None):
+        report = run_checks(replace(Subject.of(make(), known), partition=whole))
+        about = [run for run in report.run if run.rule in PIECE_RULES]
+        assert {run.rule for run in about} >= {"VF-J03", "VF-J04"}
+        # One piece has no sleeve.
+        assert [run.checked for run in about if run.rule in ("VF-J03", "VF-J04")] == [0, 0]
 
 
 def test_without_a_recipe_its_rules_are_skipped_and_say_so(make: Make) -> None:
@@ -166,7 +177,7 @@ def test_the_paths_of_a_large_design_that_is_blocked_are_not_made_and_no_rule_is
     report = checking.check_design(make(FAN, (4, 200.0, 170.0)), profile)
     assert "VF-T03" in {finding.rule for finding in report.blocking}
     reported = [*(run.rule for run in report.run), *(skipped.rule for skipped in report.skipped)]
-    assert sorted(reported) == sorted(RULES)
+    assert sorted(reported) == sorted(RULES.keys() - PIECE_RULES)
     reasons = {skipped.rule: skipped.reason for skipped in report.skipped}
     assert {"VF-S01", "VF-L02"} <= {rule for rule, why in reasons.items() if "not looked at" in why}
     assert "21 branches" in reasons["VF-S01"]

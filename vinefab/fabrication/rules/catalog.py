@@ -17,11 +17,11 @@ from vinefab.fabrication.rules.laser_rules import (
     PLY,
     STATUS,
 )
-from vinefab.fabrication.rules.pressure_limits import BURST, RATING, STRAIN, WINDOW
+from vinefab.fabrication.rules.pressure_limits import BURST, LAP, RATING, STRAIN, WINDOW
 from vinefab.fabrication.rules.rig_rules import CORRIDORS, OBSTACLE_HEIGHT, RIG_SIZE, RIG_SOLIDS
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
 from vinefab.fabrication.rules.tree_and_base import CLAMP, MOUTH, POLYGON, REACH, TAIL, TREE
-from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO
+from vinefab.fabrication.rules.widths import LAP_PACKING, LEAST_WIDTH, PACKING, WIDTH_RATIO
 from vinefab.model.design import Design
 from vinefab.model.finding import ChangedLimit
 from vinefab.model.laser import LaserProfile
@@ -34,6 +34,7 @@ _BUILTIN = (
     *(TAIL, CLAMP, REACH),
     *(BED, FILM),
     *(MARKS, PATHS, ORDER, PLY, MACHINE, STATUS),
+    *(LAP, LAP_PACKING),
     READBACK,
     *(RIG_SOLIDS, RIG_SIZE, CORRIDORS, OBSTACLE_HEIGHT),
 )
@@ -62,6 +63,9 @@ JOB_RULES = frozenset(
 
 FLAT_RULES = frozenset(rule.id for rule in _BUILTIN) - JOB_RULES
 """Rules that need no paths of the laser."""
+
+PIECE_RULES = frozenset(rule.id for rule in (LAP, LAP_PACKING))
+"""Rules about pieces and their sleeves: a robot that may not be cut has no such checks."""
 
 COMMAND_LINE = "--limit"
 

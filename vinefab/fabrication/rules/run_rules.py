@@ -7,7 +7,7 @@ from typing import Protocol, TypeVar
 
 from vinefab.core.hashing import fingerprint
 from vinefab.core.jsontext import json_text
-from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
+from vinefab.fabrication.rules.catalog import PIECE_RULES, RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.rig_rules import RIG_CHECKS, RigSubject
 from vinefab.fabrication.rules.rule import (
     LimitChanges,
@@ -41,6 +41,8 @@ def run_checks(
 ) -> CheckReport:
     """Return the report of all registered rules: their findings, and why any was skipped.
 
+    Rules about pieces are in it only where the robot may be cut.
+
     Parameters
     ----------
     limits
@@ -59,7 +61,7 @@ def run_checks(
     outcomes = [
         (rule, rule.check(subject, rule.limits_with(values.get(rule.id, {}))))
         for rule in RULES.values()
-        if only is None or rule.id in only
+        if (only is None or rule.id in only) and _concerns(rule, subject)
     ]
     recipe = subject.profile.recipe.name if subject.profile else ""
     report = _report(subject.design.name, outcomes, subject.design.waivers)
@@ -71,6 +73,10 @@ def run_checks(
     )
     skipped = (*report.skipped, *broken)
     return replace(report, recipe=recipe, limits=changed, stale_waivers=stale, skipped=skipped)
+
+
+def _concerns(rule: Rule, subject: Subject) -> bool:
+    return subject.partition is not None or rule.id not in PIECE_RULES
 
 
 def merged_reports(report: CheckReport, more: CheckReport) -> CheckReport:

@@ -7,6 +7,7 @@ import shapely
 
 from vinefab.fabrication.job.laser_job import check_size, laser_job
 from vinefab.fabrication.job.placement import ONE, SheetOptions
+from vinefab.fabrication.job.sleeve import SleeveSize
 from vinefab.fabrication.outline.body_outline import BodyOutline, body_outline
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of
@@ -14,6 +15,7 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
+from vinefab.model.pieces import Partition
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +76,8 @@ class Subject:
     map_names: tuple[str, ...] = ()  # of each deployment's map; empty to number them
     rig: RigFacts | None = None
     corridors: tuple[MapCorridors, ...] = ()  # of maps or rigs
+    partition: Partition | None = None  # the robot in pieces; None if it may not be cut
+    sleeve: SleeveSize | None = None  # size of the sleeves of its pieces
 
     @classmethod
     def of(

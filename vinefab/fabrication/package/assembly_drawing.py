@@ -15,19 +15,22 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import Normal, Stroke
+from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats
 from vinefab.fabrication.findings_picture import fitted, text_width_pt
+from vinefab.fabrication.job.sleeve import SleeveSize, sleeve_size
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
-from vinefab.fabrication.pieces.exploded import ExplodedView, exploded_view
-from vinefab.fabrication.pieces.piece_joining import (
+from vinefab.fabrication.package.piece_joining import (
     MINUTES_PER_JOINT,
     JoiningStep,
     joining_order,
+    needs_strips,
+    order_reasons,
 )
-from vinefab.fabrication.job.sleeve import SleeveSize, sleeve_size
-from vinefab.model.design import Design
+from vinefab.fabrication.pieces.exploded import ExplodedView, exploded_view
+from vinefab.model.design import Design, PieceSettings
 from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition
@@ -50,6 +53,8 @@ _LEAD_PT = 34.0
 _RIM_PT = 16.0
 _FLATTEN_PT = 0.1
 _PT_PER_MM = 72.0 / 25.4
+
+_PLUG, _SOCKET = LEVEL_COLOURS[:2]
 
 Box = tuple[float, float, float, float]
 
@@ -85,10 +90,7 @@ def assembly_drawing(
     separate: bool = False,
 ) -> Figure:
     """Return the whole page: exploded view, robot put together, one lap, order of joining."""
-    settings = design.build.pieces
-    assert settings is not None
-    size = sleeve_size(settings, profile, separate=separate)
-    robot = _Robot.of(design, partition, outlines, size)
+    robot = _Robot.of(design, partition, outlines, profile, separate=separate)
     exploded = _Exploded.of(robot)
     notes = _notes(robot)
     list_pt = _LINE_PT * (max(map(len, notes)) + 1) + 8.0
@@ -118,10 +120,8 @@ def exploded_picture(
     separate: bool = False,
 ) -> Figure:
     """Return the exploded view alone."""
-    settings = design.build.pieces
-    assert settings is not None
-    size = sleeve_size(settings, profile, separate=separate)
-    exploded = _Exploded.of(_Robot.of(design, partition, outlines, size))
+    robot = _Robot.of(design, partition, outlines, profile, separate=separate)
+    exploded = _Exploded.of(robot)
     with house_style():
         figure, axes = _paper(exploded.high_pt)
         _draw_exploded(axes, exploded, 0.0)
@@ -147,6 +147,7 @@ class _Robot:
     design: Design
     partition: Partition
     outlines: Mapping[str, Contour]
+    profile: LaserProfile
     size: SleeveSize
     layout: FlatLayout
     steps: tuple[JoiningStep, ...]
@@ -158,13 +159,18 @@ class _Robot:
         design: Design,
         partition: Partition,
         outlines: Mapping[str, Contour],
-        size: SleeveSize,
+        profile: LaserProfile,
+        *,
+        separate: bool,
     ) -> "_Robot":
+        """Return what is to be drawn."""
+        settings = design.build.pieces or PieceSettings()
         return cls(
             design=design,
             partition=partition,
             outlines={piece.label: outlines[piece.label] for piece in partition.pieces},
-            size=size,
+            profile=profile,
+            size=sleeve_size(settings, profile, separate=separate),
             layout=flat_layout(design),
             steps=joining_order(design, partition),
             colours=piece_colours(partition),
@@ -276,15 +282,17 @@ def _draw_exploded(axes: Axes, exploded: _Exploded, below_pt: float) -> None:
         _draw_piece(axes, robot, piece.label, page, view.moves_mm[piece.label])
     labels = _Labels(
         (_EDGE_PT, below_pt + _TITLE_PT, _WIDE_PT - _EDGE_PT, top - _TITLE_PT),
-        [page.points(_points(robot, piece.label, page) + view.moves_mm[piece.label])
-         for piece in robot.partition.pieces],
+        [
+            page.points(_points(robot, piece.label, page) + view.moves_mm[piece.label])
+            for piece in robot.partition.pieces
+        ],
     )
     for step in robot.steps:
         _draw_lead(axes, robot, step, page, view, labels)
     for piece in robot.partition.pieces:
         _write_piece(axes, robot, piece.label, page, view.moves_mm[piece.label], labels)
     for step in robot.steps:
-        _write_joint(axes, robot, step, page, view, labels)
+        _write_joint(axes, step, page, view, labels)
     _draw_key(axes, robot, (_EDGE_PT, below_pt + 8.0), page.pt_per_mm)
 
 
@@ -335,8 +343,10 @@ def _draw_lead(
 
 def _draw_number(axes: Axes, at_pt: Floats, number: int) -> None:
     """Draw the number of a step, white on dark."""
+    x, y = at_pt.tolist()
     axes.text(
-        *at_pt.tolist(),
+        x,
+        y,
         str(number),
         fontsize=_NUMBER_PT + 0.5,
         color="white",
@@ -348,15 +358,24 @@ def _draw_number(axes: Axes, at_pt: Floats, number: int) -> None:
     )
 
 
-def _write_piece(
-    axes: Axes, robot: _Robot, label: str, page: _View, move_mm: Floats, labels: "_Labels"
+def _write_piece(  # noqa: PLR0913  where it is drawn
+    axes: Axes,
+    robot: _Robot,
+    label: str,
+    page: _View,
+    move_mm: Floats,
+    labels: "_Labels",
+    *,
+    size_pt: float = _LABEL_PT,
 ) -> None:
     """Write the label of a piece into its widest part."""
     points = page.points(_points(robot, label, page) + move_mm)
+    x, y = labels.inside(points, label, size_pt).tolist()
     axes.text(
-        *labels.inside(points, label).tolist(),
+        x,
+        y,
         label,
-        fontsize=_LABEL_PT,
+        fontsize=size_pt,
         color=INK,
         fontweight="bold",
         ha="center",
@@ -367,12 +386,7 @@ def _write_piece(
 
 
 def _write_joint(
-    axes: Axes,
-    robot: _Robot,
-    step: JoiningStep,
-    page: _View,
-    view: ExplodedView,
-    labels: "_Labels",
+    axes: Axes, step: JoiningStep, page: _View, view: ExplodedView, labels: "_Labels"
 ) -> None:
     """Write the joint's label beside its plug and beside its socket."""
     name = step.sleeve.label
@@ -382,8 +396,10 @@ def _write_joint(
 
 
 def _write(axes: Axes, at_pt: Floats, words: str, size_pt: float, colour: str) -> None:
+    x, y = at_pt.tolist()
     axes.text(
-        *at_pt.tolist(),
+        x,
+        y,
         words,
         fontsize=size_pt,
         color=colour,
@@ -399,7 +415,8 @@ def _around(middle_pt: Floats, words: str, size_pt: float) -> BaseGeometry:
     """Return the box around words."""
     wide, high = text_width_pt(words, size_pt, bold=True) + 3.0, size_pt + 1.0
     x, y = middle_pt.tolist()
-    return shapely.box(x - wide / 2, y - high / 2, x + wide / 2, y + high / 2)
+    box: Polygon = shapely.box(x - wide / 2, y - high / 2, x + wide / 2, y + high / 2)
+    return box
 
 
 class _Labels:
@@ -419,13 +436,12 @@ class _Labels:
         """Keep labels off a line, where there is room elsewhere."""
         self.lines.append(shapely.LineString(ends_pt))
 
-    def inside(self, outline_pt: Floats, words: str) -> Floats:
+    def inside(self, outline_pt: Floats, words: str, size_pt: float) -> Floats:
         """Return a place for the label of a piece: in its widest part, if that is free."""
-        shape = shapely.make_valid(shapely.Polygon(outline_pt))
-        middles = list(_middles(shape))
+        middles = list(_middles(outline_pt))
         spots = [*middles, *outline_pt[:: max(1, len(outline_pt) // 40)]]
         costs = np.where(np.arange(len(spots)) < len(middles), np.arange(len(spots)), 30.0)
-        return self._best(np.array(spots), costs, words, _LABEL_PT, 0.05)
+        return self._best(np.array(spots), costs, words, size_pt, 0.05)
 
     def beside(self, at_pt: Floats, words: str) -> Floats:
         """Return a place for a label near a point."""
@@ -450,15 +466,19 @@ class _Labels:
         return np.asarray(spots[best])
 
 
-def _middles(shape: BaseGeometry) -> Iterator[Floats]:
-    """Yield the middle of the largest disc inside a shape, then of what is left without it."""
+def _middles(outline_pt: Floats) -> Iterator[Floats]:
+    """Yield the middle of the largest disc inside an outline, then of what is left without it."""
+    shape: BaseGeometry = shapely.make_valid(shapely.Polygon(outline_pt))
     for _ in range(4):
-        if shape.is_empty or shape.area <= 0.0:
+        parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon)]
+        largest = max(parts, key=shapely.area, default=Polygon())
+        if largest.is_empty:
             return
-        disc = shapely.maximum_inscribed_circle(shape, tolerance=0.5)
+        disc = shapely.maximum_inscribed_circle(largest, tolerance=0.5)
         middle = shapely.get_coordinates(disc)[0]
         yield middle
-        shape = shape - shapely.Point(middle).buffer(max(disc.length, 12.0), quad_segs=4)
+        around = shapely.Point(middle).buffer(max(disc.length, 12.0), quad_segs=4)
+        shape = shapely.difference(shape, around)
 
 
 # --- key, title
@@ -476,11 +496,9 @@ def _draw_head(axes: Axes, top_pt: float, robot: _Robot) -> None:
     name = fitted(design.name, 0.55 * _WIDE_PT, 14.0, bold=True)
     axes.text(_EDGE_PT, top_pt - 24.0, name, fontsize=14.0, fontweight="bold", color=INK)
     joints = len(robot.steps)
-    words = f"assembly: {pieces} pieces, {joints} joint{'s' if joints != 1 else ''}"
+    words = f"assembly: {pieces} pieces, {joints} joint{'' if joints == 1 else 's'}"
     right = _WIDE_PT - _EDGE_PT
-    axes.text(
-        right, top_pt - 24.0, words, fontsize=11.0, fontweight="bold", color=INK, ha="right"
-    )
+    axes.text(right, top_pt - 24.0, words, fontsize=11.0, fontweight="bold", color=INK, ha="right")
     size = robot.size
     axes.text(
         _EDGE_PT,
@@ -542,16 +560,16 @@ def _draw_together(axes: Axes, robot: _Robot, box_pt: Box) -> None:
         [page.points(_points(robot, piece.label, page)) for piece in robot.partition.pieces],
     )
     for step in robot.steps:
-        _draw_band(axes, robot, step, page)
+        labels.take(_draw_band(axes, robot, step, page))
     for piece in robot.partition.pieces:
-        _write_piece(axes, robot, piece.label, page, here, labels)
+        _write_piece(axes, robot, piece.label, page, here, labels, size_pt=9.0)
     x = _draw_scale(axes, (x0, y0 + 10.0), page.pt_per_mm)
     axes.plot([x, x + 14.0], [y0 + 13.0] * 2, color=ALERT, lw=2.4)
     _written(axes, (x + 18.0, y0 + 10.0), "joint: socket over plug")
 
 
-def _draw_band(axes: Axes, robot: _Robot, step: JoiningStep, page: _View) -> None:
-    """Draw a joint as a line across its branch, in the middle of the lap."""
+def _draw_band(axes: Axes, robot: _Robot, step: JoiningStep, page: _View) -> BaseGeometry:
+    """Draw a joint as a line across its branch, in the middle of the lap, and return its place."""
     sleeve = step.sleeve
     heading = float(robot.layout.heading_rad[sleeve.branch])
     along = np.array([math.cos(heading), math.sin(heading)])
@@ -561,6 +579,7 @@ def _draw_band(axes: Axes, robot: _Robot, step: JoiningStep, page: _View) -> Non
     reach = sleeve.width_mm / 2.0 + robot.size.rise_mm
     ends = page.points(np.array([middle - reach * across, middle + reach * across]))
     axes.plot(*ends.T, color=ALERT, lw=2.4, solid_capstyle="butt", zorder=6)
+    return shapely.buffer(shapely.LineString(ends), 2.5)
 
 
 # --- one lap
@@ -569,8 +588,10 @@ def _draw_band(axes: Axes, robot: _Robot, step: JoiningStep, page: _View) -> Non
 def _draw_lap(axes: Axes, robot: _Robot, box_pt: Box) -> None:
     """Draw one lap from above and in section: what goes over what, and where the strip lies."""
     x0, y0, x1, y1 = box_pt
-    _draw_title(axes, (x0, y1 - 14.0), "One lap", "from above, and in section (thickness not to scale)")
-    sketch = _LapSketch(axes, (x0, x1), robot.size.lap_mm)
+    _draw_title(
+        axes, (x0, y1 - 14.0), "One lap", "from above, and in section (thickness not to scale)"
+    )
+    sketch = _LapSketch(axes, (x0, x1), robot)
     sketch.plan(y1 - 0.36 * (y1 - y0))
     sketch.section(y0 + 0.27 * (y1 - y0))
 
@@ -578,116 +599,81 @@ def _draw_lap(axes: Axes, robot: _Robot, box_pt: Box) -> None:
 class _LapSketch:
     """A sketch of one lap: the base of the robot is to the left."""
 
-    def __init__(self, axes: Axes, sides_pt: tuple[float, float], lap_mm: float) -> None:
-        self.axes = axes
+    def __init__(self, axes: Axes, sides_pt: tuple[float, float], robot: _Robot) -> None:
+        self.axes, self.strip = axes, needs_strips(robot.profile)
         self.left, self.right = sides_pt
         wide = self.right - self.left
         self.rim = self.left + 0.36 * wide  # of the socket
         self.end = self.left + 0.62 * wide  # of the plug
-        self.lap_mm = lap_mm
+        self.lap_mm, lap = robot.size.lap_mm, robot.profile.recipe.lap
+        width = "" if lap is None else f", {lap.band_mm.value:g} mm ({lap.band_mm.standing})"
+        self.band_words = f"{'sealed' if self.strip else 'adhesive'} band, all around{width}"
         third = (self.end - self.rim) / 3.0
         self.band = self.rim + third, self.end - third
 
     def plan(self, y: float) -> None:
         """Draw the lap from above, its axis at a height."""
         plug, socket, axes = 30.0, 38.0, self.axes
-        inner, outer = LEVEL_COLOURS[0], LEVEL_COLOURS[1]
-        axes.fill(
-            [self.left, self.end, self.end, self.left],
-            [y - plug, y - plug, y + plug, y + plug],
-            fc=to_rgba(inner, 0.25),
-            ec="none",
-            zorder=2,
-        )
-        for side in (-plug, plug):
-            axes.plot([self.left, self.end], [y + side] * 2, color=inner, lw=1.2, zorder=3)
-        axes.plot([self.end] * 2, [y - plug, y + plug], "--", color=inner, lw=1.4, zorder=3)
-        blend = self.end + 22.0
-        edge_x = [self.right, blend + 22.0, blend - 6.0, self.rim]
-        edge_y = [plug, plug, socket, socket]
-        axes.fill(
-            [*edge_x, *reversed(edge_x)],
-            [*(y + h for h in edge_y), *(y - h for h in reversed(edge_y))],
-            fc=to_rgba(outer, 0.25),
-            ec="none",
-            zorder=4,
-        )
-        for sign in (-1.0, 1.0):
-            axes.plot(edge_x, [y + sign * h for h in edge_y], color=outer, lw=1.2, zorder=5)
-        axes.plot([self.rim] * 2, [y - socket, y + socket], color=outer, lw=1.8, zorder=5)
-        axes.add_patch(
-            Rectangle(
-                (self.band[0], y - socket),
-                self.band[1] - self.band[0],
-                2.0 * socket,
-                fc="none",
-                ec=ALERT,
-                hatch="////",
-                lw=0.8,
-                zorder=6,
-            )
-        )
-        axes.add_patch(
-            Rectangle(
-                (self.left + 6.0, y - 0.72 * plug),
-                self.end - 5.0 - self.left - 6.0,
-                1.44 * plug,
-                fc="none",
-                ec=INK,
-                ls=":",
-                lw=1.1,
-                zorder=6,
-            )
-        )
+        outer_x = [self.right, self.end + 44.0, self.end + 16.0, self.rim]
+        outer_y = np.array([plug, plug, socket, socket])
+        sides = ([self.left, self.end], np.array([plug, plug]), _PLUG), (outer_x, outer_y, _SOCKET)
+        for rank, (x, half, colour) in enumerate(sides, start=2):
+            face = to_rgba(colour, 0.25)
+            axes.fill_between(x, y - half, y + half, fc=face, ec="none", zorder=rank)
+            for sign in (-1.0, 1.0):
+                axes.plot(x, y + sign * half, color=colour, lw=1.2, zorder=rank + 2)
+        axes.plot([self.end] * 2, [y - plug, y + plug], "--", color=_PLUG, lw=1.4, zorder=5)
+        axes.plot([self.rim] * 2, [y - socket, y + socket], color=_SOCKET, lw=1.8, zorder=5)
+        self._frame((*self.band, y - socket, y + socket), ALERT, "hatched")
+        if self.strip:
+            ends = (self.left + 6.0, self.end - 5.0)
+            self._frame((*ends, y - 0.72 * plug, y + 0.72 * plug), INK, "dotted")
+            self._words((self.left + 10.0, y - 2.5), "release strip, inside", INK)
         self._dimension(y + socket + 13.0)
-        for x, dy, words, colour, align in (
-            (self.left, plug + 4.0, "plug: open end, inner piece", inner, "left"),
-            (self.right, plug + 4.0, "socket: outer piece", outer, "right"),
-            (self.left + 10.0, -2.5, "release strip, inside", INK, "left"),
-            (self.band[0], -socket - 12.0, "sealed band, all around", ALERT, "left"),
-            (self.left, -socket - 12.0, "to the base", SOFT, "left"),
-        ):
-            self._words((x, y + dy), words, colour, align)
+        self._words((self.left, y + plug + 4.0), "plug: inner piece", _PLUG)
+        self._words((self.right, y + plug + 4.0), "socket: outer piece", _SOCKET, "right")
+        self._words((self.band[0], y - socket - 12.0), self.band_words, ALERT)
+        self._words((self.left, y - socket - 12.0), "to the base", SOFT)
 
     def section(self, y: float) -> None:
         """Draw the lap cut lengthwise, its axis at a height."""
         axes = self.axes
-        inner, outer = LEVEL_COLOURS[0], LEVEL_COLOURS[1]
+        outer_x = [self.rim, self.end + 16.0, self.end + 34.0, self.right]
         for sign in (-1.0, 1.0):
-            axes.plot(
-                [self.left, self.end], [y + sign * 12.0] * 2, color=inner, lw=2.6, solid_capstyle="butt"
+            heights = y + sign * np.array([19.0, 19.0, 12.0, 12.0])
+            axes.plot(outer_x, heights, color=_SOCKET, lw=2.6, solid_capstyle="butt")
+            ends = [self.left, self.end]
+            axes.plot(ends, [y + sign * 12.0] * 2, color=_PLUG, lw=2.6, solid_capstyle="butt")
+            middle = y + sign * 15.5
+            self._frame((*self.band, middle - 2.6, middle + 2.6), ALERT)
+        if self.strip:
+            axes.plot([self.left + 6.0, self.end - 5.0], [y] * 2, ":", color=INK, lw=1.6)
+        arrow = {"arrowstyle": "-|>", "color": SOFT, "lw": 1.2}
+        axes.annotate("", (self.right - 4.0, y + 4.0), (self.end + 6.0, y + 4.0), arrowprops=arrow)
+        self._words((self.rim, y + 24.0), "rim of the socket", _SOCKET)
+        self._words((self.end + 6.0, y - 7.0), "rim of the plug", _PLUG)
+        lines = [
+            "Film that is still inside runs away from the base (arrow) and off the",
+            "rim of the plug, which trails; the other way round it would catch.",
+        ]
+        if self.strip:
+            lines.append(
+                "The strip is drawn out to the left, through the base of the plug's piece."
             )
-            axes.plot(
-                [self.rim, self.end + 16.0, self.end + 34.0, self.right],
-                [y + sign * 19.0, y + sign * 19.0, y + sign * 12.0, y + sign * 12.0],
-                color=outer,
-                lw=2.6,
-                solid_capstyle="butt",
-            )
-            axes.add_patch(
-                Rectangle(
-                    (self.band[0], y + sign * 15.5 - 2.6),
-                    self.band[1] - self.band[0],
-                    5.2,
-                    fc=ALERT,
-                    ec="none",
-                )
-            )
-        axes.plot([self.left + 6.0, self.end - 5.0], [y] * 2, ":", color=INK, lw=1.6)
-        axes.annotate(
-            "",
-            (self.right - 4.0, y),
-            (self.end + 6.0, y),
-            arrowprops={"arrowstyle": "-|>", "color": SOFT, "lw": 1.2},
-        )
-        for x, dy, words, colour, align in (
-            (self.left, 18.0, "rim of the socket", outer, "left"),
-            (self.end + 40.0, 18.0, "rim of the plug", inner, "left"),
-            (self.left, -34.0, "Film that is still inside runs away from the base (arrow) and off", SOFT, "left"),
-            (self.left, -45.0, "the rim of the plug, which trails; the other way round it would catch.", SOFT, "left"),
-            (self.left, -56.0, "The strip leaves through the base of the plug's piece (left).", SOFT, "left"),
-        ):
-            self._words((x, y + dy), words, colour, align)
+        for row, words in enumerate(lines):
+            self._words((self.left, y - 36.0 - 11.0 * row), words, SOFT)
+
+    def _frame(self, sides_pt: Box, colour: str, look: str = "") -> None:
+        """Draw a rectangle by its left, right, lower and upper sides: full, hatched or dotted."""
+        left, right, low, high = sides_pt
+        patch = Rectangle((left, low), right - left, high - low, fc="none", ec=colour, zorder=6)
+        if look == "hatched":
+            patch.set_hatch("////")
+        elif look == "dotted":
+            patch.set_linestyle(":")
+        else:
+            patch.set_facecolor(colour)
+        self.axes.add_patch(patch)
 
     def _dimension(self, y: float) -> None:
         """Draw the length of the lap between its rims."""
@@ -702,20 +688,13 @@ class _LapSketch:
         middle = (self.rim + self.end) / 2.0
         self._words((middle, y + 5.0), f"lap {self.lap_mm:g} mm (assumed)", INK, "center")
 
-    def _words(self, at_pt: tuple[float, float], words: str, colour: str, align: str) -> None:
+    def _words(
+        self, at_pt: tuple[float, float], words: str, colour: str, align: str = "left"
+    ) -> None:
         self.axes.text(*at_pt, words, fontsize=_TEXT_PT, color=colour, ha=align, zorder=8)
 
 
 # --- the order, in words
-
-_REASONS = (
-    "Outermost joints first. The release strip inside a plug is drawn out through the open base of"
-    " the same piece, so it never has to pass a joint that is already made. When all plugs of a"
-    " piece are taken, its base is its only opening: test that part for leaks before you go on."
-    " Small parts are also easier to lay into an impulse sealer, whose bars must reach across the"
-    " lap; fold neighbouring branches out of the way. The piece with the tail comes last: its"
-    " strips leave through the mouth.",
-)
 
 
 def _notes(robot: _Robot) -> tuple[list[str], list[str]]:
@@ -727,11 +706,10 @@ def _notes(robot: _Robot) -> tuple[list[str], list[str]]:
     widest = max((step.sleeve.width_mm for step in steps), default=0.0) + 2.0 * robot.size.rise_mm
     minutes = MINUTES_PER_JOINT * len(steps)
     numbers = (
-        f"The sealer's bars must be longer than the widest socket, {widest:.1f} mm (computed)."
-        f" Time to join: about {minutes:g} minutes ({MINUTES_PER_JOINT:g} a joint, assumed)."
-        " README.txt has every step."
+        f"The widest socket is {widest:.1f} mm wide (computed). Time to join: about {minutes:g}"
+        f" minutes ({MINUTES_PER_JOINT:g} a joint, assumed). README.txt has every step."
     )
-    reasons = [line for text in (*_REASONS, numbers) for line in wrap(text, 82)]
+    reasons = [line for text in (order_reasons(robot.profile), numbers) for line in wrap(text, 82)]
     left = ["Order of joining: the socket of the first over the plug of the second", *order]
     right = ["Why in this order", *reasons]
     room = len(right) + 3

@@ -10,12 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats
 from vinefab.fabrication.outline.layout import FlatLayout
 from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition, Sleeve
+
+Shapes = NDArray[np.object_]
 
 _DIRECTIONS = 24
 _FLATTEN_SHARE = 5e-4
@@ -76,7 +79,9 @@ def _ring(contour: Contour) -> Floats:
     """Return the outline of a piece, coarsely; of one that crosses itself the hull."""
     x0, y0, x1, y1 = contour.box_mm
     tolerance = _FLATTEN_SHARE * max(x1 - x0, y1 - y0, 1e-3)
-    shape = shapely.simplify(shapely.Polygon(contour.flattened_mm(tolerance)), tolerance)
+    shape: BaseGeometry = shapely.simplify(
+        shapely.Polygon(contour.flattened_mm(tolerance)), tolerance
+    )
     if not shape.is_valid or shape.is_empty:
         shape = shapely.MultiPoint(contour.flattened_mm(tolerance)).convex_hull
     return shapely.get_coordinates(shapely.get_exterior_ring(shape))
@@ -121,7 +126,7 @@ class _Page:
 
     def _extra(self, ring_mm: Floats, plug_mm: Floats, spots: Floats) -> Floats:
         """Return what places of a socket cost besides distance; infinite where one is not free."""
-        shapes = shapely.polygons(ring_mm[None] + spots[:, None])
+        shapes = np.asarray(shapely.polygons(ring_mm[None] + spots[:, None]))
         cost = np.zeros(len(spots))
         for piece in self.pieces:
             cost[shapely.dwithin(piece, shapes, 0.2 * self.lead_mm)] = np.inf
@@ -132,11 +137,13 @@ class _Page:
             cost[free] += _GROWTH_COST * self._growth(shapes[free])
         return cost
 
-    def _crossed(self, shapes: Floats, plug_mm: Floats, spots: Floats) -> Floats:
+    def _crossed(self, shapes: Shapes, plug_mm: Floats, spots: Floats) -> Floats:
         """Return how many pieces and lines the way of each shape's line crosses, or the shape."""
         # The ends of a line lie on the rims of its own two pieces.
         away = spots - plug_mm
-        lines = shapely.linestrings(np.stack([plug_mm + 0.05 * away, plug_mm + 0.95 * away], axis=1))
+        lines = shapely.linestrings(
+            np.stack([plug_mm + 0.05 * away, plug_mm + 0.95 * away], axis=1)
+        )
         crossed = 1.0 * shapely.intersects(shapes, lines)
         for other in (*self.pieces, *self.lines):
             crossed += shapely.intersects(other, lines)
@@ -144,7 +151,7 @@ class _Page:
             crossed += shapely.intersects(line, shapes)
         return np.asarray(crossed)
 
-    def _growth(self, shapes: Floats) -> Floats:
+    def _growth(self, shapes: Shapes) -> Floats:
         """Return by how much shapes make the picture's width and height larger, summed."""
         around = shapely.total_bounds(np.array(self.pieces))
         boxes = shapely.bounds(shapes)

@@ -333,6 +333,7 @@ def _draw_lead(
     ):
         ends = page.points(np.array([place - reach * across, place + reach * across]))
         axes.plot(*ends.T, style, color=colour, lw=1.6 if style == "-" else 1.0, zorder=5)
+        labels.take(shapely.buffer(shapely.LineString(ends), 1.5))
     ends = page.points(np.array([plug, socket]))
     axes.plot(*ends.T, color=INK, lw=0.6, zorder=4)
     labels.take_line(ends)

@@ -4,7 +4,7 @@ import csv
 import io
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vinefab.core.jsontext import GENERATOR
 from vinefab.fabrication.job.sleeve import sleeve_size
@@ -47,12 +47,19 @@ def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
 
 
 def joint_lines(
-    design: Design, partition: Partition, profile: LaserProfile, *, separate: bool = False
+    design: Design,
+    partition: Partition,
+    profile: LaserProfile,
+    *,
+    robots: int = 1,
+    separate: bool = False,
 ) -> tuple[BomLine, ...]:
-    """Return what joining the pieces of one robot takes; nothing for a robot in one piece.
+    """Return what joining the pieces of some robots takes; nothing for a robot in one piece.
 
     Parameters
     ----------
+    robots
+        Number of robots.
     separate
         As in `sleeve_size`.
     """
@@ -71,8 +78,8 @@ def joint_lines(
         f" {settings.ease_mm:g} mm (assumed)"
     )
     minutes_basis = f"{MINUTES_PER_JOINT:g} min a joint (assumed: nobody has timed one)"
-    return (
-        _computed("pieces", len(partition.pieces), "1", "flat parts of one robot"),
+    each = (
+        _computed("pieces", len(partition.pieces), "1", "flat parts of a robot"),
         _computed("joints", count, "1", "socket of one piece over the plug of another"),
         _assumed("film in laps, all plies", film.plies * laps_mm2 / 100.0, "cm2", lap_basis),
         _computed("bands around laps", count, "1", "one at each joint"),
@@ -80,6 +87,7 @@ def joint_lines(
         *_bond_lines(design, partition, profile, rims_mm),
         _assumed("assembly time", MINUTES_PER_JOINT * count, "min", minutes_basis),
     )
+    return tuple(replace(line, value=robots * line.value) for line in each)
 
 
 def _bond_lines(

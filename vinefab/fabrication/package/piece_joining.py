@@ -124,12 +124,19 @@ class JoiningWords:
 
 
 def joining_words(
-    design: Design, partition: Partition, profile: LaserProfile, *, separate: bool = False
+    design: Design,
+    partition: Partition,
+    profile: LaserProfile,
+    *,
+    robots: int = 1,
+    separate: bool = False,
 ) -> JoiningWords:
     """Return how the pieces of a robot are joined, in words.
 
     Parameters
     ----------
+    robots
+        Number of robots on the sheets.
     separate
         As in `sleeve_size`.
     """
@@ -139,10 +146,20 @@ def joining_words(
     size = sleeve_size(settings, profile, separate=separate)
     widest_mm = max(sleeve.width_mm for sleeve in partition.sleeves)
     return JoiningWords(
-        needed=tuple(_needed(design, partition, profile, widest_mm, 2.0 * size.rise_mm)),
+        needed=(
+            *_several(robots),
+            *_needed(design, partition, profile, widest_mm, 2.0 * size.rise_mm),
+        ),
         one_joint=tuple(_one_joint(size.lap_mm, profile)),
         steps=tuple(_steps(design, partition, profile)),
     )
+
+
+def _several(robots: int) -> tuple[str, ...]:
+    if robots == 1:
+        return ()
+    note = f"The sheets hold {robots} robots: the steps are for each of them. Keep copies apart."
+    return (note,)
 
 
 def _needed(
@@ -188,14 +205,15 @@ def _one_joint(lap_mm: float, profile: LaserProfile) -> Iterator[str]:
     if strips:
         yield (
             "Push a release strip with the rod through the open base of the plug's piece until it"
-            " shows at the plug's rim. It must lie flat between the plies, at the lap nearly as"
-            " wide as the plug inside; behind the lap it may be narrow."
+            " shows at the plug's rim; where the way is long or bent, first let air carry a thread"
+            " through and pull the strip in by it. It must lie flat between the plies, at the lap"
+            " nearly as wide as the plug inside; behind the lap it may be narrow, or a thread."
         )
     else:
         yield f"Lay {band}{standing} of adhesive film around the plug, in the middle of the lap."
     yield (
         f"Open the socket with a blunt tool and push it over the plug, without twisting, until its"
-        f" rim lies on the plug's mark, {lap_mm:g} mm deep. The letters on both are the same, and"
+        f" rim lies on the plug's line, {lap_mm:g} mm deep. The letters on both are the same, and"
         " their side seams lie on each other."
     )
     if strips:
@@ -222,9 +240,11 @@ def _steps(design: Design, partition: Partition, profile: LaserProfile) -> Itera
         " working pressure, assumed) and look for bubbles in soapy water"
     )
     yield (
-        "Cut and measure every sheet (sections 1 to 6). Before a piece leaves its place, write its"
-        " letter on the face that lies up, and the letters of its joints beside its plugs and its"
-        " socket."
+        "Cut and measure every sheet (sections 1 to 6). Letters and ticks are marked on the film"
+        " that is left over: before a piece leaves its place, write on the face that lies up its"
+        " letter, the letters of its joints on plugs and socket, and across each plug a line from"
+        f" tick to tick, {partition.sleeves[0].plug_mm - partition.sleeves[0].socket_mm:g} mm from"
+        " its rim. assembly.svg shows them all."
     )
     steps = joining_order(design, partition)
     for step in steps:

@@ -8,8 +8,9 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import ReadBackError
 from vinefab.fabrication.job.laser_job import laser_job
+from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.annotation import annotated_job
-from vinefab.fabrication.rules.catalog import FLAT_RULES, RULES
+from vinefab.fabrication.rules.catalog import FLAT_RULES, RULES, concerns
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Corridor, MapCorridors, RigFacts, Subject
@@ -79,7 +80,10 @@ def check_design(
     if design.branch_count > MANY_BRANCHES:
         flat = replace(subject_of(design, None, deployed), profile=profile)
         return _check_in_steps(replace(flat, corridors=corridors, rig=rig), profile, limits)
-    subject = replace(subject_of(design, profile, deployed), corridors=corridors, rig=rig)
+    flat = replace(subject_of(design, None, deployed), profile=profile)
+    partition = partition_of(design, profile, limits)
+    job = laser_job(design, profile, partition=partition)
+    subject = in_pieces(replace(flat, job=job, corridors=corridors, rig=rig), partition)
     return run_checks(subject, limits)
 
 
@@ -94,7 +98,11 @@ def _check_in_steps(
         The design without the paths of the laser.
     """
     report = run_checks(flat, limits, only=FLAT_RULES)
-    others = [rule for rule in (*RULES, *RULES.broken) if rule not in FLAT_RULES]
+    others = [
+        rule
+        for rule in (*RULES, *RULES.broken)
+        if rule not in FLAT_RULES and concerns(rule, flat.design)
+    ]
     if not report.blocking:
         subject = replace(flat, job=laser_job(flat.design, profile))
         return merged_reports(report, run_checks(subject, limits, only=others))

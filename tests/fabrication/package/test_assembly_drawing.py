@@ -102,10 +102,10 @@ def test_files_are_a_picture_and_a_page_without_date(robot, parts, recipe) -> No
 
 PROGRAM = """
 from hashlib import sha256
-from vinefab.fabrication.job.sleeve import sleeve_size
+from vinefab.fabrication.job.sleeve import piece_ends, sleeve_size
 from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.package.assembly_drawing import assembly_files
-from vinefab.fabrication.pieces.partition import partition_of, piece_ends
+from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.model.design import Build, Design, Level, PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 

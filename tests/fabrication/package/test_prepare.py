@@ -20,7 +20,7 @@ from vinefab.fabrication.formats.laser_formats import formats_for, laser_files
 from vinefab.fabrication.formats.readback import file_problems
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.package.job_json import fluence_mj_mm2, operation_energy_mj_mm
+from vinefab.fabrication.package.job_json import fluence_mj_mm2, job_text, operation_energy_mj_mm
 from vinefab.fabrication.package.prepare import (
     PackageContent,
     Prepared,
@@ -30,7 +30,7 @@ from vinefab.fabrication.package.prepare import (
     prepare,
     zip_bytes,
 )
-from vinefab.model.design import Build, Design, PieceSettings
+from vinefab.model.design import Build, Design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.finding import CheckReport
 from vinefab.model.job import Job, Operation
@@ -154,18 +154,19 @@ def test_line_energy_and_fluence_are_worked_out(
     assert energy.standing is Standing.COMPUTED
 
 
-def test_job_json_holds_the_bond_of_laps_for_robots_that_may_be_cut(
-    content: PackageContent,
+def test_job_json_holds_the_bond_of_laps_for_robots_in_pieces_only(
+    design: Design, profile: LaserProfile, job: Job
 ) -> None:
     bond = read_profile("co2_60w__stretchlon_200").recipe.lap
-    recipe = replace(content.profile.recipe, lap=bond)
-    bonded = replace(content, profile=replace(content.profile, recipe=recipe))
-    assert package_files(bonded)["job.json"] == package_files(content)["job.json"]
-    build = replace(content.design.build, pieces=PieceSettings())
-    cut = replace(bonded, design=replace(content.design, build=build))
-    lap = json.loads(package_files(cut)["job.json"])["recipe"]["lap"]
+    bonded = replace(profile, recipe=replace(profile.recipe, lap=bond))
+    colours = PRESETS["default"]
+    assert job_text(design, job, bonded, colours) == job_text(design, job, profile, colours)
+    facts = {**job.facts, "pieces": [], "joints": []}
+    cut = replace(job, sheets=(replace(job),), facts=facts)
+    lap = json.loads(job_text(design, cut, bonded, colours))["recipe"]["lap"]
     assert lap["method"] == "impulse_seal"
     assert lap["strength_n_per_mm"]["standing"] == "assumed"
+    assert json.loads(job_text(design, cut, profile, colours))["recipe"]["lap"] is None
 
 
 def test_job_json_holds_every_setting_with_its_standing(content: PackageContent) -> None:

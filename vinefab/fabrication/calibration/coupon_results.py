@@ -19,6 +19,7 @@ from vinefab.fabrication.calibration.coupons import (
     STRIP_MM,
     STRIPS,
     Matrix,
+    lap_name,
 )
 from vinefab.fabrication.job.passes import weldcut_offset_mm
 from vinefab.model.files.shipped import read_text
@@ -131,7 +132,7 @@ def _lap_rows(profile: LaserProfile) -> list[Row]:
     ]
     for width in LAP_WIDTHS_MM:
         for number in range(1, LAP_COPIES + 1):
-            name = f"LAP-{width:g}-{number}"
+            name = lap_name(width, number)
             rows += [
                 (
                     "lap_burst",

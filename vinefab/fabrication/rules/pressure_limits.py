@@ -19,8 +19,7 @@ from vinefab.fabrication.rules.rule import (
 )
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import Severity
-from vinefab.model.laser import LapBond, LaserProfile, Material, Quantity, Standing
-from vinefab.model.pieces import Sleeve
+from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
 from vinefab.physics.growth_pressure import (
     FITTED,
     FITTED_DIAMETER_MM,
@@ -30,7 +29,7 @@ from vinefab.physics.growth_pressure import (
     planned_paths,
     riding_mm,
 )
-from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, lap_load_n_mm, seam_load_n_mm
+from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, seam_load_n_mm
 from vinefab.physics.tube import inflated_diameter_mm
 
 _NO_RECIPE = RuleNotApplicable(reason="needs a recipe, for the film and its seam")
@@ -80,67 +79,6 @@ def check_strain(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
         f"{_basis(subject.profile.material.modulus_mpa)}: lower the pressure"
     )
     return _applied(subject, branch, message, (strain_percent, broken))
-
-
-def check_laps(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
-    """VF-J03: the laps of sleeves bear the working pressure with a safety factor."""
-    sleeves = subject.partition.sleeves if subject.partition else ()
-    if not sleeves:
-        return RuleApplied(checked=0)
-    if subject.profile is None:
-        return RuleNotApplicable(reason="needs a recipe, for the bond of its laps")
-    recipe, pieces = subject.profile.recipe, subject.design.build.pieces
-    if recipe.lap is None:
-        reason = f"recipe {recipe.name} has no table [lap]: nothing is known of the bond of sleeves"
-        return RuleNotApplicable(reason=f"{reason}; burst lap coupons and calibrate it")
-    violations = [
-        violation
-        for sleeve in sleeves
-        if (violation := _weak_lap(subject, sleeve, recipe.lap, limits))
-    ]
-    if pieces is not None and pieces.lap_mm < recipe.lap.band_mm.value:
-        rows = [sleeve.branch for sleeve in sleeves]
-        violations.append(_short_lap(subject.ids(*rows), pieces.lap_mm, recipe.lap))
-    return RuleApplied(checked=len(sleeves), violations=tuple(violations))
-
-
-def _weak_lap(subject: Subject, sleeve: Sleeve, bond: LapBond, limits: Limits) -> Violation | None:
-    load_n_mm = lap_load_n_mm(subject.design.build.pressure_kpa, sleeve.width_mm)
-    limit_n_mm = bond.load_n_per_mm.value / limits["safety_factor"]
-    severity = Severity.ERROR if bond.is_measured_limit else Severity.WARNING
-    broken = Limits({severity.value: limit_n_mm}).most(load_n_mm)
-    if broken is None:
-        return None
-    message = (
-        f"the lap of plug {sleeve.label}, {sleeve.width_mm:.1f} mm wide, may be loaded with "
-        f"{limit_n_mm:.3f} N per mm of rim with safety ({bond.words()}): lower the pressure or "
-        f"narrow the branch{'' if bond.is_measured_limit else ', or burst lap coupons'}"
-    )
-    return branch_violation(
-        subject,
-        [sleeve.branch],
-        message,
-        (load_n_mm, broken),
-        at_mm=_along_mm(subject, sleeve.branch, sleeve.socket_mm),
-    )
-
-
-def _short_lap(branches: tuple[str, ...], lap_mm: float, bond: LapBond) -> Violation:
-    """Return a warning that the bond's band is wider than the laps on some branches."""
-    return Violation(
-        message=f"a band of {bond.band_mm.value:g} mm, that of the recipe, has no room on laps of "
-        f"{lap_mm:g} mm: lengthen them ([build] pieces.lap_mm)",
-        severity=Severity.WARNING,
-        branches=branches,
-        aspect="band",
-    )
-
-
-def _along_mm(subject: Subject, branch: int, distance_mm: float) -> tuple[float, float]:
-    """Return the place at a distance along a branch's centre line."""
-    start_mm, end_mm = subject.layout.start_mm[branch], subject.layout.end_mm[branch]
-    x, y = start_mm + (end_mm - start_mm) * (distance_mm / subject.layout.tree.length_mm[branch])
-    return float(x), float(y)
 
 
 def safe_pressure_kpa(width_mm: float, material: Material, limits: Limits) -> float:
@@ -211,15 +149,6 @@ STRAIN = Rule(
     limits={"warning": 50.0},
     reason="thin TPU balloons long before it bursts, and a ballooned robot is another robot",
     check=check_strain,
-)
-LAP = Rule(
-    id="VF-J03",
-    title="laps of sleeves bear the working pressure",
-    unit="N/mm",
-    limits={"safety_factor": 1.5},
-    reason="the pressure pulls a sleeve apart with P w / (2 pi) per millimetre of its rim; only "
-    "laps that failed in a test forbid, what they bore is a lower bound",
-    check=check_laps,
 )
 
 

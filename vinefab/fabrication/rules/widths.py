@@ -179,37 +179,6 @@ def check_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppl
     return RuleApplied(checked=len(found), violations=tuple(violations))
 
 
-def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
-    """VF-J04: folded film leaves room in the lumen that it rides in also where laps double it."""
-    if subject.partition is None or subject.sleeve is None or not subject.partition.sleeves:
-        return RuleApplied(checked=0)
-    if subject.profile is None:
-        return RuleNotApplicable(reason="needs a recipe, for the film's thickness")
-    film_mm = subject.profile.material.ply_mm.value * subject.profile.material.plies
-    shares = lap_occupancies(
-        subject.design,
-        subject.partition.sleeves,
-        subject.sleeve.rise_mm,
-        film_mm,
-        limits["packing"],
-    )
-    fullest: dict[int, int] = {}
-    for branch, share in shares.items():
-        level = int(subject.layout.tree.level[branch])
-        if share > shares.get(fullest.get(level, -1), 0.0):
-            fullest[level] = branch
-    message = (
-        "with the laps of sleeves in it, the film that rides here fills too much of the lumen: "
-        "fewer or narrower children, or fewer cuts below"
-    )
-    violations = [
-        branch_violation(subject, [branch], message, (100.0 * shares[branch], broken))
-        for branch in fullest.values()
-        if (broken := limits.most(100.0 * shares[branch]))
-    ]
-    return RuleApplied(checked=len(shares), violations=tuple(violations))
-
-
 def _too_full(level: int, *, is_leaf: bool) -> str:
     if is_leaf:
         return f"the pouch fills too much of the level {level} that it rides in: narrow or widen it"
@@ -246,12 +215,4 @@ PACKING = Rule(
     limits={"error": 60.0, "warning": 30.0, "packing": 0.1},
     reason="undeployed film rides inside the body and jams when it is packed (uncalibrated)",
     check=check_packing,
-)
-LAP_PACKING = Rule(
-    id="VF-J04",
-    title="folded film with the laps of sleeves within the lumen it rides in",
-    unit="%",
-    limits={"error": 60.0, "warning": 30.0, "packing": 0.1},
-    reason="the film of a lap is doubled and rides inside the body like all of it (uncalibrated)",
-    check=check_lap_packing,
 )

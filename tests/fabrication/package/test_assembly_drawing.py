@@ -102,9 +102,8 @@ def test_files_are_a_picture_and_a_page_without_date(robot, parts, recipe) -> No
 
 PROGRAM = """
 from hashlib import sha256
-from vinefab.fabrication.job.sleeve import piece_ends, sleeve_size
-from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.package.assembly_drawing import assembly_files
+from vinefab.fabrication.pieces.exploded import piece_lumens
 from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.model.design import Build, Design, Level, PieceSettings
 from vinefab.model.files.profile_toml import read_profile
@@ -115,11 +114,7 @@ build = Build(widths_mm=widths, fillet_mm=(4.0, 3.0), pieces=settings)
 fans = (Level.of(4, 260.0, 260.0), Level.of(4, 220.0, 260.0))
 design = Design(name="crossing", trunk_length_mm=220.0, levels=fans, build=build)
 partition = partition_of(design, profile)
-size = sleeve_size(settings, profile)
-outlines = {
-    piece.label: body_outline(design, ends=piece_ends(partition, piece, size)).contour
-    for piece in partition.pieces
-}
+outlines = piece_lumens(design, partition, profile)
 print(len(partition.pieces))
 for data in assembly_files(design, partition, outlines, profile).values():
     print(sha256(data).hexdigest())
@@ -145,11 +140,11 @@ def test_the_drawing_has_the_same_bytes_in_another_process(tmp_path: Path) -> No
 
 def test_the_report_lists_pieces_and_joints(robot, parts, recipe) -> None:
     partition, outlines = parts
-    sheets = {piece.label: 1 + "ABCDEFG".index(piece.label) // 4 for piece in partition.pieces}
+    sheets = {label: (1,) if label in "ABCD" else (2, 3) for label in outlines}
     section = pieces_section(robot, partition, outlines, recipe, sheets=sheets)
     pieces, joints = section.tables
     assert [row[0] for row in pieces.rows] == list("ABCDEFG")
-    assert [row[3] for row in pieces.rows] == list("1111222")
+    assert [row[3] for row in pieces.rows] == ["1"] * 4 + ["2, 3"] * 3
     counts = [int(row[2]) for row in pieces.rows]
     assert counts == [len(piece.branches) for piece in partition.pieces]
     assert sum(counts) == robot.branch_count

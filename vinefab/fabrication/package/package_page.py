@@ -139,7 +139,7 @@ def pieces_section(
     outlines: Mapping[str, Contour],
     profile: LaserProfile,
     *,
-    sheets: Mapping[str, int],
+    sheets: Mapping[str, Sequence[int]],
     separate: bool = False,
 ) -> Section:
     """Return the pieces of a robot and its joints, with the exploded view.
@@ -149,7 +149,7 @@ def pieces_section(
     outlines
         Outline of every piece, by its label, in the coordinates of the whole robot's flat layout.
     sheets
-        Number of the sheet that each piece is cut from, by its label.
+        Numbers of the sheets that hold each piece, by its label; several for several robots.
     separate
         As in `sleeve_size`.
     """
@@ -184,7 +184,7 @@ def _piece_table(
     design: Design,
     partition: Partition,
     outlines: Mapping[str, Contour],
-    sheets: Mapping[str, int],
+    sheets: Mapping[str, Sequence[int]],
 ) -> Table:
     ids = branch_tree(design).ids
     rows = []
@@ -197,7 +197,7 @@ def _piece_table(
                 piece.label,
                 f"{names} and {more} more" if more > 0 else names,
                 str(len(piece.branches)),
-                str(sheets[piece.label]),
+                ", ".join(map(str, sheets[piece.label])),
                 f"{long_mm:.0f} x {wide_mm:.0f}",
             )
         )

@@ -14,7 +14,11 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats
+from vinefab.fabrication.job.sleeve import piece_ends, sleeve_size
+from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import FlatLayout
+from vinefab.model.design import Design, PieceSettings
+from vinefab.model.laser import LaserProfile
 from vinefab.model.outline import Contour
 from vinefab.model.pieces import Partition, Sleeve
 
@@ -36,6 +40,23 @@ class ExplodedView:
     moves_mm: Mapping[str, Floats]  # by label of the piece, shape (2,)
     plugs_mm: Mapping[str, Floats]  # rim of each plug, by label of the joint, shape (2,)
     sockets_mm: Mapping[str, Floats]  # rim of each socket, by label of the joint, shape (2,)
+
+
+def piece_lumens(
+    design: Design, partition: Partition, profile: LaserProfile, *, separate: bool = False
+) -> dict[str, Contour]:
+    """Return the outline of every piece's lumen in the robot's flat layout, by its label.
+
+    Parameters
+    ----------
+    separate
+        As in `sleeve_size`.
+    """
+    size = sleeve_size(design.build.pieces or PieceSettings(), profile, separate=separate)
+    return {
+        piece.label: body_outline(design, ends=piece_ends(partition, piece, size)).contour
+        for piece in partition.pieces
+    }
 
 
 def exploded_view(

@@ -15,6 +15,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import Normal, Stroke
+from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -339,7 +340,7 @@ def _draw_lead(
     labels.take_line(ends)
     middle = ends.mean(axis=0)
     _draw_number(axes, middle, step.number)
-    labels.take(_around(middle, f"{step.number}", _JOINT_PT))
+    labels.take(_around(middle[None], f"{step.number}", _JOINT_PT)[0])
 
 
 def _draw_number(axes: Axes, at_pt: Floats, number: int) -> None:
@@ -412,12 +413,11 @@ def _write(axes: Axes, at_pt: Floats, words: str, size_pt: float, colour: str) -
     )
 
 
-def _around(middle_pt: Floats, words: str, size_pt: float) -> BaseGeometry:
-    """Return the box around words."""
+def _around(middles_pt: Floats, words: str, size_pt: float) -> NDArray[np.object_]:
+    """Return the boxes around words in different places, shape (n, 2)."""
     wide, high = text_width_pt(words, size_pt, bold=True) + 3.0, size_pt + 1.0
-    x, y = middle_pt.tolist()
-    box: Polygon = shapely.box(x - wide / 2, y - high / 2, x + wide / 2, y + high / 2)
-    return box
+    x, y = middles_pt.T
+    return np.asarray(shapely.box(x - wide / 2, y - high / 2, x + wide / 2, y + high / 2))
 
 
 class _Labels:
@@ -455,7 +455,7 @@ class _Labels:
         self, spots: Floats, costs: Floats, words: str, size_pt: float, edge_cost: float
     ) -> Floats:
         """Return the cheapest of places; covering a label costs most, then lines, then edges."""
-        boxes = np.array([_around(spot, words, size_pt) for spot in spots])
+        boxes = _around(spots, words, size_pt)
         cost = costs + 1000.0 * ~shapely.within(boxes, self.page)
         for taken in self.taken:
             cost = cost + 8.0 * shapely.area(shapely.intersection(boxes, taken))

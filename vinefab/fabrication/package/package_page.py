@@ -37,14 +37,16 @@ from vinefab.physics.tube import inflated_diameter_mm
 
 def sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
     """Return the sheet for the laser: picture and what was done to the paths."""
-    rows = tuple((name.replace("_", " "), _value(value)) for name, value in job.facts.items())
+    # Pieces and joints have a section of their own.
+    facts = {name: fact for name, fact in job.facts.items() if name not in ("pieces", "joints")}
+    rows = tuple((name.replace("_", " "), _value(value)) for name, value in facts.items())
     picture = Picture(
         image=svg_bytes(job_plan(job, tuple(findings))),
         caption="The sheet: seam and kerf offsets are in the paths; leave the machine's kerf at 0.",
         wide=True,
     )
     return Section(
-        title="The sheet for the laser",
+        title="The sheets for the laser" if len(job.sheets) > 1 else "The sheet for the laser",
         pictures=(picture,),
         tables=(Table(caption="What the paths hold (computed)", headings=("", ""), rows=rows),),
     )

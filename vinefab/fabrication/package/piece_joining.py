@@ -207,8 +207,9 @@ def _one_joint(lap_mm: float, profile: LaserProfile) -> Iterator[str]:
             "Push a release strip with the rod through the open base of the plug's piece until it"
             " shows at the plug's rim; where the way is long or bent, first let air carry a thread"
             " through and pull the strip in by it. It must lie flat between the plies, at the lap"
-            " nearly as wide as the plug inside; behind the lap it may be narrow, or a thread. If it"
-            " cannot be brought there, adhesive film bonds that joint without it: try a coupon first."
+            " nearly as wide as the plug inside; behind the lap it may be narrow, or a thread."
+            " Where it cannot be brought, adhesive film bonds the joint without it: try a coupon"
+            " first."
         )
     else:
         yield f"Lay {band}{standing} of adhesive film around the plug, in the middle of the lap."

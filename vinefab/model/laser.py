@@ -346,7 +346,7 @@ class LapBond:
         load = self.load_n_per_mm
         return (
             f"{band} of {self.band_mm.value:g} mm ({self.band_mm.standing}) {did} "
-            f"{load.words()} N/mm ({load.standing})"
+            f"{load.value:.3g} N/mm ({load.standing})"
         )
 
 

@@ -250,12 +250,17 @@ NONSENSE = {
     "one lap alone": ("lap_burst,20,70,kPa,", "at least 2 for 1 unknown"),
     "some laps stated": ("lap_burst,20,70,kPa,1\nlap_burst,20,70,kPa,", "for every reading"),
     "unknown bond": ("lap_band,glue,5,mm,", "impulse_seal or adhesive_film, as setting"),
+    "lap of steel": ("lap_burst,9999,1e9,kPa,1", "1.59e+09 N/mm on the lap"),
+    "lap of nothing": ("lap_survived,20,1e-300,kPa,", "0.0001 to 10000 N/mm"),
     "no band": ("lap_band,impulse_seal,0,mm,", "a width above 0"),
     "two bonds": (
         "lap_band,impulse_seal,5,mm,\nlap_band,adhesive_film,5,mm,",
         "one method in one table",
     ),
-    "another bond, not tested": ("lap_band,adhesive_film,5,mm,", "lap_burst or lap_survived too"),
+    "another bond, not tested": (
+        "lap_band,adhesive_film,5,mm,",
+        "adhesive_film is 'adhesive_film'; allowed: rows lap_burst",
+    ),
     "outcome": ("matrix,46.8 6,fine,,", "nothing, weld, weldcut, cut, burnt"),
     "cell": ("matrix,46.8,weld,,", "line energy in mJ/mm"),
     "too many cells": ("seam,weldcut,0,5,mm,0.1", "cells"),

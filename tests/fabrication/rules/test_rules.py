@@ -9,6 +9,7 @@ import pytest
 
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.sleeve import SleeveSize
+from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.fabrication.rules.rule import Limits, RuleNotApplicable
 from vinefab.fabrication.rules.run_rules import run_checks
@@ -320,6 +321,21 @@ def cut(
     return built
 
 
+def pieced(*, most: int = 6, lap_mm: float = 15.0, unmarked: str = "") -> Build:
+    """Two leaves that cross, in the fewest pieces; the labels named are missing on the film."""
+
+    def built(make: Make, profile: LaserProfile) -> Subject:
+        settings = PieceSettings(most=most, lap_mm=lap_mm)
+        design = make((2, 100.0, 60.0), (2, 100.0, 120.0), pieces=settings)
+        partition = partition_of(design, profile)
+        job = laser_job(design, profile, partition=partition)
+        paths = tuple(one for one in job.paths if not unmarked or unmarked not in one.label)
+        flat = replace(Subject.of(design), profile=profile, job=replace(job, paths=paths))
+        return in_pieces(flat, partition)
+
+    return built
+
+
 TREE = of((3, 200.0, 120.0), (2, 120.0, 50.0))
 CROSSING = of((2, 100.0, 60.0), (2, 100.0, 120.0))
 
@@ -453,6 +469,14 @@ CASES: Mapping[str, Case] = {
     "VF-R04": Case(
         fires=rigged(height_mm=30.5), severity=W, branches=(), quiet=rigged(height_mm=30.6)
     ),
+    "VF-J01": Case(
+        fires=pieced(lap_mm=80.0),
+        severity=E,
+        branches=("0.0.1", "0.1.0"),
+        quiet=pieced(),
+    ),
+    "VF-J02": Case(fires=pieced(most=1), severity=E, branches=(), quiet=pieced(most=2)),
+    "VF-J05": Case(fires=pieced(unmarked="socket B"), severity=W, branches=(), quiet=pieced()),
     # 0.2 N/mm with the factor of 1.5 is 0.1333 N/mm: 41.89 kPa at 20 mm
     "VF-J03": Case(
         fires=cut(2, pressure_kpa=41.95),

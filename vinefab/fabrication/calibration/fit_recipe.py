@@ -182,6 +182,9 @@ BALLOONS_TESTED = 3
 
 _LARGEST_TURN_DEG = 3600.0
 
+_LEAST_LOAD_N_MM, _LARGEST_LOAD_N_MM = 1e-4, 1e4
+"""Of a lap: far less and far more than any film bears."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
@@ -289,9 +292,17 @@ def _lap_loads(readings: Sequence[Reading]) -> tuple[list[float], list[float | N
     widths = [_positive_setting(r, "the coupon's lay-flat width in mm") for r in readings]
     pairs = list(zip(readings, widths, strict=True))
     return (
-        [lap_load_n_mm(_pressure(r), w) for r, w in pairs],
+        [_lap_load(r, w) for r, w in pairs],
         [None if r.sigma is None else lap_load_n_mm(r.sigma, w) for r, w in pairs],
     )
+
+
+def _lap_load(reading: Reading, width_mm: float) -> float:
+    load_n_mm = lap_load_n_mm(_pressure(reading), width_mm)
+    if not _LEAST_LOAD_N_MM <= load_n_mm <= _LARGEST_LOAD_N_MM:
+        allowed = f"{_LEAST_LOAD_N_MM:g} to {_LARGEST_LOAD_N_MM:g} N/mm"
+        raise reading.wrong(f"{load_n_mm:.3g} N/mm on the lap", allowed)
+    return load_n_mm
 
 
 def _lap_method(results: Results, profile: LaserProfile) -> LapMethod | None:
@@ -311,10 +322,9 @@ def _lap_method(results: Results, profile: LaserProfile) -> LapMethod | None:
         allowed = "a row lap_band: recipe {} has no [lap], so say how they were bonded"
         raise tested[0].wrong("no lap_band", allowed.format(profile.recipe.name))
     if bands and not tested and (known is None or known.method is not method):
-        allowed = (
-            "rows lap_burst or lap_survived too: what the recipe's laps bear is of no other bond"
-        )
-        raise bands[0].wrong(method, allowed)
+        bond = "has no [lap]" if known is None else f"knows what {known.method} bears"
+        allowed = f"rows lap_burst or lap_survived too: recipe {profile.recipe.name} {bond}"
+        raise bands[0].wrong(str(method), allowed)
     return method if bands or tested else None
 
 

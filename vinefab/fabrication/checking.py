@@ -8,6 +8,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import ReadBackError
 from vinefab.fabrication.job.laser_job import laser_job
+from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.annotation import annotated_job
 from vinefab.fabrication.rules.catalog import FLAT_RULES, RULES
 from vinefab.fabrication.rules.rule import LimitChanges
@@ -79,7 +80,10 @@ def check_design(
     if design.branch_count > MANY_BRANCHES:
         flat = replace(subject_of(design, None, deployed), profile=profile)
         return _check_in_steps(replace(flat, corridors=corridors, rig=rig), profile, limits)
-    subject = replace(subject_of(design, profile, deployed), corridors=corridors, rig=rig)
+    flat = replace(subject_of(design, None, deployed), profile=profile)
+    partition = partition_of(design, profile, limits)
+    job = laser_job(design, profile, partition=partition)
+    subject = in_pieces(replace(flat, job=job, corridors=corridors, rig=rig), partition)
     return run_checks(subject, limits)
 
 

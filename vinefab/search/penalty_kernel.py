@@ -14,30 +14,38 @@ from vinefab.core.compiling import compiled, inlined
 
 
 @compiled
-def penalize(designs, tables, limits, scratch, penalty):
+def penalize(designs, tables, limits, scratch, cutting, penalty, joints):
     """Write the penalty of every design: `window_penalty` plus `fabrication_penalty`.
 
     Parameters
     ----------
-    designs, tables, limits, scratch
-        As `DesignArrays`, `LevelTables`, `PenaltyLimits` and `Scratch` of the batch.
+    designs, tables, limits, scratch, cutting
+        As `DesignArrays`, `LevelTables`, `PenaltyLimits`, `Scratch` and `CutScratch` of the batch.
     penalty
         Where the penalties go, shape (m,).
+    joints
+        Where the numbers of sleeve joints go, shape (m,).
     """
     for d in range(len(designs.depth)):
         total = math.log1p(_growth_excess(designs, d, tables, limits, scratch))
         total += math.log1p(tables.widths[designs.depth[d] - 1])
         total += math.log1p(_joints(designs, d, tables, limits))
         total += math.log1p(_packing(designs, d, tables, limits))
-        count = designs.first[d + 1] - designs.first[d]
+        count, joints[d] = designs.first[d + 1] - designs.first[d], 0
         if count > limits.most_branches:
             total += math.log1p(float(count) ** 2)
         else:
             capsules = _lay_out(designs, d, tables, limits, scratch)
-            near = _too_near(designs, d, capsules, limits, scratch)
-            over = _over_sheet(capsules, limits, scratch)
-            shorter = min(limits.sheet_wide_mm, limits.sheet_high_mm)
-            total += math.log1p(near + max(0.0, over / shorter))
+            near, pairs = _too_near(designs, d, capsules, limits, scratch, cutting)
+            if limits.most_cuts == 0 or count > len(cutting.cut) or pairs > len(cutting.one):
+                over = _over_sheet(capsules, limits, scratch)
+                shorter = min(limits.sheet_wide_mm, limits.sheet_high_mm)
+                total += math.log1p(near + max(0.0, over / shorter))
+            else:
+                _place_joints(designs, d, capsules, tables, limits, scratch, cutting)
+                _prepare_pairs(designs, d, capsules, pairs, limits, scratch, cutting)
+                left, joints[d] = _in_pieces(designs, d, capsules, pairs, limits, scratch, cutting)
+                total += math.log1p(left)
         penalty[d] = total
 
 
@@ -193,14 +201,19 @@ def _lay_out(designs, d, tables, limits, scratch):
                 _add_pouch(capsule, count, k, tables.pouch, pouch, heading[k])
                 scratch.owner[count] = k
                 count += 1
-    reach = limits.clearance_mm / 2.0
     for k in range(count):
-        grown = capsule[k, 4] + reach
-        scratch.box[k, 0] = min(capsule[k, 0], capsule[k, 2]) - grown
-        scratch.box[k, 1] = min(capsule[k, 1], capsule[k, 3]) - grown
-        scratch.box[k, 2] = max(capsule[k, 0], capsule[k, 2]) + grown
-        scratch.box[k, 3] = max(capsule[k, 1], capsule[k, 3]) + grown
+        _box(capsule, scratch.box, k, limits)
     return count
+
+
+@inlined
+def _box(capsule, box, k, limits):
+    """Write the box around a capsule, grown by half the clearance."""
+    grown = capsule[k, 4] + limits.clearance_mm / 2.0
+    box[k, 0] = min(capsule[k, 0], capsule[k, 2]) - grown
+    box[k, 1] = min(capsule[k, 1], capsule[k, 3]) - grown
+    box[k, 2] = max(capsule[k, 0], capsule[k, 2]) + grown
+    box[k, 3] = max(capsule[k, 1], capsule[k, 3]) + grown
 
 
 @inlined
@@ -215,10 +228,13 @@ def _add_pouch(capsule, row, leaf, pouch, piece, heading):
 
 
 @inlined
-def _too_near(designs, d, capsules, limits, scratch):
-    """Return the summed depths of all pairs of capsules that are nearer than the clearance."""
+def _too_near(designs, d, capsules, limits, scratch, cutting):
+    """Return the summed depths of all pairs of capsules that are nearer than the clearance.
+
+    Returns also how many there are; as many as there is room for are written down.
+    """
     base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
-    box, owner, found = scratch.box, scratch.owner, 0.0
+    box, owner, found, pairs = scratch.box, scratch.owner, 0.0, 0
     for one in range(capsules):
         low_x, low_y, high_x, high_y = box[one, 0], box[one, 1], box[one, 2], box[one, 3]
         for two in range(one + 1, capsules):
@@ -229,8 +245,14 @@ def _too_near(designs, d, capsules, limits, scratch):
             up_a, up_b = designs.parent[base + a], designs.parent[base + b]
             joined = (up_a == up_b) | (up_a == b) | (up_b == a)
             if a != b and not (joined and two < branches):
-                found += _pair_depth(scratch.capsule, one, two, limits.clearance_mm)
-    return found
+                depth = _pair_depth(scratch.capsule, one, two, limits.clearance_mm)
+                found += depth
+                if depth > limits.least_depth:
+                    if pairs < len(cutting.one):
+                        cutting.one[pairs], cutting.two[pairs] = one, two
+                        cutting.depth[pairs] = depth
+                    pairs += 1
+    return found, pairs
 
 
 @inlined
@@ -269,18 +291,37 @@ def _over_sheet(capsules, limits, scratch):
     Of a branch only the end counts: it begins within the wider end of its parent. The trunk begins
     with the two corners of the tail.
     """
-    turns = scratch.turn.shape[1]
-    low, high, capsule = scratch.low, scratch.high, scratch.capsule
-    for t in range(turns):
+    _span_of_mouth(scratch)
+    for k in range(capsules):
+        _widen_span(scratch, k, 2)
+    return _least_excess(limits, scratch)
+
+
+@inlined
+def _span_of_mouth(scratch):
+    """Begin the places across each rotation with the tail's two corners."""
+    capsule = scratch.capsule
+    for t in range(scratch.turn.shape[1]):
         middle = capsule[0, 0] * scratch.turn[0, t] + capsule[0, 1] * scratch.turn[1, t]
         half = capsule[0, 4] * abs(scratch.turn[1, t])
-        low[t], high[t] = middle - half, middle + half
-    for k in range(capsules):
-        x, y, half = capsule[k, 2], capsule[k, 3], capsule[k, 4]
-        for t in range(turns):
-            across = x * scratch.turn[0, t] + y * scratch.turn[1, t]
-            low[t] = across - half if across - half < low[t] else low[t]
-            high[t] = across + half if across + half > high[t] else high[t]
+        scratch.low[t], scratch.high[t] = middle - half, middle + half
+
+
+@inlined
+def _widen_span(scratch, k, end):
+    """Widen the places across each rotation to the disc at one end of a capsule."""
+    low, high, capsule = scratch.low, scratch.high, scratch.capsule
+    x, y, half = capsule[k, end], capsule[k, end + 1], capsule[k, 4]
+    for t in range(scratch.turn.shape[1]):
+        across = x * scratch.turn[0, t] + y * scratch.turn[1, t]
+        low[t] = across - half if across - half < low[t] else low[t]
+        high[t] = across + half if across + half > high[t] else high[t]
+
+
+@inlined
+def _least_excess(limits, scratch):
+    """Return by how much what spans these places exceeds the sheet in the best rotation."""
+    low, high, turns = scratch.low, scratch.high, scratch.turn.shape[1]
     least, quarter = math.inf, turns // 2
     for t in range(turns):
         other = t + quarter if t + quarter < turns else t + quarter - turns
@@ -288,3 +329,478 @@ def _over_sheet(capsules, limits, scratch):
         over = max(wide - limits.sheet_wide_mm, tall - limits.sheet_high_mm)
         least = min(least, over)
     return least
+
+
+# --- Pieces -------------------------------------------------------------------------------------
+# The readable twin is `vinefab.fabrication.pieces.quick_cuts`. After the capsules of the flat robot
+# come three for each branch that may be cut: its stub, its outer part, and the outer part's socket.
+
+STUB, OUTER, SOCKET = 0, 1, 2
+
+
+@inlined
+def _place_joints(designs, d, capsules, tables, limits, scratch, cutting):
+    """Write which branches have room for a sleeve, and the capsules of their parts."""
+    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    capsule, levels = scratch.capsule, designs.depth[d]
+    _find_straight_sides(designs, d, tables, limits, cutting)
+    cutting.stop[levels - 1] = tables.tip_cut[levels - 1]
+    first, children = 0, 1
+    for k in range(branches):
+        level, length = designs.level[base + k] - 1, designs.length[base + k]
+        if k > 0 and level > designs.level[base + k - 1] - 1:
+            first, children = k, designs.branches[d, level - 1]
+        begin = cutting.begin[level, (k - first) % children] + limits.before_mm
+        needed = begin + limits.lap_mm + limits.blend_mm + limits.after_mm + cutting.stop[level]
+        cutting.can[k] = 1 if k > 0 and needed <= length + limits.least_depth else 0
+        if cutting.can[k] == 0:
+            continue
+        plug, half = begin + limits.lap_mm, capsule[k, 4]
+        row = capsules + 3 * k
+        _part(scratch, row + STUB, k, 0.0, plug / length, half, limits)
+        _part(scratch, row + OUTER, k, begin / length, 1.0, half, limits)
+        blend = (plug + limits.blend_mm) / length
+        _part(scratch, row + SOCKET, k, begin / length, blend, half + limits.rise_mm, limits)
+
+
+@inlined
+def _find_straight_sides(designs, d, tables, limits, cutting):
+    """Write where the sides of each child of each level begin to be straight, and where they stop.
+
+    Corners in place of small fillets lie farther from the joint where the cut runs.
+    """
+    begin, stop, first, above_mm = cutting.begin, cutting.stop, 1, designs.trunk[d]
+    count = 1
+    begin[0, 0] = 0.0
+    for below in range(designs.depth[d] - 1):
+        wide, narrow = tables.half[below], tables.half[below + 1]
+        children, disc = designs.branches[d, below], max(wide, narrow)
+        fan = designs.fan[d, below] if children > 1 else 0.0
+        stop[below], shortest_mm = 0.0, math.inf
+        for child in range(children):
+            begin[below + 1, child] = 0.0
+        for gap in range(children + 1):
+            after, before = gap > 0, gap < children
+            angle = fan / (children - 1) if after and before else math.pi - fan / 2.0
+            one, two = narrow if after else wide, narrow if before else wide
+            row = designs.first[d] + first + gap
+            one_mm = designs.length[row - 1] if after else above_mm
+            two_mm = designs.length[row] if before else above_mm
+            reach_mm = max(0.5 * min(one_mm, two_mm), disc)
+            fillet = min(tables.fillet[below + 1], _largest_fillet(angle, one, two, reach_mm))
+            for out in (0.0, limits.reach_mm):
+                radius = max(0.0, max(0.0, fillet) - out)
+                a, b = _straight_begins(angle, one + out, two + out, radius, disc + out)
+                if after:
+                    begin[below + 1, gap - 1] = max(begin[below + 1, gap - 1], a)
+                    shortest_mm = min(shortest_mm, one_mm)
+                else:
+                    stop[below] = max(stop[below], a)
+                if before:
+                    begin[below + 1, gap] = max(begin[below + 1, gap], b)
+                else:
+                    stop[below] = max(stop[below], b)
+        count *= children
+        first += count
+        above_mm = shortest_mm
+
+
+@inlined
+def _largest_fillet(angle, one, two, reach):
+    """Return the radius whose fillet comes to a distance from the joint, negative if none does.
+
+    As `vinefab.fabrication.outline.gap.largest_fillet_mm`.
+    """
+    sin, cos = math.sin(angle), math.cos(angle)
+    if angle >= math.pi - 1e-6:
+        return math.inf
+    if sin < 1e-9:
+        return -1.0
+    bare = one * one + two * two + 2.0 * one * two * cos
+    if min(two + one * cos, one + two * cos) >= 0.0 and math.sqrt(bare) / sin > reach:
+        return -1.0
+    square = (1.0 + cos) / (1.0 - cos)
+    half_linear = (one + two) / (1.0 - cos) - reach
+    constant = bare / (sin * sin) - reach * reach
+    root = math.sqrt(max(0.0, half_linear * half_linear - square * constant))
+    return (root - half_linear) / square
+
+
+@inlined
+def _part(scratch, row, k, low, high, half, limits):
+    """Write the capsule of a part of a branch, between two shares of its length."""
+    capsule = scratch.capsule
+    x, y = capsule[k, 0], capsule[k, 1]
+    run_x, run_y = capsule[k, 2] - x, capsule[k, 3] - y
+    capsule[row, 0], capsule[row, 1] = x + low * run_x, y + low * run_y
+    capsule[row, 2], capsule[row, 3] = x + high * run_x, y + high * run_y
+    capsule[row, 4] = half
+    _box(capsule, scratch.box, row, limits)
+
+
+@inlined
+def _prepare_pairs(designs, d, capsules, pairs, limits, scratch, cutting):
+    """Write which cuts part each pair, how many pairs each part, and the order of pairs."""
+    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    owner, weight = scratch.owner, cutting.weight
+    for k in range(branches):
+        cutting.cut[k] = cutting.banned[k] = cutting.used[k] = 0
+        weight[k] = 0
+    for p in range(pairs):
+        one, two = cutting.one[p], cutting.two[p]
+        meet = _meet(designs, base, owner[one], owner[two])
+        also = -1
+        if meet == owner[one] and _outer_clears(meet, capsules, two, limits, scratch, cutting):
+            also = meet
+        if meet == owner[two] and _outer_clears(meet, capsules, one, limits, scratch, cutting):
+            also = meet
+        cutting.also[p] = also
+        cutting.top[p] = designs.level[base + meet] - (1 if also >= 0 else 0)
+        ways = _ways(designs, base, owner[one], owner[two], also, cutting)
+        for w in range(ways):
+            weight[cutting.path[w]] += 1
+    placed = 0
+    for level in range(designs.depth[d], -1, -1):
+        for p in range(pairs):
+            if cutting.top[p] == level:
+                cutting.order[placed] = p
+                placed += 1
+
+
+@inlined
+def _meet(designs, base, a, b):
+    """Return the lowest branch that both of two are, or lie beyond."""
+    while a != b:
+        if designs.level[base + a] >= designs.level[base + b]:
+            a = designs.parent[base + a]
+        else:
+            b = designs.parent[base + b]
+    return a
+
+
+@inlined
+def _outer_clears(k, capsules, row, limits, scratch, cutting):
+    """Return whether a branch may be cut, and what is left beyond the cut is clear of a capsule."""
+    if cutting.can[k] == 0:
+        return False
+    outer, socket = capsules + 3 * k + OUTER, capsules + 3 * k + SOCKET
+    clear = _pair_depth(scratch.capsule, outer, row, limits.clearance_mm) <= limits.least_depth
+    wide = _pair_depth(scratch.capsule, socket, row, limits.clearance_mm)
+    return clear and wide <= limits.least_depth
+
+
+@inlined
+def _ways(designs, base, a, b, also, cutting):
+    """Write the branches between two whose cut may part them; return their number.
+
+    ``also`` is the branch where they meet, if a cut there parts them too.
+    """
+    ways = 0
+    while a != b:
+        if designs.level[base + a] >= designs.level[base + b]:
+            ways = _add_way(cutting, a, ways)
+            a = designs.parent[base + a]
+        else:
+            ways = _add_way(cutting, b, ways)
+            b = designs.parent[base + b]
+    if also == a:
+        ways = _add_way(cutting, a, ways)
+    return ways
+
+
+@inlined
+def _add_way(cutting, k, ways):
+    """Write down a branch if it may be cut; return the number of those written."""
+    if cutting.can[k] == 1 and cutting.banned[k] == 0 and cutting.cut[k] == 0:
+        cutting.path[ways] = k
+        return ways + 1
+    return ways
+
+
+@inlined
+def _in_pieces(designs, d, capsules, pairs, limits, scratch, cutting):
+    """Return what is left of conflicts and excess over the sheet after the best cuts found.
+
+    Returns also the number of cuts, which are written to ``cutting.cut``.
+    """
+    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    made = _fewest_cuts(designs, d, capsules, pairs, limits, scratch, cutting)
+    searched = made >= 0
+    if searched:
+        for k in range(branches):
+            cutting.cut[k] = cutting.best[k]
+    else:
+        made = _deepest_cuts(designs, d, pairs, limits, scratch, cutting)
+    left, trial, chosen, least = math.inf, -1, -1, math.inf
+    # Each round tries every further cut, for pieces that are larger than the sheet; before the
+    # first there is the set of cuts as it was found.
+    while True:
+        if trial >= 0:
+            cutting.cut[trial] = 1
+        if trial < 0 or cutting.can[trial] == 1:
+            _label(designs, base, branches, cutting)
+            found = _pairs_left(pairs, scratch, cutting)
+            found += _parts_left(designs, d, capsules, pairs, limits, scratch, cutting, False)
+            found += _sheet_left(designs, d, capsules, limits, scratch, cutting)
+            if trial < 0:
+                left = found
+            elif found < least * (1.0 - 1e-9):
+                chosen, least = trial, found
+        if trial >= 0:
+            cutting.cut[trial] = 0
+        if trial < 0 and (left <= 0.0 or not searched):
+            break
+        trial += 1
+        while trial < branches and cutting.cut[trial] == 1:
+            trial += 1
+        if made >= limits.most_cuts:
+            break
+        if trial == branches:
+            if chosen < 0 or least >= left * (1.0 - 1e-9):
+                break
+            cutting.cut[chosen] = 1
+            made += 1
+            left, trial, chosen, least = least, 0, -1, math.inf
+            if left <= 0.0:
+                break
+    return left, made
+
+
+@inlined
+def _label(designs, base, branches, cutting):
+    """Write the piece that each branch ends on, named by the branch that the piece begins with."""
+    cutting.piece[0] = 0
+    for k in range(1, branches):
+        cutting.piece[k] = k if cutting.cut[k] else cutting.piece[designs.parent[base + k]]
+
+
+@inlined
+def _together(p, scratch, cutting):
+    """Return whether a pair of whole branches is still in one piece."""
+    one, two = scratch.owner[cutting.one[p]], scratch.owner[cutting.two[p]]
+    also = cutting.also[p]
+    return cutting.piece[one] == cutting.piece[two] and not (also >= 0 and cutting.cut[also] == 1)
+
+
+@inlined
+def _pairs_left(pairs, scratch, cutting):
+    """Return the summed depths of pairs that are still in one piece."""
+    left = 0.0
+    for p in range(pairs):
+        if _together(p, scratch, cutting):
+            left += cutting.depth[p]
+    return left
+
+
+@inlined
+def _parts_left(designs, d, capsules, pairs, limits, scratch, cutting, first_only):
+    """Return the summed depths of stubs and sockets that conflict with something in their piece.
+
+    The first conflict is written to ``cutting.hit``: two branches that end on the pieces of the
+    two, and a branch whose own cut may part them too.
+    """
+    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    owner, cut, left = scratch.owner, cutting.cut, 0.0
+    cutting.hit[0] = -1
+    for place in range(pairs):
+        p = cutting.order[place]
+        if _together(p, scratch, cutting):
+            continue
+        for turn in range(2):
+            one = cutting.one[p] if turn == 0 else cutting.two[p]
+            two = cutting.two[p] if turn == 0 else cutting.one[p]
+            a, b = owner[one], owner[two]
+            if one >= branches or cut[a] == 0:
+                continue
+            stub, up = capsules + 3 * a + STUB, designs.parent[base + a]
+            whole, also = two, -1
+            if two < branches and cut[b]:
+                whole = capsules + 3 * b + OUTER
+            elif two < branches and _outer_clears(b, capsules, stub, limits, scratch, cutting):
+                also = b
+            left += _depth_in_piece(up, stub, b, whole, also, limits, scratch, cutting)
+            if turn == 0 and two < branches and cut[b]:
+                other, up_b = capsules + 3 * b + STUB, designs.parent[base + b]
+                left += _depth_in_piece(up, stub, up_b, other, -1, limits, scratch, cutting)
+        if first_only and left > 0.0:
+            return left
+    for a in range(1, branches):
+        if cut[a] == 0:
+            continue
+        socket = capsules + 3 * a + SOCKET
+        for row in range(capsules):
+            b = owner[row]
+            if a != b and not (row < branches and designs.parent[base + b] == a):
+                left += _depth_in_piece(a, socket, b, row, -1, limits, scratch, cutting)
+        for b in range(a + 1, branches):
+            if cut[b] and designs.parent[base + b] != a:
+                stub, up = capsules + 3 * b + STUB, designs.parent[base + b]
+                left += _depth_in_piece(a, socket, up, stub, -1, limits, scratch, cutting)
+        if first_only and left > 0.0:
+            return left
+    return left
+
+
+@inlined
+def _depth_in_piece(a, one, b, two, also, limits, scratch, cutting):
+    """Return the depth of two capsules that hang on two branches, 0 in different pieces."""
+    box = scratch.box
+    if cutting.piece[a] != cutting.piece[b]:
+        return 0.0
+    beside = (box[two, 0] > box[one, 2]) | (box[two, 2] < box[one, 0])
+    if beside | (box[two, 1] > box[one, 3]) | (box[two, 3] < box[one, 1]):
+        return 0.0
+    depth = _pair_depth(scratch.capsule, one, two, limits.clearance_mm)
+    if depth <= limits.least_depth:
+        return 0.0
+    if cutting.hit[0] < 0:
+        cutting.hit[0], cutting.hit[1], cutting.hit[2] = a, b, also
+    return depth
+
+
+@inlined
+def _sheet_left(designs, d, capsules, limits, scratch, cutting):
+    """Return the summed excesses of all pieces over the sheet, relative to its shorter side."""
+    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    left, shorter = 0.0, min(limits.sheet_wide_mm, limits.sheet_high_mm)
+    for root in range(branches):
+        if cutting.piece[root] != root:
+            continue
+        if root == 0:
+            _span_of_mouth(scratch)
+        else:
+            for t in range(scratch.turn.shape[1]):
+                scratch.low[t], scratch.high[t] = math.inf, -math.inf
+            _widen_span(scratch, capsules + 3 * root + SOCKET, 0)
+            _widen_span(scratch, capsules + 3 * root + SOCKET, 2)
+        for k in range(capsules):
+            if cutting.piece[scratch.owner[k]] == root:
+                _widen_span(scratch, k, 2)
+        for k in range(root + 1, branches):
+            if cutting.cut[k] and cutting.piece[designs.parent[base + k]] == root:
+                _widen_span(scratch, capsules + 3 * k + STUB, 2)
+        left += max(0.0, _least_excess(limits, scratch) / shorter)
+    return left
+
+
+@inlined
+def _fewest_cuts(designs, d, capsules, pairs, limits, scratch, cutting):
+    """Write the fewest cuts that were found to resolve all conflicts; return their number, or -1.
+
+    Depth first: the first pair that is still in one piece is parted by one branch after another.
+    """
+    branches = designs.first[d + 1] - designs.first[d]
+    made, most, found, bound = 0, limits.most_cuts, -1, 0
+    option, options, tried = cutting.option, cutting.options, cutting.tried
+    for step in range(limits.most_steps):
+        conflicts = _expand(designs, d, capsules, pairs, made, most, step, limits, scratch, cutting)
+        if step == 0:
+            bound = cutting.hit[0]
+        if conflicts == 0:
+            found, most = made, made - 1
+            for k in range(branches):
+                cutting.best[k] = cutting.cut[k]
+            if found <= bound:
+                break
+        tried[made] = 0
+        # Go back to the last pair that has an untried branch.
+        while made >= 0 and (made >= most or tried[made] == options[made]):
+            for way in range(tried[made]):
+                cutting.banned[option[made, way]] = 0
+            made -= 1
+            if made >= 0:
+                last = option[made, tried[made] - 1]
+                cutting.cut[last], cutting.banned[last] = 0, 1
+        if made < 0:
+            break
+        cutting.cut[option[made, tried[made]]] = 1
+        tried[made] += 1
+        made += 1
+    for k in range(branches):
+        cutting.cut[k] = cutting.banned[k] = 0
+    return found
+
+
+@inlined
+def _expand(designs, d, capsules, pairs, made, most, step, limits, scratch, cutting):
+    """Write the branches that may part the first conflict; return 0 if there is none, else 1.
+
+    There are no such branches if more cuts than ``most`` are needed for certain: each of some pairs
+    needs one of its own (Garg, Vazirani and Yannakakis 1997: pairs are taken in the order in which
+    they meet farthest from the base). That number is written to ``cutting.hit``.
+    """
+    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    owner, used, first, bound = scratch.owner, cutting.used, -1, 0
+    cutting.options[made] = 0
+    _label(designs, base, branches, cutting)
+    for place in range(pairs):
+        p = cutting.order[place]
+        if not _together(p, scratch, cutting):
+            continue
+        if first < 0:
+            first = p
+        one, two = owner[cutting.one[p]], owner[cutting.two[p]]
+        ways, taken = _ways(designs, base, one, two, cutting.also[p], cutting), False
+        for way in range(ways):
+            taken |= used[cutting.path[way]] == step + 1
+        if ways == 0:
+            bound = most + 1
+        elif not taken:
+            bound += 1
+            for way in range(ways):
+                used[cutting.path[way]] = step + 1
+        if made + bound > most:
+            cutting.hit[0] = bound
+            return 1
+    if first >= 0:
+        one, two = owner[cutting.one[first]], owner[cutting.two[first]]
+        ways = _ways(designs, base, one, two, cutting.also[first], cutting)
+    else:
+        left = _parts_left(designs, d, capsules, pairs, limits, scratch, cutting, True)
+        if left <= 0.0:
+            cutting.hit[0] = bound
+            return 0
+        ways = _ways(designs, base, cutting.hit[0], cutting.hit[1], cutting.hit[2], cutting)
+    _sort_ways(ways, made, cutting)
+    cutting.hit[0] = bound
+    return 1
+
+
+@inlined
+def _sort_ways(ways, made, cutting):
+    """Write options by how many pairs their cut parts; of equals the narrower, later one first."""
+    weight, row = cutting.weight, cutting.option[made]
+    for way in range(ways):
+        k, place = cutting.path[way], way
+        while place > 0 and (
+            weight[row[place - 1]] < weight[k]
+            or (weight[row[place - 1]] == weight[k] and row[place - 1] < k)
+        ):
+            row[place] = row[place - 1]
+            place -= 1
+        row[place] = k
+    cutting.options[made] = ways
+
+
+@inlined
+def _deepest_cuts(designs, d, pairs, limits, scratch, cutting):
+    """Cut, one after the other, where pairs of the most depth are parted; return how often."""
+    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    owner, share = scratch.owner, cutting.share
+    for made in range(limits.most_cuts):
+        _label(designs, base, branches, cutting)
+        for k in range(branches):
+            share[k] = 0.0
+        for p in range(pairs):
+            if _together(p, scratch, cutting):
+                one, two = owner[cutting.one[p]], owner[cutting.two[p]]
+                for way in range(_ways(designs, base, one, two, cutting.also[p], cutting)):
+                    share[cutting.path[way]] += cutting.depth[p]
+        chosen = 0
+        for k in range(branches):
+            if share[k] > share[chosen] + 1e-9:
+                chosen = k
+        if share[chosen] <= 0.0:
+            return made
+        cutting.cut[chosen] = 1
+    return limits.most_cuts

@@ -7,7 +7,7 @@ from vinefab.core.jsontext import json_text
 from vinefab.core.units import deg
 from vinefab.fabrication.formats.dxf_format import DXF
 from vinefab.fabrication.formats.laser_drawing import Colours, styled_paths
-from vinefab.fabrication.formats.laser_formats import tile_stem
+from vinefab.fabrication.formats.laser_formats import sheet_folder, tile_stem
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.package.bom import weakest
 from vinefab.model.design import Build, Design
@@ -30,7 +30,7 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
             "units": "mm",
             "sheet_mm": [job.sheet_width_mm, job.sheet_height_mm],
             "offsets": "applied to the paths; the machine's own kerf stays at 0",
-            "facts": dict(job.facts),
+            "facts": {k: v for k, v in job.facts.items() if k not in ("pieces", "joints")},
             "colours": colours.name,
             "machine": _record(profile.machine),
             "material": _record(profile.material),
@@ -56,8 +56,28 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
                 }
                 for number, tile in enumerate(job.tiles, start=1)
             ],
+            **_sheets(job, colours),
         },
     )
+
+
+def _sheets(job: Job, colours: Colours) -> dict[str, object]:
+    """Return what a robot in pieces has beside: its pieces, its joints and its sheets."""
+    if not job.sheets:
+        return {}
+    return {
+        "pieces": job.facts["pieces"],
+        "joints": job.facts["joints"],
+        "sheets": [
+            {
+                "files": [f"{sheet_folder(number)}/{one.file_name()}" for one in (DXF, SVG)],
+                "sheet_mm": [sheet.sheet_width_mm, sheet.sheet_height_mm],
+                "facts": dict(sheet.facts),
+                "paths": _paths(sheet, colours),
+            }
+            for number, sheet in enumerate(job.sheets, start=1)
+        ],
+    }
 
 
 def operation_energy_mj_mm(machine: Machine, settings: OperationSettings) -> Quantity:

@@ -13,6 +13,7 @@ from vinefab.fabrication.formats.laser_formats import (
     R12_FORMAT,
     ensure_read_back,
     laser_files,
+    sheet_folder,
     tile_stem,
 )
 from vinefab.fabrication.job.laser_job import laser_job
@@ -29,6 +30,7 @@ from vinefab.fabrication.package.package_page import (
 )
 from vinefab.fabrication.package.readme_text import readme_text
 from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
+from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.as_built import READBACK
 from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES
 from vinefab.fabrication.rules.run_rules import checks_text, merged_reports, run_checks
@@ -38,6 +40,7 @@ from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, RuleSkipped
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile, RecipeStatus
+from vinefab.model.pieces import Partition
 from vinefab.model.tree import branch_tree
 from vinefab.pages.figure import png_bytes
 from vinefab.pages.html import Report, Section, Tone, page_html
@@ -66,6 +69,7 @@ class Prepared:
     readback: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     others: tuple[Design, ...] = ()  # the other designs on the sheet
     beside: tuple[CheckReport, ...] = ()  # reports of these
+    partition: Partition | None = None  # the pieces that it is cut in; None for one flat outline
 
     def refusal(self, *, allow_uncalibrated: bool) -> str:
         """Return why no files may be written, or an empty string."""
@@ -109,8 +113,11 @@ def prepare(
     BadInputError
         If the sheet cannot hold the designs, or the recipe lacks an operation.
     """
-    job = laser_job(design, profile, sheet)
-    subject = replace(Subject.on_sheet(design, profile, job), deployments=deployments)
+    separate = sheet.process == "weld+cut"
+    partition = partition_of(design, profile, separate=separate)
+    job = laser_job(design, profile, sheet, partition)
+    flat = replace(Subject.on_sheet(design, profile, job), deployments=deployments)
+    subject = in_pieces(flat, partition, separate=separate)
     report = run_checks(subject)
     others = _others(design, sheet)
     beside = tuple(_beside(other, profile, job) for other in others)
@@ -119,11 +126,17 @@ def prepare(
     if not any(one.blocking for one in (report, *beside)):
         sheets = {"outline": job}
         sheets |= {tile_stem(number): tile for number, tile in enumerate(job.tiles, start=1)}
+        if job.sheets:
+            sheets = {
+                f"{sheet_folder(number)}/outline": one
+                for number, one in enumerate(job.sheets, start=1)
+            }
         for stem, one in sheets.items():
             spec = package_spec(one, profile)
-            written = laser_files(spec, stem=stem, requested=(R12_FORMAT,) if r12 else ())
-            files |= written.files
-            problems |= written.problems
+            folder, slash, name = stem.rpartition("/")
+            written = laser_files(spec, stem=name, requested=(R12_FORMAT,) if r12 else ())
+            files |= {f"{folder}{slash}{name}": data for name, data in written.files.items()}
+            problems |= {f"{folder}{slash}{name}": w for name, w in written.problems.items()}
         reread = run_checks(replace(subject, readback=problems), only=(READBACK.id,))
         report = merged_reports(report, reread)
     return Prepared(
@@ -135,6 +148,7 @@ def prepare(
         readback=problems,
         others=others,
         beside=beside,
+        partition=partition if len(partition.pieces) > 1 else None,
     )
 
 

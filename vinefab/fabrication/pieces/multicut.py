@@ -83,7 +83,8 @@ def simplified(clauses: Iterable[Clause]) -> list[Clause]:
     for clause in sorted(left, key=_order):
         for row in sorted(clause.uncut):
             twin = Clause(clause.cut | {row}, clause.uncut - {row})
-            if clause in left and twin in left:
+            # One branch that must and must not be cut is for the program to find.
+            if len(clause.literals) > 1 and clause in left and twin in left:
                 left -= {clause, twin}
                 left.add(Clause(clause.cut, clause.uncut - {row}))
     watched: dict[tuple[int, bool], list[frozenset[tuple[int, bool]]]] = defaultdict(list)

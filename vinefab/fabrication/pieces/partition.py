@@ -8,9 +8,8 @@ import numpy as np
 from vinefab.core.hashing import fingerprint
 from vinefab.fabrication.job.passes import body_paths, reach_mm
 from vinefab.fabrication.job.placement import place_contours
-from vinefab.fabrication.job.sleeve import SleeveSize, sleeve_size
+from vinefab.fabrication.job.sleeve import piece_ends, sleeve_size
 from vinefab.fabrication.outline.body_outline import PieceEnds, body_outline
-from vinefab.fabrication.outline.ends import Socket
 from vinefab.fabrication.pieces.bodies import (
     Bodies,
     BodyKind,
@@ -20,22 +19,16 @@ from vinefab.fabrication.pieces.bodies import (
     straight_sides,
 )
 from vinefab.fabrication.pieces.multicut import Clause, Multicut, multicut
-from vinefab.fabrication.rules.catalog import by_rule, changed_limits
-from vinefab.fabrication.rules.clearance import CLEARANCE, FOREIGN_FILLET, OVERLAP, POUCH
+from vinefab.fabrication.rules.catalog import ROOM_RULES, by_rule, changed_limits
+from vinefab.fabrication.rules.clearance import CLEARANCE, OVERLAP, POUCH
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.spacing import spacing
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.fabrication.rules.tree_and_base import MOUTH, POLYGON
 from vinefab.model.design import Design, PieceSettings
 from vinefab.model.finding import Finding
 from vinefab.model.laser import LaserProfile
 from vinefab.model.pieces import Partition, Piece, Sleeve, Unparted, piece_label
-
-ROOM_RULES = frozenset(
-    rule.id for rule in (POLYGON, OVERLAP, CLEARANCE, FOREIGN_FILLET, POUCH, MOUTH)
-)
-"""Rules about what lies on one sheet; of a robot in pieces each piece must pass them."""
 
 MOST_ROUNDS = 100
 """Times that cuts are looked for again after a rule found something on a piece."""
@@ -74,21 +67,6 @@ def partition_of(
 def whole(design: Design) -> Partition:
     """Return a robot in one piece."""
     return Partition(pieces=(Piece(label="A", root=0, branches=tuple(range(design.branch_count))),))
-
-
-def piece_ends(partition: Partition, piece: Piece, size: SleeveSize) -> PieceEnds:
-    """Return where the outline of a piece begins and ends."""
-    socket = None
-    if piece.root:
-        sleeve = partition.sleeve(piece.root)
-        socket = Socket(
-            start_mm=sleeve.socket_mm,
-            blend_start_mm=sleeve.plug_mm,
-            blend_end_mm=sleeve.blend_end_mm,
-            rise_mm=size.rise_mm,
-        )
-    plugs = {row: partition.sleeve(row).plug_mm for row in piece.stubs}
-    return PieceEnds(root=piece.root, socket=socket, plugs=plugs)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,7 +112,7 @@ class _Cutter:
                 return self._uncut(conflicts, found)
             proven = found.proven_least
             cut = self._cut(found.cut, proven_least=proven)
-            more = [one for piece in cut.pieces for one in self._on_piece(cut, piece)]
+            more = [one for piece in cut.pieces for one in self._found_on(cut, piece)]
             if not more:
                 return cut
             known = {conflict.clause for conflict in conflicts}
@@ -201,10 +179,10 @@ class _Cutter:
                 two = self.parent[two]
         return found
 
-    def _on_piece(self, cut: Partition, piece: Piece) -> Iterator[_Conflict]:
+    def _found_on(self, cut: Partition, piece: Piece) -> Iterator[_Conflict]:
         """Yield what the rules still find on a piece as it will be cut."""
         ends = piece_ends(cut, piece, self.size)
-        subject = on_piece(self.subject, self.bodies, piece, ends)
+        subject = _on_piece(self.subject, self.bodies, piece, ends)
         for finding in run_checks(subject, self.limits, only=ROOM_RULES).blocking:
             clause = self._clause_of(piece, finding)
             if clause is not None:
@@ -279,7 +257,7 @@ class _Cutter:
         return replace(whole(self.design), unparted=tuple(unparted.values()))
 
 
-def on_piece(subject: Subject, bodies: Bodies, piece: Piece, ends: PieceEnds) -> Subject:
+def _on_piece(subject: Subject, bodies: Bodies, piece: Piece, ends: PieceEnds) -> Subject:
     """Return a piece as what the rules check: its capsules and its outline."""
     kind, branch = bodies.kind, bodies.capsules.branch
     full = [row for row in piece.branches if row != piece.root or not row]
@@ -290,4 +268,29 @@ def on_piece(subject: Subject, bodies: Bodies, piece: Piece, ends: PieceEnds) ->
         subject,
         capsules=bodies.of(chosen),
         outline=body_outline(subject.design, ends=ends),
+        piece=piece,
     )
+
+
+def in_pieces(subject: Subject, partition: Partition, *, separate: bool = False) -> Subject:
+    """Return a subject with its pieces, each as the rules check it; a whole robot has none.
+
+    Parameters
+    ----------
+    subject
+        A design with its profile and, if it has any, its paths.
+    """
+    settings, profile = subject.design.build.pieces, subject.profile
+    if settings is None or profile is None:
+        return subject
+    size = sleeve_size(settings, profile, separate=separate)
+    known = replace(subject, partition=partition, sleeve=size)
+    if len(partition.pieces) == 1:
+        return known
+    sleeves = {sleeve.branch: sleeve for sleeve in partition.sleeves}
+    bodies = bodies_of(subject.layout, subject.design.build, sleeves, size.rise_mm)
+    pieces = tuple(
+        _on_piece(known, bodies, piece, piece_ends(partition, piece, size))
+        for piece in partition.pieces
+    )
+    return replace(known, pieces=pieces)

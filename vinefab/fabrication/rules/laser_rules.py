@@ -1,8 +1,8 @@
 """Rules about the laser's paths, the recipe, the film and the bed."""
 
 import math
-from collections.abc import Iterator
-from itertools import pairwise
+from collections.abc import Iterator, Sequence
+from itertools import groupby, pairwise
 
 import numpy as np
 import shapely
@@ -35,7 +35,7 @@ def check_marks(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
         return _NO_PATHS
     marks = subject.job.along(Operation.MARK)
     sealed = (*subject.job.along(Operation.WELD), *subject.job.along(Operation.WELDCUT))
-    bodies = [_Body(path) for path in sealed] if marks else []
+    bodies = [_Body(runs) for runs in bodies_of_paths(sealed)] if marks else []
     violations: dict[str, Violation] = {}
     for mark in marks:
         away_mm = min((body.apart_mm(mark) for body in bodies), default=math.inf)
@@ -138,12 +138,12 @@ def _small_segments(path: LaserPath, limits: Limits) -> list[Violation]:
 class _Body:
     """A body that marks must keep clear of: the area enclosed by its outline, and the outline."""
 
-    def __init__(self, outline: LaserPath) -> None:
-        points = outline.contour.flattened_mm()
+    def __init__(self, runs: Sequence[LaserPath]) -> None:
+        points = np.concatenate([path.contour.flattened_mm() for path in runs])
         # A single straight seam encloses nothing.
         self.area = shapely.Polygon(points if len(points) > 2 else None)
         # Line to line: making an area of an outline that crosses itself can take minutes.
-        self.edge = shapely.LineString(_ring(outline))
+        self.edge = shapely.LineString(np.concatenate([points, points[:1]]))
         shapely.prepare([self.area, self.edge])
 
     def apart_mm(self, mark: LaserPath) -> float:
@@ -152,6 +152,12 @@ class _Body:
         if shapely.contains_xy(self.area, points[:, 0], points[:, 1]).any():
             return 0.0
         return float(shapely.distance(self.edge, _line(mark)))
+
+
+def bodies_of_paths(sealed: Sequence[LaserPath]) -> Iterator[tuple[LaserPath, ...]]:
+    """Yield the paths that together seal one body: several only for a piece with plugs."""
+    for _, runs in groupby(sealed, key=lambda path: path.label):
+        yield tuple(runs)
 
 
 def _inside(outer: LaserPath, inner: LaserPath) -> NDArray[np.bool_]:
@@ -317,7 +323,10 @@ def check_bed(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
         return RuleApplied(
             checked=len(subject.job.tiles), violations=tuple(_tile_violations(subject.job, machine))
         )
-    over_mm, checked = _over_mm(subject.job, machine)
+    over_mm, checked = -math.inf, 0
+    for sheet in subject.job.runs:
+        sheet_over_mm, count = _over_mm(sheet, machine)
+        over_mm, checked = max(over_mm, sheet_over_mm), checked + count
     if over_mm <= _SLACK_MM:
         return RuleApplied(checked=checked)
     wide_mm, high_mm = machine.usable_mm

@@ -82,15 +82,21 @@ def _gap(angle_rad: float, halves_mm: Pair, radius_mm: float, disc_mm: float = 0
     return max(0.0, (two + one * cos) / sin), max(0.0, (one + two * cos) / sin)
 
 
-def pouch_takes_mm(build: Build) -> float:
-    """Return how much of a leaf its pouch takes, before the end of its planned length."""
+def pouch_takes_mm(build: Build, offset_mm: float = 0.0) -> float:
+    """Return how much of a leaf its pouch takes, before the end of its planned length.
+
+    Parameters
+    ----------
+    offset_mm
+        How far outside the lumen's edge.
+    """
     pouch, half_mm = build.pouch, build.end_widths_mm[-1] / 2.0
-    radius_mm = level_fillets_mm(build)[-1]
+    radius_mm = max(0.0, level_fillets_mm(build)[-1] - offset_mm)
     if pouch is None or pouch.flat_width_mm <= 2.0 * half_mm:
         return 0.0
     if pouch.shape == "round":
-        return neck_length_mm(half_mm, pouch.radius_mm or 0.0, radius_mm)
-    return (pouch.length_mm or 0.0) / 2.0 + radius_mm
+        return neck_length_mm(half_mm + offset_mm, (pouch.radius_mm or 0.0) + offset_mm, radius_mm)
+    return (pouch.length_mm or 0.0) / 2.0 + offset_mm + radius_mm
 
 
 MOST_OF_ONE = 10.0

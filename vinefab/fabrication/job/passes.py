@@ -1,5 +1,6 @@
 """The laser's paths around one robot and their order, in the coordinates of the flat layout."""
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -37,6 +38,23 @@ def closes(contour: Contour) -> bool:
 def frees(path: LaserPath) -> bool:
     """Whether a path cuts a piece out of the sheet."""
     return path.operation in (Operation.WELDCUT, Operation.CUT) and closes(path.contour)
+
+
+def bodies_of_paths(sealed: Iterable[LaserPath]) -> Iterator[tuple[LaserPath, ...]]:
+    """Yield the paths that together seal one body, in order: several for a piece with plugs."""
+    names = itertools.count()
+    for _, runs in groupby(
+        sealed, key=lambda path: next(names) if path.contour.closed else path.label or next(names)
+    ):
+        yield tuple(runs)
+
+
+def enclosed_mm2(runs: Iterable[LaserPath]) -> float:
+    """Return the area within the paths that seal one body, its open ends closed by lines."""
+    contours = [path.contour for path in runs]
+    ends = np.concatenate([contour.points_mm[[0, -1]] for contour in contours])
+    between = Contour.polyline(ends, closed=True).signed_area_mm2 if len(contours) > 1 else 0.0
+    return abs(math.fsum(contour.signed_area_mm2 for contour in contours) + between)
 
 
 def in_order(paths: Iterable[LaserPath]) -> tuple[LaserPath, ...]:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from vinefab.core.jsontext import GENERATOR
+from vinefab.fabrication.job.passes import bodies_of_paths, enclosed_mm2
 from vinefab.fabrication.package.machine_time import machine_time
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
@@ -49,8 +50,11 @@ def bom_text(job: Job, profile: LaserProfile) -> str:
 
 
 def robot_count(job: Job) -> int:
-    """Return how many robots a job makes: it has one path that forms the body of each."""
-    return len(_outlines(job))
+    """Return how many robots a job makes."""
+    parts = job.facts.get("pieces")
+    if job.sheets and isinstance(parts, list):
+        return max(int(part["copy"]) for part in parts)
+    return len(_outlines(job))  # one path that forms the body of each
 
 
 def body_area_mm2(job: Job) -> float:
@@ -59,7 +63,7 @@ def body_area_mm2(job: Job) -> float:
     That is the weld-cut outline or, where sealing and cutting are separate, the weld line; an
     outline that is open at the mouth is closed with a straight line.
     """
-    return math.fsum(abs(path.contour.signed_area_mm2) for path in _outlines(job))
+    return math.fsum(enclosed_mm2(runs) for runs in bodies_of_paths(_outlines(job)))
 
 
 def _outlines(job: Job) -> tuple[LaserPath, ...]:
@@ -70,8 +74,12 @@ def film_piece_mm(job: Job, profile: LaserProfile) -> tuple[float, float]:
     """Return width and height of the least piece of film: what is machined and a rim around it.
 
     The rim is the machine's margin, so that a piece laid into the bed's lower left corner fits.
-    The film of a robot in tiles also holds the targets by which they are aligned.
+    The film of a robot in tiles also holds the targets by which they are aligned. Of several sheets
+    each takes no more than this.
     """
+    if job.sheets:
+        wide, high = zip(*(film_piece_mm(sheet, profile) for sheet in job.sheets), strict=True)
+        return max(wide), max(high)
     if job.tiles:
         return job.sheet_width_mm, job.sheet_height_mm
     boxes = [path.contour.box_mm for path in job.paths if path.operation.is_machined]
@@ -98,13 +106,16 @@ def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
     margin = profile.machine.margin_mm
     rim = f"paths and a rim of {margin.value:g} mm ({margin.standing})"
     sizes = [("film width", width, "mm"), ("film height", height, "mm")]
-    sizes.append(("film area, all plies", film.plies * width * height / 100.0, "cm2"))
+    count = len(job.sheets) or 1
+    sizes.append(("film area, all plies", count * film.plies * width * height / 100.0, "cm2"))
+    if count > 1:
+        rim += f"; {count} sheets of one size"
     return [
         *(
             BomLine(item=item, value=value, unit=unit, standing=weakest((margin,)), basis=rim)
             for item, value, unit in sizes
         ),
-        _roll_line(film, (width, height), weakest((margin, film.roll_width_mm))),
+        _roll_line(film, count, (width, height), weakest((margin, film.roll_width_mm))),
         _computed("plies", film.plies, "1", f"of {film.title}, one on the other"),
         _computed("robot area", area / 100.0, "cm2", "one ply, within the beam's path"),
         BomLine(
@@ -117,23 +128,25 @@ def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
     ]
 
 
-def _roll_line(film: Material, piece_mm: tuple[float, float], standing: Standing) -> BomLine:
+def _roll_line(
+    film: Material, sheets: int, piece_mm: tuple[float, float], standing: Standing
+) -> BomLine:
     """Return how much of a roll all plies take, pieces side by side where the roll is wide enough.
 
     A piece that is wider than the roll both ways takes its longer side; rule VF-S02 reports it.
     """
-    roll = film.roll_width_mm
+    roll, pieces = film.roll_width_mm, sheets * film.plies
     lengths = []
     for across, along in (piece_mm, piece_mm[::-1]):
         beside = int(roll.value // across)
         if beside:
-            lengths.append(math.ceil(film.plies / beside) * along)
-    basis = f"{film.plies} pieces, roll {roll.value:g} mm wide ({roll.standing})"
+            lengths.append(math.ceil(pieces / beside) * along)
+    basis = f"{pieces} pieces, roll {roll.value:g} mm wide ({roll.standing})"
     if not lengths:
         basis += "; wider than the roll"
     return BomLine(
         item="film off the roll",
-        value=min(lengths, default=film.plies * max(piece_mm)),
+        value=min(lengths, default=pieces * max(piece_mm)),
         unit="mm",
         standing=standing,
         basis=basis,
@@ -141,6 +154,8 @@ def _roll_line(film: Material, piece_mm: tuple[float, float], standing: Standing
 
 
 def _tile_lines(job: Job) -> list[BomLine]:
+    if job.sheets:
+        return [_computed("sheets", len(job.sheets), "1", "a film of its own each")]
     if not job.tiles:
         return []
     basis = "on the same film, one after the other, aligned by targets"

@@ -15,7 +15,7 @@ from vinefab.fabrication.formats.laser_drawing import (
     operations_left_out,
     styled_paths,
 )
-from vinefab.fabrication.formats.laser_formats import LASER_FORMATS
+from vinefab.fabrication.formats.laser_formats import LASER_FORMATS, sheet_folder
 from vinefab.fabrication.formats.lightburn_format import LIGHTBURN, LIGHTBURN_LIBRARY
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.job.tile_jobs import TARGET, VERIFICATION, VERIFY
@@ -81,7 +81,8 @@ def _film(job: Job, profile: LaserProfile) -> list[str]:
     film = profile.material
     width, height = film_piece_mm(job, profile)
     return [
-        f"Use {film.title}: {film.plies} plies of {_value(film.ply_mm, 'mm')}, each at least"
+        f"Use {film.title}: {_sheets(job)}{film.plies} plies of {_value(film.ply_mm, 'mm')},"
+        " each at least"
         f" {math.ceil(width - 1e-6)} x {math.ceil(height - 1e-6)} mm.",
         "Clean the plies and lay them on each other without folds.",
         "Heat-press them flat before welding, to drive out bubbles and wrinkles. The plies must"
@@ -90,6 +91,10 @@ def _film(job: Job, profile: LaserProfile) -> list[str]:
         if not job.tiles
         else "Roll up what hangs over the bed; hold the sheet down where the laser runs.",
     ]
+
+
+def _sheets(job: Job) -> str:
+    return f"{len(job.sheets)} sheets, each of " if len(job.sheets) > 1 else ""
 
 
 def _coupon(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
@@ -124,16 +129,19 @@ def _offsets(profile: LaserProfile, written: Sequence[Operation]) -> list[str]:
 
 
 def _file(job: Job, colours: Colours) -> list[str]:
-    size = f"{job.sheet_width_mm:g} x {job.sheet_height_mm:g} mm"
-    x0, y0, x1, y1 = _box(job, colours)
+    first = job.sheets[0] if job.sheets else job
+    size = f"{first.sheet_width_mm:g} x {first.sheet_height_mm:g} mm"
+    x0, y0, x1, y1 = _box(first, colours)
     steps = [
+        *_folders(job),
         f"Open {_DXF} (true arcs) or {_SVG}. Use {_POLYLINE} only where arcs are"
         " missing after import: some programs ignore them without a word.",
         f"LightBurn: {_PROJECT} has the layers of section 4 with their settings, {_LIBRARY}"
         " the settings alone. LightBurn's formats are not published: compare power, speed and size"
         f" with section 4 before you run it, and use {_SVG} if anything differs.",
         "If the program asks for a unit, it is millimetres; scale 100 %.",
-        f"Check after import: the {'film' if job.tiles else 'bed'} is {size}; all paths together"
+        f"Check after import{' of sheet 1' if job.sheets else ''}:"
+        f" the {'film' if job.tiles else 'bed'} is {size}; all paths together"
         f" measure {x1 - x0:.2f} x {y1 - y0:.2f} mm and begin {x0:.2f} mm from its left and"
         f" {y0:.2f} mm from its lower edge.",
         "Do not join, close, simplify or convert paths: the outline is open at the mouth.",
@@ -147,9 +155,21 @@ def _file(job: Job, colours: Colours) -> list[str]:
         for name, package in LASER_FORMATS.packages.items()
         if not LASER_FORMATS[name].on_request
     )
-    if min(x0, y0) < 0.0 or x1 > job.sheet_width_mm or y1 > job.sheet_height_mm:
+    if min(x0, y0) < 0.0 or x1 > first.sheet_width_mm or y1 > first.sheet_height_mm:
         steps.append("WARNING: the paths reach beyond the bed. Do not scale them to make them fit.")
     return steps
+
+
+def _folders(job: Job) -> list[str]:
+    """Return where the files of a robot in pieces are."""
+    if not job.sheets:
+        return []
+    steps = [
+        f"{sheet_folder(number)}/ has the files for pieces {', '.join(labels)}."
+        for number, sheet in enumerate(job.sheets, start=1)
+        if isinstance(labels := sheet.facts["pieces"], list)
+    ]
+    return [f"The robot is cut in pieces. {' '.join(steps)} Each sheet is a job of its own."]
 
 
 def _tiles(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:

@@ -8,10 +8,9 @@ import numpy as np
 import shapely
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.passes import closes
+from vinefab.fabrication.job.passes import bodies_of_paths, closes
 from vinefab.fabrication.outline.gap import taper_rad
 from vinefab.fabrication.outline.stroke import Point
-from vinefab.fabrication.rules.laser_rules import bodies_of_paths
 from vinefab.fabrication.rules.rule import (
     BrokenLimit,
     Limits,

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import groupby, pairwise
+from itertools import pairwise
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.passes import frees
+from vinefab.fabrication.job.passes import bodies_of_paths, frees
 from vinefab.fabrication.outline.exactness import ProblemKind
 from vinefab.fabrication.outline.stroke import LEAST_ARC_RADIUS_MM, LEAST_CUT_MM
 from vinefab.fabrication.rules.rule import (
@@ -152,12 +152,6 @@ class _Body:
         if shapely.contains_xy(self.area, points[:, 0], points[:, 1]).any():
             return 0.0
         return float(shapely.distance(self.edge, _line(mark)))
-
-
-def bodies_of_paths(sealed: Sequence[LaserPath]) -> Iterator[tuple[LaserPath, ...]]:
-    """Yield the paths that together seal one body: several only for a piece with plugs."""
-    for _, runs in groupby(sealed, key=lambda path: path.label):
-        yield tuple(runs)
 
 
 def _inside(outer: LaserPath, inner: LaserPath) -> NDArray[np.bool_]:

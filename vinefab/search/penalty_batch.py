@@ -11,26 +11,25 @@ import numpy as np
 from vinefab.core.validation import Floats, Ints
 from vinefab.fabrication.job.passes import reach_mm
 from vinefab.fabrication.job.sleeve import STRAIGHT_AFTER_MM, STRAIGHT_BEFORE_MM, sleeve_size
+from vinefab.fabrication.outline.ends import pouch_takes_mm
 from vinefab.fabrication.outline.layout import level_fillets_mm
+from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
 from vinefab.fabrication.pieces.quick_cuts import (
     LEAST_DEPTH,
     MOST_CONFLICTS,
     MOST_PIECE_BRANCHES,
     MOST_STEPS,
 )
-from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
 from vinefab.fabrication.rules.clearance import CLEARANCE
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH
 from vinefab.fabrication.rules.penalty import (
     MOST_CHECKED_BRANCHES,
     MOST_OF_ONE,
-    TURNS,
-    pouch_takes_mm,
     width_violations,
 )
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, growth_limit_kpa
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
-from vinefab.fabrication.rules.spacing import pouch_capsules
+from vinefab.fabrication.rules.spacing import TURNS, pouch_capsules
 from vinefab.fabrication.rules.widths import PACKING
 from vinefab.model.design import MOST_BRANCHES, MOST_LEVELS, Build, PieceSettings
 from vinefab.model.laser import LaserProfile
@@ -147,7 +146,8 @@ class CutScratch(NamedTuple):
     options: Ints  # how many there are, shape (c,)
     tried: Ints  # how many were tried, shape (c,)
     path: Ints  # branches between two
-    hit: Ints  # a conflict: see the kernel
+    hit: Ints  # a conflict of a stub or socket, shape (3,); see the kernel
+    needed: Ints  # cuts that are needed for certain, shape (1,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -238,20 +238,22 @@ class BatchPenalty:
         )
         flat = np.where(designs.sizes <= MOST_CHECKED_BRANCHES, designs.sizes, 0)
         pouches = np.diff(self.tables.pouch_first)[designs.depth - 1]
-        capsules, cutting = int((flat * (1 + pouches)).max()), _cut_scratch()
-        if self.limits.most_cuts:
-            most = min(int(flat.max()), MOST_PIECE_BRANCHES)
-            cutting = _cut_scratch(most, capsules, int(designs.branches.max(initial=1)))
-            capsules += 3 * len(cutting.cut)
-        scratch = _scratch(int(designs.sizes.max()), capsules)
-        penalty, joints = np.empty(len(designs)), np.empty(len(designs), dtype=np.int64)
-        penalty_kernel.penalize(
+        capsules, largest = int((flat * (1 + pouches)).max()), int(designs.sizes.max())
+        penalty, joints = np.empty(len(designs)), np.zeros(len(designs), dtype=np.int64)
+        if self.limits.most_cuts == 0:
+            scratch = _scratch(largest, capsules)
+            penalty_kernel.penalize(arrays, self.tables, self.limits, scratch, penalty)
+            return penalty, joints
+        parts = min(int(flat.max()), MOST_PIECE_BRANCHES)
+        scratch = _scratch(largest, capsules + 3 * parts)
+        cutting = _cut_scratch(parts, capsules, int(designs.branches.max(initial=1)))
+        penalty_kernel.penalize_pieces(
             arrays, self.tables, self.limits, scratch, cutting, penalty, joints
         )
         return penalty, joints
 
 
-def _cut_scratch(branches: int = 0, capsules: int = 0, children: int = 0) -> CutScratch:
+def _cut_scratch(branches: int, capsules: int, children: int) -> CutScratch:
     """Return memory for the pieces of a design, with at most so many children in a fan."""
     pairs = min(MOST_CONFLICTS, capsules * capsules // 2)
     ways = 2 * MOST_LEVELS
@@ -274,13 +276,14 @@ def _cut_scratch(branches: int = 0, capsules: int = 0, children: int = 0) -> Cut
         weight=whole(branches),
         share=np.empty(branches),
         piece=whole(branches),
-        begin=np.zeros((MOST_LEVELS, max(1, children))),
+        begin=np.zeros((MOST_LEVELS, children)),
         stop=np.zeros(MOST_LEVELS),
         option=whole(branches + 1, ways),
         options=whole(branches + 1),
         tried=whole(branches + 1),
         path=whole(ways),
         hit=whole(3),
+        needed=whole(1),
     )
 
 

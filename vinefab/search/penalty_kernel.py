@@ -7,46 +7,70 @@ designs (no tapers, no collar) without building a design, a tree or an array for
 
 import math
 
-from vinefab.core.compiling import compiled, inlined
+from vinefab.core.compiling import called, compiled, inlined
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 # ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of what it compiles
+# ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
 
 
 @compiled
-def penalize(designs, tables, limits, scratch, cutting, penalty, joints):
+def penalize(designs, tables, limits, scratch, penalty):
     """Write the penalty of every design: `window_penalty` plus `fabrication_penalty`.
+
+    Parameters
+    ----------
+    designs, tables, limits, scratch
+        As `DesignArrays`, `LevelTables`, `PenaltyLimits` and `Scratch` of the batch.
+    penalty
+        Where the penalties go, shape (m,).
+    """
+    for d in range(len(designs.depth)):
+        count = designs.first[d + 1] - designs.first[d]
+        penalty[d] = _of_levels(designs, d, tables, limits, scratch)
+        if count > limits.most_branches:
+            penalty[d] += math.log1p(float(count) ** 2)
+        else:
+            capsules = _lay_out(designs, d, tables, limits, scratch)
+            near = _too_near(designs, d, capsules, limits, scratch)
+            penalty[d] += math.log1p(near + _over_sheet(capsules, limits, scratch))
+
+
+@compiled
+def penalize_pieces(designs, tables, limits, scratch, cutting, penalty, joints):
+    """Write the penalty of every design that may be cut in pieces, and how often it is cut.
 
     Parameters
     ----------
     designs, tables, limits, scratch, cutting
         As `DesignArrays`, `LevelTables`, `PenaltyLimits`, `Scratch` and `CutScratch` of the batch.
-    penalty
-        Where the penalties go, shape (m,).
-    joints
-        Where the numbers of sleeve joints go, shape (m,).
+    penalty, joints
+        Where penalties and numbers of sleeve joints go, shape (m,).
     """
     for d in range(len(designs.depth)):
-        total = math.log1p(_growth_excess(designs, d, tables, limits, scratch))
-        total += math.log1p(tables.widths[designs.depth[d] - 1])
-        total += math.log1p(_joints(designs, d, tables, limits))
-        total += math.log1p(_packing(designs, d, tables, limits))
         count, joints[d] = designs.first[d + 1] - designs.first[d], 0
+        penalty[d] = _of_levels(designs, d, tables, limits, scratch)
         if count > limits.most_branches:
-            total += math.log1p(float(count) ** 2)
+            penalty[d] += math.log1p(float(count) ** 2)
+            continue
+        capsules = _lay_out(designs, d, tables, limits, scratch)
+        near, pairs = _near_pairs(designs, d, capsules, limits, scratch, cutting)
+        if count > len(cutting.cut) or pairs > len(cutting.one):
+            penalty[d] += math.log1p(near + _over_sheet(capsules, limits, scratch))
         else:
-            capsules = _lay_out(designs, d, tables, limits, scratch)
-            near, pairs = _too_near(designs, d, capsules, limits, scratch, cutting)
-            if limits.most_cuts == 0 or count > len(cutting.cut) or pairs > len(cutting.one):
-                over = _over_sheet(capsules, limits, scratch)
-                shorter = min(limits.sheet_wide_mm, limits.sheet_high_mm)
-                total += math.log1p(near + max(0.0, over / shorter))
-            else:
-                _place_joints(designs, d, capsules, tables, limits, scratch, cutting)
-                _prepare_pairs(designs, d, capsules, pairs, limits, scratch, cutting)
-                left, joints[d] = _in_pieces(designs, d, capsules, pairs, limits, scratch, cutting)
-                total += math.log1p(left)
-        penalty[d] = total
+            _place_joints(designs, d, capsules, tables, limits, scratch, cutting)
+            _prepare_pairs(designs, d, capsules, pairs, limits, scratch, cutting)
+            left, joints[d] = _in_pieces(designs, d, capsules, pairs, limits, scratch, cutting)
+            penalty[d] += math.log1p(left)
+
+
+@inlined
+def _of_levels(designs, d, tables, limits, scratch):
+    """Return the penalty of the rules that need no flat layout."""
+    penalty = math.log1p(_growth_excess(designs, d, tables, limits, scratch))
+    penalty += math.log1p(tables.widths[designs.depth[d] - 1])
+    penalty += math.log1p(_joints(designs, d, tables, limits))
+    return penalty + math.log1p(_packing(designs, d, tables, limits))
 
 
 # --- Pressure for growth ------------------------------------------------------------------------
@@ -228,31 +252,45 @@ def _add_pouch(capsule, row, leaf, pouch, piece, heading):
 
 
 @inlined
-def _too_near(designs, d, capsules, limits, scratch, cutting):
-    """Return the summed depths of all pairs of capsules that are nearer than the clearance.
-
-    Returns also how many there are; as many as there is room for are written down.
-    """
-    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
-    box, owner, found, pairs = scratch.box, scratch.owner, 0.0, 0
+def _too_near(designs, d, capsules, limits, scratch):
+    """Return the summed depths of all pairs of capsules that are nearer than the clearance."""
+    found = 0.0
     for one in range(capsules):
-        low_x, low_y, high_x, high_y = box[one, 0], box[one, 1], box[one, 2], box[one, 3]
         for two in range(one + 1, capsules):
-            beside = (box[two, 0] > high_x) | (box[two, 2] < low_x)
-            if beside | (box[two, 1] > high_y) | (box[two, 3] < low_y):
+            if _may_conflict(designs, d, one, two, scratch):
+                found += _pair_depth(scratch.capsule, one, two, limits.clearance_mm)
+    return found
+
+
+@inlined
+def _near_pairs(designs, d, capsules, limits, scratch, cutting):
+    """Write down as many of these pairs as there is room for; return their depths and number."""
+    found, pairs = 0.0, 0
+    for one in range(capsules):
+        for two in range(one + 1, capsules):
+            if not _may_conflict(designs, d, one, two, scratch):
                 continue
-            a, b = owner[one], owner[two]
-            up_a, up_b = designs.parent[base + a], designs.parent[base + b]
-            joined = (up_a == up_b) | (up_a == b) | (up_b == a)
-            if a != b and not (joined and two < branches):
-                depth = _pair_depth(scratch.capsule, one, two, limits.clearance_mm)
-                found += depth
-                if depth > limits.least_depth:
-                    if pairs < len(cutting.one):
-                        cutting.one[pairs], cutting.two[pairs] = one, two
-                        cutting.depth[pairs] = depth
-                    pairs += 1
+            depth = _pair_depth(scratch.capsule, one, two, limits.clearance_mm)
+            found += depth
+            if depth <= limits.least_depth:
+                continue
+            if pairs < len(cutting.one):
+                cutting.one[pairs], cutting.two[pairs], cutting.depth[pairs] = one, two, depth
+            pairs += 1
     return found, pairs
+
+
+@inlined
+def _may_conflict(designs, d, one, two, scratch):
+    """Return whether the boxes of two capsules meet, and their branches not by design."""
+    box, base = scratch.box, designs.first[d]
+    beside = (box[two, 0] > box[one, 2]) | (box[two, 2] < box[one, 0])
+    if beside | (box[two, 1] > box[one, 3]) | (box[two, 3] < box[one, 1]):
+        return False
+    a, b = scratch.owner[one], scratch.owner[two]
+    up_a, up_b = designs.parent[base + a], designs.parent[base + b]
+    joined = (up_a == up_b) | (up_a == b) | (up_b == a)
+    return a != b and not (joined and two < designs.first[d + 1] - base)
 
 
 @inlined
@@ -286,7 +324,7 @@ def _pair_depth(capsule, one, two, clearance):
 
 @inlined
 def _over_sheet(capsules, limits, scratch):
-    """Return by how much a flat robot exceeds the sheet in its best rotation.
+    """Return by how much a flat robot exceeds the sheet, over the sheet's shorter side.
 
     Of a branch only the end counts: it begins within the wider end of its parent. The trunk begins
     with the two corners of the tail.
@@ -294,7 +332,7 @@ def _over_sheet(capsules, limits, scratch):
     _span_of_mouth(scratch)
     for k in range(capsules):
         _widen_span(scratch, k, 2)
-    return _least_excess(limits, scratch)
+    return _excess_of_span(limits, scratch)
 
 
 @inlined
@@ -319,8 +357,8 @@ def _widen_span(scratch, k, end):
 
 
 @inlined
-def _least_excess(limits, scratch):
-    """Return by how much what spans these places exceeds the sheet in the best rotation."""
+def _excess_of_span(limits, scratch):
+    """Return by how much what spans these places exceeds the sheet, as `_over_sheet`."""
     low, high, turns = scratch.low, scratch.high, scratch.turn.shape[1]
     least, quarter = math.inf, turns // 2
     for t in range(turns):
@@ -328,7 +366,7 @@ def _least_excess(limits, scratch):
         wide, tall = high[t] - low[t], high[other] - low[other]
         over = max(wide - limits.sheet_wide_mm, tall - limits.sheet_high_mm)
         least = min(least, over)
-    return least
+    return max(0.0, least / min(limits.sheet_wide_mm, limits.sheet_high_mm))
 
 
 # --- Pieces -------------------------------------------------------------------------------------
@@ -336,6 +374,13 @@ def _least_excess(limits, scratch):
 # come three for each branch that may be cut: its stub, its outer part, and the outer part's socket.
 
 STUB, OUTER, SOCKET = 0, 1, 2
+"""Places of the three."""
+
+PARTED = 1.0 - 1e-9
+"""A further cut must leave at most this share of what is left without it."""
+
+TOO_MANY = 1_000_000
+"""Cuts needed to part a pair between which no branch may be cut."""
 
 
 @inlined
@@ -444,23 +489,26 @@ def _prepare_pairs(designs, d, capsules, pairs, limits, scratch, cutting):
     base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
     owner, weight = scratch.owner, cutting.weight
     for k in range(branches):
-        cutting.cut[k] = cutting.banned[k] = cutting.used[k] = 0
-        weight[k] = 0
+        cutting.cut[k] = cutting.banned[k] = cutting.used[k] = weight[k] = 0
     for p in range(pairs):
         one, two = cutting.one[p], cutting.two[p]
-        meet = _meet(designs, base, owner[one], owner[two])
-        also = -1
+        meet, also = _meet(designs, base, owner[one], owner[two]), -1
         if meet == owner[one] and _outer_clears(meet, capsules, two, limits, scratch, cutting):
             also = meet
         if meet == owner[two] and _outer_clears(meet, capsules, one, limits, scratch, cutting):
             also = meet
         cutting.also[p] = also
         cutting.top[p] = designs.level[base + meet] - (1 if also >= 0 else 0)
-        ways = _ways(designs, base, owner[one], owner[two], also, cutting)
-        for w in range(ways):
-            weight[cutting.path[w]] += 1
+        for way in range(_ways(designs, base, owner[one], owner[two], also, cutting)):
+            weight[cutting.path[way]] += 1
+    _order_pairs(designs.depth[d], pairs, cutting)
+
+
+@inlined
+def _order_pairs(depth, pairs, cutting):
+    """Write the order of pairs: those that meet farthest from the base first."""
     placed = 0
-    for level in range(designs.depth[d], -1, -1):
+    for level in range(depth, -1, -1):
         for p in range(pairs):
             if cutting.top[p] == level:
                 cutting.order[placed] = p
@@ -478,7 +526,7 @@ def _meet(designs, base, a, b):
     return a
 
 
-@inlined
+@called
 def _outer_clears(k, capsules, row, limits, scratch, cutting):
     """Return whether a branch may be cut, and what is left beyond the cut is clear of a capsule."""
     if cutting.can[k] == 0:
@@ -489,7 +537,7 @@ def _outer_clears(k, capsules, row, limits, scratch, cutting):
     return clear and wide <= limits.least_depth
 
 
-@inlined
+@called
 def _ways(designs, base, a, b, also, cutting):
     """Write the branches between two whose cut may part them; return their number.
 
@@ -519,56 +567,52 @@ def _add_way(cutting, k, ways):
 
 @inlined
 def _in_pieces(designs, d, capsules, pairs, limits, scratch, cutting):
-    """Return what is left of conflicts and excess over the sheet after the best cuts found.
-
-    Returns also the number of cuts, which are written to ``cutting.cut``.
-    """
-    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    """Cut a design; return what is left of conflicts and excess, and the number of cuts."""
     made = _fewest_cuts(designs, d, capsules, pairs, limits, scratch, cutting)
     searched = made >= 0
-    if searched:
-        for k in range(branches):
-            cutting.cut[k] = cutting.best[k]
-    else:
+    if not searched:
         made = _deepest_cuts(designs, d, pairs, limits, scratch, cutting)
-    left, trial, chosen, least = math.inf, -1, -1, math.inf
-    # Each round tries every further cut, for pieces that are larger than the sheet; before the
-    # first there is the set of cuts as it was found.
-    while True:
-        if trial >= 0:
-            cutting.cut[trial] = 1
-        if trial < 0 or cutting.can[trial] == 1:
-            _label(designs, base, branches, cutting)
-            found = _pairs_left(pairs, scratch, cutting)
-            found += _parts_left(designs, d, capsules, pairs, limits, scratch, cutting, False)
-            found += _sheet_left(designs, d, capsules, limits, scratch, cutting)
-            if trial < 0:
-                left = found
-            elif found < least * (1.0 - 1e-9):
-                chosen, least = trial, found
-        if trial >= 0:
-            cutting.cut[trial] = 0
-        if trial < 0 and (left <= 0.0 or not searched):
+    left = _left(designs, d, capsules, pairs, limits, scratch, cutting)
+    # Further cuts, for pieces that are larger than the sheet.
+    while searched and left > 0.0 and made < limits.most_cuts:
+        chosen, least = _further_cut(designs, d, capsules, pairs, limits, scratch, cutting)
+        if least >= left * PARTED:
             break
-        trial += 1
-        while trial < branches and cutting.cut[trial] == 1:
-            trial += 1
-        if made >= limits.most_cuts:
-            break
-        if trial == branches:
-            if chosen < 0 or least >= left * (1.0 - 1e-9):
-                break
-            cutting.cut[chosen] = 1
-            made += 1
-            left, trial, chosen, least = least, 0, -1, math.inf
-            if left <= 0.0:
-                break
+        cutting.cut[chosen] = 1
+        left, made = least, made + 1
     return left, made
 
 
 @inlined
-def _label(designs, base, branches, cutting):
+def _further_cut(designs, d, capsules, pairs, limits, scratch, cutting):
+    """Return the further cut that leaves least, and what it leaves."""
+    chosen, least = -1, math.inf
+    for k in range(designs.first[d + 1] - designs.first[d]):
+        if cutting.can[k] == 1 and cutting.cut[k] == 0:
+            cutting.cut[k] = 1
+            left = _left(designs, d, capsules, pairs, limits, scratch, cutting)
+            cutting.cut[k] = 0
+            if left < least * PARTED:
+                chosen, least = k, left
+    return chosen, least
+
+
+@called
+def _left(designs, d, capsules, pairs, limits, scratch, cutting):
+    """Return what the cuts leave: depths of conflicts within a piece, and excess over the sheet."""
+    _label(designs, d, cutting)
+    left = _stubs_left(designs, d, capsules, pairs, limits, scratch, cutting)
+    left += _sockets_left(designs, d, capsules, limits, scratch, cutting)
+    for p in range(pairs):
+        if _together(p, scratch, cutting):
+            left += cutting.depth[p]
+    return left + _sheet_left(designs, d, capsules, limits, scratch, cutting)
+
+
+@inlined
+def _label(designs, d, cutting):
     """Write the piece that each branch ends on, named by the branch that the piece begins with."""
+    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
     cutting.piece[0] = 0
     for k in range(1, branches):
         cutting.piece[k] = k if cutting.cut[k] else cutting.piece[designs.parent[base + k]]
@@ -576,72 +620,82 @@ def _label(designs, base, branches, cutting):
 
 @inlined
 def _together(p, scratch, cutting):
-    """Return whether a pair of whole branches is still in one piece."""
+    """Return whether a pair of whole branches is still on one piece."""
     one, two = scratch.owner[cutting.one[p]], scratch.owner[cutting.two[p]]
     also = cutting.also[p]
     return cutting.piece[one] == cutting.piece[two] and not (also >= 0 and cutting.cut[also] == 1)
 
 
-@inlined
-def _pairs_left(pairs, scratch, cutting):
-    """Return the summed depths of pairs that are still in one piece."""
-    left = 0.0
-    for p in range(pairs):
-        if _together(p, scratch, cutting):
-            left += cutting.depth[p]
-    return left
-
-
-@inlined
-def _parts_left(designs, d, capsules, pairs, limits, scratch, cutting, first_only):
-    """Return the summed depths of stubs and sockets that conflict with something in their piece.
+@called
+def _stubs_left(designs, d, capsules, pairs, limits, scratch, cutting):
+    """Return the summed depths of stubs that conflict with something on their piece.
 
     The first conflict is written to ``cutting.hit``: two branches that end on the pieces of the
     two, and a branch whose own cut may part them too.
     """
-    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
-    owner, cut, left = scratch.owner, cutting.cut, 0.0
+    left = 0.0
     cutting.hit[0] = -1
     for place in range(pairs):
         p = cutting.order[place]
-        if _together(p, scratch, cutting):
-            continue
-        for turn in range(2):
-            one = cutting.one[p] if turn == 0 else cutting.two[p]
-            two = cutting.two[p] if turn == 0 else cutting.one[p]
-            a, b = owner[one], owner[two]
-            if one >= branches or cut[a] == 0:
-                continue
-            stub, up = capsules + 3 * a + STUB, designs.parent[base + a]
-            whole, also = two, -1
-            if two < branches and cut[b]:
-                whole = capsules + 3 * b + OUTER
-            elif two < branches and _outer_clears(b, capsules, stub, limits, scratch, cutting):
-                also = b
-            left += _depth_in_piece(up, stub, b, whole, also, limits, scratch, cutting)
-            if turn == 0 and two < branches and cut[b]:
-                other, up_b = capsules + 3 * b + STUB, designs.parent[base + b]
-                left += _depth_in_piece(up, stub, up_b, other, -1, limits, scratch, cutting)
-        if first_only and left > 0.0:
-            return left
-    for a in range(1, branches):
-        if cut[a] == 0:
-            continue
-        socket = capsules + 3 * a + SOCKET
-        for row in range(capsules):
-            b = owner[row]
-            if a != b and not (row < branches and designs.parent[base + b] == a):
-                left += _depth_in_piece(a, socket, b, row, -1, limits, scratch, cutting)
-        for b in range(a + 1, branches):
-            if cut[b] and designs.parent[base + b] != a:
-                stub, up = capsules + 3 * b + STUB, designs.parent[base + b]
-                left += _depth_in_piece(a, socket, up, stub, -1, limits, scratch, cutting)
-        if first_only and left > 0.0:
-            return left
+        if not _together(p, scratch, cutting):
+            one, two = cutting.one[p], cutting.two[p]
+            left += _stub_left(designs, d, capsules, one, two, 1, limits, scratch, cutting)
+            left += _stub_left(designs, d, capsules, two, one, 0, limits, scratch, cutting)
     return left
 
 
 @inlined
+def _stub_left(designs, d, capsules, one, two, stubs, limits, scratch, cutting):
+    """Return the depth of the stub of a capsule's branch in another capsule, or what is left of it.
+
+    ``stubs`` is 1 if the other's stub counts too.
+    """
+    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    a, b = scratch.owner[one], scratch.owner[two]
+    if one >= branches or cutting.cut[a] == 0:
+        return 0.0
+    stub, up = capsules + 3 * a + STUB, designs.parent[base + a]
+    if two >= branches:
+        return _depth_in_piece(up, stub, b, two, -1, limits, scratch, cutting)
+    if cutting.cut[b] == 0:
+        also = b if _outer_clears(b, capsules, stub, limits, scratch, cutting) else -1
+        return _depth_in_piece(up, stub, b, two, also, limits, scratch, cutting)
+    other = capsules + 3 * b
+    left = _depth_in_piece(up, stub, b, other + OUTER, -1, limits, scratch, cutting)
+    if stubs:
+        up_b = designs.parent[base + b]
+        left += _depth_in_piece(up, stub, up_b, other + STUB, -1, limits, scratch, cutting)
+    return left
+
+
+@called
+def _sockets_left(designs, d, capsules, limits, scratch, cutting):
+    """Return the summed depths of sockets that conflict with something on their piece."""
+    branches, left = designs.first[d + 1] - designs.first[d], 0.0
+    for a in range(1, branches):
+        if cutting.cut[a]:
+            left += _socket_left(designs, d, capsules, a, limits, scratch, cutting)
+    return left
+
+
+@inlined
+def _socket_left(designs, d, capsules, a, limits, scratch, cutting):
+    """Return the summed depths of a branch's socket in everything that is not joined to it."""
+    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    socket, left = capsules + 3 * a + SOCKET, 0.0
+    for row in range(capsules):
+        b = scratch.owner[row]
+        if a != b and not (row < branches and designs.parent[base + b] == a):
+            left += _depth_in_piece(a, socket, b, row, -1, limits, scratch, cutting)
+    for b in range(a + 1, branches):
+        up = designs.parent[base + b]
+        if cutting.cut[b] and up != a:
+            stub = capsules + 3 * b + STUB
+            left += _depth_in_piece(a, socket, up, stub, -1, limits, scratch, cutting)
+    return left
+
+
+@called
 def _depth_in_piece(a, one, b, two, also, limits, scratch, cutting):
     """Return the depth of two capsules that hang on two branches, 0 in different pieces."""
     box = scratch.box
@@ -661,109 +715,123 @@ def _depth_in_piece(a, one, b, two, also, limits, scratch, cutting):
 @inlined
 def _sheet_left(designs, d, capsules, limits, scratch, cutting):
     """Return the summed excesses of all pieces over the sheet, relative to its shorter side."""
-    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
-    left, shorter = 0.0, min(limits.sheet_wide_mm, limits.sheet_high_mm)
-    for root in range(branches):
-        if cutting.piece[root] != root:
-            continue
-        if root == 0:
-            _span_of_mouth(scratch)
-        else:
-            for t in range(scratch.turn.shape[1]):
-                scratch.low[t], scratch.high[t] = math.inf, -math.inf
-            _widen_span(scratch, capsules + 3 * root + SOCKET, 0)
-            _widen_span(scratch, capsules + 3 * root + SOCKET, 2)
-        for k in range(capsules):
-            if cutting.piece[scratch.owner[k]] == root:
-                _widen_span(scratch, k, 2)
-        for k in range(root + 1, branches):
-            if cutting.cut[k] and cutting.piece[designs.parent[base + k]] == root:
-                _widen_span(scratch, capsules + 3 * k + STUB, 2)
-        left += max(0.0, _least_excess(limits, scratch) / shorter)
+    left = 0.0
+    for root in range(designs.first[d + 1] - designs.first[d]):
+        if cutting.piece[root] == root:
+            _span_of_piece(designs, d, capsules, root, scratch, cutting)
+            left += _excess_of_span(limits, scratch)
     return left
 
 
 @inlined
-def _fewest_cuts(designs, d, capsules, pairs, limits, scratch, cutting):
-    """Write the fewest cuts that were found to resolve all conflicts; return their number, or -1.
+def _span_of_piece(designs, d, capsules, root, scratch, cutting):
+    """Write how far a piece reaches across each rotation."""
+    base, branches, piece = designs.first[d], designs.first[d + 1] - designs.first[d], cutting.piece
+    if root == 0:
+        _span_of_mouth(scratch)
+    else:
+        for t in range(scratch.turn.shape[1]):
+            scratch.low[t], scratch.high[t] = math.inf, -math.inf
+        _widen_span(scratch, capsules + 3 * root + SOCKET, 0)
+        _widen_span(scratch, capsules + 3 * root + SOCKET, 2)
+    for k in range(capsules):
+        if piece[scratch.owner[k]] == root:
+            _widen_span(scratch, k, 2)
+    for k in range(root + 1, branches):
+        if cutting.cut[k] and piece[designs.parent[base + k]] == root:
+            _widen_span(scratch, capsules + 3 * k + STUB, 2)
 
-    Depth first: the first pair that is still in one piece is parted by one branch after another.
+
+@inlined
+def _fewest_cuts(designs, d, capsules, pairs, limits, scratch, cutting):
+    """Make the fewest cuts that were found to part all conflicts; return their number, or -1.
+
+    Depth first: the first pair that is still on one piece is parted by one branch after another.
     """
     branches = designs.first[d + 1] - designs.first[d]
-    made, most, found, bound = 0, limits.most_cuts, -1, 0
-    option, options, tried = cutting.option, cutting.options, cutting.tried
+    made, most, found, least = 0, limits.most_cuts, -1, 0
     for step in range(limits.most_steps):
-        conflicts = _expand(designs, d, capsules, pairs, made, most, step, limits, scratch, cutting)
+        more = _expand(designs, d, capsules, pairs, made, most, step, limits, scratch, cutting)
         if step == 0:
-            bound = cutting.hit[0]
-        if conflicts == 0:
+            least = cutting.needed[0]
+        if more == 0:
             found, most = made, made - 1
             for k in range(branches):
                 cutting.best[k] = cutting.cut[k]
-            if found <= bound:
-                break
-        tried[made] = 0
-        # Go back to the last pair that has an untried branch.
-        while made >= 0 and (made >= most or tried[made] == options[made]):
-            for way in range(tried[made]):
-                cutting.banned[option[made, way]] = 0
-            made -= 1
-            if made >= 0:
-                last = option[made, tried[made] - 1]
-                cutting.cut[last], cutting.banned[last] = 0, 1
-        if made < 0:
+        made = _go_back(made, most, cutting)
+        if made < 0 or (more == 0 and found <= least):
             break
-        cutting.cut[option[made, tried[made]]] = 1
-        tried[made] += 1
+        way = cutting.option[made, cutting.tried[made]]
+        cutting.cut[way] = 1
+        cutting.tried[made] += 1
         made += 1
     for k in range(branches):
-        cutting.cut[k] = cutting.banned[k] = 0
+        cutting.cut[k] = cutting.best[k] if found >= 0 else 0
+        cutting.banned[k] = 0
     return found
 
 
 @inlined
+def _go_back(made, most, cutting):
+    """Undo cuts back to the last pair that has an untried branch; return how many are left, or -1.
+
+    A branch that was tried is banned while others are tried in its place.
+    """
+    option, tried = cutting.option, cutting.tried
+    tried[made] = 0
+    while made >= 0 and (made >= most or tried[made] == cutting.options[made]):
+        for way in range(tried[made]):
+            cutting.banned[option[made, way]] = 0
+        made -= 1
+        if made >= 0:
+            last = option[made, tried[made] - 1]
+            cutting.cut[last], cutting.banned[last] = 0, 1
+    return made
+
+
+@called
 def _expand(designs, d, capsules, pairs, made, most, step, limits, scratch, cutting):
     """Write the branches that may part the first conflict; return 0 if there is none, else 1.
 
     There are no such branches if more cuts than ``most`` are needed for certain: each of some pairs
     needs one of its own (Garg, Vazirani and Yannakakis 1997: pairs are taken in the order in which
-    they meet farthest from the base). That number is written to ``cutting.hit``.
+    they meet farthest from the base). That number is written to ``cutting.needed``.
     """
-    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
-    owner, used, first, bound = scratch.owner, cutting.used, -1, 0
+    base, owner, first, needed = designs.first[d], scratch.owner, -1, 0
     cutting.options[made] = 0
-    _label(designs, base, branches, cutting)
+    _label(designs, d, cutting)
     for place in range(pairs):
         p = cutting.order[place]
-        if not _together(p, scratch, cutting):
-            continue
-        if first < 0:
-            first = p
-        one, two = owner[cutting.one[p]], owner[cutting.two[p]]
-        ways, taken = _ways(designs, base, one, two, cutting.also[p], cutting), False
-        for way in range(ways):
-            taken |= used[cutting.path[way]] == step + 1
-        if ways == 0:
-            bound = most + 1
-        elif not taken:
-            bound += 1
-            for way in range(ways):
-                used[cutting.path[way]] = step + 1
-        if made + bound > most:
-            cutting.hit[0] = bound
-            return 1
+        if needed <= most - made and _together(p, scratch, cutting):
+            first = p if first < 0 else first
+            needed += _claim(designs, d, p, step, scratch, cutting)
+    cutting.needed[0] = needed
+    if needed > most - made:
+        return 1
     if first >= 0:
         one, two = owner[cutting.one[first]], owner[cutting.two[first]]
         ways = _ways(designs, base, one, two, cutting.also[first], cutting)
     else:
-        left = _parts_left(designs, d, capsules, pairs, limits, scratch, cutting, True)
+        left = _stubs_left(designs, d, capsules, pairs, limits, scratch, cutting)
+        left += _sockets_left(designs, d, capsules, limits, scratch, cutting)
         if left <= 0.0:
-            cutting.hit[0] = bound
             return 0
         ways = _ways(designs, base, cutting.hit[0], cutting.hit[1], cutting.hit[2], cutting)
     _sort_ways(ways, made, cutting)
-    cutting.hit[0] = bound
     return 1
+
+
+@inlined
+def _claim(designs, d, p, step, scratch, cutting):
+    """Return how many cuts a pair needs beside those of the pairs before: 0, 1, or too many."""
+    one, two = scratch.owner[cutting.one[p]], scratch.owner[cutting.two[p]]
+    ways = _ways(designs, designs.first[d], one, two, cutting.also[p], cutting)
+    for way in range(ways):
+        if cutting.used[cutting.path[way]] == step + 1:
+            return 0
+    for way in range(ways):
+        cutting.used[cutting.path[way]] = step + 1
+    return 1 if ways else TOO_MANY
 
 
 @inlined
@@ -785,22 +853,29 @@ def _sort_ways(ways, made, cutting):
 @inlined
 def _deepest_cuts(designs, d, pairs, limits, scratch, cutting):
     """Cut, one after the other, where pairs of the most depth are parted; return how often."""
-    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
-    owner, share = scratch.owner, cutting.share
-    for made in range(limits.most_cuts):
-        _label(designs, base, branches, cutting)
-        for k in range(branches):
-            share[k] = 0.0
-        for p in range(pairs):
-            if _together(p, scratch, cutting):
-                one, two = owner[cutting.one[p]], owner[cutting.two[p]]
-                for way in range(_ways(designs, base, one, two, cutting.also[p], cutting)):
-                    share[cutting.path[way]] += cutting.depth[p]
+    share, made = cutting.share, 0
+    while made < limits.most_cuts:
+        _add_shares(designs, d, pairs, scratch, cutting)
         chosen = 0
-        for k in range(branches):
-            if share[k] > share[chosen] + 1e-9:
+        for k in range(designs.first[d + 1] - designs.first[d]):
+            if share[k] > share[chosen] + limits.least_depth:
                 chosen = k
         if share[chosen] <= 0.0:
-            return made
+            break
         cutting.cut[chosen] = 1
-    return limits.most_cuts
+        made += 1
+    return made
+
+
+@inlined
+def _add_shares(designs, d, pairs, scratch, cutting):
+    """Write the summed depths of the pairs that a cut in each branch parts."""
+    base, owner = designs.first[d], scratch.owner
+    _label(designs, d, cutting)
+    for k in range(designs.first[d + 1] - designs.first[d]):
+        cutting.share[k] = 0.0
+    for p in range(pairs):
+        if _together(p, scratch, cutting):
+            one, two = owner[cutting.one[p]], owner[cutting.two[p]]
+            for way in range(_ways(designs, base, one, two, cutting.also[p], cutting)):
+                cutting.share[cutting.path[way]] += cutting.depth[p]

@@ -11,7 +11,7 @@ the planned length.
 import math
 from dataclasses import dataclass
 
-from vinefab.fabrication.outline.gap import Neck, neck
+from vinefab.fabrication.outline.gap import Neck, neck, neck_length_mm
 from vinefab.fabrication.outline.joint import level_tapers_rad
 from vinefab.fabrication.outline.layout import level_fillets_mm
 from vinefab.fabrication.outline.stroke import (
@@ -25,7 +25,7 @@ from vinefab.fabrication.outline.stroke import (
     polar,
     turned,
 )
-from vinefab.model.design import Design, Pouch
+from vinefab.model.design import Build, Design, Pouch
 from vinefab.model.outline import Part
 
 
@@ -317,3 +317,20 @@ def _shoulder(leaf: Leaf, axis: Point, radius_mm: float) -> tuple[list[StrokeSeg
         pieces += [StrokeSegment((back, ball[1]), -math.tan(turn / 4), Part.FILLET)]
     pieces += [StrokeSegment((back, axis[1]), 0.0, Part.POUCH)]
     return [*pieces, *arc(axis, (back, axis[1]), math.pi / 2, Part.POUCH)], start
+
+
+def pouch_takes_mm(build: Build, offset_mm: float = 0.0) -> float:
+    """Return how much of a leaf its pouch takes, before the end of its planned length.
+
+    Parameters
+    ----------
+    offset_mm
+        How far outside the lumen's edge.
+    """
+    pouch, half_mm = build.pouch, build.end_widths_mm[-1] / 2.0
+    radius_mm = max(0.0, level_fillets_mm(build)[-1] - offset_mm)
+    if pouch is None or pouch.flat_width_mm <= 2.0 * half_mm:
+        return 0.0
+    if pouch.shape == "round":
+        return neck_length_mm(half_mm + offset_mm, (pouch.radius_mm or 0.0) + offset_mm, radius_mm)
+    return (pouch.length_mm or 0.0) / 2.0 + offset_mm + radius_mm

@@ -3,6 +3,7 @@
 Each is measured by capsules, as whole robots are: ends that are flat in film count as round.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -190,3 +191,55 @@ def bodies_of(
         parent=whole.parent,
     )
     return Bodies(capsules=capsules, kind=np.concatenate(kinds).astype(np.int64))
+
+
+_TURNS = 361
+"""Rotations of the bed that are tried, over half a turn."""
+
+
+class Reaches:
+    """How far branches reach in every direction: whether some of them can share a bed."""
+
+    def __init__(self, bodies: Bodies, branches: int, room_mm: tuple[float, float]) -> None:
+        turns = np.linspace(0.0, np.pi, _TURNS)
+        self.step_rad = float(turns[1])
+        across = np.stack([np.cos(turns), np.sin(turns)])
+        along = np.stack([-np.sin(turns), np.cos(turns)])
+        self.room_mm = np.array(room_mm)
+        # Both ways of each axis, by branch: of whole ones, and of outer parts without sockets.
+        self.whole_mm = np.full((branches, 4, _TURNS), -np.inf)
+        self.outer_mm = np.full((branches, 4, _TURNS), -np.inf)
+        axes = np.stack([across, -across, along, -along])
+        capsules, seen = bodies.capsules, set[int]()
+        for row, (branch, kind) in enumerate(
+            zip(capsules.branch.tolist(), bodies.kind.tolist(), strict=True)
+        ):
+            if kind == BodyKind.STUB:
+                continue
+            far = np.maximum(
+                np.tensordot(axes, capsules.start_mm[row], (1, 0)) + capsules.half_mm[row],
+                np.tensordot(axes, capsules.end_mm[row], (1, 0)) + capsules.end_half_mm[row],
+            )
+            into = self.whole_mm if kind == BodyKind.WHOLE else self.outer_mm
+            if kind == BodyKind.OUTER and branch in seen and not capsules.pouch[row]:
+                continue  # the socket: a branch that is not cut has none
+            seen |= {branch} if kind == BodyKind.OUTER else set()
+            np.maximum(into[branch], far, out=into[branch])
+
+    def exceed(self, rows: Collection[int]) -> bool:
+        """Whether branches fit no bed together, of the first of them only its outer part.
+
+        Between the rotations tried a size changes by no more than the diameter times half a step.
+        """
+        order = sorted(rows)
+        far = self.whole_mm[order].max(axis=0)
+        if order[0]:
+            first = self.outer_mm[order[0]]
+            far = np.maximum(first, self.whole_mm[order[1:]].max(axis=0)) if order[1:] else first
+        wide, high = far[0] + far[1], far[2] + far[3]
+        slack_mm = float(np.hypot(wide, high).max()) * self.step_rad / 2.0
+        over = np.minimum(
+            np.maximum(wide - self.room_mm[0], high - self.room_mm[1]),
+            np.maximum(wide - self.room_mm[1], high - self.room_mm[0]),
+        )
+        return bool(over.min() > slack_mm)

@@ -56,7 +56,7 @@ def multicut(clauses: Sequence[Clause], weights: Mapping[int, float]) -> Multicu
     needed = simplified(clause for clause in kept if clause is not None)
     if not needed:
         return Multicut(cut=(), proven_least=True)
-    found = _solved(needed, weights)
+    found = None if _NEVER in needed else _solved(needed, weights)
     if found is None:
         return Multicut(cut=(), proven_least=True, broken=_most_stubborn(kept, weights))
     return found
@@ -77,7 +77,7 @@ def simplified(clauses: Iterable[Clause]) -> list[Clause]:
     """Return clauses that say the same, fewer of them.
 
     Two that differ in one branch alone, cut or uncut, say that it does not matter; a clause that
-    another one implies says nothing more.
+    another one implies says nothing more. An empty clause alone is left where they contradict.
     """
     left = set(clauses)
     for clause in sorted(left, key=_order):
@@ -87,6 +87,8 @@ def simplified(clauses: Iterable[Clause]) -> list[Clause]:
             if len(clause.literals) > 1 and clause in left and twin in left:
                 left -= {clause, twin}
                 left.add(Clause(clause.cut, clause.uncut - {row}))
+    if _NEVER in left:
+        return [_NEVER]
     watched: dict[tuple[int, bool], list[frozenset[tuple[int, bool]]]] = defaultdict(list)
     kept = []
     for clause in sorted(left, key=_order):
@@ -152,5 +154,5 @@ def _program(
         integrality=np.ones(len(costs), dtype=np.int64),
         bounds=scipy.optimize.Bounds(0.0, 1.0),
         constraints=scipy.optimize.LinearConstraint(matrix, lb=least),
-        options={"node_limit": MOST_NODES, "mip_rel_gap": 0.0},
+        options={"node_limit": MOST_NODES, "mip_rel_gap": 0.0, "presolve": False},
     )

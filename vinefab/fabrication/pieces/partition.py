@@ -13,6 +13,7 @@ from vinefab.fabrication.outline.body_outline import PieceEnds, body_outline
 from vinefab.fabrication.pieces.bodies import (
     Bodies,
     BodyKind,
+    Reaches,
     StraightSides,
     bodies_of,
     sleeves_of,
@@ -29,6 +30,9 @@ from vinefab.model.design import Design, PieceSettings
 from vinefab.model.finding import Finding
 from vinefab.model.laser import LaserProfile
 from vinefab.model.pieces import Partition, Piece, Sleeve, Unparted, piece_label
+
+_ORDERS = 8
+"""Orders in which branches are given up to find the least part that does not fit the bed."""
 
 MOST_ROUNDS = 100
 """Times that cuts are looked for again after a rule found something on a piece."""
@@ -100,6 +104,8 @@ class _Cutter:
         self.sides: StraightSides = straight_sides(design, layout, offsets)
         self.sleeves: dict[int, Sleeve] = sleeves_of(layout, self.sides, self.size)
         self.bodies: Bodies = bodies_of(layout, design.build, self.sleeves, self.size.rise_mm)
+        self.reaches = Reaches(self.bodies, len(self.parent), profile.machine.usable_mm)
+        self.known: dict[tuple[tuple[int, ...], ...], tuple[_Conflict, ...]] = {}
         self.waived = {waiver.fingerprint for waiver in design.waivers}
 
     def partition(self) -> Partition:
@@ -112,7 +118,7 @@ class _Cutter:
                 return self._uncut(conflicts, found)
             proven = found.proven_least
             cut = self._cut(found.cut, proven_least=proven)
-            more = [one for piece in cut.pieces for one in self._found_on(cut, piece)]
+            more = [one for piece in cut.pieces for one in self._known_of(cut, piece)]
             if not more:
                 return cut
             known = {conflict.clause for conflict in conflicts}
@@ -179,6 +185,13 @@ class _Cutter:
                 two = self.parent[two]
         return found
 
+    def _known_of(self, cut: Partition, piece: Piece) -> tuple[_Conflict, ...]:
+        """Return what is found on a piece; the same piece comes back in many partitions."""
+        key = piece.branches, piece.stubs
+        if key not in self.known:
+            self.known[key] = tuple(self._found_on(cut, piece))
+        return self.known[key]
+
     def _found_on(self, cut: Partition, piece: Piece) -> Iterator[_Conflict]:
         """Yield what the rules still find on a piece as it will be cut."""
         ends = piece_ends(cut, piece, self.size)
@@ -192,14 +205,46 @@ class _Cutter:
                 )
         paths = body_paths(self.design, self.profile, separate=self.separate, ends=ends).paths
         corner, room = self.profile.machine.margin_mm.value, self.profile.machine.usable_mm
-        if not place_contours([path.contour for path in paths], room, corner).fits:
-            apart = frozenset(row for row in piece.branches if row != piece.root)
-            yield _Conflict(
-                why="do not fit the bed in one piece",
-                branches=piece.branches,
-                # Without its socket a piece is a part of a larger one, whatever else is cut.
-                clause=Clause(apart, frozenset({piece.root} - {0})),
-            )
+        if place_contours([path.contour for path in paths], room, corner).fits:
+            return
+        for clause in self._too_large(piece):
+            rows = (*sorted(clause.cut), *clause.uncut)
+            yield _Conflict(why="do not fit the bed in one piece", branches=rows, clause=clause)
+
+    def _too_large(self, piece: Piece) -> Iterator[Clause]:
+        """Yield clauses that a piece which does not fit the bed is cut.
+
+        Of a piece as small a part as possible is sought that does not fit either, several times,
+        giving up branches in another order each time. Where only seam, kerf and marks make the
+        piece too large, there is none but the piece.
+        """
+        apart = frozenset(row for row in piece.branches if row != piece.root)
+        if not apart or not self.reaches.exceed(piece.branches):
+            # Without its socket a piece is a part of a larger one, whatever else is cut.
+            yield Clause(apart, frozenset({piece.root} - {0}))
+            return
+        orders = (piece.branches, piece.branches[::-1])
+        rolled = [piece.branches[k:] + piece.branches[:k] for k in range(0, len(apart), 7)][
+            :_ORDERS
+        ]
+        found = {self._least_too_large(piece.branches, order) for order in (*orders, *rolled)}
+        yield from sorted(found, key=lambda clause: sorted(clause.cut))
+
+    def _least_too_large(self, rows: tuple[int, ...], order: tuple[int, ...]) -> Clause:
+        """Return the clause that a least connected part of a piece is cut, which does not fit.
+
+        Its first branch counts with its outer part alone, as if it were cut.
+        """
+        kept = set(rows)
+        for row in order:
+            children = [one for one in kept if self.parent[one] == row]
+            is_top = self.parent[row] not in kept
+            if len(kept) < 3 or len(children) > is_top:
+                continue  # without it the rest would fall apart
+            if self.reaches.exceed(kept - {row}):
+                kept.discard(row)
+        top = next(row for row in sorted(kept) if self.parent[row] not in kept)
+        return Clause(frozenset(kept - {top}))
 
     def _clause_of(self, piece: Piece, finding: Finding) -> Clause | None:
         """Return the clause that the two bodies of a finding are apart."""

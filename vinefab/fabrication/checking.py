@@ -10,7 +10,7 @@ from vinefab.core.errors import ReadBackError
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.annotation import annotated_job
-from vinefab.fabrication.rules.catalog import FLAT_RULES, RULES
+from vinefab.fabrication.rules.catalog import FLAT_RULES, RULES, concerns
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Corridor, MapCorridors, RigFacts, Subject
@@ -98,7 +98,11 @@ def _check_in_steps(
         The design without the paths of the laser.
     """
     report = run_checks(flat, limits, only=FLAT_RULES)
-    others = [rule for rule in (*RULES, *RULES.broken) if rule not in FLAT_RULES]
+    others = [
+        rule
+        for rule in (*RULES, *RULES.broken)
+        if rule not in FLAT_RULES and concerns(rule, flat.design)
+    ]
     if not report.blocking:
         subject = replace(flat, job=laser_job(flat.design, profile))
         return merged_reports(report, run_checks(subject, limits, only=others))

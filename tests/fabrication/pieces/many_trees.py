@@ -56,7 +56,7 @@ def main(trees=2000, seed=1, width_mm=40.0):
             outcomes["outline: " + ", ".join(sorted(problems))] += 1
             if not problems:
                 bad += 1
-                print(f"tree {number}: {sorted(blocking)} without a named reason")
+                sys.stdout.write(f"tree {number}: {sorted(blocking)} without a named reason" + "\n")
         else:
             outcomes[", ".join(sorted(named)) or "pieces that pass"] += 1
         count = design.branch_count
@@ -66,12 +66,12 @@ def main(trees=2000, seed=1, width_mm=40.0):
         rows = sizes[place]
         if rows:
             pieces, proven, spent, _ = (np.array(column) for column in zip(*rows, strict=True))
-            print(
+            sys.stdout.write(
                 f"to {place} branches: {len(rows)} trees, pieces {np.median(pieces):.0f} "
                 f"(most {pieces.max()}), proven least {proven.mean():.1%}, CPU s median "
-                f"{np.median(spent):.3f}, worst {spent.max():.2f}"
+                f"{np.median(spent):.3f}, worst {spent.max():.2f}\n"
             )
-    print(dict(outcomes))
+    sys.stdout.write(f"{dict(outcomes)}\n")
     return bool(bad)
 
 

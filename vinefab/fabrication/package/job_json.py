@@ -12,7 +12,15 @@ from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.package.bom import weakest
 from vinefab.model.design import Build, Design
 from vinefab.model.job import Job, Operation
-from vinefab.model.laser import LaserProfile, Machine, Material, OperationSettings, Quantity
+from vinefab.model.laser import (
+    LapBond,
+    LaserProfile,
+    Machine,
+    Material,
+    OperationSettings,
+    Quantity,
+    Recipe,
+)
 
 SCHEMA = "vinefab/job-1"
 
@@ -41,6 +49,7 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
                 "source": recipe.source,
                 "coupons": {key: plain_quantity(q) for key, q in recipe.coupons.items()},
                 "windows": [window.words() for window in recipe.windows],
+                **_lap(job, recipe),
             },
             "operations": [
                 _operation(operation, job, profile, colours)
@@ -59,6 +68,14 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
             **_sheets(job, colours),
         },
     )
+
+
+def _lap(job: Job, recipe: Recipe) -> dict[str, object]:
+    """Return the bond of the sleeves of a robot in pieces."""
+    if not job.sheets:
+        return {}
+    bond = recipe.lap
+    return {"lap": None if bond is None else _record(bond)}
 
 
 def _sheets(job: Job, colours: Colours) -> dict[str, object]:
@@ -181,7 +198,7 @@ def _paths(job: Job, colours: Colours) -> list[dict[str, object]]:
     ]
 
 
-def _record(noun: Machine | Material | OperationSettings) -> Mapping[str, object]:
+def _record(noun: Machine | Material | OperationSettings | LapBond) -> Mapping[str, object]:
     return {field.name: _plain(getattr(noun, field.name)) for field in fields(noun)}
 
 

@@ -20,6 +20,7 @@ from vinefab.fabrication.formats.lightburn_format import LIGHTBURN, LIGHTBURN_LI
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.job.tile_jobs import TARGET, VERIFICATION, VERIFY
 from vinefab.fabrication.package.bom import film_piece_mm
+from vinefab.fabrication.package.piece_joining import JoiningWords
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile, OperationSettings, Quantity, RecipeStatus
@@ -54,8 +55,20 @@ _STATUS = {
 }
 
 
-def readme_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) -> str:
-    """Return the operator's steps for one job, plain text, every number with its standing."""
+def readme_text(
+    design: Design,
+    job: Job,
+    profile: LaserProfile,
+    colours: Colours,
+    joining: JoiningWords | None = None,
+) -> str:
+    """Return the operator's steps for one job, plain text, every number with its standing.
+
+    Parameters
+    ----------
+    joining
+        How the pieces of a robot are joined; None for a robot in one piece.
+    """
     title = f"Fabrication package: {design.name}"
     parts = [
         f"{title}\n{'=' * len(title)}",
@@ -68,7 +81,10 @@ def readme_text(design: Design, job: Job, profile: LaserProfile, colours: Colour
             "4. Layers, in the order in which they must run", _layers(job, profile, colours)
         ),
         readme_section("5. At the machine", _machine(job, profile, colours)),
-        readme_section("6. After cutting: measure", _measure(design, job, profile)),
+        readme_section(
+            "6. After cutting: measure", _measure(design, job, profile, whole=joining is None)
+        ),
+        *([] if joining is None else [_joining(joining)]),
         readme_section("7. Mounting", _mounting(design)),
         readme_section("8. What the files say about themselves", _facts(job, colours)),
         f"Numbers marked (assumed) were not measured by anyone; see job.json for sources.\n"
@@ -346,17 +362,44 @@ def _focus_changes(job: Job, profile: LaserProfile, colours: Colours) -> list[st
     ]
 
 
-def _measure(design: Design, job: Job, profile: LaserProfile) -> list[str]:
+def _measure(design: Design, job: Job, profile: LaserProfile, *, whole: bool) -> list[str]:
+    inflate = (
+        f"Inflate slowly behind a shield, first to a quarter of {design.build.pressure_kpa:g} kPa"
+        " (working pressure of the design)."
+    )
+    if not whole:
+        inflate = "Inflate only what is closed but for its base: section 6a says when."
     widths = ", ".join(f"level {i} {w:g}" for i, w in enumerate(design.build.widths_mm, start=1))
     return [
         f"Inner lay-flat width between the seams, in mm: {widths}.",
         "Open the mouth with a blunt tool; if it is fused, trim it back by a few millimetres.",
         "Look along the seam at crotches and tips first: that is where it fails.",
-        f"Inflate slowly behind a shield, first to a quarter of {design.build.pressure_kpa:g} kPa"
-        " (working pressure of the design). Known of the seam:"
+        f"{inflate} Known of the seam:"
         f" {profile.material.seam.words()}, lay-flat; a wider tube holds less.",
         f"Write down: kerf, seam width, widths, burst pressure; recipe {profile.recipe.name}, job"
         f" {job.name}.",
+    ]
+
+
+def _joining(joining: JoiningWords) -> str:
+    """Return the section on joining the pieces: what every joint takes, and the steps by number."""
+    return "\n".join(
+        [
+            readme_section("6a. Joining the pieces", joining.needed),
+            "",
+            "Every joint is made like this:",
+            *_numbered(joining.one_joint, [f"{chr(ord('a') + row)}." for row in range(26)]),
+            "",
+            "Steps:",
+            *_numbered(joining.steps, [f"{row}." for row in range(1, len(joining.steps) + 1)]),
+        ]
+    )
+
+
+def _numbered(items: Sequence[str], numbers: Sequence[str]) -> list[str]:
+    wide = len(numbers[len(items) - 1])
+    return [
+        _paragraph(f"{number:>{wide}} ", item) for number, item in zip(numbers, items, strict=False)
     ]
 
 

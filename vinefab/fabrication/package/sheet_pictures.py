@@ -161,7 +161,9 @@ def _title(job: Job, findings: tuple[Finding, ...], *, cropped: bool) -> str:
         one = job.sheets[0]
         size = f"{one.sheet_width_mm:g} x {one.sheet_height_mm:g} mm"
         bed = f"{len(job.sheets)} sheets side by side, each on a bed of {size}"
-    parts = [job.name, order, f"lower left of the {bed}" if cropped else bed]
+    where = f"lower left of the {bed}" if cropped else bed
+    # A line of its own: with the name of a design, one line is too long.
+    parts = [job.name, f"{order};\n{where}"] if job.sheets else [job.name, order, where]
     blocking = sum(finding.blocks for finding in findings)
     return "; ".join([*parts, f"{blocking} blocking findings"] if blocking else parts)
 

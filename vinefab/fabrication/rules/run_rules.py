@@ -7,7 +7,13 @@ from typing import Protocol, TypeVar
 
 from vinefab.core.hashing import fingerprint
 from vinefab.core.jsontext import json_text
-from vinefab.fabrication.rules.catalog import PIECE_RULES, RULES, by_rule, changed_limits
+from vinefab.fabrication.rules.catalog import (
+    PIECE_RULES,
+    RULES,
+    by_rule,
+    changed_limits,
+    concerns,
+)
 from vinefab.fabrication.rules.rig_rules import RIG_CHECKS, RigSubject
 from vinefab.fabrication.rules.rule import (
     LimitChanges,
@@ -42,6 +48,8 @@ def run_checks(
 ) -> CheckReport:
     """Return the report of all registered rules: their findings, and why any was skipped.
 
+    Rules about pieces are in it only where the design may be cut in some (`concerns`).
+
     Parameters
     ----------
     limits
@@ -60,7 +68,7 @@ def run_checks(
     outcomes = [
         (rule, _outcome(rule, subject, rule.limits_with(values.get(rule.id, {}))))
         for rule in RULES.values()
-        if only is None or rule.id in only
+        if (only is None or rule.id in only) and concerns(rule.id, subject.design)
     ]
     recipe = subject.profile.recipe.name if subject.profile else ""
     report = _report(subject.design.name, outcomes, subject.design.waivers)

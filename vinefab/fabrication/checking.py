@@ -80,11 +80,8 @@ def check_design(
     if design.branch_count > MANY_BRANCHES:
         flat = replace(subject_of(design, None, deployed), profile=profile)
         return _check_in_steps(replace(flat, corridors=corridors, rig=rig), profile, limits)
-    flat = replace(subject_of(design, None, deployed), profile=profile)
-    partition = partition_of(design, profile, limits)
-    job = laser_job(design, profile, partition=partition)
-    subject = in_pieces(replace(flat, job=job, corridors=corridors, rig=rig), partition)
-    return run_checks(subject, limits)
+    subject = subject_of(design, profile, deployed, limits)
+    return run_checks(replace(subject, corridors=corridors, rig=rig), limits)
 
 
 def _check_in_steps(
@@ -115,10 +112,24 @@ def _check_in_steps(
     return replace(report, skipped=skipped, stale_waivers=())
 
 
-def subject_of(design: Design, profile: LaserProfile | None, deployed: Deployed = ()) -> Subject:
-    """Return what the rules check, deployments with the names of their maps included."""
+def subject_of(
+    design: Design,
+    profile: LaserProfile | None,
+    deployed: Deployed = (),
+    limits: LimitChanges | None = None,
+) -> Subject:
+    """Return what the rules check: the design in its pieces, deployments with their maps' names.
+
+    Designs with more than `MANY_BRANCHES` branches are not looked at in pieces.
+    """
     map_names, deployments = tuple(name for name, _ in deployed), tuple(d for _, d in deployed)
-    return Subject.of(design, profile, deployments=deployments, map_names=map_names)
+    flat = Subject.of(design, deployments=deployments, map_names=map_names)
+    if profile is None:
+        return flat
+    many = design.branch_count > MANY_BRANCHES
+    partition = None if many else partition_of(design, profile, limits)
+    made = replace(flat, profile=profile, job=laser_job(design, profile, partition=partition))
+    return in_pieces(made, partition) if partition else made
 
 
 def findings_drawing(design: Design, profile: LaserProfile, report: CheckReport) -> Job:

@@ -1,29 +1,78 @@
 """``check --fix``: the smallest change of a design that clears its errors.
 
-The search is deterministic. Branches may be pruned; for each way to prune, every length, angle and
-width is moved in the direction that lowers the penalty most for its cost, in steps that grow and
-shrink, until no penalty is left; then every value moves back towards the original as far as the
-rules allow. The cheapest result counts. It is the best that this search finds, not proven to be the
-smallest there is.
+The search is deterministic and goes by what a maker would try first: smaller fillets alone; then
+widths, tapers, lengths and angles together; then fewer branches. What comes later is tried only if
+all before it found nothing. At first one value, or a group of them, is moved at a time: what lowers
+the penalty most for its cost, in steps that grow and shrink, until no penalty is left. Where that
+gets stuck and no branch is to go, CMA-ES moves all values together. Then every value moves back
+towards the original as far as the rules allow. The cheapest result counts. It is the best that this
+search finds, not proven to be the smallest there is.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats
 from vinefab.fabrication.rules.fix_targets import FixTargets, change_cost, pruning_cost
 from vinefab.model.design import Build, Design, Level, Pouch
 
 Variable = tuple[str, int]
-"""What is changed (length, fan, growth, width, pouch), and on which level, from 0."""
+"""What is changed, one of `KINDS`, and on which level, from 0."""
+
+KINDS = frozenset({"length", "growth", "fan", "width", "taper", "pouch", "fillet"})
+"""What a fix can change, besides the number of branches."""
+
+BRANCHES = "branches"
+KEEPS: Mapping[str, frozenset[str]] = MappingProxyType(
+    {
+        BRANCHES: frozenset(),
+        "length": frozenset({"length", "growth"}),
+        "angle": frozenset({"fan"}),
+        "width": frozenset({"width", "taper", "pouch"}),
+    }
+)
+"""What a user may tell a fix to keep, and the kinds of changes that this rules out."""
 
 _DECIMALS = 3
+_LEAST_TAPER = 0.05
+
+
+def parsed_keeps(texts: Iterable[str]) -> frozenset[str]:
+    """Return what to keep from texts like ``branches,length``.
+
+    >>> sorted(parsed_keeps(["branches, length", "angle"]))
+    ['angle', 'branches', 'length']
+    """
+    words = [word.strip() for text in texts for word in text.split(",")]
+    for word in words:
+        if word not in KEEPS:
+            allowed = f"{', '.join(KEEPS)}, one or more with commas between them"
+            raise BadInputError("--keep", word, allowed)
+    return frozenset(words)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FixStage:
+    """One step of a fix: what may change in it."""
+
+    kinds: frozenset[str]  # of `KINDS`
+    prunes: bool = False  # whether branches may be removed
+
+
+def fix_stages(keep: frozenset[str] = frozenset()) -> tuple[FixStage, ...]:
+    """Return the steps of a fix in their order, less what is to be kept."""
+    kinds = KINDS.difference(*(KEEPS[word] for word in keep))
+    stages = [FixStage(kinds=frozenset({"fillet"})), FixStage(kinds=kinds)]
+    stages += [] if BRANCHES in keep else [FixStage(kinds=kinds, prunes=True)]
+    return tuple(dict.fromkeys(stages))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,16 +86,25 @@ class FixSpace:
     targets: FixTargets  # settle fillets, tail and pressure
 
     @classmethod
-    def of(cls, design: Design, branches: tuple[int, ...], targets: FixTargets) -> "FixSpace":
-        """Return the space of a design with some of its branches kept."""
+    def of(
+        cls,
+        design: Design,
+        branches: tuple[int, ...],
+        targets: FixTargets,
+        kinds: frozenset[str] = KINDS,
+    ) -> "FixSpace":
+        """Return the space of some kinds of changes of a design with some of its branches kept."""
         depth = 1 + len(branches)
         wide = [level for level, count in enumerate(branches, start=1) if count > 1]
         variables: list[Variable] = [("length", level) for level in range(depth)]
         variables += [("fan", level) for level in wide]
         variables += [("growth", level) for level in wide if design.levels[level - 1].growth != 1.0]
         variables += [("width", level) for level in range(depth)]
+        variables += [("taper", level) for level in range(depth - 1)]
+        variables += [("fillet", level) for level in range(1, depth)]
         variables += [("pouch", 0)] if design.build.pouch else []
-        return cls(design=design, branches=branches, variables=tuple(variables), targets=targets)
+        used = tuple(variable for variable in variables if variable[0] in kinds)
+        return cls(design=design, branches=branches, variables=used, targets=targets)
 
     def __len__(self) -> int:
         return len(self.variables)
@@ -65,7 +123,7 @@ class FixSpace:
             self._level(number, scale, by_kind.get("fan", {})) for number in range(1, depth)
         )
         build = self._build(depth, scale)
-        trunk_mm = _scaled_mm(self.design.trunk_length_mm, scale["length"][0])
+        trunk_mm = _scaled_mm(self.design.trunk_length_mm, scale.get("length", {}).get(0, 1.0))
         return replace(
             self.design,
             trunk_length_mm=trunk_mm,
@@ -101,19 +159,37 @@ class FixSpace:
         grown = min(100.0, max(0.001, round(old.growth * growth, 2 + _DECIMALS)))
         return Level(
             branches=self.branches[number - 1],
-            length_mm=_scaled_mm(old.length_mm, scale["length"][number]),
+            length_mm=_scaled_mm(old.length_mm, scale.get("length", {}).get(number, 1.0)),
             fan_rad=fan_rad if turn_rad else old.fan_rad,
             growth=old.growth if growth == 1.0 else grown,
         )
 
     def _build(self, depth: int, scale: dict[str, dict[int, float]]) -> Build:
         old = self.design.build
-        widths_mm = tuple(
-            _scaled_mm(width, scale["width"][level])
-            for level, width in enumerate(old.widths_mm[:depth])
+
+        def scaled(kind: str, values_mm: tuple[float, ...], first: int = 0) -> tuple[float, ...]:
+            factors = scale.get(kind, {})
+            numbered = enumerate(values_mm, start=first)
+            return tuple(_scaled_mm(value, factors.get(level, 1.0)) for level, value in numbered)
+
+        return replace(
+            old,
+            widths_mm=scaled("width", old.widths_mm[:depth]),
+            fillet_mm=scaled("fillet", old.fillet_mm[: depth - 1], first=1),
+            taper=_tapers(old.taper[:depth], depth, scale.get("taper", {})),
+            pouch=_scaled(old.pouch, scale.get("pouch", {}).get(0, 1.0)),
         )
-        pouch = _scaled(old.pouch, scale.get("pouch", {}).get(0, 1.0))
-        return replace(old, widths_mm=widths_mm, fillet_mm=old.fillet_mm[: depth - 1], pouch=pouch)
+
+
+def _tapers(old: tuple[float, ...], depth: int, factors: dict[int, float]) -> tuple[float, ...]:
+    """Return the tapers of the levels times factors; none where no level is tapered."""
+    pairs = [(ratio, factors.get(level, 1.0)) for level, ratio in enumerate(old or depth * (1.0,))]
+    changed = (
+        ratio if factor == 1.0 else min(1.0, max(_LEAST_TAPER, round(ratio * factor, _DECIMALS)))
+        for ratio, factor in pairs
+    )
+    tapers = tuple(changed)
+    return tapers if old or min(tapers) < 1.0 else ()
 
 
 def kept_branches(design: Design) -> list[tuple[int, ...]]:
@@ -164,6 +240,17 @@ PENALTY_COST = 0.4
 _FIRST_STEP, _LARGEST_STEP, _LEAST_STEP = 0.15, 0.4, 0.005
 _BACKWARD = 12
 
+MOST_GENERATIONS = 150
+_POPULATION, _SPREAD, _SEED = 16, 0.3, 1
+_REFINED = 50
+"""Generations of CMA-ES after the first vector without penalty."""
+
+_LARGE = 400
+"""Branches of a design from which on fewer generations are tried."""
+
+_PENALTY_WORTH = 10.0
+"""Cost that CMA-ES accepts to clear a unit of penalty."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixedDesign:
@@ -174,24 +261,41 @@ class FixedDesign:
 
 
 def fix_design(
-    design: Design, targets: FixTargets, progress: Callable[[float], None] | None = None
+    design: Design,
+    targets: FixTargets,
+    progress: Callable[[float], None] | None = None,
+    keep: frozenset[str] = frozenset(),
 ) -> FixedDesign | None:
-    """Return the cheapest change found that meets the targets, or None if none was found.
+    """Return the cheapest change found in the first stage that finds any, or None.
 
     Parameters
     ----------
     progress
         Called with the share of the search that is done.
+    keep
+        Words of `KEEPS`: what must not change.
     """
+    found = (fix_in_stage(design, targets, stage, progress) for stage in fix_stages(keep))
+    return next(filter(None, found), None)
+
+
+def fix_in_stage(
+    design: Design,
+    targets: FixTargets,
+    stage: FixStage,
+    progress: Callable[[float], None] | None = None,
+) -> FixedDesign | None:
+    """Return the cheapest change found that meets the targets in one stage, or None."""
     best: FixedDesign | None = None
-    prunings = _ranked_prunings(design, targets)
-    for number, pruning in enumerate(prunings):
+    spaces = _spaces(design, targets, stage)
+    for number, space in enumerate(spaces):
         if progress:
-            progress(number / len(prunings))
-        if best is not None and pruning_cost(design, pruning) >= best.cost:
+            progress(number / len(spaces))
+        if best is not None and pruning_cost(design, space.branches) >= best.cost:
             continue
-        space = FixSpace.of(design, pruning, targets)
         x = _descended(space, most_cost=best.cost if best else np.inf)
+        if x is None and not stage.prunes:
+            x = _evolved(space, progress)
         if x is None:
             continue
         changed = space.at(_retracted(space, x))
@@ -201,7 +305,17 @@ def fix_design(
     return best
 
 
-def _ranked_prunings(design: Design, targets: FixTargets) -> list[tuple[int, ...]]:
+def _spaces(design: Design, targets: FixTargets, stage: FixStage) -> list[FixSpace]:
+    """Return the spaces that a stage searches, the most promising first."""
+    whole = tuple(level.branches for level in design.levels)
+    fewer = [pruning for pruning in kept_branches(design) if pruning != whole]
+    prunings = _ranked_prunings(design, targets, fewer) if stage.prunes else [whole]
+    return [FixSpace.of(design, pruning, targets, stage.kinds) for pruning in prunings]
+
+
+def _ranked_prunings(
+    design: Design, targets: FixTargets, prunings: Sequence[tuple[int, ...]]
+) -> list[tuple[int, ...]]:
     """Return ways to prune, the most promising first: little lost, and little penalty left."""
 
     def estimated_cost(pruning: tuple[int, ...]) -> float:
@@ -209,7 +323,7 @@ def _ranked_prunings(design: Design, targets: FixTargets) -> list[tuple[int, ...
         penalty = space.penalty(np.zeros(len(space)))
         return pruning_cost(design, pruning) + PENALTY_COST * penalty
 
-    return sorted(kept_branches(design), key=estimated_cost)[:MOST_PRUNINGS]
+    return sorted(prunings, key=estimated_cost)[:MOST_PRUNINGS]
 
 
 def _descended(space: FixSpace, *, most_cost: float) -> Floats | None:
@@ -228,6 +342,35 @@ def _descended(space: FixSpace, *, most_cost: float) -> Floats | None:
         x, left, cost = found
         step = min(_LARGEST_STEP, 1.3 * step)
     return None
+
+
+def _evolved(space: FixSpace, progress: Callable[[float], None] | None) -> Floats | None:
+    """Return the cheapest vector without penalty that CMA-ES meets from zero on, or None."""
+    # It takes long to load, and most fixes do without.
+    from cmaes import CMA  # noqa: PLC0415
+
+    search = CMA(mean=np.zeros(len(space)), sigma=_SPREAD, seed=_SEED, population_size=_POPULATION)
+    best, least, first = None, math.inf, MOST_GENERATIONS
+    most = _generations(space.design)
+    for generation in range(most):
+        if generation > first + _REFINED:
+            break
+        if progress:
+            progress(generation / most)
+        told = []
+        for x in (search.ask() for _ in range(_POPULATION)):
+            design = space.at(x)
+            penalty, cost = space.targets.penalty(design), change_cost(space.design, design)
+            told.append((x, _PENALTY_WORTH * penalty + cost))
+            if penalty == 0.0 and cost < least:
+                best, least, first = x, cost, min(first, generation)
+        search.tell(told)
+    return best
+
+
+def _generations(design: Design) -> int:
+    """Return for how many generations a design is worth searching: large ones take longer each."""
+    return max(1, min(MOST_GENERATIONS, MOST_GENERATIONS * _LARGE // design.branch_count))
 
 
 def _best_step(

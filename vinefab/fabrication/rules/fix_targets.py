@@ -10,7 +10,7 @@ from vinefab.fabrication.outline.gap import largest_fillet_mm
 from vinefab.fabrication.outline.joint import level_tapers_rad
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.clearance import CLEARANCE, POUCH
-from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET
+from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, least_lean_rad
 from vinefab.fabrication.rules.laser_rules import PATHS
 from vinefab.fabrication.rules.penalty import fabrication_penalty, relative_excess
 from vinefab.fabrication.rules.pressure_limits import (
@@ -35,6 +35,7 @@ WEIGHTS = {
     "angle": 1.0,
     "growth": 0.5,
     "width": 0.5,
+    "taper": 0.25,
     "pouch": 0.5,
     "fillet": 0.1,
     "tail": 0.1,
@@ -140,6 +141,9 @@ def _sizes(before: Design, after: Design) -> Iterator[DesignChange]:
 def _built(before: Build, after: Build) -> Iterator[DesignChange]:
     for number, pair in enumerate(zip(before.widths_mm, after.widths_mm, strict=False), start=1):
         yield _relative("width", f"level {number}", *pair)
+    tapers = zip(_tapers(before, after), _tapers(after, after), strict=True)
+    for number, pair in enumerate(tapers, start=1):
+        yield _relative("taper", f"level {number}", *pair, "%", 100.0)
     for number, pair in enumerate(zip(before.fillet_mm, after.fillet_mm, strict=False), start=2):
         yield _relative("fillet", f"level {number}", *pair)
     yield _relative("tail", "the", before.tail_mm, after.tail_mm)
@@ -148,6 +152,12 @@ def _built(before: Build, after: Build) -> Iterator[DesignChange]:
         old, new = getattr(before.pouch, name, None), getattr(after.pouch, name, None)
         if old is not None and new is not None:
             yield _relative("pouch", name.removesuffix("_mm").join(("", " of the")), old, new)
+
+
+def _tapers(build: Build, like: Build) -> tuple[float, ...]:
+    """Return the tapers of as many levels as another build has."""
+    count = len(like.widths_mm)
+    return build.taper[:count] or count * (1.0,)
 
 
 def _relative(
@@ -309,10 +319,12 @@ def _drawn_fillets_mm(design: Design) -> list[float]:
         disc, designed = max(wide, narrow), build.fillet_mm[number - 1]
         several = level.branches > 1
         child_mm = level.length_mm * (min(1.0, level.growth) if several else 1.0)
-        lean_rad = max(level_tapers_rad(design, number))
-        gaps = [(math.pi - lean_rad - (level.fan_rad / 2.0 if several else 0.0), wide, above_mm)]
+        lean_rad = least_lean_rad(design, number + 1)
+        beside_rad = math.pi - max(level_tapers_rad(design, number)) + lean_rad
+        gaps = [(beside_rad - (level.fan_rad / 2.0 if several else 0.0), wide, above_mm)]
         if several:
-            gaps.append((level.fan_rad / (level.branches - 1), narrow, child_mm))
+            between_rad = level.fan_rad / (level.branches - 1) + 2.0 * lean_rad
+            gaps.append((between_rad, narrow, child_mm))
         for angle_rad, half, length_mm in gaps:
             reach_mm = max(0.5 * min(child_mm, length_mm), disc)
             most = largest_fillet_mm(angle_rad, (half, narrow), reach_mm)

@@ -10,7 +10,7 @@ from vinefab.fabrication.outline.joint import level_lengths_mm, level_tapers_rad
 from vinefab.fabrication.outline.layout import flat_layout, level_fillets_mm
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
 from vinefab.fabrication.rules.clearance import CLEARANCE
-from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps
+from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps, least_lean_rad
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, growth_limit_kpa
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of, spacing
@@ -60,11 +60,12 @@ def _joint(design: Design, number: int) -> Pair:
     narrow = design.build.widths_mm[number] / 2.0
     radius = design.build.fillet_mm[number - 1]
     fan = level.fan_rad if level.branches > 1 else 0.0
-    parent, child = _gap(
-        math.pi - fan / 2.0 - max(level_tapers_rad(design, number)), (wide, narrow), radius
-    )
+    lean = least_lean_rad(design, number + 1)
+    beside = math.pi - fan / 2.0 - max(level_tapers_rad(design, number)) + lean
+    parent, child = _gap(beside, (wide, narrow), radius)
     if level.branches > 1:
-        child = max(child, _gap(fan / (level.branches - 1), (narrow, narrow), radius, wide)[0])
+        between = fan / (level.branches - 1) + 2.0 * lean
+        child = max(child, _gap(between, (narrow, narrow), radius, wide)[0])
     return parent, child
 
 

@@ -67,10 +67,13 @@ class FixStage:
     prunes: bool = False  # whether branches may be removed
 
 
+FILLETS = FixStage(kinds=frozenset({"fillet"}))
+
+
 def fix_stages(keep: frozenset[str] = frozenset()) -> tuple[FixStage, ...]:
     """Return the steps of a fix in their order, less what is to be kept."""
     kinds = KINDS.difference(*(KEEPS[word] for word in keep))
-    stages = [FixStage(kinds=frozenset({"fillet"})), FixStage(kinds=kinds)]
+    stages = [FILLETS, FixStage(kinds=kinds)]
     stages += [] if BRANCHES in keep else [FixStage(kinds=kinds, prunes=True)]
     return tuple(dict.fromkeys(stages))
 
@@ -234,16 +237,22 @@ MOST_PRUNINGS = 12
 """Most ways to prune that are searched in full, the most promising first."""
 
 MOST_STEPS = 60
+FIRST_STEPS = 20
+"""Steps of single values and groups before CMA-ES has its turn."""
+
 PENALTY_COST = 0.4
 """Estimated cost of clearing a unit of penalty, to rank the ways to prune."""
 
 _FIRST_STEP, _LARGEST_STEP, _LEAST_STEP = 0.15, 0.4, 0.005
 _BACKWARD = 12
+_SMALLEST = 7.0
+"""Logarithm by which fillets shrink to the smallest that the limits allow, whatever they are."""
+
 
 MOST_GENERATIONS = 150
 _POPULATION, _SPREAD, _SEED = 16, 0.3, 1
-_REFINED = 50
-"""Generations of CMA-ES after the first vector without penalty."""
+_RISE, _STALLED = 0.99, 20
+"""CMA-ES ends after so many generations without a vector that is better by one percent."""
 
 _LARGE = 400
 """Branches of a design from which on fewer generations are tried."""
@@ -293,9 +302,7 @@ def fix_in_stage(
             progress(number / len(spaces))
         if best is not None and pruning_cost(design, space.branches) >= best.cost:
             continue
-        x = _descended(space, most_cost=best.cost if best else np.inf)
-        if x is None and not stage.prunes:
-            x = _evolved(space, progress)
+        x = _cleared(space, stage, progress, best.cost if best else np.inf)
         if x is None:
             continue
         changed = space.at(_retracted(space, x))
@@ -326,11 +333,28 @@ def _ranked_prunings(
     return sorted(prunings, key=estimated_cost)[:MOST_PRUNINGS]
 
 
-def _descended(space: FixSpace, *, most_cost: float) -> Floats | None:
+def _cleared(
+    space: FixSpace,
+    stage: FixStage,
+    progress: Callable[[float], None] | None,
+    most_cost: float,
+) -> Floats | None:
+    """Return a vector without penalty, before it is moved back as far as it goes, or None."""
+    if stage == FILLETS:
+        # Nothing clears more than the smallest fillets do.
+        x = np.full(len(space), -_SMALLEST)
+        return x if space.penalty(x) == 0.0 else None
+    if stage.prunes:
+        return _descended(space, MOST_STEPS, most_cost)
+    x = _descended(space, FIRST_STEPS, most_cost)
+    return _evolved(space, progress) if x is None else x
+
+
+def _descended(space: FixSpace, steps: int, most_cost: float) -> Floats | None:
     """Return a vector without penalty, by steps that lower it most for their cost, or None."""
     directions, x = space.directions(), np.zeros(len(space))
     left, cost, step = space.penalty(x), space.cost(x), _FIRST_STEP
-    for _ in range(MOST_STEPS):
+    for _ in range(steps):
         if left == 0.0:
             return x
         if cost >= most_cost or step < _LEAST_STEP:
@@ -341,20 +365,21 @@ def _descended(space: FixSpace, *, most_cost: float) -> Floats | None:
             continue
         x, left, cost = found
         step = min(_LARGEST_STEP, 1.3 * step)
-    return None
+    return x if left == 0.0 else None
 
 
 def _evolved(space: FixSpace, progress: Callable[[float], None] | None) -> Floats | None:
-    """Return the cheapest vector without penalty that CMA-ES meets from zero on, or None."""
+    """Return the cheapest vector without penalty that CMA-ES meets from zero on, or None.
+
+    It ends when the worth of the best vector hardly rises any more.
+    """
     # It takes long to load, and most fixes do without.
     from cmaes import CMA  # noqa: PLC0415
 
     search = CMA(mean=np.zeros(len(space)), sigma=_SPREAD, seed=_SEED, population_size=_POPULATION)
-    best, least, first = None, math.inf, MOST_GENERATIONS
+    best, best_cost, least, since = None, math.inf, math.inf, 0
     most = _generations(space.design)
     for generation in range(most):
-        if generation > first + _REFINED:
-            break
         if progress:
             progress(generation / most)
         told = []
@@ -362,9 +387,13 @@ def _evolved(space: FixSpace, progress: Callable[[float], None] | None) -> Float
             design = space.at(x)
             penalty, cost = space.targets.penalty(design), change_cost(space.design, design)
             told.append((x, _PENALTY_WORTH * penalty + cost))
-            if penalty == 0.0 and cost < least:
-                best, least, first = x, cost, min(first, generation)
+            if penalty == 0.0 and cost < best_cost:
+                best, best_cost = x, cost
         search.tell(told)
+        now = min(value for _, value in told)
+        since, least = (0, now) if now < _RISE * least else (since + 1, least)
+        if since > _STALLED:
+            break
     return best
 
 

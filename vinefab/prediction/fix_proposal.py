@@ -43,9 +43,10 @@ class FixProposal:
     after: CheckReport | None
     changes: tuple[DesignChange, ...] = ()  # what was changed
     keep: frozenset[str] = frozenset()  # what was not to change, words of `KEEPS`
-    # What of it stands in the way: without any one of these a change was found. Where none alone
-    # is enough, all of them.
+    # What of it stands in the way: a change was found without any one of these, or, where that is
+    # not enough, without all of them.
     in_the_way: tuple[str, ...] = ()
+    is_enough: bool = True  # whether any one of these is enough
 
     @property
     def failed(self) -> bool:
@@ -71,12 +72,17 @@ class FixProposal:
 
     def _failed_lines(self) -> list[str]:
         named = _rules(self.after or self.before)
-        kept = f" and keeps {_listed(sorted(self.keep))}" if self.keep else ""
-        words = f"fix: no change of the design was found that clears {named}{kept}; nothing written"
-        if not self.in_the_way:
-            return [words]
-        without = [f"--keep {word}" for word in self.in_the_way]
-        return [words, f"  found without {_listed(without)}: that is in the way"]
+        words = _listed(sorted(self.keep), "and")
+        kept = f" and keeps {words}" if words else ""
+        lines = [
+            f"fix: no change of the design was found that clears {named}{kept}; nothing written"
+        ]
+        if self.in_the_way:
+            without = _listed(
+                [f"--keep {word}" for word in self.in_the_way], "or" if self.is_enough else "and"
+            )
+            lines.append(f"  in the way: a change was found without {without}")
+        return lines
 
 
 def propose_fix(  # noqa: PLR0913  options by keyword
@@ -123,12 +129,17 @@ def propose_fix(  # noqa: PLR0913  options by keyword
                     keep=keep,
                 )
     targets = FixTargets.of(design, profile, limits, margin=MARGINS[0])
-    blocking = _in_the_way(design, targets, keep)
-    return FixProposal(before=before, design=None, after=after, keep=keep, in_the_way=blocking)
+    words, is_enough = _in_the_way(design, targets, keep)
+    return FixProposal(
+        before=before, design=None, after=after,
+        keep=keep, in_the_way=words, is_enough=is_enough,
+    )  # fmt: skip
 
 
-def _in_the_way(design: Design, targets: FixTargets, keep: frozenset[str]) -> tuple[str, ...]:
-    """Return the words without any one of which a search finds a change, or else all of them."""
+def _in_the_way(
+    design: Design, targets: FixTargets, keep: frozenset[str]
+) -> tuple[tuple[str, ...], bool]:
+    """Return which words stand in the way of any change, and whether one less is enough."""
     words = sorted(keep)
 
     def found_without(word: str) -> bool:
@@ -136,8 +147,8 @@ def _in_the_way(design: Design, targets: FixTargets, keep: frozenset[str]) -> tu
 
     alone = tuple(word for word in words if found_without(word))
     if alone or len(words) < 2:
-        return alone
-    return tuple(words) if fix_design(design, targets) is not None else ()
+        return alone, True
+    return (tuple(words) if fix_design(design, targets) is not None else ()), False
 
 
 def _rounds(
@@ -187,9 +198,9 @@ def _rules(report: CheckReport) -> str:
     return ", ".join(sorted({finding.rule for finding in report.blocking}))
 
 
-def _listed(words: Sequence[str]) -> str:
-    """Return words with commas between them, and ``or`` before the last."""
-    return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+def _listed(words: Sequence[str], joint: str) -> str:
+    """Return words with commas between them, and another word before the last."""
+    return f" {joint} ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
 def score_change_lines(

@@ -30,6 +30,9 @@ Variable = tuple[str, int]
 KINDS = frozenset({"length", "growth", "fan", "width", "taper", "pouch", "fillet"})
 """What a fix can change, besides the number of branches."""
 
+MAKING = frozenset({"width", "taper", "pouch", "fillet"})
+"""How a robot is made; the others are where it goes."""
+
 BRANCHES = "branches"
 KEEPS: Mapping[str, frozenset[str]] = MappingProxyType(
     {
@@ -149,6 +152,11 @@ class FixSpace:
             group = np.array([float(name == kind) for name, _ in self.variables])
             below = group * np.array([float(level > 0) for _, level in self.variables])
             rows += [one for one in (group, below) if np.count_nonzero(one) > 1]
+        # All that narrows at one joint: the parent's end and the children's beginnings.
+        for level in range(len(self.branches)):
+            around = {("taper", level), ("width", level + 1)}
+            row = np.array([float(variable in around) for variable in self.variables])
+            rows += [row] if np.count_nonzero(row) > 1 else []
         unique = np.unique(np.array(rows), axis=0)[::-1]
         return np.concatenate([unique, -unique])
 
@@ -302,7 +310,10 @@ def fix_in_stage(
             progress(number / len(spaces))
         if best is not None and pruning_cost(design, space.branches) >= best.cost:
             continue
-        x = _cleared(space, stage, progress, best.cost if best else np.inf)
+        most_cost = best.cost if best else np.inf
+        x = _cleared(space, stage, most_cost)
+        if x is None and best is None and not stage.prunes and number == len(spaces) - 1:
+            x = _evolved(space, progress)
         if x is None:
             continue
         changed = space.at(_retracted(space, x))
@@ -313,10 +324,17 @@ def fix_in_stage(
 
 
 def _spaces(design: Design, targets: FixTargets, stage: FixStage) -> list[FixSpace]:
-    """Return the spaces that a stage searches, the most promising first."""
+    """Return the spaces that a stage searches, the most promising first.
+
+    With all branches these are how the robot is made, which leaves where it goes as it is, and
+    then everything.
+    """
     whole = tuple(level.branches for level in design.levels)
+    if not stage.prunes:
+        each = dict.fromkeys((stage.kinds & MAKING, stage.kinds))
+        return [FixSpace.of(design, whole, targets, kinds) for kinds in each]
     fewer = [pruning for pruning in kept_branches(design) if pruning != whole]
-    prunings = _ranked_prunings(design, targets, fewer) if stage.prunes else [whole]
+    prunings = _ranked_prunings(design, targets, fewer)
     return [FixSpace.of(design, pruning, targets, stage.kinds) for pruning in prunings]
 
 
@@ -333,21 +351,13 @@ def _ranked_prunings(
     return sorted(prunings, key=estimated_cost)[:MOST_PRUNINGS]
 
 
-def _cleared(
-    space: FixSpace,
-    stage: FixStage,
-    progress: Callable[[float], None] | None,
-    most_cost: float,
-) -> Floats | None:
+def _cleared(space: FixSpace, stage: FixStage, most_cost: float) -> Floats | None:
     """Return a vector without penalty, before it is moved back as far as it goes, or None."""
     if stage == FILLETS:
         # Nothing clears more than the smallest fillets do.
         x = np.full(len(space), -_SMALLEST)
         return x if space.penalty(x) == 0.0 else None
-    if stage.prunes:
-        return _descended(space, MOST_STEPS, most_cost)
-    x = _descended(space, FIRST_STEPS, most_cost)
-    return _evolved(space, progress) if x is None else x
+    return _descended(space, MOST_STEPS if stage.prunes else FIRST_STEPS, most_cost)
 
 
 def _descended(space: FixSpace, steps: int, most_cost: float) -> Floats | None:

@@ -259,8 +259,9 @@ _SMALLEST = 7.0
 
 MOST_GENERATIONS = 150
 _POPULATION, _SPREAD, _SEED = 16, 0.3, 1
-_RISE, _STALLED = 0.99, 20
-"""CMA-ES ends after so many generations without a vector that is better by one percent."""
+_RISE, _STUCK, _STALLED = 0.99, 60, 20
+"""CMA-ES ends when nothing was better by one percent for so many generations: before it has met
+the targets, and after."""
 
 _LARGE = 400
 """Branches of a design from which on fewer generations are tried."""
@@ -402,7 +403,7 @@ def _evolved(space: FixSpace, progress: Callable[[float], None] | None) -> Float
         search.tell(told)
         now = min(value for _, value in told)
         since, least = (0, now) if now < _RISE * least else (since + 1, least)
-        if since > _STALLED:
+        if since > (_STUCK if best is None else _STALLED):
             break
     return best
 

@@ -1,6 +1,7 @@
 """Coupon, calibrate and fabricate, one after the other, as a technician does it."""
 
 import json
+import math
 
 import pytest
 
@@ -130,6 +131,61 @@ def test_peel_crotches_and_energies_are_kept_in_the_recipe(vinefab, tmp_path):
     code, words, _ = vinefab("check", "plain_vine", "--recipe", again)
     assert code == 0
     assert "weldcut runs 120.0 mJ/mm, but the coupons say" in words
+
+
+LAPS = "measure,setting,value,unit,uncertainty\n"
+
+
+def severity_of_lap(recipe):
+    """What VF-J03 would make of a load beyond that of a recipe."""
+    return "error" if read_profile(recipe).recipe.lap.is_measured_limit else "warning"
+
+
+def test_laps_that_were_burst_become_the_recipes_strength(vinefab, tmp_path):
+    table, mine, again = tmp_path / "r.csv", tmp_path / "mine.toml", tmp_path / "again.toml"
+    # None failed: what they bore takes the place of the assumed strength, and still warns.
+    table.write_text(f"{LAPS}lap_survived,20,60,kPa,\nlap_survived,10,140,kPa,\n")
+    code, words, _ = vinefab("calibrate", table, "--out", mine)
+    assert code == 0
+    assert "no lap failed" in words
+    recipe = read_profile(mine).recipe
+    assert recipe.status is RecipeStatus.UNVERIFIED
+    assert recipe.lap.strength_n_per_mm is None
+    assert recipe.lap.survived_n_per_mm.standing is Standing.MEASURED
+    assert recipe.lap.survived_n_per_mm.value == pytest.approx(0.2069, abs=1e-4)
+    assert recipe.lap.band_mm.standing is Standing.ASSUMED
+    assert severity_of_lap(mine) == "warning"
+    # Others failed: now it is known where.
+    table.write_text(
+        f"{LAPS}lap_band,adhesive_film,9,mm,\nlap_burst,20,80,kPa,\nlap_burst,20,88,kPa,\n"
+    )
+    assert vinefab("calibrate", table, "--recipe", mine, "--out", again, "-q")[0] == 0
+    lap = read_profile(again).recipe.lap
+    assert (lap.method, lap.band_mm.value) == ("adhesive_film", 9.0)
+    assert lap.survived_n_per_mm is None  # it was of another bond
+    assert lap.strength_n_per_mm.value == pytest.approx(84.0 * 20.0 / 2000.0 / math.pi, rel=1e-5)
+    assert lap.strength_n_per_mm.uncertainty > 0.0
+    assert severity_of_lap(again) == "error"
+    # A measured strength stays where later laps of the same bond did not fail.
+    table.write_text(f"{LAPS}lap_survived,20,40,kPa,\n")
+    assert vinefab("calibrate", table, "--recipe", again, "--out", mine, "--force", "-q")[0] == 0
+    assert read_profile(mine).recipe.lap.strength_n_per_mm == lap.strength_n_per_mm
+    code, words, _ = vinefab("profiles", again)
+    assert "lap.adhesive_film.strength_n_per_mm" in words
+
+
+def test_a_recipe_without_a_lap_gets_one_only_with_its_bond(vinefab, tmp_path):
+    own, table, out = tmp_path / "own.toml", tmp_path / "r.csv", tmp_path / "mine.toml"
+    text = (shipped_root() / f"laser_profiles/recipes/{RECIPE}.toml").read_text()
+    own.write_text(text.split("[lap]")[0].replace(f'name = "{RECIPE}"', 'name = "own"'))
+    table.write_text(f"{LAPS}lap_burst,20,80,kPa,3\n")
+    code, _, complaint = vinefab("calibrate", table, "--recipe", own, "--out", out)
+    assert (code, complaint.count("\n")) == (2, 1)
+    assert "a row lap_band: recipe own has no [lap]" in complaint
+    assert not out.exists()
+    table.write_text(f"{LAPS}lap_burst,20,80,kPa,3\nlap_band,impulse_seal,5,mm,\n")
+    assert vinefab("calibrate", table, "--recipe", own, "--out", out, "-q")[0] == 0
+    assert read_profile(out).recipe.lap.is_measured_limit
 
 
 BAD = {

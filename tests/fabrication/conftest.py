@@ -28,6 +28,7 @@ from vinefab.model.laser import (
     Standing,
 )
 from vinefab.model.outline import Contour, Part, Segment
+from vinefab.model.pieces import Partition, Piece, Sleeve, piece_label
 
 
 def fan(branches, length_mm, angle_deg, growth=1.0):
@@ -557,3 +558,55 @@ def content(design: Design, profile: LaserProfile, job: Job) -> PackageContent:
         preview=b"picture",
         report=b"<html></html>",
     )
+
+
+def cut_robot(design: Design, cuts: tuple[int, ...], lap_mm: float = 15.0):
+    """Return a design cut on some branches a third along them, and simple outlines of its pieces.
+
+    An outline is the union of the branches' rectangles without its holes: pieces that cross
+    themselves have one too.
+    """
+    layout = flat_layout(design)
+    parent, length = layout.tree.parent.tolist(), layout.tree.length_mm.tolist()
+    roots = (0, *sorted(cuts))
+    home: list[int] = []
+    for row, above in enumerate(parent):
+        home.append(row if row in roots else home[above])
+    label = {root: piece_label(number) for number, root in enumerate(roots)}
+    sleeves = tuple(
+        Sleeve(
+            label=label[row],
+            inner=label[home[parent[row]]],
+            branch=row,
+            socket_mm=length[row] / 3.0,
+            plug_mm=length[row] / 3.0 + lap_mm,
+            blend_end_mm=length[row] / 3.0 + lap_mm + 5.0,
+            width_mm=float(layout.width_mm[row]),
+        )
+        for row in roots[1:]
+    )
+    at = {sleeve.branch: sleeve for sleeve in sleeves}
+    pieces, outlines = [], {}
+    for root in roots:
+        branches = tuple(row for row, on in enumerate(home) if on == root)
+        stubs = tuple(sleeve.branch for sleeve in sleeves if sleeve.inner == label[root])
+        pieces.append(Piece(label=label[root], root=root, branches=branches, stubs=stubs))
+        begins = {root: at[root].socket_mm if root else -design.build.tail_mm}
+        ends = {row: at[row].plug_mm for row in stubs}
+        shapes = []
+        for row in (*branches, *stubs):
+            along = np.array([math.cos(layout.heading_rad[row]), math.sin(layout.heading_rad[row])])
+            ways = begins.get(row, 0.0), ends.get(row, length[row] + layout.width_mm[row] / 2.0)
+            line = shapely.LineString([layout.start_mm[row] + way * along for way in ways])
+            shapes.append(line.buffer(layout.width_mm[row] / 2.0, cap_style="flat"))
+            if row != root:
+                shapes.append(Point(layout.start_mm[row]).buffer(layout.width_mm[row] / 2.0))
+        ring = shapely.get_coordinates(shapely.union_all(shapes).exterior)
+        outlines[label[root]] = Contour.polyline(ring[:-1], closed=False)
+    return Partition(pieces=tuple(pieces), sleeves=sleeves), outlines
+
+
+@pytest.fixture(scope="session")
+def cut_at():
+    """Return how to cut a design on branches: a partition, and simple outlines of its pieces."""
+    return cut_robot

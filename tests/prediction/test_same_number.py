@@ -10,7 +10,8 @@ from shapely import box
 
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import GridOptions, grid_map
-from vinefab.model.design import Build, Design, Level
+from vinefab.model.design import Build, Design, Level, PieceSettings
+from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.map import Map, Pose, Start
 from vinefab.prediction.comparison import compare_designs, comparison_lines, comparison_text
 from vinefab.prediction.family_deployments import (
@@ -120,6 +121,16 @@ def test_one_sample_has_no_interval_and_no_p_value() -> None:
     text = comparison_text(found, REACH, origin_of("again", [TREE, other], None, [family]))
     assert '"p": null' in text
     assert '"low": null' in text
+
+
+def test_the_bond_of_laps_went_into_reports_of_robots_in_pieces_only() -> None:
+    profile = read_profile("co2_60w__stretchlon_200")
+    unbonded = replace(profile, recipe=replace(profile.recipe, lap=None))
+    cut = replace(TREE, build=replace(TREE.build, pieces=PieceSettings()))
+    whole, other = (origin_of("again", [TREE], known, []).inputs for known in (profile, unbonded))
+    assert whole == other
+    bonded, open_ = (origin_of("again", [cut], known, []).inputs for known in (profile, unbonded))
+    assert bonded != open_
 
 
 def test_over_a_range_of_half_angles_repeats_are_samples_over_contacts() -> None:

@@ -1,10 +1,14 @@
 """The compiled penalty of many designs against the readable one of each."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
+from vinefab.fabrication.pieces.partition import partition_of
+from vinefab.fabrication.pieces.quick_cuts import MOST_PIECE_BRANCHES
 from vinefab.fabrication.rules.penalty import MOST_CHECKED_BRANCHES
-from vinefab.model.design import MOST_BRANCHES, Pouch
+from vinefab.model.design import MOST_BRANCHES, PieceSettings, Pouch
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.search.evaluator import SpacePenalty
@@ -77,3 +81,89 @@ def test_large_trees_count_by_their_size_and_too_large_ones_have_no_penalty() ->
 
 def test_the_search_takes_the_faster_one() -> None:
     assert isinstance(PENALTY, SpacePenalty)
+
+
+CROSSING = SpaceSettings(
+    levels=Bounds(low=3, high=4),
+    branches=Bounds(low=2, high=3),
+    length_mm=Bounds(low=40, high=140),
+    angle_deg=Bounds(low=40, high=240),
+)
+
+
+@pytest.mark.parametrize("pouch", POUCHES.values(), ids=POUCHES)
+@pytest.mark.parametrize("most", [2, 6])
+@pytest.mark.parametrize(
+    "settings", [TABLE_1, BENCH, CROSSING], ids=["table 1", "bench", "crossing"]
+)
+def test_penalties_in_pieces_at_once_are_those_one_by_one(
+    settings: SpaceSettings, most: int, pouch: Pouch | None
+) -> None:
+    build = BuildSettings(pouch=pouch, trunk_width_mm=30.0, pieces=PieceSettings(most=most))
+    space = Space(settings, build)
+    x = np.random.default_rng(6).random((40, len(space)))
+    x[:10] = np.round(x[:10])
+    found, wanted = both(space, x)
+    assert np.array_equal(found == 0.0, wanted == 0.0)
+    assert np.abs(found - wanted).max() < 1e-9
+
+
+def in_pieces(most: int) -> Space:
+    build = BuildSettings(trunk_width_mm=24.0, width_ratio=0.65, pieces=PieceSettings(most=most))
+    return Space(CROSSING, build)
+
+
+def test_designs_without_a_penalty_in_pieces_are_cut_in_as_few() -> None:
+    """The search's number is never less than the exact one, and hardly ever more."""
+    space = in_pieces(6)
+    x = np.random.default_rng(7).random((600, len(space)))
+    penalty, joints = PENALTY.within(space).with_joints(space.batch(x))
+    rows = np.flatnonzero((penalty == 0.0) & (joints > 0))[:25]
+    exact = [partition_of(space.design(x[row]), PENALTY.profile) for row in rows]
+    assert len(rows) == 25
+    assert not any(partition.unparted for partition in exact)
+    pieces = np.array([len(partition.pieces) for partition in exact])
+    assert (joints[rows] + 1 >= pieces).all()
+    assert (joints[rows] + 1).sum() <= 1.05 * pieces.sum()
+
+
+def test_more_pieces_never_make_a_penalty_larger_and_save_many_designs() -> None:
+    x = np.random.default_rng(8).random((400, len(in_pieces(2))))
+    settings = [None, *(PieceSettings(most=most) for most in (1, 2, 3, 6))]
+    spaces = [Space(CROSSING, BuildSettings(trunk_width_mm=24.0, pieces=one)) for one in settings]
+    whole, one, *more = (PENALTY.within(space)(space.batch(x)) for space in spaces)
+    assert np.array_equal(whole, one)
+    passing = [(found == 0.0).sum() for found in (one, *more)]
+    assert sorted(passing) == passing
+    assert passing[-1] > 1.5 * passing[0]
+    for fewer, found in pairwise([one, *more]):
+        assert not ((fewer == 0.0) & (found > 0.0)).any()
+
+
+def test_a_robot_that_is_larger_than_the_bed_is_cut_to_fit_it() -> None:
+    """Nothing crosses: two trunks' lengths of branches in a row are too long for any turn."""
+    levels = {
+        1: {"length_mm": Bounds(low=590, high=600)},
+        2: {"length_mm": Bounds(low=590, high=600)},
+    }
+    settings = SpaceSettings(
+        levels=Bounds(low=2, high=2), branches=Bounds(low=1, high=1), by_level=levels
+    )
+    whole = Space(settings, BuildSettings())
+    parts = Space(settings, BuildSettings(pieces=PieceSettings(most=2)))
+    x = np.full((1, len(whole)), 0.5)
+    assert PENALTY.within(whole)(whole.batch(x))[0] > 0.0
+    penalty, joints = PENALTY.within(parts).with_joints(parts.batch(x))
+    assert (penalty[0], joints[0]) == (0.0, 1)
+    assert len(partition_of(parts.design(x[0]), PENALTY.profile).pieces) == 2
+
+
+def test_huge_trees_count_as_one_outline() -> None:
+    settings = SpaceSettings(levels=Bounds(low=3, high=3), branches=Bounds(low=20, high=21))
+    whole = Space(settings, BuildSettings())
+    parts = Space(settings, BuildSettings(pieces=PieceSettings()))
+    x = np.full((1, len(whole)), 0.4)
+    assert MOST_PIECE_BRANCHES < whole.batch(x).sizes[0] < MOST_CHECKED_BRANCHES
+    found, wanted = both(parts, x)
+    assert found == pytest.approx(wanted, abs=1e-9)
+    assert found[0] == PENALTY.within(whole)(whole.batch(x))[0]

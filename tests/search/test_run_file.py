@@ -12,7 +12,7 @@ from vinefab.core.errors import (
     VinefabError,
 )
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.design import Pouch
+from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.map import Pose
 from vinefab.search.loop import Search
 from vinefab.search.optimizers.shipped_optimizers import make_optimizer_config
@@ -101,6 +101,14 @@ def test_a_pouch_is_part_of_the_build(tmp_path: Path) -> None:
     build = read_run(written(tmp_path, text)).build
     assert build.pouch == Pouch(shape="rectangle", length_mm=25.0, width_mm=40.0)
     assert build.build(3).pouch == build.pouch
+
+
+def test_designs_may_be_cut_in_pieces(tmp_path: Path) -> None:
+    text = "[build]\npieces = { most = 4, ease_mm = 2 }\n[evaluation]\njoint_weight = 0.02"
+    settings = read_run(written(tmp_path, text))
+    assert settings.build.pieces == PieceSettings(most=4, ease_mm=2.0)
+    assert settings.build.build(3).pieces == settings.build.pieces
+    assert settings.evaluation.joint_weight == 0.02
 
 
 def test_map_files_are_found_from_the_run_file(tmp_path: Path) -> None:
@@ -256,6 +264,8 @@ def test_tables_carry_the_parameters_of_their_parts(tmp_path: Path) -> None:
         ("[evaluation]\npose_range = -1", "evaluation.pose_range", "0 to 10"),
         ("[evaluation]\nhead_on_weight = -1", "evaluation.head_on_weight", "0 to"),
         ('[build]\npouch = {shape = "round"}', "pouch.radius_mm", "a length"),
+        ("[build]\npieces = {most = 0}", "build.pieces.most", "1"),
+        ("[evaluation]\njoint_weight = -1", "evaluation.joint_weight", "0"),
         ("[evaluation]\nfabricable = 1", "evaluation.fabricable", "boolean"),
         ('name = "a b"', "name", "letters"),
         ('schema2 = "x"', "schema2", "did you mean 'schema'"),

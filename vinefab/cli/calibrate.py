@@ -27,7 +27,7 @@ def calibrate_command(
     quiet: Quiet = False,
     force: Force = False,
 ) -> int:
-    """Fit kerf, seam, burst load, friction and growth pressure, and write a recipe with them.
+    """Fit kerf, seam, burst loads, friction and growth pressure; write a recipe with them.
 
     Example: vinefab calibrate coupons/results.csv --recipe co2_60w__stretchlon_200 --out mine.toml
     """

@@ -44,6 +44,16 @@ def inlined(function: Callable[..., Any]) -> Any:  # noqa: ANN401  as above
     return _jit(function, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
+def called(function: Callable[..., Any]) -> Any:  # noqa: ANN401  as above
+    """Compile a function that compiled ones call at several places; Python itself cannot call it.
+
+    Each copy of a large function takes as long to compile as the first.
+    """
+    if _is_interpreted(function):
+        return function
+    return _jit(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
 @cache
 def interpreted(name: str) -> ModuleType:
     """Return a module of compiled functions as one of plain Python functions.

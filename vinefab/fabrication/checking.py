@@ -8,8 +8,9 @@ from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.errors import ReadBackError
 from vinefab.fabrication.job.laser_job import laser_job
+from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.annotation import annotated_job
-from vinefab.fabrication.rules.catalog import FLAT_RULES, RULES
+from vinefab.fabrication.rules.catalog import FLAT_RULES, RULES, concerns
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Corridor, MapCorridors, RigFacts, Subject
@@ -79,8 +80,8 @@ def check_design(
     if design.branch_count > MANY_BRANCHES:
         flat = replace(subject_of(design, None, deployed), profile=profile)
         return _check_in_steps(replace(flat, corridors=corridors, rig=rig), profile, limits)
-    subject = replace(subject_of(design, profile, deployed), corridors=corridors, rig=rig)
-    return run_checks(subject, limits)
+    subject = subject_of(design, profile, deployed, limits)
+    return run_checks(replace(subject, corridors=corridors, rig=rig), limits)
 
 
 def _check_in_steps(
@@ -94,7 +95,11 @@ def _check_in_steps(
         The design without the paths of the laser.
     """
     report = run_checks(flat, limits, only=FLAT_RULES)
-    others = [rule for rule in (*RULES, *RULES.broken) if rule not in FLAT_RULES]
+    others = [
+        rule
+        for rule in (*RULES, *RULES.broken)
+        if rule not in FLAT_RULES and concerns(rule, flat.design)
+    ]
     if not report.blocking:
         subject = replace(flat, job=laser_job(flat.design, profile))
         return merged_reports(report, run_checks(subject, limits, only=others))
@@ -107,10 +112,24 @@ def _check_in_steps(
     return replace(report, skipped=skipped, stale_waivers=())
 
 
-def subject_of(design: Design, profile: LaserProfile | None, deployed: Deployed = ()) -> Subject:
-    """Return what the rules check, deployments with the names of their maps included."""
+def subject_of(
+    design: Design,
+    profile: LaserProfile | None,
+    deployed: Deployed = (),
+    limits: LimitChanges | None = None,
+) -> Subject:
+    """Return what the rules check: the design in its pieces, deployments with their maps' names.
+
+    Designs with more than `MANY_BRANCHES` branches are not looked at in pieces.
+    """
     map_names, deployments = tuple(name for name, _ in deployed), tuple(d for _, d in deployed)
-    return Subject.of(design, profile, deployments=deployments, map_names=map_names)
+    flat = Subject.of(design, deployments=deployments, map_names=map_names)
+    if profile is None:
+        return flat
+    many = design.branch_count > MANY_BRANCHES
+    partition = None if many else partition_of(design, profile, limits)
+    made = replace(flat, profile=profile, job=laser_job(design, profile, partition=partition))
+    return in_pieces(made, partition) if partition else made
 
 
 def findings_drawing(design: Design, profile: LaserProfile, report: CheckReport) -> Job:

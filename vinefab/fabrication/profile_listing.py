@@ -13,7 +13,14 @@ from vinefab.fabrication.package.job_json import (
 )
 from vinefab.model.files.profile_toml import read_machine, read_material, read_profile
 from vinefab.model.files.shipped import locate, names, user_names, user_root
-from vinefab.model.laser import LaserProfile, Machine, Material, OperationSettings, Quantity
+from vinefab.model.laser import (
+    LapBond,
+    LaserProfile,
+    Machine,
+    Material,
+    OperationSettings,
+    Quantity,
+)
 
 SCHEMA = "vinefab/profiles-1"
 KINDS = ("machine", "material", "recipe")
@@ -86,7 +93,7 @@ def profile_json(name: str | None) -> str:
     )
 
 
-def quantities(noun: Machine | Material | OperationSettings) -> dict[str, Quantity]:
+def quantities(noun: Machine | Material | OperationSettings | LapBond) -> dict[str, Quantity]:
     """Return the numbers of a noun by field name."""
     found = ((field.name, getattr(noun, field.name)) for field in fields(noun))
     return {name: value for name, value in found if isinstance(value, Quantity)}
@@ -112,7 +119,8 @@ def _recipe_numbers(profile: LaserProfile) -> dict[str, Quantity]:
             energy: Quantity | None = getattr(window, name)
             if energy is not None:
                 numbers[f"{place}.{name}"] = energy
-    return numbers
+    lap = recipe.lap
+    return numbers | (_prefixed(f"lap.{lap.method}", quantities(lap)) if lap else {})
 
 
 def _prefixed(prefix: str, numbers: Mapping[str, Quantity]) -> dict[str, Quantity]:

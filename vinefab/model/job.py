@@ -104,6 +104,9 @@ class Job:
     tiles
         For a sheet larger than the machine's bed: the jobs to run instead, one after the other on
         the same film.
+    sheets
+        For a robot in pieces: the jobs to run instead, each on a film of its own; the job itself
+        shows them side by side.
     """
 
     name: str
@@ -112,6 +115,7 @@ class Job:
     paths: tuple[LaserPath, ...]
     facts: Mapping[str, object] = field(default_factory=dict)
     tiles: "tuple[Job, ...]" = ()
+    sheets: "tuple[Job, ...]" = ()
 
     def __post_init__(self) -> None:
         positive("sheet_width_mm", self.sheet_width_mm)
@@ -122,6 +126,7 @@ class Job:
         counts = Counter(path.operation for path in self.paths)
         paths = ", ".join(f"{count} {operation}" for operation, count in counts.items())
         tiles = f", {len(self.tiles)} tiles" if self.tiles else ""
+        tiles += f", {len(self.sheets)} sheets" if self.sheets else ""
         return (
             f"<Job {reprlib.repr(self.name)}: {self.sheet_width_mm:.5g} x "
             f"{self.sheet_height_mm:.5g} mm sheet, paths: {paths or 'none'}{tiles}>"
@@ -129,8 +134,8 @@ class Job:
 
     @property
     def runs(self) -> "tuple[Job, ...]":
-        """The jobs that the machine runs, one after the other: the tiles, or the job itself."""
-        return self.tiles or (self,)
+        """The jobs that the machine runs, one after the other: tiles, sheets, or the job itself."""
+        return self.tiles or self.sheets or (self,)
 
     def along(self, operation: Operation) -> tuple[LaserPath, ...]:
         """Return the paths of one operation, in order."""

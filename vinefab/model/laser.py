@@ -296,6 +296,60 @@ class EnergyWindow:
         return f"{where}: {did} from {low:.1f} to {high:.1f} mJ/mm"
 
 
+class LapMethod(StrEnum):
+    """How a socket is bonded to the plug inside it."""
+
+    IMPULSE_SEAL = "impulse_seal"  # a sealed band around the lap, over a release strip in the plug
+    ADHESIVE_FILM = "adhesive_film"  # a band of adhesive film between plug and socket
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LapBond:
+    """The bond of a sleeve joint: a band around the lap of socket and plug, loaded in shear."""
+
+    method: LapMethod
+    band_mm: Quantity  # width of the band, along the branch
+    # Load per millimetre of the plug's rim at which laps failed; None if none did.
+    strength_n_per_mm: Quantity | None = None
+    # Load that laps bore without failing: a lower bound, which counts where none failed.
+    survived_n_per_mm: Quantity | None = None
+
+    def __post_init__(self) -> None:
+        if self.strength_n_per_mm is None and self.survived_n_per_mm is None:
+            raise BadInputError("lap", "no load", "strength_n_per_mm, survived_n_per_mm, or both")
+
+    @property
+    def load_n_per_mm(self) -> Quantity:
+        """Load per millimetre of rim that laps are known, or assumed, to bear."""
+        for load in (self.strength_n_per_mm, self.survived_n_per_mm):
+            if load is not None:
+                return load
+        raise AssertionError
+
+    @property
+    def is_measured_limit(self) -> bool:
+        """Whether laps are known to fail there: some did, in a test."""
+        strength = self.strength_n_per_mm
+        return strength is not None and strength.standing is Standing.MEASURED
+
+    def words(self) -> str:
+        """Return the bond in words.
+
+        >>> assumed = {"standing": Standing.ASSUMED}
+        >>> band, load = Quantity(value=5.0, **assumed), Quantity(value=0.4, **assumed)
+        >>> LapBond(method=LapMethod.IMPULSE_SEAL, band_mm=band, survived_n_per_mm=load).words()
+        'an impulse-sealed band of 5 mm (assumed) bore 0.4 N/mm (assumed)'
+        """
+        sealed = self.method is LapMethod.IMPULSE_SEAL
+        band = "an impulse-sealed band" if sealed else "a band of adhesive film"
+        did = "bore" if self.strength_n_per_mm is None else "fails at"
+        load = self.load_n_per_mm
+        return (
+            f"{band} of {self.band_mm.value:g} mm ({self.band_mm.standing}) {did} "
+            f"{load.value:.3g} N/mm ({load.standing})"
+        )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe:
     """Settings for one material on one machine.
@@ -320,6 +374,9 @@ class Recipe:
         prediction uses them.
     windows
         Ranges of line energies at which coupons passed.
+    lap
+        The bond of sleeve joints; None if nothing is known of it. Robots in one piece have none, so
+        that it is no part of the recipe's fingerprint in their reports.
     """
 
     name: str
@@ -331,6 +388,7 @@ class Recipe:
     limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     coupons: Mapping[str, Quantity] = field(default_factory=dict)
     windows: tuple[EnergyWindow, ...] = ()
+    lap: LapBond | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,6 +25,7 @@ class Part(StrEnum):
     JOINT = "joint"
     TAIL = "tail"
     COLLAR = "collar"
+    SOCKET = "socket"
     MOUTH = "mouth"
     OTHER = "other"
 

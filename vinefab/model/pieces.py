@@ -33,14 +33,25 @@ class Sleeve:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Unparted:
+    """Bodies that must not lie on one piece, and that no cut parts."""
+
+    why: str  # what happens where they lie on one piece: a predicate
+    branches: tuple[int, ...]  # indices of the branches concerned
+    between: tuple[int, ...]  # branches that would part them, had one of them the room
+    room_mm: float  # longest straight side among these
+    needed_mm: float  # straight side that a sleeve takes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Partition:
-    """A robot in pieces, or the reason why it cannot be cut in the pieces that it may have."""
+    """A robot in pieces; one that cannot be parted stays whole."""
 
     # from the base outward: the piece with the tail first; the whole robot if it is not cut
     pieces: tuple[Piece, ...]
     sleeves: tuple[Sleeve, ...] = ()  # of all pieces but the first, in their order
     proven_least: bool = True  # whether no fewer pieces are possible
-    refusal: str = ""  # why the pieces do not pass all rules about room; empty if they do
+    unparted: tuple[Unparted, ...] = ()  # why it cannot be cut in pieces that lie flat; else none
 
     def sleeve(self, branch: int) -> Sleeve:
         """Return the sleeve on a branch that is cut, by the branch's index."""

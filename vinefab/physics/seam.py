@@ -42,6 +42,24 @@ def line_load_n_mm(pressure_kpa: float, width_mm: float) -> float:
     return pressure_kpa * N_MM2_PER_KPA * width_mm / math.pi
 
 
+def lap_load_n_mm(pressure_kpa: float, width_mm: float) -> float:
+    """Return the axial load P w / (2 pi) on the lap of a sleeve joint, in N per mm of rim.
+
+    The pressure pulls a tube apart with P pi D^2 / 4 around its circumference pi D, D = 2 w / pi:
+    half the load on the side seam.
+
+    Notes
+    -----
+    Standing: computed, as that of `line_load_n_mm`.
+
+    Examples
+    --------
+    >>> round(lap_load_n_mm(30.0, 20.0), 4)
+    0.0955
+    """
+    return line_load_n_mm(pressure_kpa, width_mm) / 2.0
+
+
 def membrane_stress_mpa(pressure_kpa: float, width_mm: float, ply_mm: float) -> float:
     """Return the hoop stress N / t in the film of a tube.
 

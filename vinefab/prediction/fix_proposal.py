@@ -112,7 +112,7 @@ def propose_fix(  # noqa: PLR0913  options by keyword
     """
     grown = partial(_deployed, maps=maps, growth=growth)
 
-    before = run_checks(subject_of(design, profile, grown(design)), limits)
+    before = run_checks(subject_of(design, profile, grown(design), limits), limits)
     if not before.blocking or design.branch_count > MOST_BRANCHES:
         return FixProposal(before=before, design=None, after=None)
     after: CheckReport | None = None
@@ -167,7 +167,7 @@ def _rounds(
         found = fix_in_stage(design, targets, stage, progress)
         if found is None:
             return
-        report = run_checks(subject_of(found.design, profile, grown(found.design)), limits)
+        report = run_checks(subject_of(found.design, profile, grown(found.design), limits), limits)
         yield found, report
         share = _window_share(report)
         if share < 1.0:

@@ -42,6 +42,9 @@ def origin_of(
     inputs = {f"design {d.name}": sha256_of(design_text(d).encode())[:12] for d in designs}
     if profile is not None:
         inputs[f"recipe {profile.recipe.name}"] = sha256_of(repr(profile).encode())[:12]
+        if any(design.build.pieces is not None for design in designs):
+            bond = repr(profile.recipe.lap)  # only robots in pieces have laps
+            inputs[f"bond of recipe {profile.recipe.name}"] = sha256_of(bond.encode())[:12]
     for family in families:
         prints = [map_fingerprint(world) for world in family.worlds]
         if len(prints) <= MOST_NAMED:

@@ -14,15 +14,16 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.checking import check_design, subject_of
 from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.pieces.quick_cuts import PieceLimits
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits
 from vinefab.fabrication.rules.clearance import POUCH
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH
 from vinefab.fabrication.rules.laser_rules import BED, PLY
-from vinefab.fabrication.rules.penalty import excess_mm, fabrication_penalty, window_penalty
+from vinefab.fabrication.rules.penalty import fabrication_penalty, window_penalty
 from vinefab.fabrication.rules.pressure_limits import BURST, RATING, WINDOW
 from vinefab.fabrication.rules.rule import ROUNDING, LimitChanges, Rule
 from vinefab.fabrication.rules.run_rules import run_checks
-from vinefab.fabrication.rules.spacing import capsules_of
+from vinefab.fabrication.rules.spacing import capsules_of, excess_mm
 from vinefab.fabrication.rules.tree_and_base import CLAMP, TAIL
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
 from vinefab.model.design import MOST_BRANCHES, Build, Design
@@ -57,7 +58,16 @@ class ManufacturabilityPenalty:
             limits,
             film_mm=material.plies * material.ply_mm.value,
             sheet_mm=self.sheet_mm,
+            pieces=self._pieces(design),
         )
+
+    def _pieces(self, design: Design) -> PieceLimits | None:
+        """Return what the pieces of a design must keep; None if it may have but one."""
+        settings = design.build.pieces
+        if settings is None or settings.most == 1:
+            return None
+        changed = by_rule(changed_limits(design, self.profile))
+        return PieceLimits.of(settings, self.profile, changed, self.sheet_mm)
 
     def within(self, space: Space) -> BatchPenalty:
         """Return the same penalty for batches of a space's designs."""

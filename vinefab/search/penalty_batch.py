@@ -9,22 +9,29 @@ from typing import NamedTuple
 import numpy as np
 
 from vinefab.core.validation import Floats, Ints
+from vinefab.fabrication.job.passes import reach_mm
+from vinefab.fabrication.job.sleeve import STRAIGHT_AFTER_MM, STRAIGHT_BEFORE_MM, sleeve_size
+from vinefab.fabrication.outline.ends import pouch_takes_mm
 from vinefab.fabrication.outline.layout import level_fillets_mm
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
+from vinefab.fabrication.pieces.quick_cuts import (
+    LEAST_DEPTH,
+    MOST_CONFLICTS,
+    MOST_PIECE_BRANCHES,
+    MOST_STEPS,
+)
 from vinefab.fabrication.rules.clearance import CLEARANCE
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH
 from vinefab.fabrication.rules.penalty import (
     MOST_CHECKED_BRANCHES,
     MOST_OF_ONE,
-    TURNS,
-    pouch_takes_mm,
     width_violations,
 )
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, growth_limit_kpa
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
-from vinefab.fabrication.rules.spacing import pouch_capsules
+from vinefab.fabrication.rules.spacing import TURNS, pouch_capsules
 from vinefab.fabrication.rules.widths import PACKING
-from vinefab.model.design import MOST_BRANCHES, Build
+from vinefab.model.design import MOST_BRANCHES, MOST_LEVELS, Build, PieceSettings
 from vinefab.model.laser import LaserProfile
 from vinefab.physics.tube import inflated_diameter_mm, lumen_area_mm2
 from vinefab.search.design_batch import DesignBatch, batch_branches
@@ -59,6 +66,7 @@ class LevelTables(NamedTuple):
     # of designs of each depth
     widths: Floats  # summed violations by the widths themselves
     tip: Floats  # what the pouch takes of a leaf, mm
+    tip_cut: Floats  # the same where the cut runs, mm
     pouch_share: Floats  # share of a leaf's lumen that its own pouch fills
     leaf_width: Floats  # lay-flat width of the leaves, pouches included, mm
     pouch_first: Ints  # first of the pouch's capsules; with the total at the end
@@ -85,6 +93,15 @@ class PenaltyLimits(NamedTuple):
     friction: float
     most_branches: int  # larger trees are penalized for their size alone
     most: float  # most that a single broken limit adds
+    most_cuts: int  # sleeve joints that a robot may have; 0 for one flat outline
+    most_steps: int  # of the search for the fewest cuts
+    least_depth: float  # smaller depths of a pair are none
+    reach_mm: float  # how far cuts lie outside the lumen
+    before_mm: float  # straight stub before the socket's rim
+    lap_mm: float
+    blend_mm: float
+    after_mm: float  # straight branch beyond the blend
+    rise_mm: float  # how far a socket's lumen lies outside the branch's
 
 
 class Scratch(NamedTuple):
@@ -100,6 +117,37 @@ class Scratch(NamedTuple):
     turn: Floats  # cosine and sine of the rotations tried, shape (2, t)
     low: Floats  # lowest place across each rotation, mm, shape (t,)
     high: Floats  # highest place, mm, shape (t,)
+
+
+class CutScratch(NamedTuple):
+    """Memory for the pieces of one design; empty where robots are cut in one."""
+
+    # pairs of capsules that are too near
+    one: Ints  # the capsules, shape (p,)
+    two: Ints
+    depth: Floats
+    also: Ints  # the branch where they meet, if a cut there parts them too, else -1
+    top: Ints  # level of that branch, or of the one before
+    order: Ints  # pairs from the ones that meet farthest from the base
+    # each branch, shape (k,)
+    can: Ints  # whether it may be cut
+    cut: Ints  # whether it is
+    best: Ints  # whether it is in the best cuts so far
+    banned: Ints  # whether all sets of cuts with it were tried
+    used: Ints  # last step in which a pair claimed it
+    weight: Ints  # how many pairs its cut parts
+    share: Floats  # summed depths of those
+    piece: Ints  # branch that its piece begins with
+    # straight sides on each level, mm
+    begin: Floats  # of each child of a fan, shape (levels, children)
+    stop: Floats
+    # of each set of cuts on the way to the one that is tried
+    option: Ints  # branches of which one must be cut, shape (c, o)
+    options: Ints  # how many there are, shape (c,)
+    tried: Ints  # how many were tried, shape (c,)
+    path: Ints  # branches between two
+    hit: Ints  # a conflict of a stub or socket, shape (3,); see the kernel
+    needed: Ints  # cuts that are needed for certain, shape (1,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,7 +171,8 @@ class BatchPenalty:
         window = WINDOW.limits_with(changed.get(WINDOW.id, {}))
         fit = GrowthConstantsRange.of(profile, window)
         packing = PACKING.limits_with(changed.get(PACKING.id, {}))
-        material = profile.material
+        material, settings = profile.material, space.build.pieces
+        size = sleeve_size(settings or PieceSettings(), profile)
         limits = PenaltyLimits(
             angle_deg=_error(ANGLE, changed),
             crotch=_error(CROTCH, changed),
@@ -141,20 +190,36 @@ class BatchPenalty:
             friction=fit.loose.friction.value,
             most_branches=MOST_CHECKED_BRANCHES,
             most=MOST_OF_ONE,
+            most_cuts=settings.most - 1 if settings else 0,
+            most_steps=MOST_STEPS,
+            least_depth=LEAST_DEPTH,
+            reach_mm=reach_mm(profile),
+            before_mm=STRAIGHT_BEFORE_MM,
+            lap_mm=size.lap_mm,
+            blend_mm=size.blend_mm,
+            after_mm=STRAIGHT_AFTER_MM,
+            rise_mm=size.rise_mm,
         )
-        tables = _tables(builds, fit.diameter_mm, limits.film_mm, changed)
+        tables = _tables(builds, fit.diameter_mm, limits, changed)
         return cls(tables=tables, limits=limits)
 
     def __call__(self, designs: DesignBatch) -> Floats:
         """Return the penalties of designs, NaN for those with too many branches; shape (m,)."""
-        penalty = np.full(len(designs), np.nan)
+        return self.with_joints(designs)[0]
+
+    def with_joints(self, designs: DesignBatch) -> tuple[Floats, Ints]:
+        """Return the penalties of designs, and how many sleeve joints they take; shape (m,) each.
+
+        Joints are 0 for designs with too many branches, which have penalty NaN.
+        """
+        penalty, joints = np.full(len(designs), np.nan), np.zeros(len(designs), dtype=np.int64)
         rows = np.flatnonzero(designs.sizes <= MOST_BRANCHES)
         if len(rows):
-            penalty[rows] = self._of_valid(designs.part(rows))
-        return penalty
+            penalty[rows], joints[rows] = self._of_valid(designs.part(rows))
+        return penalty, joints
 
-    def _of_valid(self, designs: DesignBatch) -> Floats:
-        """Return the penalties of designs of which none is too large."""
+    def _of_valid(self, designs: DesignBatch) -> tuple[Floats, Ints]:
+        """Return the penalties and joints of designs of which none is too large."""
         from vinefab.search import penalty_kernel  # noqa: PLC0415  numba takes a second to import
 
         branches = batch_branches(designs)
@@ -173,10 +238,53 @@ class BatchPenalty:
         )
         flat = np.where(designs.sizes <= MOST_CHECKED_BRANCHES, designs.sizes, 0)
         pouches = np.diff(self.tables.pouch_first)[designs.depth - 1]
-        scratch = _scratch(int(designs.sizes.max()), int((flat * (1 + pouches)).max()))
-        penalty = np.empty(len(designs))
-        penalty_kernel.penalize(arrays, self.tables, self.limits, scratch, penalty)
-        return penalty
+        capsules, largest = int((flat * (1 + pouches)).max()), int(designs.sizes.max())
+        penalty, joints = np.empty(len(designs)), np.zeros(len(designs), dtype=np.int64)
+        if self.limits.most_cuts == 0:
+            scratch = _scratch(largest, capsules)
+            penalty_kernel.penalize(arrays, self.tables, self.limits, scratch, penalty)
+            return penalty, joints
+        parts = min(int(flat.max()), MOST_PIECE_BRANCHES)
+        scratch = _scratch(largest, capsules + 3 * parts)
+        cutting = _cut_scratch(parts, capsules, int(designs.branches.max(initial=1)))
+        penalty_kernel.penalize_pieces(
+            arrays, self.tables, self.limits, scratch, cutting, penalty, joints
+        )
+        return penalty, joints
+
+
+def _cut_scratch(branches: int, capsules: int, children: int) -> CutScratch:
+    """Return memory for the pieces of a design, with at most so many children in a fan."""
+    pairs = min(MOST_CONFLICTS, capsules * capsules // 2)
+    ways = 2 * MOST_LEVELS
+
+    def whole(*shape: int) -> Ints:
+        return np.zeros(shape, dtype=np.int64)
+
+    return CutScratch(
+        one=whole(pairs),
+        two=whole(pairs),
+        depth=np.empty(pairs),
+        also=whole(pairs),
+        top=whole(pairs),
+        order=whole(pairs),
+        can=whole(branches),
+        cut=whole(branches),
+        best=whole(branches),
+        banned=whole(branches),
+        used=whole(branches),
+        weight=whole(branches),
+        share=np.empty(branches),
+        piece=whole(branches),
+        begin=np.zeros((MOST_LEVELS, children)),
+        stop=np.zeros(MOST_LEVELS),
+        option=whole(branches + 1, ways),
+        options=whole(branches + 1),
+        tried=whole(branches + 1),
+        path=whole(ways),
+        hit=whole(3),
+        needed=whole(1),
+    )
 
 
 def _scratch(branches: int, capsules: int) -> Scratch:
@@ -201,7 +309,7 @@ def _error(rule: Rule, changed: LimitChanges) -> float:
 
 
 def _tables(
-    builds: list[Build], diameter_mm: float, film_mm: float, changed: LimitChanges
+    builds: list[Build], diameter_mm: float, limits: PenaltyLimits, changed: LimitChanges
 ) -> LevelTables:
     """Return what depends on a level or a depth alone; the last build is the deepest."""
     deepest = builds[-1]
@@ -218,7 +326,8 @@ def _tables(
         scale=diameter_mm / (inflated_diameter_mm(1.0) * widths_mm),
         widths=np.array([width_violations(build, changed) for build in builds]),
         tip=np.array([pouch_takes_mm(build) for build in builds]),
-        pouch_share=np.where(pouch_mm > leaves_mm, pouch_mm * film_mm / leaf_areas_mm2, 0.0),
+        tip_cut=np.array([pouch_takes_mm(build, limits.reach_mm) for build in builds]),
+        pouch_share=np.where(pouch_mm > leaves_mm, pouch_mm * limits.film_mm / leaf_areas_mm2, 0.0),
         leaf_width=np.maximum(leaves_mm, pouch_mm),
         pouch_first=np.cumsum([0, *map(len, pouches)]),
         pouch=np.array(rows).reshape(-1, 5),

@@ -7,10 +7,11 @@ designs (no tapers, no collar) without building a design, a tree or an array for
 
 import math
 
-from vinefab.core.compiling import compiled, inlined
+from vinefab.core.compiling import called, compiled, inlined
 
 # mypy: allow-untyped-defs, allow-untyped-calls
 # ruff: noqa: ANN001, ANN202, ANN201  numba infers the types of what it compiles
+# ruff: noqa: PLR0913, PLR0917  arrays are the compiled way to hand things over
 
 
 @compiled
@@ -25,20 +26,51 @@ def penalize(designs, tables, limits, scratch, penalty):
         Where the penalties go, shape (m,).
     """
     for d in range(len(designs.depth)):
-        total = math.log1p(_growth_excess(designs, d, tables, limits, scratch))
-        total += math.log1p(tables.widths[designs.depth[d] - 1])
-        total += math.log1p(_joints(designs, d, tables, limits))
-        total += math.log1p(_packing(designs, d, tables, limits))
         count = designs.first[d + 1] - designs.first[d]
+        penalty[d] = _of_levels(designs, d, tables, limits, scratch)
         if count > limits.most_branches:
-            total += math.log1p(float(count) ** 2)
+            penalty[d] += math.log1p(float(count) ** 2)
         else:
             capsules = _lay_out(designs, d, tables, limits, scratch)
             near = _too_near(designs, d, capsules, limits, scratch)
-            over = _over_sheet(capsules, limits, scratch)
-            shorter = min(limits.sheet_wide_mm, limits.sheet_high_mm)
-            total += math.log1p(near + max(0.0, over / shorter))
-        penalty[d] = total
+            penalty[d] += math.log1p(near + _over_sheet(capsules, limits, scratch))
+
+
+@compiled
+def penalize_pieces(designs, tables, limits, scratch, cutting, penalty, joints):
+    """Write the penalty of every design that may be cut in pieces, and how often it is cut.
+
+    Parameters
+    ----------
+    designs, tables, limits, scratch, cutting
+        As `DesignArrays`, `LevelTables`, `PenaltyLimits`, `Scratch` and `CutScratch` of the batch.
+    penalty, joints
+        Where penalties and numbers of sleeve joints go, shape (m,).
+    """
+    for d in range(len(designs.depth)):
+        count, joints[d] = designs.first[d + 1] - designs.first[d], 0
+        penalty[d] = _of_levels(designs, d, tables, limits, scratch)
+        if count > limits.most_branches:
+            penalty[d] += math.log1p(float(count) ** 2)
+            continue
+        capsules = _lay_out(designs, d, tables, limits, scratch)
+        near, pairs = _near_pairs(designs, d, capsules, limits, scratch, cutting)
+        if count > len(cutting.cut) or pairs > len(cutting.one):
+            penalty[d] += math.log1p(near + _over_sheet(capsules, limits, scratch))
+        else:
+            _place_joints(designs, d, capsules, tables, limits, scratch, cutting)
+            _prepare_pairs(designs, d, capsules, pairs, limits, scratch, cutting)
+            left, joints[d] = _in_pieces(designs, d, capsules, pairs, limits, scratch, cutting)
+            penalty[d] += math.log1p(left)
+
+
+@inlined
+def _of_levels(designs, d, tables, limits, scratch):
+    """Return the penalty of the rules that need no flat layout."""
+    penalty = math.log1p(_growth_excess(designs, d, tables, limits, scratch))
+    penalty += math.log1p(tables.widths[designs.depth[d] - 1])
+    penalty += math.log1p(_joints(designs, d, tables, limits))
+    return penalty + math.log1p(_packing(designs, d, tables, limits))
 
 
 # --- Pressure for growth ------------------------------------------------------------------------
@@ -193,14 +225,19 @@ def _lay_out(designs, d, tables, limits, scratch):
                 _add_pouch(capsule, count, k, tables.pouch, pouch, heading[k])
                 scratch.owner[count] = k
                 count += 1
-    reach = limits.clearance_mm / 2.0
     for k in range(count):
-        grown = capsule[k, 4] + reach
-        scratch.box[k, 0] = min(capsule[k, 0], capsule[k, 2]) - grown
-        scratch.box[k, 1] = min(capsule[k, 1], capsule[k, 3]) - grown
-        scratch.box[k, 2] = max(capsule[k, 0], capsule[k, 2]) + grown
-        scratch.box[k, 3] = max(capsule[k, 1], capsule[k, 3]) + grown
+        _box(capsule, scratch.box, k, limits)
     return count
+
+
+@inlined
+def _box(capsule, box, k, limits):
+    """Write the box around a capsule, grown by half the clearance."""
+    grown = capsule[k, 4] + limits.clearance_mm / 2.0
+    box[k, 0] = min(capsule[k, 0], capsule[k, 2]) - grown
+    box[k, 1] = min(capsule[k, 1], capsule[k, 3]) - grown
+    box[k, 2] = max(capsule[k, 0], capsule[k, 2]) + grown
+    box[k, 3] = max(capsule[k, 1], capsule[k, 3]) + grown
 
 
 @inlined
@@ -217,20 +254,43 @@ def _add_pouch(capsule, row, leaf, pouch, piece, heading):
 @inlined
 def _too_near(designs, d, capsules, limits, scratch):
     """Return the summed depths of all pairs of capsules that are nearer than the clearance."""
-    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
-    box, owner, found = scratch.box, scratch.owner, 0.0
+    found = 0.0
     for one in range(capsules):
-        low_x, low_y, high_x, high_y = box[one, 0], box[one, 1], box[one, 2], box[one, 3]
         for two in range(one + 1, capsules):
-            beside = (box[two, 0] > high_x) | (box[two, 2] < low_x)
-            if beside | (box[two, 1] > high_y) | (box[two, 3] < low_y):
-                continue
-            a, b = owner[one], owner[two]
-            up_a, up_b = designs.parent[base + a], designs.parent[base + b]
-            joined = (up_a == up_b) | (up_a == b) | (up_b == a)
-            if a != b and not (joined and two < branches):
+            if _may_conflict(designs, d, one, two, scratch):
                 found += _pair_depth(scratch.capsule, one, two, limits.clearance_mm)
     return found
+
+
+@inlined
+def _near_pairs(designs, d, capsules, limits, scratch, cutting):
+    """Write down as many of these pairs as there is room for; return their depths and number."""
+    found, pairs = 0.0, 0
+    for one in range(capsules):
+        for two in range(one + 1, capsules):
+            if not _may_conflict(designs, d, one, two, scratch):
+                continue
+            depth = _pair_depth(scratch.capsule, one, two, limits.clearance_mm)
+            found += depth
+            if depth <= limits.least_depth:
+                continue
+            if pairs < len(cutting.one):
+                cutting.one[pairs], cutting.two[pairs], cutting.depth[pairs] = one, two, depth
+            pairs += 1
+    return found, pairs
+
+
+@inlined
+def _may_conflict(designs, d, one, two, scratch):
+    """Return whether the boxes of two capsules meet, and their branches not by design."""
+    box, base = scratch.box, designs.first[d]
+    beside = (box[two, 0] > box[one, 2]) | (box[two, 2] < box[one, 0])
+    if beside | (box[two, 1] > box[one, 3]) | (box[two, 3] < box[one, 1]):
+        return False
+    a, b = scratch.owner[one], scratch.owner[two]
+    up_a, up_b = designs.parent[base + a], designs.parent[base + b]
+    joined = (up_a == up_b) | (up_a == b) | (up_b == a)
+    return a != b and not (joined and two < designs.first[d + 1] - base)
 
 
 @inlined
@@ -264,27 +324,558 @@ def _pair_depth(capsule, one, two, clearance):
 
 @inlined
 def _over_sheet(capsules, limits, scratch):
-    """Return by how much a flat robot exceeds the sheet in its best rotation.
+    """Return by how much a flat robot exceeds the sheet, over the sheet's shorter side.
 
     Of a branch only the end counts: it begins within the wider end of its parent. The trunk begins
     with the two corners of the tail.
     """
-    turns = scratch.turn.shape[1]
-    low, high, capsule = scratch.low, scratch.high, scratch.capsule
-    for t in range(turns):
+    _span_of_mouth(scratch)
+    for k in range(capsules):
+        _widen_span(scratch, k, 2)
+    return _excess_of_span(limits, scratch)
+
+
+@inlined
+def _span_of_mouth(scratch):
+    """Begin the places across each rotation with the tail's two corners."""
+    capsule = scratch.capsule
+    for t in range(scratch.turn.shape[1]):
         middle = capsule[0, 0] * scratch.turn[0, t] + capsule[0, 1] * scratch.turn[1, t]
         half = capsule[0, 4] * abs(scratch.turn[1, t])
-        low[t], high[t] = middle - half, middle + half
-    for k in range(capsules):
-        x, y, half = capsule[k, 2], capsule[k, 3], capsule[k, 4]
-        for t in range(turns):
-            across = x * scratch.turn[0, t] + y * scratch.turn[1, t]
-            low[t] = across - half if across - half < low[t] else low[t]
-            high[t] = across + half if across + half > high[t] else high[t]
+        scratch.low[t], scratch.high[t] = middle - half, middle + half
+
+
+@inlined
+def _widen_span(scratch, k, end):
+    """Widen the places across each rotation to the disc at one end of a capsule."""
+    low, high, capsule = scratch.low, scratch.high, scratch.capsule
+    x, y, half = capsule[k, end], capsule[k, end + 1], capsule[k, 4]
+    for t in range(scratch.turn.shape[1]):
+        across = x * scratch.turn[0, t] + y * scratch.turn[1, t]
+        low[t] = across - half if across - half < low[t] else low[t]
+        high[t] = across + half if across + half > high[t] else high[t]
+
+
+@inlined
+def _excess_of_span(limits, scratch):
+    """Return by how much what spans these places exceeds the sheet, as `_over_sheet`."""
+    low, high, turns = scratch.low, scratch.high, scratch.turn.shape[1]
     least, quarter = math.inf, turns // 2
     for t in range(turns):
         other = t + quarter if t + quarter < turns else t + quarter - turns
         wide, tall = high[t] - low[t], high[other] - low[other]
         over = max(wide - limits.sheet_wide_mm, tall - limits.sheet_high_mm)
         least = min(least, over)
-    return least
+    return max(0.0, least / min(limits.sheet_wide_mm, limits.sheet_high_mm))
+
+
+# --- Pieces -------------------------------------------------------------------------------------
+# The readable twin is `vinefab.fabrication.pieces.quick_cuts`. After the capsules of the flat robot
+# come three for each branch that may be cut: its stub, its outer part, and the outer part's socket.
+
+STUB, OUTER, SOCKET = 0, 1, 2
+"""Places of the three."""
+
+PARTED = 1.0 - 1e-9
+"""A further cut must leave at most this share of what is left without it."""
+
+TOO_MANY = 1_000_000
+"""Cuts needed to part a pair between which no branch may be cut."""
+
+
+@inlined
+def _place_joints(designs, d, capsules, tables, limits, scratch, cutting):
+    """Write which branches have room for a sleeve, and the capsules of their parts."""
+    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    capsule, levels = scratch.capsule, designs.depth[d]
+    _find_straight_sides(designs, d, tables, limits, cutting)
+    cutting.stop[levels - 1] = tables.tip_cut[levels - 1]
+    first, children = 0, 1
+    for k in range(branches):
+        level, length = designs.level[base + k] - 1, designs.length[base + k]
+        if k > 0 and level > designs.level[base + k - 1] - 1:
+            first, children = k, designs.branches[d, level - 1]
+        begin = cutting.begin[level, (k - first) % children] + limits.before_mm
+        needed = begin + limits.lap_mm + limits.blend_mm + limits.after_mm + cutting.stop[level]
+        cutting.can[k] = 1 if k > 0 and needed <= length + limits.least_depth else 0
+        if cutting.can[k] == 0:
+            continue
+        plug, half = begin + limits.lap_mm, capsule[k, 4]
+        row = capsules + 3 * k
+        _part(scratch, row + STUB, k, 0.0, plug / length, half, limits)
+        _part(scratch, row + OUTER, k, begin / length, 1.0, half, limits)
+        blend = (plug + limits.blend_mm) / length
+        _part(scratch, row + SOCKET, k, begin / length, blend, half + limits.rise_mm, limits)
+
+
+@inlined
+def _find_straight_sides(designs, d, tables, limits, cutting):
+    """Write where the sides of each child of each level begin to be straight, and where they stop.
+
+    Corners in place of small fillets lie farther from the joint where the cut runs.
+    """
+    begin, stop, first, above_mm = cutting.begin, cutting.stop, 1, designs.trunk[d]
+    count = 1
+    begin[0, 0] = 0.0
+    for below in range(designs.depth[d] - 1):
+        wide, narrow = tables.half[below], tables.half[below + 1]
+        children, disc = designs.branches[d, below], max(wide, narrow)
+        fan = designs.fan[d, below] if children > 1 else 0.0
+        stop[below], shortest_mm = 0.0, math.inf
+        for child in range(children):
+            begin[below + 1, child] = 0.0
+        for gap in range(children + 1):
+            after, before = gap > 0, gap < children
+            angle = fan / (children - 1) if after and before else math.pi - fan / 2.0
+            one, two = narrow if after else wide, narrow if before else wide
+            row = designs.first[d] + first + gap
+            one_mm = designs.length[row - 1] if after else above_mm
+            two_mm = designs.length[row] if before else above_mm
+            reach_mm = max(0.5 * min(one_mm, two_mm), disc)
+            fillet = min(tables.fillet[below + 1], _largest_fillet(angle, one, two, reach_mm))
+            for out in (0.0, limits.reach_mm):
+                radius = max(0.0, max(0.0, fillet) - out)
+                a, b = _straight_begins(angle, one + out, two + out, radius, disc + out)
+                if after:
+                    begin[below + 1, gap - 1] = max(begin[below + 1, gap - 1], a)
+                    shortest_mm = min(shortest_mm, one_mm)
+                else:
+                    stop[below] = max(stop[below], a)
+                if before:
+                    begin[below + 1, gap] = max(begin[below + 1, gap], b)
+                else:
+                    stop[below] = max(stop[below], b)
+        count *= children
+        first += count
+        above_mm = shortest_mm
+
+
+@inlined
+def _largest_fillet(angle, one, two, reach):
+    """Return the radius whose fillet comes to a distance from the joint, negative if none does.
+
+    As `vinefab.fabrication.outline.gap.largest_fillet_mm`.
+    """
+    sin, cos = math.sin(angle), math.cos(angle)
+    if angle >= math.pi - 1e-6:
+        return math.inf
+    if sin < 1e-9:
+        return -1.0
+    bare = one * one + two * two + 2.0 * one * two * cos
+    if min(two + one * cos, one + two * cos) >= 0.0 and math.sqrt(bare) / sin > reach:
+        return -1.0
+    square = (1.0 + cos) / (1.0 - cos)
+    half_linear = (one + two) / (1.0 - cos) - reach
+    constant = bare / (sin * sin) - reach * reach
+    root = math.sqrt(max(0.0, half_linear * half_linear - square * constant))
+    return (root - half_linear) / square
+
+
+@inlined
+def _part(scratch, row, k, low, high, half, limits):
+    """Write the capsule of a part of a branch, between two shares of its length."""
+    capsule = scratch.capsule
+    x, y = capsule[k, 0], capsule[k, 1]
+    run_x, run_y = capsule[k, 2] - x, capsule[k, 3] - y
+    capsule[row, 0], capsule[row, 1] = x + low * run_x, y + low * run_y
+    capsule[row, 2], capsule[row, 3] = x + high * run_x, y + high * run_y
+    capsule[row, 4] = half
+    _box(capsule, scratch.box, row, limits)
+
+
+@inlined
+def _prepare_pairs(designs, d, capsules, pairs, limits, scratch, cutting):
+    """Write which cuts part each pair, how many pairs each part, and the order of pairs."""
+    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    owner, weight = scratch.owner, cutting.weight
+    for k in range(branches):
+        cutting.cut[k] = cutting.banned[k] = cutting.used[k] = weight[k] = 0
+    for p in range(pairs):
+        one, two = cutting.one[p], cutting.two[p]
+        meet, also = _meet(designs, base, owner[one], owner[two]), -1
+        if meet == owner[one] and _outer_clears(meet, capsules, two, limits, scratch, cutting):
+            also = meet
+        if meet == owner[two] and _outer_clears(meet, capsules, one, limits, scratch, cutting):
+            also = meet
+        cutting.also[p] = also
+        cutting.top[p] = designs.level[base + meet] - (1 if also >= 0 else 0)
+        for way in range(_ways(designs, base, owner[one], owner[two], also, cutting)):
+            weight[cutting.path[way]] += 1
+    _order_pairs(designs.depth[d], pairs, cutting)
+
+
+@inlined
+def _order_pairs(depth, pairs, cutting):
+    """Write the order of pairs: those that meet farthest from the base first."""
+    placed = 0
+    for level in range(depth, -1, -1):
+        for p in range(pairs):
+            if cutting.top[p] == level:
+                cutting.order[placed] = p
+                placed += 1
+
+
+@inlined
+def _meet(designs, base, a, b):
+    """Return the lowest branch that both of two are, or lie beyond."""
+    while a != b:
+        if designs.level[base + a] >= designs.level[base + b]:
+            a = designs.parent[base + a]
+        else:
+            b = designs.parent[base + b]
+    return a
+
+
+@called
+def _outer_clears(k, capsules, row, limits, scratch, cutting):
+    """Return whether a branch may be cut, and what is left beyond the cut is clear of a capsule."""
+    if cutting.can[k] == 0:
+        return False
+    outer, socket = capsules + 3 * k + OUTER, capsules + 3 * k + SOCKET
+    clear = _pair_depth(scratch.capsule, outer, row, limits.clearance_mm) <= limits.least_depth
+    wide = _pair_depth(scratch.capsule, socket, row, limits.clearance_mm)
+    return clear and wide <= limits.least_depth
+
+
+@called
+def _ways(designs, base, a, b, also, cutting):
+    """Write the branches between two whose cut may part them; return their number.
+
+    ``also`` is the branch where they meet, if a cut there parts them too.
+    """
+    ways = 0
+    while a != b:
+        if designs.level[base + a] >= designs.level[base + b]:
+            ways = _add_way(cutting, a, ways)
+            a = designs.parent[base + a]
+        else:
+            ways = _add_way(cutting, b, ways)
+            b = designs.parent[base + b]
+    if also == a:
+        ways = _add_way(cutting, a, ways)
+    return ways
+
+
+@inlined
+def _add_way(cutting, k, ways):
+    """Write down a branch if it may be cut; return the number of those written."""
+    if cutting.can[k] == 1 and cutting.banned[k] == 0 and cutting.cut[k] == 0:
+        cutting.path[ways] = k
+        return ways + 1
+    return ways
+
+
+@inlined
+def _in_pieces(designs, d, capsules, pairs, limits, scratch, cutting):
+    """Cut a design; return what is left of conflicts and excess, and the number of cuts."""
+    made = _fewest_cuts(designs, d, capsules, pairs, limits, scratch, cutting)
+    searched = made >= 0
+    if not searched:
+        made = _deepest_cuts(designs, d, pairs, limits, scratch, cutting)
+    left = _left(designs, d, capsules, pairs, limits, scratch, cutting)
+    # Further cuts, for pieces that are larger than the sheet.
+    while searched and left > 0.0 and made < limits.most_cuts:
+        chosen, least = _further_cut(designs, d, capsules, pairs, limits, scratch, cutting)
+        if least >= left * PARTED:
+            break
+        cutting.cut[chosen] = 1
+        left, made = least, made + 1
+    return left, made
+
+
+@inlined
+def _further_cut(designs, d, capsules, pairs, limits, scratch, cutting):
+    """Return the further cut that leaves least, and what it leaves."""
+    chosen, least = -1, math.inf
+    for k in range(designs.first[d + 1] - designs.first[d]):
+        if cutting.can[k] == 1 and cutting.cut[k] == 0:
+            cutting.cut[k] = 1
+            left = _left(designs, d, capsules, pairs, limits, scratch, cutting)
+            cutting.cut[k] = 0
+            if left < least * PARTED:
+                chosen, least = k, left
+    return chosen, least
+
+
+@called
+def _left(designs, d, capsules, pairs, limits, scratch, cutting):
+    """Return what the cuts leave: depths of conflicts within a piece, and excess over the sheet."""
+    _label(designs, d, cutting)
+    left = _stubs_left(designs, d, capsules, pairs, limits, scratch, cutting)
+    left += _sockets_left(designs, d, capsules, limits, scratch, cutting)
+    for p in range(pairs):
+        if _together(p, scratch, cutting):
+            left += cutting.depth[p]
+    return left + _sheet_left(designs, d, capsules, limits, scratch, cutting)
+
+
+@inlined
+def _label(designs, d, cutting):
+    """Write the piece that each branch ends on, named by the branch that the piece begins with."""
+    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    cutting.piece[0] = 0
+    for k in range(1, branches):
+        cutting.piece[k] = k if cutting.cut[k] else cutting.piece[designs.parent[base + k]]
+
+
+@inlined
+def _together(p, scratch, cutting):
+    """Return whether a pair of whole branches is still on one piece."""
+    one, two = scratch.owner[cutting.one[p]], scratch.owner[cutting.two[p]]
+    also = cutting.also[p]
+    return cutting.piece[one] == cutting.piece[two] and not (also >= 0 and cutting.cut[also] == 1)
+
+
+@called
+def _stubs_left(designs, d, capsules, pairs, limits, scratch, cutting):
+    """Return the summed depths of stubs that conflict with something on their piece.
+
+    The first conflict is written to ``cutting.hit``: two branches that end on the pieces of the
+    two, and a branch whose own cut may part them too.
+    """
+    left = 0.0
+    cutting.hit[0] = -1
+    for place in range(pairs):
+        p = cutting.order[place]
+        if not _together(p, scratch, cutting):
+            one, two = cutting.one[p], cutting.two[p]
+            left += _stub_left(designs, d, capsules, one, two, 1, limits, scratch, cutting)
+            left += _stub_left(designs, d, capsules, two, one, 0, limits, scratch, cutting)
+    return left
+
+
+@inlined
+def _stub_left(designs, d, capsules, one, two, stubs, limits, scratch, cutting):
+    """Return the depth of the stub of a capsule's branch in another capsule, or what is left of it.
+
+    ``stubs`` is 1 if the other's stub counts too.
+    """
+    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    a, b = scratch.owner[one], scratch.owner[two]
+    if one >= branches or cutting.cut[a] == 0:
+        return 0.0
+    stub, up = capsules + 3 * a + STUB, designs.parent[base + a]
+    if two >= branches:
+        return _depth_in_piece(up, stub, b, two, -1, limits, scratch, cutting)
+    if cutting.cut[b] == 0:
+        also = b if _outer_clears(b, capsules, stub, limits, scratch, cutting) else -1
+        return _depth_in_piece(up, stub, b, two, also, limits, scratch, cutting)
+    other = capsules + 3 * b
+    left = _depth_in_piece(up, stub, b, other + OUTER, -1, limits, scratch, cutting)
+    if stubs:
+        up_b = designs.parent[base + b]
+        left += _depth_in_piece(up, stub, up_b, other + STUB, -1, limits, scratch, cutting)
+    return left
+
+
+@called
+def _sockets_left(designs, d, capsules, limits, scratch, cutting):
+    """Return the summed depths of sockets that conflict with something on their piece."""
+    branches, left = designs.first[d + 1] - designs.first[d], 0.0
+    for a in range(1, branches):
+        if cutting.cut[a]:
+            left += _socket_left(designs, d, capsules, a, limits, scratch, cutting)
+    return left
+
+
+@inlined
+def _socket_left(designs, d, capsules, a, limits, scratch, cutting):
+    """Return the summed depths of a branch's socket in everything that is not joined to it."""
+    base, branches = designs.first[d], designs.first[d + 1] - designs.first[d]
+    socket, left = capsules + 3 * a + SOCKET, 0.0
+    for row in range(capsules):
+        b = scratch.owner[row]
+        if a != b and not (row < branches and designs.parent[base + b] == a):
+            left += _depth_in_piece(a, socket, b, row, -1, limits, scratch, cutting)
+    for b in range(a + 1, branches):
+        up = designs.parent[base + b]
+        if cutting.cut[b] and up != a:
+            stub = capsules + 3 * b + STUB
+            left += _depth_in_piece(a, socket, up, stub, -1, limits, scratch, cutting)
+    return left
+
+
+@called
+def _depth_in_piece(a, one, b, two, also, limits, scratch, cutting):
+    """Return the depth of two capsules that hang on two branches, 0 in different pieces."""
+    box = scratch.box
+    if cutting.piece[a] != cutting.piece[b]:
+        return 0.0
+    beside = (box[two, 0] > box[one, 2]) | (box[two, 2] < box[one, 0])
+    if beside | (box[two, 1] > box[one, 3]) | (box[two, 3] < box[one, 1]):
+        return 0.0
+    depth = _pair_depth(scratch.capsule, one, two, limits.clearance_mm)
+    if depth <= limits.least_depth:
+        return 0.0
+    if cutting.hit[0] < 0:
+        cutting.hit[0], cutting.hit[1], cutting.hit[2] = a, b, also
+    return depth
+
+
+@inlined
+def _sheet_left(designs, d, capsules, limits, scratch, cutting):
+    """Return the summed excesses of all pieces over the sheet, relative to its shorter side."""
+    left = 0.0
+    for root in range(designs.first[d + 1] - designs.first[d]):
+        if cutting.piece[root] == root:
+            _span_of_piece(designs, d, capsules, root, scratch, cutting)
+            left += _excess_of_span(limits, scratch)
+    return left
+
+
+@inlined
+def _span_of_piece(designs, d, capsules, root, scratch, cutting):
+    """Write how far a piece reaches across each rotation."""
+    base, branches, piece = designs.first[d], designs.first[d + 1] - designs.first[d], cutting.piece
+    if root == 0:
+        _span_of_mouth(scratch)
+    else:
+        for t in range(scratch.turn.shape[1]):
+            scratch.low[t], scratch.high[t] = math.inf, -math.inf
+        _widen_span(scratch, capsules + 3 * root + SOCKET, 0)
+        _widen_span(scratch, capsules + 3 * root + SOCKET, 2)
+    for k in range(capsules):
+        if piece[scratch.owner[k]] == root:
+            _widen_span(scratch, k, 2)
+    for k in range(root + 1, branches):
+        if cutting.cut[k] and piece[designs.parent[base + k]] == root:
+            _widen_span(scratch, capsules + 3 * k + STUB, 2)
+
+
+@inlined
+def _fewest_cuts(designs, d, capsules, pairs, limits, scratch, cutting):
+    """Make the fewest cuts that were found to part all conflicts; return their number, or -1.
+
+    Depth first: the first pair that is still on one piece is parted by one branch after another.
+    """
+    branches = designs.first[d + 1] - designs.first[d]
+    made, most, found, least = 0, limits.most_cuts, -1, 0
+    for step in range(limits.most_steps):
+        more = _expand(designs, d, capsules, pairs, made, most, step, limits, scratch, cutting)
+        if step == 0:
+            least = cutting.needed[0]
+        if more == 0:
+            found, most = made, made - 1
+            for k in range(branches):
+                cutting.best[k] = cutting.cut[k]
+        made = _go_back(made, most, cutting)
+        if made < 0 or (more == 0 and found <= least):
+            break
+        way = cutting.option[made, cutting.tried[made]]
+        cutting.cut[way] = 1
+        cutting.tried[made] += 1
+        made += 1
+    for k in range(branches):
+        cutting.cut[k] = cutting.best[k] if found >= 0 else 0
+        cutting.banned[k] = 0
+    return found
+
+
+@inlined
+def _go_back(made, most, cutting):
+    """Undo cuts back to the last pair that has an untried branch; return how many are left, or -1.
+
+    A branch that was tried is banned while others are tried in its place.
+    """
+    option, tried = cutting.option, cutting.tried
+    tried[made] = 0
+    while made >= 0 and (made >= most or tried[made] == cutting.options[made]):
+        for way in range(tried[made]):
+            cutting.banned[option[made, way]] = 0
+        made -= 1
+        if made >= 0:
+            last = option[made, tried[made] - 1]
+            cutting.cut[last], cutting.banned[last] = 0, 1
+    return made
+
+
+@called
+def _expand(designs, d, capsules, pairs, made, most, step, limits, scratch, cutting):
+    """Write the branches that may part the first conflict; return 0 if there is none, else 1.
+
+    There are no such branches if more cuts than ``most`` are needed for certain: each of some pairs
+    needs one of its own (Garg, Vazirani and Yannakakis 1997: pairs are taken in the order in which
+    they meet farthest from the base). That number is written to ``cutting.needed``.
+    """
+    base, owner, first, needed = designs.first[d], scratch.owner, -1, 0
+    cutting.options[made] = 0
+    _label(designs, d, cutting)
+    for place in range(pairs):
+        p = cutting.order[place]
+        if needed <= most - made and _together(p, scratch, cutting):
+            first = p if first < 0 else first
+            needed += _claim(designs, d, p, step, scratch, cutting)
+    cutting.needed[0] = needed
+    if needed > most - made:
+        return 1
+    if first >= 0:
+        one, two = owner[cutting.one[first]], owner[cutting.two[first]]
+        ways = _ways(designs, base, one, two, cutting.also[first], cutting)
+    else:
+        left = _stubs_left(designs, d, capsules, pairs, limits, scratch, cutting)
+        left += _sockets_left(designs, d, capsules, limits, scratch, cutting)
+        if left <= 0.0:
+            return 0
+        ways = _ways(designs, base, cutting.hit[0], cutting.hit[1], cutting.hit[2], cutting)
+    _sort_ways(ways, made, cutting)
+    return 1
+
+
+@inlined
+def _claim(designs, d, p, step, scratch, cutting):
+    """Return how many cuts a pair needs beside those of the pairs before: 0, 1, or too many."""
+    one, two = scratch.owner[cutting.one[p]], scratch.owner[cutting.two[p]]
+    ways = _ways(designs, designs.first[d], one, two, cutting.also[p], cutting)
+    for way in range(ways):
+        if cutting.used[cutting.path[way]] == step + 1:
+            return 0
+    for way in range(ways):
+        cutting.used[cutting.path[way]] = step + 1
+    return 1 if ways else TOO_MANY
+
+
+@inlined
+def _sort_ways(ways, made, cutting):
+    """Write options by how many pairs their cut parts; of equals the narrower, later one first."""
+    weight, row = cutting.weight, cutting.option[made]
+    for way in range(ways):
+        k, place = cutting.path[way], way
+        while place > 0 and (
+            weight[row[place - 1]] < weight[k]
+            or (weight[row[place - 1]] == weight[k] and row[place - 1] < k)
+        ):
+            row[place] = row[place - 1]
+            place -= 1
+        row[place] = k
+    cutting.options[made] = ways
+
+
+@inlined
+def _deepest_cuts(designs, d, pairs, limits, scratch, cutting):
+    """Cut, one after the other, where pairs of the most depth are parted; return how often."""
+    share, made = cutting.share, 0
+    while made < limits.most_cuts:
+        _add_shares(designs, d, pairs, scratch, cutting)
+        chosen = 0
+        for k in range(designs.first[d + 1] - designs.first[d]):
+            if share[k] > share[chosen] + limits.least_depth:
+                chosen = k
+        if share[chosen] <= 0.0:
+            break
+        cutting.cut[chosen] = 1
+        made += 1
+    return made
+
+
+@inlined
+def _add_shares(designs, d, pairs, scratch, cutting):
+    """Write the summed depths of the pairs that a cut in each branch parts."""
+    base, owner = designs.first[d], scratch.owner
+    _label(designs, d, cutting)
+    for k in range(designs.first[d + 1] - designs.first[d]):
+        cutting.share[k] = 0.0
+    for p in range(pairs):
+        if _together(p, scratch, cutting):
+            one, two = owner[cutting.one[p]], owner[cutting.two[p]]
+            for way in range(_ways(designs, base, one, two, cutting.also[p], cutting)):
+                cutting.share[cutting.path[way]] += cutting.depth[p]

@@ -21,9 +21,10 @@ from vinefab.model.design import (
     DEFAULT_TAIL_MM,
     DEFAULT_TRUNK_WIDTH_MM,
     DEFAULT_WIDTH_RATIO,
+    PieceSettings,
     Pouch,
 )
-from vinefab.model.files.design_toml import PouchForm, read_design
+from vinefab.model.files.design_toml import PiecesForm, PouchForm, read_design
 from vinefab.model.files.shipped import names, user_names
 from vinefab.model.files.toml import Form, read_toml, validated
 from vinefab.model.map import Pose, Start
@@ -131,6 +132,7 @@ class RunBuildForm(Form):
     tail_mm: float = DEFAULT_TAIL_MM
     pressure_kpa: float = DEFAULT_PRESSURE_KPA
     pouch: PouchForm | None = None
+    pieces: PiecesForm | None = None
 
 
 class RunGrowthForm(Form):
@@ -174,6 +176,7 @@ class EvaluationForm(Form):
     finalists: int = EvaluationSettings().finalists
     final_poses_per_map: int = EvaluationSettings().final_poses_per_map
     finalists_by: str = EvaluationSettings().finalists_by
+    joint_weight: float = EvaluationSettings().joint_weight
 
 
 class RunForm(Form):
@@ -267,7 +270,8 @@ def _task_tables(
 
 def _build(form: RunBuildForm) -> BuildSettings:
     pouch = None if form.pouch is None else Pouch(**form.pouch.model_dump())
-    return BuildSettings(**form.model_dump(exclude={"pouch"}), pouch=pouch)
+    pieces = None if form.pieces is None else PieceSettings(**form.pieces.model_dump())
+    return BuildSettings(**form.model_dump(exclude={"pouch", "pieces"}), pouch=pouch, pieces=pieces)
 
 
 MOST_LETTERS = 90

@@ -198,6 +198,8 @@ class EvaluationSettings:
         same over the head-on half-angles of `CONTACT_ANGLES_DEG`; ``fresh_maps``, on maps of the
         run's environment that the search did not see, where these are generated and the run
         names no places, and on the training maps elsewhere.
+    joint_weight
+        Fitness that every sleeve joint of a design in pieces costs.
     """
 
     poses_per_map: int = 1
@@ -213,6 +215,7 @@ class EvaluationSettings:
     finalists: int = 8
     final_poses_per_map: int = 5
     finalists_by: str = "fresh_maps"
+    joint_weight: float = field(default=0.0, metadata=LATER)
 
     def __post_init__(self) -> None:
         whole("evaluation.poses_per_map", self.poses_per_map, 1, 10_000)
@@ -230,6 +233,7 @@ class EvaluationSettings:
         number("evaluation.pose_range", self.pose_range, 0.0, 10.0)
         positive("evaluation.reference_deviation", self.reference_deviation, 1e6, "")
         number("evaluation.head_on_weight", self.head_on_weight, 0.0, 1e3)
+        number("evaluation.joint_weight", self.joint_weight, 0.0, 1e3)
         if self.composite == "single" and self.poses_per_map > 1:
             allowed = "1 with composite = 'single', which has one evaluation"
             raise BadInputError("evaluation.poses_per_map", self.poses_per_map, allowed)

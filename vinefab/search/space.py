@@ -18,6 +18,7 @@ from vinefab.model.design import (
     Build,
     Design,
     Level,
+    PieceSettings,
     Pouch,
     default_fillets_mm,
 )
@@ -127,6 +128,8 @@ class BuildSettings:
         Working gauge pressure.
     pouch
         Pouch at every leaf tip, or None.
+    pieces
+        How designs may be cut in pieces, or None for one flat outline.
     """
 
     trunk_width_mm: float = DEFAULT_TRUNK_WIDTH_MM
@@ -134,6 +137,7 @@ class BuildSettings:
     tail_mm: float = DEFAULT_TAIL_MM
     pressure_kpa: float = DEFAULT_PRESSURE_KPA
     pouch: Pouch | None = None
+    pieces: PieceSettings | None = field(default=None, metadata=LATER)
 
     def __post_init__(self) -> None:
         positive("build.trunk_width_mm", self.trunk_width_mm)
@@ -152,6 +156,7 @@ class BuildSettings:
             tail_mm=self.tail_mm,
             pressure_kpa=self.pressure_kpa,
             pouch=self.pouch,
+            pieces=self.pieces,
         )
 
 

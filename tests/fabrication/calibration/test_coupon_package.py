@@ -9,7 +9,11 @@ import pytest
 import shapely
 
 from vinefab.core.errors import BadInputError
-from vinefab.fabrication.calibration.coupon_package import coupon_files, make_coupons
+from vinefab.fabrication.calibration.coupon_package import (
+    coupon_files,
+    coupon_readme,
+    make_coupons,
+)
 from vinefab.fabrication.calibration.coupons import (
     LADDER_MM,
     coupon_pieces,
@@ -17,7 +21,9 @@ from vinefab.fabrication.calibration.coupons import (
     energies_mj_mm,
     energy_matrix,
     ladder_designs,
+    lap_pieces,
 )
+from vinefab.fabrication.job.passes import weldcut_offset_mm
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.job import Operation
 
@@ -87,6 +93,79 @@ def test_balloons_are_20_by_60_mm_within_the_seam(coupons):
         for x, width in ((x0 + 5.0, 6.0), (x1 - 30.0, 20.0)):
             line = shapely.LineString([(x, y0 - 1), (x, y1 + 1)])
             assert balloon.intersection(line).length == pytest.approx(width, abs=0.01)
+
+
+def parts_of_laps(profile):
+    """Return the lumens of plug and socket of every lap coupon, by its name, from its paths."""
+    found = {}
+    for piece in lap_pieces(profile):
+        sealed = [path for path in piece.paths if path.operation is Operation.WELDCUT]
+        points = np.concatenate([path.contour.flattened_mm(1e-3) for path in sealed])
+        outline = shapely.Polygon(points)
+        found.setdefault(piece.name[:-1], []).append((piece, outline))
+    return found
+
+
+@pytest.mark.parametrize("name", LASERED)
+def test_the_socket_of_a_lap_coupon_goes_over_its_plug_with_the_ease(name):
+    profile = read_profile(name)
+    offset = weldcut_offset_mm(profile)
+    kerf = profile.settings("weldcut").kerf_mm.value
+    laps = parts_of_laps(profile)
+    assert sorted(laps) == [f"LAP-{w}-{k}" for w in (10, 20) for k in (1, 2, 3)]
+    for lap, ((plug, inner), (socket, outer)) in laps.items():
+        width = float(lap.split("-")[1])
+        assert (plug.name[-1], socket.name[-1]) == ("A", "B")
+        # Where the tube is as wide as designed: 30 mm before the plug's end and 30 mm after it.
+        x = inner.bounds[2]
+        assert across(inner, x - 30.0) == pytest.approx(width + 2 * offset, abs=1e-3)
+        assert across(outer, outer.bounds[0] + 30.0) == pytest.approx(width + 2 * offset, abs=1e-3)
+        # Half a kerf of the path is removed on each side of the plug's film.
+        film = across(inner, x - 1.0) - kerf
+        lumen = across(outer, outer.bounds[0] + 1.0) - 2 * offset
+        assert lumen - film == pytest.approx(1.0, abs=1e-3)
+        assert across(outer, outer.bounds[0] + 14.9) - 2 * offset == pytest.approx(lumen, abs=1e-3)
+        # Joined, the plug ends 15 mm inside the socket, as the ticks beside it say.
+        ticks = [path for path in plug.paths if path.label.startswith("depth")]
+        assert [path.contour.points_mm[0][0] for path in ticks] == pytest.approx([x - 15.0] * 2)
+        port = inner.bounds[0] + 1.0
+        assert across(inner, port) == pytest.approx(6.0 + 2 * offset, abs=1e-3)
+
+
+def across(outline, x):
+    _, low, _, high = outline.bounds
+    return outline.intersection(shapely.LineString([(x, low - 1), (x, high + 1)])).length
+
+
+def test_a_lap_coupon_is_open_at_port_plug_and_socket_and_its_film_is_cut_free(coupons):
+    for piece in lap_pieces(coupons.profile):
+        cuts = [path for path in piece.paths if path.operation is Operation.CUT]
+        seals = [path for path in piece.paths if path.operation is Operation.WELDCUT]
+        is_plug = piece.name.endswith("A")
+        assert (len(cuts), len(seals)) == ((2, 2) if is_plug else (1, 1))
+
+
+def test_films_that_no_laser_welds_have_lap_coupons_too():
+    coupons = make_coupons(read_profile("co2_60w__tpu_nylon_70d"))
+    assert coupons.report.findings == ()
+    labels = {path.label for job in coupons.sheets for path in job.along(Operation.WELD)}
+    assert {"seam of LAP-20-3A", "seam of LAP-20-3B"} <= labels
+
+
+def test_the_instructions_say_how_laps_are_bonded_and_where_their_pressure_goes(files):
+    text = " ".join(files["README.txt"].decode().split())
+    assert "a band of 5 mm (assumed), impulse-sealed around the lap" in text
+    assert "15 mm deep" in text
+    lines = files["results.csv"].decode().splitlines()
+    rows = list(csv.DictReader(line for line in lines if line[0] != "#"))
+    bursts = [row["note"] for row in rows if row["measure"] == "lap_burst"]
+    bore = [row["note"] for row in rows if row["measure"] == "lap_survived"]
+    assert len(bursts) == len(bore) == 6
+    assert [note.split()[0] for note in bursts] == [note.split()[0] for note in bore]
+    profile = read_profile(RECIPE)
+    unbonded = replace(profile, recipe=replace(profile.recipe, lap=None))
+    words = " ".join(coupon_readme(unbonded, (), None).split())
+    assert "the recipe has no [lap]" in words
 
 
 def test_the_ladder_has_every_width(coupons):

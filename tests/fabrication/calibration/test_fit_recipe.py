@@ -143,6 +143,49 @@ def test_one_peel_without_uncertainty_is_kept_without_one(tmp_path):
     assert (found.value, found.uncertainty, found.readings) == (0.4, 0.0, 1)
 
 
+STRENGTH_N_MM = 0.31
+
+
+def lap_burst_kpa(width):
+    """P pi D^2 / 4 over the rim pi D of a tube of diameter D = 2 w / pi."""
+    diameter = 2.0 * width / math.pi
+    return 1000.0 * STRENGTH_N_MM * math.pi * diameter / (math.pi * diameter**2 / 4.0)
+
+
+@pytest.mark.parametrize("sigma_percent", [5.0, None])
+def test_laps_of_known_strength_give_it_back_within_its_uncertainty(tmp_path, sigma_percent):
+    off = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        lines = ["lap_band,impulse_seal,4.8,mm,0.1"]
+        for width in (10.0, 20.0) * 3:
+            true = lap_burst_kpa(width)
+            spread = "" if sigma_percent is None else f"{0.01 * sigma_percent * true:.4f}"
+            lines.append(f"lap_burst,{width:g},{true * rng.normal(1.0, 0.05):.4f},kPa,{spread}")
+        found = fitted(tmp_path, HEADER + "\n".join(lines) + "\n")
+        strength = found.numbers["lap.strength_n_per_mm"]
+        assert (strength.readings, found.lap_method) == (6, "impulse_seal")
+        off.append((strength.value - STRENGTH_N_MM) / strength.uncertainty)
+    assert np.mean(np.abs(off) < 1.0) >= 0.45
+    assert np.mean(np.abs(off) < 2.0) >= 0.8
+    assert abs(np.mean(off)) < 0.6
+    assert found.numbers["lap.band_mm"].value == 4.8
+
+
+def test_a_lap_that_did_not_fail_is_a_lower_bound_and_dilutes_no_strength(tmp_path):
+    bore = f"lap_survived,20,{0.9 * lap_burst_kpa(20)},kPa,\n"
+    alone = fitted(tmp_path, HEADER + bore)
+    assert set(alone.numbers) == {"lap.survived_n_per_mm"}
+    bound = alone.numbers["lap.survived_n_per_mm"]
+    assert (bound.value, bound.readings) == (pytest.approx(0.9 * STRENGTH_N_MM), 1)
+    assert "no lap failed (0.279 N/mm at most): a lower bound" in alone.remarks[-1]
+    failed = f"lap_burst,10,{lap_burst_kpa(10)},kPa,1\n"
+    both = fitted(tmp_path, HEADER + bore + failed)
+    assert set(both.numbers) == {"lap.strength_n_per_mm"}
+    assert both.numbers["lap.strength_n_per_mm"].value == pytest.approx(STRENGTH_N_MM)
+    assert both.remarks[-1].startswith("1 lap did not fail (0.279 N/mm at most)")
+
+
 MATRIX = {8.7: "nothing", 15.3: "weld", 26.7: "weld", 46.8: "weldcut", 81.8: "weldcut",
           143.0: "cut", 250.0: "weldcut"}  # fmt: skip
 
@@ -198,6 +241,25 @@ NONSENSE = {
     "straight paths": (
         "growth_width,,40,mm,\n" + "\n".join(f"growth,{k}00,1{k},kPa,1" for k in range(1, 7)),
         "too few kinds",
+    ),
+    "lap of no width": ("lap_burst,,70,kPa,1", "the coupon's lay-flat width in mm"),
+    "lap of a negative width": ("lap_burst,-20,70,kPa,1", "above 0"),
+    "lap without pressure": ("lap_survived,20,0,kPa,1", "a pressure above 0"),
+    "lap in newtons": ("lap_burst,20,70,N,1", "kPa, Pa"),
+    "endless lap": ("lap_burst,20,inf,kPa,1", "finite"),
+    "one lap alone": ("lap_burst,20,70,kPa,", "at least 2 for 1 unknown"),
+    "some laps stated": ("lap_burst,20,70,kPa,1\nlap_burst,20,70,kPa,", "for every reading"),
+    "unknown bond": ("lap_band,glue,5,mm,", "impulse_seal or adhesive_film, as setting"),
+    "lap of steel": ("lap_burst,9999,1e9,kPa,1", "1.59e+09 N/mm on the lap"),
+    "lap of nothing": ("lap_survived,20,1e-300,kPa,", "0.0001 to 10000 N/mm"),
+    "no band": ("lap_band,impulse_seal,0,mm,", "a width above 0"),
+    "two bonds": (
+        "lap_band,impulse_seal,5,mm,\nlap_band,adhesive_film,5,mm,",
+        "one method in one table",
+    ),
+    "another bond, not tested": (
+        "lap_band,adhesive_film,5,mm,",
+        "adhesive_film is 'adhesive_film'; allowed: rows lap_burst",
     ),
     "outcome": ("matrix,46.8 6,fine,,", "nothing, weld, weldcut, cut, burnt"),
     "cell": ("matrix,46.8,weld,,", "line energy in mJ/mm"),

@@ -20,7 +20,7 @@ from vinefab.fabrication.formats.laser_formats import formats_for, laser_files
 from vinefab.fabrication.formats.readback import file_problems
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.package.job_json import fluence_mj_mm2, operation_energy_mj_mm
+from vinefab.fabrication.package.job_json import fluence_mj_mm2, job_text, operation_energy_mj_mm
 from vinefab.fabrication.package.prepare import (
     PackageContent,
     Prepared,
@@ -152,6 +152,21 @@ def test_line_energy_and_fluence_are_worked_out(
     assert energy.value == pytest.approx(600.0)
     assert fluence_mj_mm2(profile.machine, settings).value == pytest.approx(1200.0)
     assert energy.standing is Standing.COMPUTED
+
+
+def test_job_json_holds_the_bond_of_laps_for_robots_in_pieces_only(
+    design: Design, profile: LaserProfile, job: Job
+) -> None:
+    bond = read_profile("co2_60w__stretchlon_200").recipe.lap
+    bonded = replace(profile, recipe=replace(profile.recipe, lap=bond))
+    colours = PRESETS["default"]
+    assert job_text(design, job, bonded, colours) == job_text(design, job, profile, colours)
+    facts = {**job.facts, "pieces": [], "joints": []}
+    cut = replace(job, sheets=(replace(job),), facts=facts)
+    lap = json.loads(job_text(design, cut, bonded, colours))["recipe"]["lap"]
+    assert lap["method"] == "impulse_seal"
+    assert lap["strength_n_per_mm"]["standing"] == "assumed"
+    assert json.loads(job_text(design, cut, profile, colours))["recipe"]["lap"] is None
 
 
 def test_job_json_holds_every_setting_with_its_standing(content: PackageContent) -> None:

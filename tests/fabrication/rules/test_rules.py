@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from vinefab.fabrication.job.laser_job import laser_job
+from vinefab.fabrication.job.sleeve import SleeveSize
+from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.catalog import RULES
 from vinefab.fabrication.rules.rule import Limits, RuleNotApplicable
 from vinefab.fabrication.rules.run_rules import run_checks
@@ -18,13 +20,16 @@ from vinefab.fabrication.rules.subject import (
     RigPartFacts,
     Subject,
 )
+from vinefab.fabrication.rules.widths import lap_occupancies, occupancies
 from vinefab.model.deployment import Deployment
-from vinefab.model.design import Collar, Design, Pouch
+from vinefab.model.design import Collar, Design, PieceSettings, Pouch
 from vinefab.model.finding import Finding, Severity
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Quantity, RecipeStatus, Standing
 from vinefab.model.map import Pose
 from vinefab.model.outline import Contour, Part
+from vinefab.model.pieces import Partition, Piece, Sleeve, piece_label
+from vinefab.model.tree import branch_tree
 
 Make = Callable[..., Design]
 Build = Callable[[Make, LaserProfile], Subject]
@@ -200,6 +205,10 @@ def measured(value: float) -> Quantity:
     return Quantity(value=value, standing=Standing.MEASURED)
 
 
+def assumed(value: float) -> Quantity:
+    return Quantity(value=value, standing=Standing.ASSUMED)
+
+
 LOOSE_FIT = {
     "yield_kpa": measured(1.92),
     "drag_kpa_m": measured(0.771),
@@ -267,6 +276,64 @@ def twice(shared_mm: float) -> Build:
     one = path(Operation.CUT, [[500.0, 500.0], [520.0, 500.0]])
     two = path(Operation.CUT, [[520.0 - shared_mm, 500.0], [540.0, 500.0]])
     return jobbed(lambda job: (*job.paths, one, two))
+
+
+def sleeve_at(branch: int, number: int = 1) -> Sleeve:
+    """A sleeve on a branch of 20 mm, of the piece with a number."""
+    return Sleeve(
+        label=piece_label(number),
+        inner="A",
+        branch=branch,
+        socket_mm=40.0,
+        plug_mm=55.0,
+        blend_end_mm=60.0,
+        width_mm=20.0,
+    )
+
+
+def cut(
+    *branches: int,
+    load: Quantity | None = None,
+    bore: bool = False,
+    lap_mm: float = 15.0,
+    **build: object,
+) -> Build:
+    """A fan of children of 20 mm of which some are cut, by index; the trunk is 60 mm wide."""
+
+    def built(make: Make, profile: LaserProfile) -> Subject:
+        settings = PieceSettings(lap_mm=lap_mm)
+        wide = {"widths_mm": (60.0, 20.0), **build}
+        design = make((8, 200.0, 280.0), pieces=settings, **wide)
+        sleeves = tuple(sleeve_at(branch, number) for number, branch in enumerate(branches, 1))
+        outer = [Piece(label=s.label, root=s.branch, branches=(s.branch,)) for s in sleeves]
+        kept = tuple(branch for branch in range(9) if branch not in branches)
+        pieces = (Piece(label="A", root=0, branches=kept, stubs=branches), *outer)
+        key = "survived_n_per_mm" if bore else "strength_n_per_mm"
+        known = {"strength_n_per_mm": None, key: load or measured(0.2)}
+        bond = replace(profile.recipe.lap, **known)
+        tested = replace(profile, recipe=replace(profile.recipe, lap=bond))
+        return replace(
+            Subject.of(design, tested),
+            partition=Partition(pieces=pieces, sleeves=sleeves),
+            sleeve=SleeveSize(lap_mm=lap_mm, rise_mm=1.0),
+        )
+
+    return built
+
+
+def pieced(*, most: int = 6, lap_mm: float = 15.0, unmarked: str = "") -> Build:
+    """Two leaves that cross, in the fewest pieces; the labels named are missing on the film."""
+
+    def built(make: Make, profile: LaserProfile) -> Subject:
+        settings = PieceSettings(most=most, lap_mm=lap_mm)
+        design = make((2, 100.0, 60.0), (2, 100.0, 120.0), pieces=settings)
+        partition = partition_of(design, profile)
+        job = laser_job(design, profile, partition=partition)
+        paths = tuple(one for one in job.paths if not unmarked or unmarked not in one.label)
+        flat = replace(Subject.of(design), profile=profile, job=replace(job, paths=paths))
+        return in_pieces(flat, partition)
+
+    return built
 
 
 TREE = of((3, 200.0, 120.0), (2, 120.0, 50.0))
@@ -402,6 +469,28 @@ CASES: Mapping[str, Case] = {
     "VF-R04": Case(
         fires=rigged(height_mm=30.5), severity=W, branches=(), quiet=rigged(height_mm=30.6)
     ),
+    "VF-J01": Case(
+        fires=pieced(lap_mm=80.0),
+        severity=E,
+        branches=("0.0.1", "0.1.0"),
+        quiet=pieced(),
+    ),
+    "VF-J02": Case(fires=pieced(most=1), severity=E, branches=(), quiet=pieced(most=2)),
+    "VF-J05": Case(fires=pieced(unmarked="socket B"), severity=W, branches=(), quiet=pieced()),
+    # 0.2 N/mm with the factor of 1.5 is 0.1333 N/mm: 41.89 kPa at 20 mm
+    "VF-J03": Case(
+        fires=cut(2, pressure_kpa=41.95),
+        severity=E,
+        branches=("0.1",),
+        quiet=cut(2, pressure_kpa=41.85),
+    ),
+    # 5 x 20 mm and three laps of 2 x 21 mm, times 0.75 mm, in a lumen of 29.8^2 / pi mm^2: 60 %
+    "VF-J04": Case(
+        fires=cut(1, 5, 6, widths_mm=(29.7, 20.0)),
+        severity=E,
+        branches=("0",),
+        quiet=cut(1, 5, 6, widths_mm=(42.2, 20.0)),
+    ),
     "VF-X01": Case(fires=reading("area differs by 3 %"), severity=E, branches=(), quiet=reading()),
 }
 
@@ -443,6 +532,15 @@ NEAR_LIMITS: list[tuple[str, Build, set[Severity]]] = [
     # Loosely stored film takes 3.85 kPa to grow there
     ("VF-P03", of((2, 200.0, 60.0), widths_mm=(40.0, 23.8), pressure_kpa=3.7), {W}),
     ("VF-P03", of((2, 200.0, 60.0), widths_mm=(40.0, 23.8), pressure_kpa=4.0), set()),
+    # What was not measured, or only bore its load, warns
+    ("VF-J03", cut(2, pressure_kpa=41.95, load=assumed(0.2)), {W}),
+    ("VF-J03", cut(2, pressure_kpa=41.85, load=assumed(0.2)), set()),
+    ("VF-J03", cut(2, pressure_kpa=41.95, load=measured(0.2), bore=True), {W}),
+    ("VF-J03", cut(2, pressure_kpa=1.0, lap_mm=4.9), {W}),
+    ("VF-J03", cut(2, pressure_kpa=1.0, lap_mm=5.1), set()),
+    ("VF-J04", cut(1, 5, 6, widths_mm=(29.9, 20.0)), {W}),
+    ("VF-J04", cut(1, 5, 6, widths_mm=(42.0, 20.0)), {W}),
+    ("VF-J04", cut(widths_mm=(25.2, 20.0)), set()),
     ("VF-B01", of(tail_mm=199.0), {W}),
     ("VF-B02", collar_off(0.104), {E}),
     ("VF-B02", collar_off(0.096), set()),
@@ -481,6 +579,58 @@ def test_rule_fires_at_the_right_place(rule: str, make: Make, profile: LaserProf
 @pytest.mark.parametrize("rule", CASES)
 def test_rule_stays_quiet(rule: str, make: Make, profile: LaserProfile) -> None:
     assert found(CASES[rule].quiet(make, profile), rule) == ()
+
+
+def test_laps_of_a_recipe_that_knows_no_bond_are_not_passed_over(
+    make: Make, profile: LaserProfile
+) -> None:
+    subject = cut(2)(make, profile)
+    assert subject.profile is not None
+    unbonded = replace(profile, recipe=replace(profile.recipe, lap=None))
+    for known, words in ((unbonded, "no table [lap]"), (None, "needs a recipe")):
+        skipped = run_checks(replace(subject, profile=known)).skipped
+        assert any(words in skip.reason for skip in skipped if skip.rule == "VF-J03")
+
+
+def test_a_weak_lap_is_named_and_marked_where_its_socket_begins(
+    make: Make, profile: LaserProfile
+) -> None:
+    (finding,) = found(cut(0, widths_mm=(20.0, 12.0), pressure_kpa=42.0)(make, profile), "VF-J03")
+    assert finding.message.startswith("the lap of plug B, 20.0 mm wide,")
+    assert (finding.x_mm, finding.y_mm) == (40.0, 0.0)
+    assert (finding.measured, finding.limit) == (
+        pytest.approx(42.0 * 20.0 / 2000.0 / math.pi),
+        pytest.approx(0.2 / 1.5),
+    )
+
+
+def test_film_with_laps_that_add_nothing_packs_as_without(
+    random_design: Callable[..., Design],
+) -> None:
+    """Branch by branch what VF-W03 says of their level."""
+    for seed in range(20):
+        design = random_design(np.random.default_rng(seed), pouched=True)
+        levels = branch_tree(design).level.tolist()
+        flat = [replace(sleeve_at(branch), width_mm=0.0) for branch in range(1, len(levels))]
+        shares = lap_occupancies(design, flat, 0.0, 0.075)
+        expected = occupancies(design, 0.075)
+        assert shares == {
+            branch: pytest.approx(expected[level - 1])
+            for branch, level in enumerate(levels)
+            if level < design.depth
+        }
+
+
+def test_laps_count_where_they_are_and_below_one_parent_only(make: Make) -> None:
+    """Two children with two leaves each: a lap on one leaf is no matter of the other child."""
+    design = make((2, 200.0, 90.0), (2, 90.0, 60.0), widths_mm=(40.0, 24.0, 14.0))
+    ids = branch_tree(design).ids
+    sleeve = replace(sleeve_at(ids.index("0.1.0")), width_mm=14.0)
+    shares = lap_occupancies(design, [sleeve], 1.0, 0.075)
+    assert {ids[branch] for branch in shares} == {"0", "0.1"}
+    level_3_mm = 3 * 14.0 + 2 * 15.0
+    assert shares[ids.index("0")] == pytest.approx(level_3_mm * 0.75 * math.pi / 40.0**2)
+    assert shares[ids.index("0.1")] == pytest.approx(44.0 * 0.75 * math.pi / 24.0**2)
 
 
 @pytest.mark.parametrize("rule", ["VF-R01", "VF-R02", "VF-R03", "VF-R04"])

@@ -5,15 +5,17 @@ import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.fabrication import checking
-from vinefab.fabrication.rules.catalog import RULES
+from vinefab.fabrication.job.sleeve import SleeveSize
+from vinefab.fabrication.rules.catalog import RULES, SLEEVE_RULES
 from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Subject
-from vinefab.model.design import Design, Waiver
+from vinefab.model.design import Design, PieceSettings, Waiver
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.shipped import names
 from vinefab.model.finding import Severity
 from vinefab.model.job import Job
 from vinefab.model.laser import LaserProfile
+from vinefab.model.pieces import Partition, Piece
 
 Make = Callable[..., Design]
 
@@ -33,8 +35,22 @@ def test_every_rule_is_either_run_or_skipped_with_a_reason(
 ) -> None:
     report = run_checks(Subject.of(make(), profile if recipe == "with" else None))
     reported = [*(run.rule for run in report.run), *(skipped.rule for skipped in report.skipped)]
-    assert sorted(reported) == sorted(RULES)
+    assert sorted(reported) == sorted(RULES.keys() - SLEEVE_RULES)
     assert all(skipped.reason for skipped in report.skipped)
+
+
+def test_rules_about_pieces_run_or_say_why_where_a_design_may_be_cut(
+    make: Make, profile: LaserProfile
+) -> None:
+    assert {"VF-J01", "VF-J02", "VF-J03", "VF-J04", "VF-J05"} == SLEEVE_RULES
+    uncut = Subject.of(make(pieces=PieceSettings()), profile)
+    skipped = {skip.rule: skip.reason for skip in run_checks(uncut).skipped}
+    assert all(skipped[rule] for rule in SLEEVE_RULES)
+    whole = Partition(pieces=(Piece(label="A", root=0, branches=(0,)),))
+    size = SleeveSize(lap_mm=15.0, rise_mm=1.0)
+    run = run_checks(replace(uncut, partition=whole, sleeve=size)).run
+    # One piece has no sleeve.
+    assert [one.checked for one in run if one.rule in ("VF-J03", "VF-J04")] == [0, 0]
 
 
 def test_without_a_recipe_its_rules_are_skipped_and_say_so(make: Make) -> None:
@@ -166,7 +182,7 @@ def test_the_paths_of_a_large_design_that_is_blocked_are_not_made_and_no_rule_is
     report = checking.check_design(make(FAN, (4, 200.0, 170.0)), profile)
     assert "VF-T03" in {finding.rule for finding in report.blocking}
     reported = [*(run.rule for run in report.run), *(skipped.rule for skipped in report.skipped)]
-    assert sorted(reported) == sorted(RULES)
+    assert sorted(reported) == sorted(RULES.keys() - SLEEVE_RULES)
     reasons = {skipped.rule: skipped.reason for skipped in report.skipped}
     assert {"VF-S01", "VF-L02"} <= {rule for rule, why in reasons.items() if "not looked at" in why}
     assert "21 branches" in reasons["VF-S01"]

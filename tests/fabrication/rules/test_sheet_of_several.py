@@ -7,7 +7,8 @@ import pytest
 
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import SheetOptions
-from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES
+from vinefab.fabrication.package.prepare import prepare
+from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES, SLEEVE_RULES
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
@@ -140,3 +141,14 @@ def test_a_cut_that_ends_where_it_began_is_found(fork: Design, profile: LaserPro
     (finding,) = found(fork, profile, job, "VF-P05")
     assert (finding.measured, finding.limit) == (pytest.approx(0.5), cut.overcut_mm.value)
     assert "around the robot" in finding.message
+
+
+def test_reports_of_robots_in_one_piece_name_no_rule_about_pieces(
+    fork: Design, vine: Design, profile: LaserProfile
+) -> None:
+    made = prepare(fork, profile, sheet=SheetOptions(copies=1, beside=(vine,)))
+    assert made.beside
+    for report in (made.report, *made.beside):
+        named = {entry.rule for entry in (*report.run, *report.skipped)}
+        assert "VF-B01" in named
+        assert not named & SLEEVE_RULES

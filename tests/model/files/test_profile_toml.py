@@ -9,7 +9,7 @@ from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.model.files.profile_toml import read_machine, read_profile
 from vinefab.model.files.shipped import names, shipped_root
 from vinefab.model.laser import LaserProfile, RecipeStatus, Standing, Tool
-from vinefab.physics.seam import spot_at_mm
+from vinefab.physics.seam import seam_load_n_mm, spot_at_mm
 
 SHIPPED = "co2_60w__stretchlon_200"
 MELT_J_CM2, CUT_J_CM2 = 2.8, 23.0
@@ -107,6 +107,86 @@ def test_films_that_no_laser_welds_have_a_sealer_in_their_recipe(name: str) -> N
     assert weld.seam_width_mm.value > 0.0
     assert weld.temperature_c is not None
     assert weld.temperature_c.standing is Standing.ASSUMED
+
+
+@pytest.mark.parametrize("name", names("recipe"))
+def test_every_shipped_recipe_bonds_laps_with_numbers_that_nobody_measured(name: str) -> None:
+    profile = read_profile(name)
+    lap, seam = profile.recipe.lap, profile.material.seam
+    assert lap is not None
+    assert {lap.band_mm.standing, lap.load_n_per_mm.standing} == {Standing.ASSUMED}
+    assert not lap.is_measured_limit
+    # As its source says: not more than the side seam is taken to bear
+    assert 0.9 * seam_load_n_mm(seam) < lap.load_n_per_mm.value + 0.05 < 1.05 * seam_load_n_mm(seam)
+
+
+def lap_with(*lines: str) -> str:
+    numbers = "".join(
+        f'{line}, standing = "measured", source = "x" }}\n'
+        for line in ("band_mm = { value = 4.0", *lines)
+    )
+    return f'[lap]\nmethod = "adhesive_film"\n{numbers}'
+
+
+def test_a_recipe_without_a_lap_still_reads(profiles_folder: Path) -> None:
+    path = profiles_folder / "recipes" / f"{SHIPPED}.toml"
+    path.write_text(path.read_text(encoding="utf-8").split("[lap]")[0], encoding="utf-8")
+    old, shipped = read_profile(path), read_profile(SHIPPED)
+    assert old.recipe.lap is None
+    # Reports of robots in one piece keep the fingerprint that this recipe had.
+    assert repr(old) == repr(shipped)
+
+
+@pytest.mark.parametrize(
+    ("lines", "load", "is_limit"),
+    [
+        (["strength_n_per_mm = { value = 0.7"], 0.7, True),
+        (["survived_n_per_mm = { value = 0.5"], 0.5, False),
+        (["strength_n_per_mm = { value = 0.7", "survived_n_per_mm = { value = 0.9"], 0.7, True),
+    ],
+)
+def test_laps_that_failed_are_a_limit_and_what_they_bore_is_a_bound(
+    profiles_folder: Path, lines: list[str], load: float, *, is_limit: bool
+) -> None:
+    path = profiles_folder / "recipes" / f"{SHIPPED}.toml"
+    text = path.read_text(encoding="utf-8").split("[lap]")[0]
+    path.write_text(text + lap_with(*lines), encoding="utf-8")
+    lap = read_profile(path).recipe.lap
+    assert lap is not None
+    assert (lap.method, lap.load_n_per_mm.value) == ("adhesive_film", load)
+    assert lap.is_measured_limit is is_limit
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"impulse_seal"', '"glue"', "lap.method"),
+        ("band_mm = { value = 5.0", "band_mm = { value = 0.0", "lap.band_mm"),
+        ("band_mm = { value = 5.0", "band_mm = { value = nan", "lap.band_mm"),
+        ("strength_n_per_mm", "strenght_n_per_mm", "strength_n_per_mm"),
+        ("strength_n_per_mm = { value = 0.4", "strength_n_per_mm = { value = -0.4", "lap.strength"),
+    ],
+)
+def test_a_wrong_lap_is_one_clear_line(
+    profiles_folder: Path, old: str, new: str, words: str
+) -> None:
+    path = profiles_folder / "recipes" / f"{SHIPPED}.toml"
+    head, lap = path.read_text(encoding="utf-8").split("[lap]")
+    assert old in lap
+    path.write_text(f"{head}[lap]{lap.replace(old, new, 1)}", encoding="utf-8")
+    with pytest.raises(BadInputError) as caught:
+        read_profile(path)
+    assert words in str(caught.value)
+    assert path.name in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_lap_without_a_load_is_refused(profiles_folder: Path) -> None:
+    path = profiles_folder / "recipes" / f"{SHIPPED}.toml"
+    text = path.read_text(encoding="utf-8").split("[lap]")[0]
+    path.write_text(text + lap_with(), encoding="utf-8")
+    with pytest.raises(BadInputError, match=r"lap is 'no load'; allowed: strength_n_per_mm"):
+        read_profile(path)
 
 
 @pytest.mark.parametrize("kind", ["machine", "material", "recipe"])

@@ -1,3 +1,4 @@
+import json
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
@@ -9,7 +10,7 @@ import pytest
 from vinefab.core.errors import BadInputError, UnreadableFileError
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.cave import cave_map
-from vinefab.model.design import Pouch
+from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
 from vinefab.search.record.result import RunIdentity, RunResult, map_fingerprint
@@ -24,7 +25,13 @@ from vinefab.search.record.run_archive import (
 )
 from vinefab.search.record.store import RunStore
 from vinefab.search.run_pages import list_runs
-from vinefab.search.settings import MapSettings, PartSettings, RunSettings, plain_settings
+from vinefab.search.settings import (
+    EvaluationSettings,
+    MapSettings,
+    PartSettings,
+    RunSettings,
+    plain_settings,
+)
 from vinefab.search.space import Bounds, BuildSettings
 
 Maps = tuple[Map, ...]
@@ -111,9 +118,14 @@ def test_all_settings_read_back_the_same(small: RunSettings) -> None:
         task=PartSettings(name="coverage", parameters={"radius_mm": 40.0, "clip": "none"}),
         growth=GrowthOptions.published(body="inflated", children_of_stuck="deploy"),
         optimizer=PartSettings(name="cmaes", parameters={"spread": 0.3}),
-        build=BuildSettings(pouch=Pouch(shape="round", radius_mm=12.0)),
+        build=BuildSettings(
+            pouch=Pouch(shape="round", radius_mm=12.0), pieces=PieceSettings(most=3)
+        ),
+        evaluation=EvaluationSettings(joint_weight=0.01),
     )
     assert settings_from_plain(plain_settings(rich)) == rich
+    assert "pieces" not in json.dumps(plain_settings(small))
+    assert "joint_weight" not in json.dumps(plain_settings(small))
 
 
 def test_maps_read_back_to_the_last_bit(maps: Maps) -> None:

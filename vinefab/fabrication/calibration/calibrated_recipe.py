@@ -1,7 +1,6 @@
 """The result of a calibration: recipe file, lines for the user, JSON."""
 
 import tomllib
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,34 +14,29 @@ from vinefab.fabrication.package.job_json import plain_quantity
 from vinefab.model.files.profile_toml import profile_of
 from vinefab.model.files.shipped import locate
 from vinefab.model.files.toml import read_toml
-from vinefab.model.laser import EnergyWindow, Quantity, RecipeStatus
+from vinefab.model.laser import EnergyWindow, Quantity, Standing
 
-_OWN_TABLES = ("measured", "growth", "coupons")
+_OWN_TABLES = ("measured", "growth", "coupons", "lap")
 
 
-def calibrated_text(
-    recipe: str | Path,
-    out: Path,
-    numbers: Mapping[str, Estimate],
-    *,
-    windows: Sequence[EnergyWindow],
-    status: RecipeStatus,
-    results: Path,
-) -> str:
+def calibrated_text(calibration: Calibration, recipe: str | Path, out: Path, results: Path) -> str:
     """Return a recipe file with fitted numbers, as text."""
     if out.suffix != ".toml":
         raise BadInputError("--out", str(out), "a file that ends in .toml")
     document = read_toml(locate("recipe", recipe))
     before = document["name"]
     document["name"] = out.stem
-    document["status"] = str(status)
+    document["status"] = str(calibration.status)
     document["source"] = f"{before}, calibrated with {results.name}; before: {document['source']}"
-    for place, estimate in numbers.items():
+    for place, estimate in calibration.numbers.items():
         table, key = place.split(".")
         target = _table(document, table)
         target[key] = _number(estimate, results)
-    if windows:
-        _table(document, "coupons")["windows"] = [_window(window, results) for window in windows]
+    if calibration.windows:
+        windows = [_window(window, results) for window in calibration.windows]
+        _table(document, "coupons")["windows"] = windows
+    if calibration.lap_method is not None:
+        _bond(document["lap"], calibration)
     return f"# {GENERATOR}\n{tomli_w.dumps(document)}"
 
 
@@ -53,6 +47,20 @@ def _table(document: dict[str, Any], name: str) -> dict[str, Any]:
     operations: dict[str, Any] = document["operations"]
     sealed: dict[str, Any] = operations[name] if name in operations else document["sealer"]
     return sealed
+
+
+def _bond(table: dict[str, Any], calibration: Calibration) -> None:
+    """Set the bond of the laps tested, and leave no load of another bond or of less standing."""
+    changed = table.get("method", "") != calibration.lap_method
+    table["method"] = str(calibration.lap_method)
+    measured = table.get("strength_n_per_mm", {}).get("standing") == Standing.MEASURED
+    if "lap.strength_n_per_mm" in calibration.numbers:
+        stale = "survived_n_per_mm" if changed else ""
+    else:
+        # What laps bore counts where none failed: it takes the place of an assumed strength.
+        bore = "lap.survived_n_per_mm" in calibration.numbers
+        stale = "strength_n_per_mm" if bore and (changed or not measured) else ""
+    table.pop(stale, None)
 
 
 def _number(estimate: Estimate, results: Path) -> dict[str, object]:
@@ -87,14 +95,7 @@ def calibrated_recipe(
     calibration: Calibration, recipe: str | Path, out: Path, results: Path
 ) -> str:
     """Return the recipe file, read back to be sure that it is valid."""
-    text = calibrated_text(
-        recipe,
-        out,
-        calibration.numbers,
-        windows=calibration.windows,
-        status=calibration.status,
-        results=results,
-    )
+    text = calibrated_text(calibration, recipe, out, results)
     profile_of(tomllib.loads(text), out)
     return text
 

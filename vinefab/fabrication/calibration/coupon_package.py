@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from vinefab.core.jsontext import GENERATOR, json_text
 from vinefab.fabrication.calibration.coupon_results import results_text
 from vinefab.fabrication.calibration.coupons import (
+    LAP_MM,
     SQUARE_MM,
     Coupon,
     Matrix,
@@ -16,6 +17,7 @@ from vinefab.fabrication.calibration.coupons import (
 from vinefab.fabrication.formats.dxf_format import DXF_POLYLINE
 from vinefab.fabrication.formats.laser_drawing import DEFAULT, LaserFileSpec
 from vinefab.fabrication.formats.laser_formats import LaserFiles, ensure_read_back, laser_files
+from vinefab.fabrication.outline.body_outline import WHOLE, body_outline
 from vinefab.fabrication.package.prepare import package_spec
 from vinefab.fabrication.package.readme_text import readme_section
 from vinefab.fabrication.package.sheet_pictures import job_plan
@@ -23,7 +25,7 @@ from vinefab.fabrication.rules.run_rules import checks_text, run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.finding import CheckReport, RuleRun
 from vinefab.model.job import Job, Operation
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LapBond, LapMethod, LaserProfile
 from vinefab.pages.figure import png_bytes
 
 
@@ -75,6 +77,7 @@ def _measuring(profile: LaserProfile) -> list[str]:
         "BURST: blunt needle through the port, clamp it, raise the pressure slowly behind a shield;"
         " write down the pressure at which it bursts and where. Three balloons at least: one alone"
         " says nothing of the spread.",
+        *_lap_steps(profile.recipe.lap),
         "PEEL: pull the two free plies apart, 90 degrees each; the largest force.",
         "CROTCH: inflate until it fails; the fillet that fails last is the one to use.",
         "friction_incline: a strip of film on the obstacle's material; tilt until it slides.",
@@ -83,6 +86,25 @@ def _measuring(profile: LaserProfile) -> list[str]:
         " and in turns. Setting: lengths in mm and turns in degrees, in turn: 300 90 300.",
     ]
     return steps
+
+
+def _lap_steps(bond: LapBond | None) -> list[str]:
+    if bond is None:
+        how = "as you bond sleeves (the recipe has no [lap]: name it as setting of lap_band)"
+    elif bond.method is LapMethod.IMPULSE_SEAL:
+        band = f"a band of {bond.band_mm.value:g} mm ({bond.band_mm.standing})"
+        how = f"with {band}, impulse-sealed around the lap over a release strip inside the plug"
+    else:
+        how = f"with adhesive film, {bond.band_mm.value:g} mm ({bond.band_mm.standing}) all around"
+    return [
+        f"LAP, joining: A is the tube with the needle port, its open end the plug; B goes over it,"
+        f" {LAP_MM:g} mm deep: carry the ticks beside A over to the plug before you lift it out."
+        f" Bond {how}; write the width of the band down (lap_band). The side seams of A and B lie"
+        f" on each other, as on a robot: seal their corners with care, there it leaks first.",
+        "LAP, bursting: as BURST, through the port. If the lap opened or leaked, write the pressure"
+        " down as lap_burst; if anything else gave way, or nothing, as lap_survived: such a lap"
+        " bears more, nobody knows how much. One of the two rows of each coupon stays empty.",
+    ]
 
 
 def _giving_back(profile: LaserProfile) -> list[str]:
@@ -101,6 +123,9 @@ RESULTS_NAME = "results.csv"
 
 SHAPE_RULES = ("VF-T01", "VF-T02", "VF-T03", "VF-T04", "VF-W04", "VF-C03", "VF-C05")
 """Rules for each coupon that is a robot."""
+
+PART_RULES = ("VF-T01", "VF-T02", "VF-T04")
+"""Rules for each part of a coupon that is joined by a sleeve."""
 
 PATH_RULES = ("VF-L01", "VF-L02", "VF-L03", "VF-X01")
 """Rules for every sheet; those about length, tail and bed do not apply to coupons."""
@@ -191,8 +216,17 @@ def _checked(
     profile: LaserProfile,
     problems: Mapping[str, tuple[str, ...]],
 ) -> CheckReport:
-    subjects = [Subject.of(piece.design, profile) for piece in pieces if piece.design is not None]
-    reports = [run_checks(subject, only=SHAPE_RULES) for subject in subjects]
+    subjects, reports = [], []
+    for piece in pieces:
+        if piece.design is None:
+            continue
+        if piece.ends is WHOLE:
+            subjects.append(Subject.of(piece.design, profile))
+            reports.append(run_checks(subjects[-1], only=SHAPE_RULES))
+        else:
+            outline = body_outline(piece.design, ends=piece.ends)
+            part = replace(Subject.of(piece.design), outline=outline)
+            reports.append(run_checks(part, only=PART_RULES))
     reports += [
         run_checks(replace(subjects[0], job=sheet, readback=problems), only=PATH_RULES)
         for sheet in sheets

@@ -14,14 +14,17 @@ from vinefab.fabrication.calibration.coupons import (
     FILLETS_MM,
     FOCUS_MM,
     LADDER_MM,
+    LAP_COPIES,
+    LAP_WIDTHS_MM,
     STRIP_MM,
     STRIPS,
     Matrix,
+    lap_name,
 )
 from vinefab.fabrication.job.passes import weldcut_offset_mm
 from vinefab.model.files.shipped import read_text
 from vinefab.model.job import Operation
-from vinefab.model.laser import LaserProfile
+from vinefab.model.laser import LapMethod, LaserProfile
 
 COLUMNS = ("measure", "setting", "value", "unit", "uncertainty", "note")
 OFFSET_NOTE = "# weldcut_offset_mm"
@@ -51,6 +54,9 @@ MEASURES = {
     "burst": "kPa",
     "peel": "N",
     "crotch_burst": "kPa",
+    "lap_band": "mm",
+    "lap_burst": "kPa",
+    "lap_survived": "kPa",
     "friction_incline": "rad",
     "growth_width": "mm",
     "growth": "kPa",
@@ -103,12 +109,44 @@ def _rows(profile: LaserProfile) -> list[Row]:
         for k in range(1, STRIPS + 1)
     ]
     rows += [("crotch_burst", f"{radius:g}", "kPa", f"CROTCH-R{radius:g}") for radius in FILLETS_MM]
+    rows += _lap_rows(profile)
     rows += [("friction_incline", "", "deg", "incline at which film slides on the obstacle")] * 3
     rows += [("growth_width", "", "mm", "lay-flat width of the tube that was grown")]
     rows += [
         ("growth", path, "kPa", "lengths mm and turns deg in turn")
         for path in ("300", "600", "300 90 300", "300 90 300 90 300", "300 180 300", "900 90 100")
     ]
+    return rows
+
+
+def _lap_rows(profile: LaserProfile) -> list[Row]:
+    bond = profile.recipe.lap
+    method = LapMethod.IMPULSE_SEAL if bond is None else bond.method
+    rows: list[Row] = [
+        (
+            "lap_band",
+            method,
+            "mm",
+            f"width of the band as bonded; setting: {' or '.join(LapMethod)}",
+        )
+    ]
+    for width in LAP_WIDTHS_MM:
+        for number in range(1, LAP_COPIES + 1):
+            name = lap_name(width, number)
+            rows += [
+                (
+                    "lap_burst",
+                    f"{width:g}",
+                    "kPa",
+                    f"{name} if its lap failed; setting: lay-flat width",
+                ),
+                (
+                    "lap_survived",
+                    f"{width:g}",
+                    "kPa",
+                    f"{name} if it failed elsewhere or not at all",
+                ),
+            ]
     return rows
 
 

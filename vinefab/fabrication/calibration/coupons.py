@@ -13,9 +13,12 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.core.validation import Floats
 from vinefab.fabrication.job.laser_job import laser_job
-from vinefab.fabrication.job.marks import lettered
-from vinefab.fabrication.job.passes import weldcut_offset_mm
-from vinefab.model.design import Build, Design, Level, Pouch
+from vinefab.fabrication.job.marks import fold_ticks, lettered
+from vinefab.fabrication.job.passes import body_paths, weldcut_offset_mm
+from vinefab.fabrication.job.sleeve import sleeve_size
+from vinefab.fabrication.outline.body_outline import WHOLE, PieceEnds
+from vinefab.fabrication.outline.ends import Socket
+from vinefab.model.design import Build, Collar, Design, Level, PieceSettings, Pouch
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, OperationSettings, Quantity, Standing
 from vinefab.model.outline import Contour
@@ -28,10 +31,14 @@ BALLOONS = 3
 SQUARE_MM = 50.0
 STRIP_MM = (80.0, 25.0)
 STRIPS = 2
+LAP_WIDTHS_MM = (10.0, 20.0)
+LAP_COPIES = 3
+LAP_MM = PieceSettings().lap_mm
 PORT_MM = 6.0
 LETTER_MM = 4.0
 LABEL_GAP_MM = 5.0
 _LADDER_LENGTH_MM, _LADDER_TAIL_MM = 40.0, 10.0
+_LAP_TUBE_MM = 45.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,6 +48,7 @@ class Coupon:
     name: str  # written beside it
     paths: tuple[LaserPath, ...]  # in process order, label included
     design: Design | None = None  # None for a piece that is no robot
+    ends: PieceEnds = WHOLE  # of a part of the design: where it begins and ends
 
     @property
     def box_mm(self) -> tuple[float, float, float, float]:
@@ -62,6 +70,7 @@ def coupon_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
     robots = [*balloon_designs(), *crotch_designs(), *ladder_designs()]
     return (
         *(robot_piece(design, profile) for design in robots),
+        *lap_pieces(profile),
         *square_pieces(profile),
         *strip_pieces(profile),
     )
@@ -111,6 +120,60 @@ def robot_piece(design: Design, profile: LaserProfile) -> Coupon:
     job = laser_job(design, profile)
     paths = tuple(path for path in job.paths if path.operation in operations)
     return _labelled(Coupon(name=design.name, paths=paths, design=design), profile)
+
+
+def lap_name(width_mm: float, number: int) -> str:
+    """Return the name of a lap coupon; its parts are A and B.
+
+    >>> lap_name(10.0, 1)
+    'LAP-10-1'
+    """
+    return f"LAP-{width_mm:g}-{number}"
+
+
+def lap_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:
+    """Return the lap coupons, each in two parts: a tube with a port and a plug, and its end.
+
+    The lap is that of a robot in pieces as it is by default. Seen from the port, part B begins
+    where the trunk does, so that the fold line of part A is how deep its plug goes.
+    """
+    size = sleeve_size(PieceSettings(), profile)
+    socket = Socket(
+        start_mm=0.0,
+        blend_start_mm=size.lap_mm,
+        blend_end_mm=size.lap_mm + size.blend_mm,
+        rise_mm=size.rise_mm,
+    )
+    plug, end = PieceEnds(plugs={0: size.lap_mm}), PieceEnds(socket=socket)
+    found = []
+    for width in LAP_WIDTHS_MM:
+        for number in range(1, LAP_COPIES + 1):
+            for part, ends in (("A", plug), ("B", end)):
+                design = lap_design(f"{lap_name(width, number)}{part}", width, size.blend_mm)
+                found.append(_part_piece(design, ends, profile))
+    return tuple(found)
+
+
+def lap_design(name: str, width_mm: float, blend_mm: float) -> Design:
+    """Return the whole tube of a lap coupon, as long beyond its lap as before it."""
+    port = Collar(clamp_diameter_mm=2.0 * PORT_MM / math.pi, length_mm=15.0, flare_mm=20.0)
+    build = Build(
+        widths_mm=(width_mm,), fillet_mm=(), tail_mm=port.reach_mm + _LAP_TUBE_MM, collar=port
+    )
+    return Design(name=name, trunk_length_mm=LAP_MM + blend_mm + _LAP_TUBE_MM, build=build)
+
+
+def _part_piece(design: Design, ends: PieceEnds, profile: LaserProfile) -> Coupon:
+    """Return a part of a design as a coupon, with ticks beside a plug where the socket ends."""
+    body = body_paths(design, profile, ends=ends)
+    ticks: list[LaserPath] = []
+    if ends.plugs and Operation.MARK in profile.recipe.operations:
+        ticks = [
+            LaserPath(operation=Operation.MARK, contour=tick, label=f"depth of {design.name}")
+            for tick in fold_ticks(design, body.reach_mm)
+        ]
+    paths = (*ticks, *body.paths)
+    return _labelled(Coupon(name=design.name, paths=paths, design=design, ends=ends), profile)
 
 
 def square_pieces(profile: LaserProfile) -> tuple[Coupon, ...]:

@@ -21,8 +21,15 @@ from vinefab.fabrication.calibration.estimate import (
     solve_equations,
 )
 from vinefab.model.job import Operation
-from vinefab.model.laser import EnergyWindow, LaserProfile, Quantity, RecipeStatus, Standing
-from vinefab.physics.seam import allowed_line_load_n_mm, line_load_n_mm
+from vinefab.model.laser import (
+    EnergyWindow,
+    LapMethod,
+    LaserProfile,
+    Quantity,
+    RecipeStatus,
+    Standing,
+)
+from vinefab.physics.seam import allowed_line_load_n_mm, lap_load_n_mm, line_load_n_mm
 
 _CUTTING = (Operation.WELDCUT, Operation.CUT)
 _SEALING = (Operation.WELDCUT, Operation.WELD)
@@ -175,6 +182,9 @@ BALLOONS_TESTED = 3
 
 _LARGEST_TURN_DEG = 3600.0
 
+_LEAST_LOAD_N_MM, _LARGEST_LOAD_N_MM = 1e-4, 1e4
+"""Of a lap: far less and far more than any film bears."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
@@ -186,6 +196,7 @@ class Calibration:
     windows: tuple[EnergyWindow, ...]  # line energies at which the matrix came out right
     status: RecipeStatus
     remarks: tuple[str, ...]  # further results, for people
+    lap_method: LapMethod | None = None  # how the laps tested were bonded; None if none was
 
 
 def calibrate(results: Results, profile: LaserProfile) -> Calibration:
@@ -217,13 +228,16 @@ def calibrate(results: Results, profile: LaserProfile) -> Calibration:
         **_growth(results),
         **_peel(results),
         **_crotches(results),
+        **_laps(results),
     }
     windows = energy_windows(results, profile)
+    method = _lap_method(results, profile)
     return Calibration(
         numbers=numbers,
         windows=windows,
         status=_status(numbers, profile),
-        remarks=tuple(window_lines(windows, profile)),
+        remarks=(*window_lines(windows, profile), *_lap_lines(results)),
+        lap_method=method,
     )
 
 
@@ -255,10 +269,86 @@ def _burst(results: Results) -> dict[str, Estimate]:
     }
 
 
-def _pressure(reading: Reading) -> float:
+def _laps(results: Results) -> dict[str, Estimate]:
+    """Return what laps bear per millimetre of rim, and the width of the band that bonds them.
+
+    A coupon that failed elsewhere says only that its lap bears more. Where no lap failed, the mean
+    of what they bore is a lower bound of their strength; where some did, it says nothing new.
+    """
+    found = {}
+    bands, failed, bore = (results.of(f"lap_{kind}") for kind in ("band", "burst", "survived"))
+    if bands:
+        widths = [_positive(reading, "mm", "a width") for reading in bands]
+        found["lap.band_mm"] = _average(widths, [reading.sigma for reading in bands])
+    if failed:
+        found["lap.strength_n_per_mm"] = mean_estimate(*_lap_loads(failed), "lap_burst")
+    elif bore:
+        found["lap.survived_n_per_mm"] = _average(*_lap_loads(bore))
+    return found
+
+
+def _lap_loads(readings: Sequence[Reading]) -> tuple[list[float], list[float | None]]:
+    """Return the load P w / (2 pi) on each lap, and its uncertainty."""
+    widths = [_positive_setting(r, "the coupon's lay-flat width in mm") for r in readings]
+    pairs = list(zip(readings, widths, strict=True))
+    return (
+        [_lap_load(r, w) for r, w in pairs],
+        [None if r.sigma is None else lap_load_n_mm(r.sigma, w) for r, w in pairs],
+    )
+
+
+def _lap_load(reading: Reading, width_mm: float) -> float:
+    load_n_mm = lap_load_n_mm(_pressure(reading), width_mm)
+    if not _LEAST_LOAD_N_MM <= load_n_mm <= _LARGEST_LOAD_N_MM:
+        allowed = f"{_LEAST_LOAD_N_MM:g} to {_LARGEST_LOAD_N_MM:g} N/mm"
+        raise reading.wrong(f"{load_n_mm:.3g} N/mm on the lap", allowed)
+    return load_n_mm
+
+
+def _lap_method(results: Results, profile: LaserProfile) -> LapMethod | None:
+    """Return how the laps tested were bonded: as the table says, else as the recipe does."""
+    bands = results.of("lap_band")
+    tested = (*results.of("lap_burst"), *results.of("lap_survived"))
+    known = profile.recipe.lap
+    methods = {}
+    for reading in bands:
+        if reading.setting not in set(LapMethod):
+            raise reading.wrong(reading.setting, f"{' or '.join(LapMethod)}, as setting")
+        methods[LapMethod(reading.setting)] = reading
+    if len(methods) > 1:
+        raise bands[-1].wrong(", ".join(methods), "one method in one table")
+    method = next(iter(methods), known.method if known else None)
+    if tested and method is None:
+        allowed = "a row lap_band: recipe {} has no [lap], so say how they were bonded"
+        raise tested[0].wrong("no lap_band", allowed.format(profile.recipe.name))
+    if bands and not tested and (known is None or known.method is not method):
+        bond = "has no [lap]" if known is None else f"knows what {known.method} bears"
+        allowed = f"rows lap_burst or lap_survived too: recipe {profile.recipe.name} {bond}"
+        raise bands[0].wrong(str(method), allowed)
+    return method if bands or tested else None
+
+
+def _lap_lines(results: Results) -> list[str]:
+    """Return what coupons say whose laps did not fail, as lines for the user."""
+    failed, bore = results.of("lap_burst"), results.of("lap_survived")
+    if not bore:
+        return []
+    loads, _ = _lap_loads(bore)
+    most = f"{max(loads):.3g} N/mm at most"
+    if failed:
+        laps = "1 lap" if len(bore) == 1 else f"{len(bore)} laps"
+        return [f"{laps} did not fail ({most}): left out of the strength"]
+    return [f"no lap failed ({most}): a lower bound, above which rule VF-J03 warns"]
+
+
+def _positive(reading: Reading, unit: str, meaning: str) -> float:
     if reading.value <= 0.0:
-        raise reading.wrong(f"{reading.value:g} kPa", "a pressure above 0")
+        raise reading.wrong(f"{reading.value:g} {unit}", f"{meaning} above 0")
     return reading.value
+
+
+def _pressure(reading: Reading) -> float:
+    return _positive(reading, "kPa", "a pressure")
 
 
 def _friction(results: Results) -> dict[str, Estimate]:
@@ -284,8 +374,7 @@ def _growth(results: Results) -> dict[str, Estimate]:
     if len(widths) != 1 or not readings:
         allowed = "one growth_width, and the pressures along the paths that this tube was grown"
         raise BadInputError("growth", f"{len(widths)} widths, {len(readings)} paths", allowed)
-    if widths[0].value <= 0.0:
-        raise widths[0].wrong(f"{widths[0].value:g} mm", "a width above 0")
+    _positive(widths[0], "mm", "a width")
     fitted = fit_growth([_path(reading) for reading in readings])
     sigma = widths[0].sigma or 0.0
     width = Estimate(value=widths[0].value, uncertainty=sigma, readings=1)

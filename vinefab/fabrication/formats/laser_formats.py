@@ -116,6 +116,15 @@ def tile_stem(number: int) -> str:
     return f"tile_{number}_outline"
 
 
+def sheet_folder(number: int) -> str:
+    """Return the folder of a package in which the files of a sheet are.
+
+    >>> sheet_folder(2)
+    'sheet_2'
+    """
+    return f"sheet_{number}"
+
+
 def ensure_read_back(problems: Mapping[str, tuple[str, ...]]) -> None:
     """Raise ReadBackError for the first laser file that differs from its job."""
     for name, found in problems.items():

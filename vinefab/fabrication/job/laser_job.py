@@ -9,6 +9,7 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg
 from vinefab.fabrication.job.marks import fold_ticks, marks_of
 from vinefab.fabrication.job.passes import BodyPaths, body_paths, in_order
+from vinefab.fabrication.job.piece_jobs import pieces_job, recipe_facts
 from vinefab.fabrication.job.placement import (
     ONE,
     BedPlacement,
@@ -22,6 +23,7 @@ from vinefab.fabrication.job.tile_jobs import Tiled, target_paths, tile_jobs, ti
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile
+from vinefab.model.pieces import Partition
 
 MOST_BRANCHES = 5000
 """Larger trees are refused: no sheet holds them, and pairs of branches grow with the square."""
@@ -34,8 +36,15 @@ def check_size(design: Design) -> None:
         raise BadInputError(f"design {design.name}", f"{count} branches", allowed)
 
 
-def laser_job(design: Design, profile: LaserProfile, sheet: SheetOptions = ONE) -> Job:
+def laser_job(
+    design: Design,
+    profile: LaserProfile,
+    sheet: SheetOptions = ONE,
+    partition: Partition | None = None,
+) -> Job:
     """Return the job of a sheet: outlines, the cuts that free them, and marks beside them.
+
+    Of a robot in several pieces it is the job of all its sheets.
 
     A single robot that does not fit the bed is cut in tiles where possible, and else placed all the
     same with ``fits_bed`` false in the facts. Of several robots those that find no room are left
@@ -48,6 +57,8 @@ def laser_job(design: Design, profile: LaserProfile, sheet: SheetOptions = ONE) 
     """
     for one in (design, *sheet.beside):
         check_size(one)
+    if partition is not None and len(partition.pieces) > 1:
+        return pieces_job(design, profile, sheet, partition)
     robots = _placed_robots(design, profile, sheet)
     machine = profile.machine
     single = robots[0].placement if len(robots) == 1 else None
@@ -68,7 +79,7 @@ def laser_job(design: Design, profile: LaserProfile, sheet: SheetOptions = ONE) 
         sheet_height_mm=machine.bed_height_mm.value,
         paths=in_order([*marks.paths, *bodies]),
         facts={
-            **_recipe_facts(profile),
+            **recipe_facts(profile),
             **robots[0].body.facts,
             **_placement_facts(robots, profile),
             **_body_facts(robots[0]),
@@ -87,7 +98,7 @@ def _tiled_job(design: Design, body: BodyPaths, profile: LaserProfile, parted: T
     # By layer, as in every file: each tile between two others has crosses of both kinds.
     targets.sort(key=lambda path: path.variant)
     marks = marks_of([robot], [*robot.paths, *targets], profile, within)
-    facts = {**_recipe_facts(profile), **body.facts, **_body_facts(robot), **marks.facts}
+    facts = {**recipe_facts(profile), **body.facts, **_body_facts(robot), **marks.facts}
     # Targets and labels may lie beyond the robot: the film begins a margin below all of them.
     paths = [*marks.paths, *targets, *robot.paths]
     margin = profile.machine.margin_mm.value
@@ -155,15 +166,6 @@ def _single_placement(design: Design, body: BodyPaths, profile: LaserProfile) ->
         if marked.fits:
             return marked
     return place_contours(contours, room, corner)
-
-
-def _recipe_facts(profile: LaserProfile) -> dict[str, object]:
-    return {
-        "machine": profile.machine.name,
-        "material": profile.material.name,
-        "recipe": profile.recipe.name,
-        "recipe_status": profile.recipe.status.value,
-    }
 
 
 def _placement_facts(robots: Sequence[SheetRobot], profile: LaserProfile) -> dict[str, object]:

@@ -366,9 +366,9 @@ def marks_of(
     if Operation.MARK not in profile.recipe.operations:
         return Marking()
     placed = [robot for robot in robots if robot.placement]
-    areas = [max((region(p.contour) for p in robot.paths), key=shapely.area) for robot in placed]
+    areas = [body_area(robot) for robot in placed]
     free = FreeRoom(bodies, within, areas)
-    folds = [_fold(robot, free) for robot in placed]
+    folds = [fold_marking(robot, free) for robot in placed]
     for path in (path for fold in folds for path in fold.paths):
         free.take(FreeRoom([path], within).taken)
     labels = [_label(robot, free, profile, own) for own, robot in enumerate(placed)]
@@ -379,7 +379,14 @@ def marks_of(
     )
 
 
-def _fold(robot: SheetRobot, free: FreeRoom) -> Marking:
+def body_area(robot: SheetRobot) -> shapely.Geometry:
+    """Return the area that a robot takes; of a piece with plugs no single path encloses it."""
+    if robot.piece:
+        return region(robot.outline)
+    return max((region(path.contour) for path in robot.paths), key=shapely.area)
+
+
+def fold_marking(robot: SheetRobot, free: FreeRoom) -> Marking:
     """Return the ends of a robot's fold line; one of them suffices."""
     label = f"fold line of {robot.title}"
     ticks = [robot.on_sheet(tick) for tick in fold_ticks(robot.design, robot.body.reach_mm)]

@@ -1,13 +1,16 @@
 """The laser's paths around one robot and their order, in the coordinates of the flat layout."""
 
+import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 import shapely
 
-from vinefab.fabrication.outline.body_outline import BodyOutline, body_outline
+from vinefab.core.validation import Floats
+from vinefab.fabrication.outline.body_outline import WHOLE, BodyOutline, PieceEnds, body_outline
 from vinefab.fabrication.outline.stroke import LEAST_ARC_RADIUS_MM
 from vinefab.model.design import Design
 from vinefab.model.job import LaserPath, Operation
@@ -35,6 +38,23 @@ def closes(contour: Contour) -> bool:
 def frees(path: LaserPath) -> bool:
     """Whether a path cuts a piece out of the sheet."""
     return path.operation in (Operation.WELDCUT, Operation.CUT) and closes(path.contour)
+
+
+def bodies_of_paths(sealed: Iterable[LaserPath]) -> Iterator[tuple[LaserPath, ...]]:
+    """Yield the paths that together seal one body, in order: several for a piece with plugs."""
+    names = itertools.count()
+    for _, runs in groupby(
+        sealed, key=lambda path: next(names) if path.contour.closed else path.label or next(names)
+    ):
+        yield tuple(runs)
+
+
+def enclosed_mm2(runs: Iterable[LaserPath]) -> float:
+    """Return the area within the paths that seal one body, its open ends closed by lines."""
+    contours = [path.contour for path in runs]
+    ends = np.concatenate([contour.points_mm[[0, -1]] for contour in contours])
+    between = Contour.polyline(ends, closed=True).signed_area_mm2 if len(contours) > 1 else 0.0
+    return abs(math.fsum(contour.signed_area_mm2 for contour in contours) + between)
 
 
 def in_order(paths: Iterable[LaserPath]) -> tuple[LaserPath, ...]:
@@ -68,7 +88,7 @@ WEB_MM = 2.0
 class BodyPaths:
     """The paths of one robot."""
 
-    paths: tuple[LaserPath, ...]  # in process order
+    paths: tuple[LaserPath, ...]  # in process order; several to seal a piece with plugs
     outline: BodyOutline  # the outline that forms the body, with its problems
     reach_mm: float  # how far outside the lumen the paths reach
     facts: dict[str, object]  # offsets applied
@@ -101,22 +121,35 @@ def in_one_pass(profile: LaserProfile) -> bool:
     return Operation.WELDCUT in operations or Operation.WELD not in operations
 
 
-def body_paths(design: Design, profile: LaserProfile, *, separate: bool = False) -> BodyPaths:
-    """Return the paths of one robot; ``separate`` welds and cuts in two passes."""
+def body_paths(
+    design: Design, profile: LaserProfile, *, separate: bool = False, ends: PieceEnds = WHOLE
+) -> BodyPaths:
+    """Return the paths of one robot or piece; ``separate`` welds and cuts in two passes."""
     if separate or not in_one_pass(profile):
-        return _two_passes(design, profile)
-    return _one_pass(design, profile)
+        return _two_passes(design, profile, ends)
+    return _one_pass(design, profile, ends)
 
 
-def _one_pass(design: Design, profile: LaserProfile) -> BodyPaths:
-    """Cut and seal the outline, which stays open at the mouth; then cut across the mouth."""
+def reach_mm(profile: LaserProfile, *, separate: bool = False) -> float:
+    """Return how far outside the lumen's edge the paths of a robot reach."""
+    if separate or not in_one_pass(profile):
+        return cut_offset_mm(profile)
+    return weldcut_offset_mm(profile)
+
+
+def _one_pass(design: Design, profile: LaserProfile, ends: PieceEnds) -> BodyPaths:
+    """Cut and seal the outline, which stays open at its mouths; then cut across them."""
     settings, offset = profile.settings(Operation.WELDCUT), weldcut_offset_mm(profile)
     overcut = profile.settings(Operation.CUT).overcut_mm.value
-    outline = body_outline(design, offset)
+    outline = body_outline(design, offset, ends=ends)
     name = design.name
     paths = (
-        _path(Operation.WELDCUT, outline.contour, f"outline of {name}", name),
+        *_sealed(Operation.WELDCUT, outline.contour, f"outline of {name}", name),
         _path(Operation.CUT, mouth_cut(outline.contour, overcut), f"mouth of {name}", name),
+        *(
+            _path(Operation.CUT, cut, f"plug of {name}", name)
+            for cut in plug_cuts(outline.contour, overcut)
+        ),
     )
     facts: dict[str, object] = {
         "process": "weldcut: one pass seals and cuts",
@@ -130,15 +163,17 @@ def _one_pass(design: Design, profile: LaserProfile) -> BodyPaths:
     return BodyPaths(paths=paths, outline=outline, reach_mm=offset, facts=facts)
 
 
-def _two_passes(design: Design, profile: LaserProfile) -> BodyPaths:
-    """Weld the seam, open at the mouth; then cut around it and across the mouth in one go."""
+def _two_passes(design: Design, profile: LaserProfile, ends: PieceEnds) -> BodyPaths:
+    """Weld the seam, open at its mouths; then cut around it and across them in one go."""
     weld, cut = profile.settings(Operation.WELD), profile.settings(Operation.CUT)
     overcut = cut.overcut_mm.value
-    outline = body_outline(design, weld_offset_mm(profile))
-    around = body_outline(design, cut_offset_mm(profile), least_fillet_mm=LEAST_ARC_RADIUS_MM)
+    outline = body_outline(design, weld_offset_mm(profile), ends=ends)
+    around = body_outline(
+        design, cut_offset_mm(profile), least_fillet_mm=LEAST_ARC_RADIUS_MM, ends=ends
+    )
     name = design.name
     paths = (
-        _path(Operation.WELD, outline.contour, f"seam of {name}", name),
+        *_sealed(Operation.WELD, outline.contour, f"seam of {name}", name),
         _path(Operation.CUT, closed_cut(around.contour, overcut), f"cut around {name}", name),
     )
     facts: dict[str, object] = {
@@ -163,15 +198,34 @@ def _two_passes(design: Design, profile: LaserProfile) -> BodyPaths:
 
 def mouth_cut(outline: Contour, overcut_mm: float) -> Contour:
     """Return the straight cut across the mouth of an open outline."""
-    first, last = outline.points_mm[-1], outline.points_mm[0]
+    return _across(outline.points_mm[-1], outline.points_mm[0], outline.branches[:1], overcut_mm)
+
+
+def plug_cuts(outline: Contour, overcut_mm: float) -> Iterator[Contour]:
+    """Yield the straight cuts across the plugs of an outline."""
+    for segment in outline.segments:
+        if segment.part is Part.MOUTH:
+            start, end = np.array(segment.start_mm), np.array(segment.end_mm)
+            yield _across(start, end, (segment.branch,), overcut_mm)
+
+
+def _across(first: Floats, last: Floats, branch: tuple[str, ...], overcut_mm: float) -> Contour:
+    """Return a straight cut that runs past both of its ends."""
     along = (last - first) / math.dist(first, last)
     return Contour(
         points_mm=np.array([first - overcut_mm * along, last + overcut_mm * along]),
         bulges=np.zeros(1),
         parts=(Part.MOUTH,),
-        branches=outline.branches[:1],
+        branches=branch,
         closed=False,
     )
+
+
+def _sealed(operation: Operation, outline: Contour, label: str, name: str) -> Iterator[LaserPath]:
+    """Yield the runs of an outline between its open ends: the whole outline if it has no plug."""
+    for at_mouth, run in groupby(outline.segments, key=lambda part: part.part is Part.MOUTH):
+        if not at_mouth:
+            yield _path(operation, Contour.from_segments(list(run), closed=False), label, name)
 
 
 def closed_cut(outline: Contour, overcut_mm: float) -> Contour:

@@ -164,21 +164,42 @@ def _excess_mm(hull_mm: Floats, turns_rad: Floats, room_mm: tuple[float, float])
     return excess
 
 
+def piece_name(design: str, piece: str) -> str:
+    """Return what the paths of a piece belong to; the design's name if it is not in pieces.
+
+    >>> piece_name("tree", "B")
+    'tree, piece B'
+    """
+    return f"{design}, piece {piece}" if piece else design
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SheetRobot:
-    """One robot on a sheet."""
+    """One robot on a sheet, or one piece of a robot."""
 
     design: Design
     body: BodyPaths  # its paths in the flat layout
     placement: BedPlacement | None  # None if there was no room for it
     number: int = 1  # among the robots placed, from 1
     count: int = 1  # robots placed
+    piece: str = ""  # label of the piece that this is of a robot in pieces
 
     @property
     def title(self) -> str:
         """Its name and, among several, its number."""
         single = self.count == 1
-        return self.design.name + ("" if single else f", part {self.number} of {self.count}")
+        name = self.of if self.piece else self.design.name
+        return name + ("" if single else f", part {self.number} of {self.count}")
+
+    @property
+    def of(self) -> str:
+        """What its paths belong to: the design, or one piece of it."""
+        return piece_name(self.design.name, self.piece)
+
+    @property
+    def outline(self) -> Contour:
+        """The outline that forms its body, as it lies on the sheet."""
+        return self.on_sheet(self.body.outline.contour)
 
     @property
     def paths(self) -> tuple[LaserPath, ...]:
@@ -188,7 +209,7 @@ class SheetRobot:
     def moved(self, path: LaserPath) -> LaserPath:
         """Return one of its paths as it lies on the sheet, labelled with the robot's title."""
         label = path.label.removesuffix(self.design.name) + self.title
-        return replace(path, contour=self.on_sheet(path.contour), label=label)
+        return replace(path, contour=self.on_sheet(path.contour), label=label, of=self.of)
 
     def on_sheet(self, contour: Contour) -> Contour:
         """Return a contour of the flat layout as it lies on the sheet."""

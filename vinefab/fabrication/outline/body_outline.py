@@ -6,8 +6,10 @@ the left. Whether far parts of the body cross each other is not the walk's busin
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
+from vinefab.fabrication.outline.ends import BranchSide, Socket
 from vinefab.fabrication.outline.exactness import (
     OutlineProblem,
     Pattern,
@@ -16,6 +18,7 @@ from vinefab.fabrication.outline.exactness import (
     pattern_of,
     pattern_problems,
 )
+from vinefab.fabrication.outline.gap import taper_rad
 from vinefab.fabrication.outline.joint import Joint
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
 from vinefab.fabrication.outline.stroke import (
@@ -24,6 +27,8 @@ from vinefab.fabrication.outline.stroke import (
     LocalFrame,
     Pen,
     Point,
+    StrokeRun,
+    StrokeSegment,
     placed,
 )
 from vinefab.model.design import Design
@@ -40,10 +45,27 @@ class BodyOutline:
     problems: tuple[OutlineProblem, ...]  # why the contour is not exact; empty if it is
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PieceEnds:
+    """Where the outline of one piece of a robot begins and ends."""
+
+    root: int = 0  # index of the branch that it begins with; the trunk has the tail
+    socket: Socket | None = None  # the base of any other
+    plugs: Mapping[int, float] = field(default_factory=dict)  # ends of stubs, along their branches
+
+
+WHOLE = PieceEnds()
+"""The whole robot: from the tail to all tips."""
+
+
 def body_outline(
-    design: Design, offset_mm: float = 0.0, *, least_fillet_mm: float = 0.0
+    design: Design,
+    offset_mm: float = 0.0,
+    *,
+    least_fillet_mm: float = 0.0,
+    ends: PieceEnds = WHOLE,
 ) -> BodyOutline:
-    """Return the outline of a design in the coordinates of its flat layout.
+    """Return the outline of a design, or of one piece of it, in the coordinates of its flat layout.
 
     Parameters
     ----------
@@ -52,6 +74,9 @@ def body_outline(
         it, fillet radii shrink by it. The mouth stays at the tail's end.
     least_fillet_mm
         Fillets that the offset leaves smaller than this are corners.
+    ends
+        Where a piece begins and ends. The open end of a plug is a straight segment of the mouth's
+        kind; the contour runs through it.
 
     Examples
     --------
@@ -68,7 +93,7 @@ def body_outline(
     problems = pattern_problems(design, layout, pattern)
     if any(problem.kind is ProblemKind.VANISHED for problem in problems):
         pattern = pattern_of(design, 0.0)
-    contour = _Walk(layout, pattern).contour()
+    contour = _Walk(layout, pattern, ends).contour()
     return BodyOutline(
         contour=contour, problems=problems or drawing_problems(layout, pattern, contour)
     )
@@ -77,8 +102,8 @@ def body_outline(
 class _Walk:
     """One walk around a tree, which draws one contour."""
 
-    def __init__(self, layout: FlatLayout, pattern: Pattern) -> None:
-        self.pattern = pattern
+    def __init__(self, layout: FlatLayout, pattern: Pattern, piece: PieceEnds) -> None:
+        self.layout, self.pattern, self.piece = layout, pattern, piece
         self.ids = layout.tree.ids
         self.level = layout.tree.level.tolist()
         self.ends: list[Point] = [(x, y) for x, y in layout.end_mm.tolist()]
@@ -93,6 +118,47 @@ class _Walk:
 
     def contour(self) -> Contour:
         """Walk from one corner of the mouth to the other."""
+        socket = self.piece.socket
+        return self._from_tail() if socket is None else self._from_socket(socket)
+
+    def _from_socket(self, socket: Socket) -> Contour:
+        """Walk from the right corner of a socket around its piece to the left corner."""
+        root = self.piece.root
+        frame, owner = self._base_frame(root), (self.ids[root],)
+        right = self._branch_side(root).socket_mm(socket, self.pattern.offset_mm)
+        self.pen = Pen([placed(right.start_mm, frame)])
+        self.pen.pieces(right, frame, owner)
+        self._around(root)
+        ends = [right.start_mm, *(piece.end_mm for piece in right.pieces)]
+        self._side(placed(_mirrored(ends[-1]), frame), root)
+        left = [
+            StrokeSegment(_mirrored(end), piece.bulge, piece.part)
+            for piece, end in zip(reversed(right.pieces), reversed(ends[:-1]), strict=True)
+        ]
+        self.pen.pieces(StrokeRun(_mirrored(ends[-1]), tuple(left)), frame, owner)
+        return self.pen.contour()
+
+    def _base_frame(self, branch: int) -> LocalFrame:
+        """Return the frame of a branch, which begins where the branch does."""
+        x, y = self.layout.start_mm[branch].tolist()
+        return LocalFrame((x, y), self.heading[branch])
+
+    def _branch_side(self, branch: int) -> BranchSide:
+        """Return the right side of a branch, as far outside the lumen as the outline runs."""
+        layout = self.layout
+        half, end = float(layout.width_mm[branch]) / 2, float(layout.end_width_mm[branch]) / 2
+        lean = taper_rad(half, end, float(layout.tree.length_mm[branch]))
+        return BranchSide(half_mm=half + self.pattern.offset_mm, lean_rad=lean)
+
+    def _plug(self, branch: int) -> None:
+        """Walk along the stub of a branch to its plug, and across the plug's open end."""
+        right = self._branch_side(branch).point_mm(self.piece.plugs[branch])
+        frame = self._base_frame(branch)
+        self._side(placed(right, frame), branch)
+        self.pen.go_to(placed(_mirrored(right), frame), Part.MOUTH, self.ids[branch])
+
+    def _from_tail(self) -> Contour:
+        """Walk from the right corner of the tail's mouth around the body to the left corner."""
         tail, name = self.pattern.tail, self.ids[0]
         for piece in tail.pieces:
             self.pen.go_to(piece.end_mm, piece.part, name, piece.bulge)
@@ -106,6 +172,9 @@ class _Walk:
 
     def _around(self, branch: int) -> None:
         """Walk from the base of a branch's right side to the end of its left side."""
+        if branch in self.piece.plugs:
+            self._plug(branch)
+            return
         if not self.children[branch]:
             frame = LocalFrame(self.ends[branch], self.heading[branch])
             tip = self.pattern.tip(self.sibling[branch])

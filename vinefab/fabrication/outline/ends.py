@@ -11,7 +11,7 @@ the planned length.
 import math
 from dataclasses import dataclass
 
-from vinefab.fabrication.outline.gap import Neck, neck
+from vinefab.fabrication.outline.gap import Neck, neck, neck_length_mm
 from vinefab.fabrication.outline.joint import level_tapers_rad
 from vinefab.fabrication.outline.layout import level_fillets_mm
 from vinefab.fabrication.outline.stroke import (
@@ -25,7 +25,7 @@ from vinefab.fabrication.outline.stroke import (
     polar,
     turned,
 )
-from vinefab.model.design import Collar, Design, Pouch
+from vinefab.model.design import Build, Design, Pouch
 from vinefab.model.outline import Part
 
 
@@ -42,6 +42,51 @@ class Tail:
     bend: tuple[StrokeSegment, ...] = ()
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Socket:
+    """The widened base of a piece that goes over a plug; distances are along its branch."""
+
+    start_mm: float  # where its mouth is
+    blend_start_mm: float  # where it begins to narrow
+    blend_end_mm: float  # where it is as wide as its branch
+    rise_mm: float  # how far its edge lies outside the branch's, on each side
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BranchSide:
+    """The straight right side of a branch; its frame begins where the branch does.
+
+    A tapered branch's sides lean towards its axis. What is drawn along a side is worked out in a
+    frame turned by that lean, in which the side is level.
+    """
+
+    half_mm: float  # how far the side lies from the axis, where a level side would begin
+    lean_rad: float
+
+    def point_mm(self, along_mm: float, rise_mm: float = 0.0) -> Point:
+        """Return the point of the side, or of one that lies farther out, at a place on the axis."""
+        half = self.half_mm + rise_mm
+        level = (along_mm - half * math.sin(self.lean_rad)) / math.cos(self.lean_rad)
+        return turned((level, -half), self.lean_rad)
+
+    def socket_mm(self, socket: Socket, offset_mm: float) -> StrokeRun:
+        """Return the right side of a socket, from its mouth to the branch's own side."""
+        start = self.point_mm(socket.start_mm, socket.rise_mm)
+        bend = self.point_mm(socket.blend_start_mm, socket.rise_mm)
+        level = turned(bend, -self.lean_rad)
+        flare = (socket.blend_end_mm - socket.blend_start_mm) / math.cos(self.lean_rad)
+        arcs = transition(flare, (level[0], socket.rise_mm), offset_mm, Part.SOCKET)
+        placed = [
+            StrokeSegment(
+                turned((piece.end_mm[0], piece.end_mm[1] + level[1]), self.lean_rad),
+                piece.bulge,
+                piece.part,
+            )
+            for piece in arcs
+        ]
+        return StrokeRun(start, (StrokeSegment(bend, 0.0, Part.SOCKET), *placed))
+
+
 def tail_of(design: Design, offset_mm: float) -> Tail:
     """Return the tail of a design."""
     mouth, half = -design.build.tail_mm, design.build.widths_mm[0] / 2 + offset_mm
@@ -52,7 +97,7 @@ def tail_of(design: Design, offset_mm: float) -> Tail:
     wide = collar.flat_width_mm / 2 + offset_mm
     # A straight piece too short to draw is left out.
     start = mouth + (collar.length_mm if collar.length_mm >= LEAST_SEGMENT_MM else 0.0)
-    pieces = _transition(collar, (start, wide - half), offset_mm)
+    pieces = transition(collar.flare_mm, (start, wide - half), offset_mm)
     straight = [StrokeSegment((start, -wide), 0.0, Part.TAIL)] if start > mouth else []
     shifted = [StrokeSegment((p.end_mm[0], p.end_mm[1] - wide), p.bulge, p.part) for p in pieces]
     return Tail(
@@ -78,8 +123,13 @@ def _bend(half_mm: float, lean_rad: float) -> tuple[Point, tuple[StrokeSegment, 
     return (0.0, -half_mm), (StrokeSegment(end, math.tan(lean_rad / 4), Part.JOINT),)
 
 
-def _transition(collar: Collar, start_and_rise_mm: Point, offset_mm: float) -> list[StrokeSegment]:
-    """Return two arcs that rise from the clamp's side to the trunk's.
+def transition(
+    flare_mm: float,
+    start_and_rise_mm: Point,
+    offset_mm: float,
+    part: Part = Part.COLLAR,
+) -> list[StrokeSegment]:
+    """Return two arcs that rise from a wider straight side to a narrower one.
 
     Arcs of one radius r that both turn by t rise 2 r (1 - cos t) over 2 r sin t. An offset keeps
     centres and turns, makes the one that bulges outward larger and the other one smaller.
@@ -87,8 +137,8 @@ def _transition(collar: Collar, start_and_rise_mm: Point, offset_mm: float) -> l
     start, rise = start_and_rise_mm
     if abs(rise) < 1e-9:
         return []
-    turn = 2.0 * math.atan(rise / collar.flare_mm)
-    radius = collar.flare_mm / (2.0 * math.sin(abs(turn)))
+    turn = 2.0 * math.atan(rise / flare_mm)
+    radius = flare_mm / (2.0 * math.sin(abs(turn)))
     outward, inward = radius + offset_mm, radius - offset_mm
     # A mouth wider than the trunk: its side first turns in, around the body's own side.
     first = outward if rise > 0.0 else inward
@@ -96,8 +146,8 @@ def _transition(collar: Collar, start_and_rise_mm: Point, offset_mm: float) -> l
     risen = math.copysign(first * (1.0 - math.cos(turn)), rise)
     bulge = math.tan(turn / 4.0)
     return [
-        StrokeSegment((middle, risen), bulge, Part.COLLAR),
-        StrokeSegment((start + collar.flare_mm, rise), -bulge, Part.COLLAR),
+        StrokeSegment((middle, risen), bulge, part),
+        StrokeSegment((start + flare_mm, rise), -bulge, part),
     ]
 
 
@@ -267,3 +317,20 @@ def _shoulder(leaf: Leaf, axis: Point, radius_mm: float) -> tuple[list[StrokeSeg
         pieces += [StrokeSegment((back, ball[1]), -math.tan(turn / 4), Part.FILLET)]
     pieces += [StrokeSegment((back, axis[1]), 0.0, Part.POUCH)]
     return [*pieces, *arc(axis, (back, axis[1]), math.pi / 2, Part.POUCH)], start
+
+
+def pouch_takes_mm(build: Build, offset_mm: float = 0.0) -> float:
+    """Return how much of a leaf its pouch takes, before the end of its planned length.
+
+    Parameters
+    ----------
+    offset_mm
+        How far outside the lumen's edge.
+    """
+    pouch, half_mm = build.pouch, build.end_widths_mm[-1] / 2.0
+    radius_mm = max(0.0, level_fillets_mm(build)[-1] - offset_mm)
+    if pouch is None or pouch.flat_width_mm <= 2.0 * half_mm:
+        return 0.0
+    if pouch.shape == "round":
+        return neck_length_mm(half_mm + offset_mm, (pouch.radius_mm or 0.0) + offset_mm, radius_mm)
+    return (pouch.length_mm or 0.0) / 2.0 + offset_mm + radius_mm

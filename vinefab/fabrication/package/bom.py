@@ -3,13 +3,23 @@
 import csv
 import io
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 from vinefab.core.jsontext import GENERATOR
+from vinefab.fabrication.job.passes import bodies_of_paths, enclosed_mm2
+from vinefab.fabrication.job.sleeve import sleeve_size
 from vinefab.fabrication.package.machine_time import machine_time
+from vinefab.fabrication.package.piece_joining import (
+    MINUTES_PER_JOINT,
+    STRIP_HANDLE_MM,
+    joining_order,
+    needs_strips,
+)
+from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile, Material, Quantity, Standing
+from vinefab.model.pieces import Partition
 
 COLUMNS = ("item", "value", "unit", "standing", "basis")
 _G_PER_KG = 1000.0
@@ -28,7 +38,7 @@ class BomLine:
 
 
 def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
-    """Return every line of a job's bill of materials."""
+    """Return every line of a job's bill of materials; that of joints has `joint_lines`."""
     return (
         *_film_lines(job, profile),
         *_tile_lines(job),
@@ -37,20 +47,94 @@ def bill_of_materials(job: Job, profile: LaserProfile) -> tuple[BomLine, ...]:
     )
 
 
-def bom_text(job: Job, profile: LaserProfile) -> str:
-    """Return the bill of materials as CSV; its last row names job and program."""
+def joint_lines(
+    design: Design,
+    partition: Partition,
+    profile: LaserProfile,
+    *,
+    robots: int = 1,
+    separate: bool = False,
+) -> tuple[BomLine, ...]:
+    """Return what joining the pieces of some robots takes; nothing for a robot in one piece.
+
+    Parameters
+    ----------
+    robots
+        Number of robots.
+    separate
+        As in `sleeve_size`.
+    """
+    settings, sleeves = design.build.pieces, partition.sleeves
+    if settings is None or not sleeves:
+        return ()
+    film, count = profile.material, len(sleeves)
+    size = sleeve_size(settings, profile, separate=separate)
+    rims_mm = math.fsum(2.0 * sleeve.width_mm for sleeve in sleeves)
+    laps_mm2 = math.fsum(
+        (sleeve.width_mm + 2.0 * size.rise_mm) * (sleeve.plug_mm - sleeve.socket_mm)
+        for sleeve in sleeves
+    )
+    lap_basis = (
+        f"sockets over plugs, {film.plies} plies, lumen; lap {size.lap_mm:g} mm and ease"
+        f" {settings.ease_mm:g} mm (assumed)"
+    )
+    minutes_basis = f"{MINUTES_PER_JOINT:g} min a joint (assumed: nobody has timed one)"
+    each = (
+        _computed("pieces", len(partition.pieces), "1", "flat parts of a robot"),
+        _computed("joints", count, "1", "socket of one piece over the plug of another"),
+        _assumed("film in laps, all plies", film.plies * laps_mm2 / 100.0, "cm2", lap_basis),
+        _computed("bands around laps", count, "1", "one at each joint"),
+        _computed("band length", rims_mm, "mm", "rims of all plugs: twice their lay-flat widths"),
+        *_bond_lines(design, partition, profile, rims_mm),
+        _assumed("assembly time", MINUTES_PER_JOINT * count, "min", minutes_basis),
+    )
+    return tuple(replace(line, value=robots * line.value) for line in each)
+
+
+def _bond_lines(
+    design: Design, partition: Partition, profile: LaserProfile, rims_mm: float
+) -> Iterator[BomLine]:
+    """Yield what the bond of the joints takes besides the film."""
+    lap = profile.recipe.lap
+    if needs_strips(profile):
+        steps = joining_order(design, partition)
+        yield _computed("release strips", len(steps), "1", "one for each plug, drawn out again")
+        length_mm = math.fsum(step.strip_mm for step in steps)
+        basis = f"from each plug to the base of its piece, and {STRIP_HANDLE_MM:g} mm (assumed)"
+        yield _assumed("release strip length", length_mm, "mm", basis)
+    elif lap is not None:
+        yield BomLine(
+            item="adhesive film",
+            value=rims_mm * lap.band_mm.value / 100.0,
+            unit="cm2",
+            standing=weakest((lap.band_mm,)),
+            basis=f"band length x {lap.band_mm.value:g} mm ({lap.band_mm.standing})",
+        )
+
+
+def bom_text(job: Job, profile: LaserProfile, joints: Sequence[BomLine] = ()) -> str:
+    """Return the bill of materials as CSV; its last row names job and program.
+
+    Parameters
+    ----------
+    joints
+        Lines of `joint_lines`, for a robot in pieces.
+    """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(COLUMNS)
-    for line in bill_of_materials(job, profile):
+    for line in (*bill_of_materials(job, profile), *joints):
         writer.writerow([line.item, f"{line.value:.6g}", line.unit, line.standing, line.basis])
     writer.writerow(["bill of materials", "", "", "", f"{GENERATOR}: {job.name}"])
     return stream.getvalue()
 
 
 def robot_count(job: Job) -> int:
-    """Return how many robots a job makes: it has one path that forms the body of each."""
-    return len(_outlines(job))
+    """Return how many robots a job makes."""
+    parts = job.facts.get("pieces")
+    if job.sheets and isinstance(parts, list):
+        return max(int(part["copy"]) for part in parts)
+    return len(_outlines(job))  # one path that forms the body of each
 
 
 def body_area_mm2(job: Job) -> float:
@@ -59,7 +143,7 @@ def body_area_mm2(job: Job) -> float:
     That is the weld-cut outline or, where sealing and cutting are separate, the weld line; an
     outline that is open at the mouth is closed with a straight line.
     """
-    return math.fsum(abs(path.contour.signed_area_mm2) for path in _outlines(job))
+    return math.fsum(enclosed_mm2(runs) for runs in bodies_of_paths(_outlines(job)))
 
 
 def _outlines(job: Job) -> tuple[LaserPath, ...]:
@@ -70,8 +154,12 @@ def film_piece_mm(job: Job, profile: LaserProfile) -> tuple[float, float]:
     """Return width and height of the least piece of film: what is machined and a rim around it.
 
     The rim is the machine's margin, so that a piece laid into the bed's lower left corner fits.
-    The film of a robot in tiles also holds the targets by which they are aligned.
+    The film of a robot in tiles also holds the targets by which they are aligned. Of several sheets
+    each takes no more than this.
     """
+    if job.sheets:
+        wide, high = zip(*(film_piece_mm(sheet, profile) for sheet in job.sheets), strict=True)
+        return max(wide), max(high)
     if job.tiles:
         return job.sheet_width_mm, job.sheet_height_mm
     boxes = [path.contour.box_mm for path in job.paths if path.operation.is_machined]
@@ -98,13 +186,16 @@ def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
     margin = profile.machine.margin_mm
     rim = f"paths and a rim of {margin.value:g} mm ({margin.standing})"
     sizes = [("film width", width, "mm"), ("film height", height, "mm")]
-    sizes.append(("film area, all plies", film.plies * width * height / 100.0, "cm2"))
+    count = len(job.sheets) or 1
+    sizes.append(("film area, all plies", count * film.plies * width * height / 100.0, "cm2"))
+    if count > 1:
+        rim += f"; {count} sheets of one size"
     return [
         *(
             BomLine(item=item, value=value, unit=unit, standing=weakest((margin,)), basis=rim)
             for item, value, unit in sizes
         ),
-        _roll_line(film, (width, height), weakest((margin, film.roll_width_mm))),
+        _roll_line(film, count, (width, height), weakest((margin, film.roll_width_mm))),
         _computed("plies", film.plies, "1", f"of {film.title}, one on the other"),
         _computed("robot area", area / 100.0, "cm2", "one ply, within the beam's path"),
         BomLine(
@@ -117,23 +208,25 @@ def _film_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
     ]
 
 
-def _roll_line(film: Material, piece_mm: tuple[float, float], standing: Standing) -> BomLine:
+def _roll_line(
+    film: Material, sheets: int, piece_mm: tuple[float, float], standing: Standing
+) -> BomLine:
     """Return how much of a roll all plies take, pieces side by side where the roll is wide enough.
 
     A piece that is wider than the roll both ways takes its longer side; rule VF-S02 reports it.
     """
-    roll = film.roll_width_mm
+    roll, pieces = film.roll_width_mm, sheets * film.plies
     lengths = []
     for across, along in (piece_mm, piece_mm[::-1]):
         beside = int(roll.value // across)
         if beside:
-            lengths.append(math.ceil(film.plies / beside) * along)
-    basis = f"{film.plies} pieces, roll {roll.value:g} mm wide ({roll.standing})"
+            lengths.append(math.ceil(pieces / beside) * along)
+    basis = f"{pieces} pieces, roll {roll.value:g} mm wide ({roll.standing})"
     if not lengths:
         basis += "; wider than the roll"
     return BomLine(
         item="film off the roll",
-        value=min(lengths, default=film.plies * max(piece_mm)),
+        value=min(lengths, default=pieces * max(piece_mm)),
         unit="mm",
         standing=standing,
         basis=basis,
@@ -141,6 +234,8 @@ def _roll_line(film: Material, piece_mm: tuple[float, float], standing: Standing
 
 
 def _tile_lines(job: Job) -> list[BomLine]:
+    if job.sheets:
+        return [_computed("sheets", len(job.sheets), "1", "a film of its own each")]
     if not job.tiles:
         return []
     basis = "on the same film, one after the other, aligned by targets"
@@ -181,6 +276,10 @@ def _time_lines(job: Job, profile: LaserProfile) -> list[BomLine]:
             ("machine time, total", time.total_s),
         ]
     ]
+
+
+def _assumed(item: str, value: float, unit: str, basis: str) -> BomLine:
+    return BomLine(item=item, value=value, unit=unit, standing=Standing.ASSUMED, basis=basis)
 
 
 def _computed(item: str, value: float, unit: str, basis: str) -> BomLine:

@@ -7,12 +7,20 @@ from vinefab.core.jsontext import json_text
 from vinefab.core.units import deg
 from vinefab.fabrication.formats.dxf_format import DXF
 from vinefab.fabrication.formats.laser_drawing import Colours, styled_paths
-from vinefab.fabrication.formats.laser_formats import tile_stem
+from vinefab.fabrication.formats.laser_formats import sheet_folder, tile_stem
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.package.bom import weakest
 from vinefab.model.design import Build, Design
 from vinefab.model.job import Job, Operation
-from vinefab.model.laser import LaserProfile, Machine, Material, OperationSettings, Quantity
+from vinefab.model.laser import (
+    LapBond,
+    LaserProfile,
+    Machine,
+    Material,
+    OperationSettings,
+    Quantity,
+    Recipe,
+)
 
 SCHEMA = "vinefab/job-1"
 
@@ -30,7 +38,7 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
             "units": "mm",
             "sheet_mm": [job.sheet_width_mm, job.sheet_height_mm],
             "offsets": "applied to the paths; the machine's own kerf stays at 0",
-            "facts": dict(job.facts),
+            "facts": {k: v for k, v in job.facts.items() if k not in ("pieces", "joints")},
             "colours": colours.name,
             "machine": _record(profile.machine),
             "material": _record(profile.material),
@@ -41,6 +49,7 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
                 "source": recipe.source,
                 "coupons": {key: plain_quantity(q) for key, q in recipe.coupons.items()},
                 "windows": [window.words() for window in recipe.windows],
+                **_lap(job, recipe),
             },
             "operations": [
                 _operation(operation, job, profile, colours)
@@ -56,8 +65,36 @@ def job_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) 
                 }
                 for number, tile in enumerate(job.tiles, start=1)
             ],
+            **_sheets(job, colours),
         },
     )
+
+
+def _lap(job: Job, recipe: Recipe) -> dict[str, object]:
+    """Return the bond of the sleeves of a robot in pieces."""
+    if not job.sheets:
+        return {}
+    bond = recipe.lap
+    return {"lap": None if bond is None else _record(bond)}
+
+
+def _sheets(job: Job, colours: Colours) -> dict[str, object]:
+    """Return what a robot in pieces has beside: its pieces, its joints and its sheets."""
+    if not job.sheets:
+        return {}
+    return {
+        "pieces": job.facts["pieces"],
+        "joints": job.facts["joints"],
+        "sheets": [
+            {
+                "files": [f"{sheet_folder(number)}/{one.file_name()}" for one in (DXF, SVG)],
+                "sheet_mm": [sheet.sheet_width_mm, sheet.sheet_height_mm],
+                "facts": dict(sheet.facts),
+                "paths": _paths(sheet, colours),
+            }
+            for number, sheet in enumerate(job.sheets, start=1)
+        ],
+    }
 
 
 def operation_energy_mj_mm(machine: Machine, settings: OperationSettings) -> Quantity:
@@ -161,7 +198,7 @@ def _paths(job: Job, colours: Colours) -> list[dict[str, object]]:
     ]
 
 
-def _record(noun: Machine | Material | OperationSettings) -> Mapping[str, object]:
+def _record(noun: Machine | Material | OperationSettings | LapBond) -> Mapping[str, object]:
     return {field.name: _plain(getattr(noun, field.name)) for field in fields(noun)}
 
 

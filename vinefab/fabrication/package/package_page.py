@@ -1,10 +1,19 @@
 """Sections on how a design is made: sheet, rules, pressure, bill of materials, assumptions."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 
+import numpy as np
+import shapely
+
 from vinefab.core.validation import Floats
+from vinefab.fabrication.package.assembly_drawing import exploded_picture
 from vinefab.fabrication.package.bom import BomLine
+from vinefab.fabrication.package.piece_joining import (
+    MINUTES_PER_JOINT,
+    joining_order,
+    order_reasons,
+)
 from vinefab.fabrication.package.sheet_pictures import findings_plan, job_plan
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, Finding
@@ -17,6 +26,9 @@ from vinefab.model.laser import (
     Quantity,
     Standing,
 )
+from vinefab.model.outline import Contour
+from vinefab.model.pieces import Partition
+from vinefab.model.tree import branch_tree
 from vinefab.pages.figure import svg_bytes
 from vinefab.pages.html import Picture, Section, Table
 from vinefab.physics.seam import burst_pressure_kpa, hoop_strain, seam_load_n_mm
@@ -25,14 +37,16 @@ from vinefab.physics.tube import inflated_diameter_mm
 
 def sheet_section(job: Job, findings: Sequence[Finding]) -> Section:
     """Return the sheet for the laser: picture and what was done to the paths."""
-    rows = tuple((name.replace("_", " "), _value(value)) for name, value in job.facts.items())
+    # Pieces and joints have a section of their own.
+    facts = {name: fact for name, fact in job.facts.items() if name not in ("pieces", "joints")}
+    rows = tuple((name.replace("_", " "), _value(value)) for name, value in facts.items())
     picture = Picture(
         image=svg_bytes(job_plan(job, tuple(findings))),
         caption="The sheet: seam and kerf offsets are in the paths; leave the machine's kerf at 0.",
         wide=True,
     )
     return Section(
-        title="The sheet for the laser",
+        title="The sheets for the laser" if len(job.sheets) > 1 else "The sheet for the laser",
         pictures=(picture,),
         tables=(Table(caption="What the paths hold (computed)", headings=("", ""), rows=rows),),
     )
@@ -119,6 +133,121 @@ def pressure_section(design: Design, profile: LaserProfile) -> Section:
         rows=tuple(rows),
     )
     return Section(title="Pressure", tables=(table,))
+
+
+def pieces_section(
+    design: Design,
+    partition: Partition,
+    outlines: Mapping[str, Contour],
+    profile: LaserProfile,
+    *,
+    sheets: Mapping[str, Sequence[int]],
+    separate: bool = False,
+) -> Section:
+    """Return the pieces of a robot and its joints, with the exploded view.
+
+    Parameters
+    ----------
+    outlines
+        Outline of every piece, by its label, in the coordinates of the whole robot's flat layout.
+    sheets
+        Numbers of the sheets that hold each piece, by its label; several for several robots.
+    separate
+        As in `sleeve_size`.
+    """
+    drawn = exploded_picture(design, partition, outlines, profile, separate=separate)
+    picture = Picture(
+        image=svg_bytes(drawn),
+        caption="The pieces apart, each as it lies in the robot; numbers give the order of joining "
+        "(computed). The package has it as assembly.svg and assembly.pdf, with the robot put "
+        "together and one lap.",
+        wide=True,
+    )
+    least = "no fewer are possible" if partition.proven_least else "fewer may be possible"
+    minutes = MINUTES_PER_JOINT * len(partition.sleeves)
+    return Section(
+        title="Pieces",
+        paragraphs=(
+            f"The robot is cut in {len(partition.pieces)} flat pieces ({least}) that"
+            f" {len(partition.sleeves)} sleeve joints hold together: the socket of the outer piece"
+            f" goes over the plug of the inner one. Joining takes about {minutes:g} minutes"
+            f" ({MINUTES_PER_JOINT:g} a joint, assumed). {order_reasons(profile)}",
+        ),
+        pictures=(picture,),
+        tables=(_piece_table(design, partition, outlines, sheets), _joint_table(design, partition)),
+    )
+
+
+MOST_BRANCHES_NAMED = 12
+"""Branches of a piece that a table names; of more it gives the number."""
+
+
+def _piece_table(
+    design: Design,
+    partition: Partition,
+    outlines: Mapping[str, Contour],
+    sheets: Mapping[str, Sequence[int]],
+) -> Table:
+    ids = branch_tree(design).ids
+    rows = []
+    for piece in partition.pieces:
+        names = ", ".join(ids[branch] for branch in piece.branches[:MOST_BRANCHES_NAMED])
+        more = len(piece.branches) - MOST_BRANCHES_NAMED
+        long_mm, wide_mm = least_rectangle_mm(outlines[piece.label])
+        rows.append(
+            (
+                piece.label,
+                f"{names} and {more} more" if more > 0 else names,
+                str(len(piece.branches)),
+                ", ".join(map(str, sheets[piece.label])),
+                f"{long_mm:.0f} x {wide_mm:.0f}",
+            )
+        )
+    return Table(
+        caption="Pieces; the size is that of the least rectangle around the outline (computed)",
+        headings=("piece", "branches that end on it", "number", "sheet", "size, mm"),
+        rows=tuple(rows),
+    )
+
+
+def _joint_table(design: Design, partition: Partition) -> Table:
+    rows = tuple(
+        (
+            str(step.number),
+            step.sleeve.label,
+            step.branch,
+            f"{step.sleeve.label} on {step.sleeve.inner}",
+            f"{step.sleeve.width_mm:.2f}",
+            f"{step.sleeve.plug_mm - step.sleeve.socket_mm:g}",
+            f"{step.sleeve.socket_mm:.1f}",
+        )
+        for step in joining_order(design, partition)
+    )
+    return Table(
+        caption="Joints, in the order of joining (widths and places computed, depth assumed)",
+        headings=(
+            "step",
+            "joint",
+            "branch",
+            "socket on plug",
+            "lay-flat width, mm",
+            "depth, mm",
+            "socket begins at, mm",
+        ),
+        rows=rows,
+    )
+
+
+def least_rectangle_mm(contour: Contour) -> tuple[float, float]:
+    """Return the longer and the shorter side of the least rectangle around a contour, turned."""
+    points = contour.flattened_mm(0.05)
+    x0, y0, x1, y1 = contour.box_mm
+    rectangle = shapely.minimum_rotated_rectangle(shapely.MultiPoint(points))
+    corners = shapely.get_coordinates(rectangle)
+    if len(corners) != 5:  # all on one line
+        return max(x1 - x0, y1 - y0), min(x1 - x0, y1 - y0)
+    one, two = np.hypot(*np.diff(corners[:3], axis=0).T).tolist()
+    return max(one, two), min(one, two)
 
 
 def bom_section(lines: Sequence[BomLine], robots: int = 1) -> Section:

@@ -13,31 +13,44 @@ from vinefab.fabrication.formats.laser_formats import (
     R12_FORMAT,
     ensure_read_back,
     laser_files,
+    sheet_folder,
     tile_stem,
 )
 from vinefab.fabrication.job.laser_job import laser_job
 from vinefab.fabrication.job.placement import ONE, SheetOptions
 from vinefab.fabrication.outline.body_outline import body_outline
-from vinefab.fabrication.package.bom import bill_of_materials, bom_text, robot_count
+from vinefab.fabrication.package.assembly_drawing import assembly_files
+from vinefab.fabrication.package.bom import (
+    BomLine,
+    bill_of_materials,
+    bom_text,
+    joint_lines,
+    robot_count,
+)
 from vinefab.fabrication.package.job_json import job_text
 from vinefab.fabrication.package.package_page import (
     assumption_section,
     bom_section,
     check_section,
+    pieces_section,
     pressure_section,
     sheet_section,
 )
+from vinefab.fabrication.package.piece_joining import joining_words
 from vinefab.fabrication.package.readme_text import readme_text
 from vinefab.fabrication.package.sheet_pictures import job_animation, job_plan
+from vinefab.fabrication.pieces.exploded import piece_lumens
+from vinefab.fabrication.pieces.partition import in_pieces, partition_of
 from vinefab.fabrication.rules.as_built import READBACK
-from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES
+from vinefab.fabrication.rules.catalog import RULES, SHEET_RULES, concerns
 from vinefab.fabrication.rules.run_rules import checks_text, merged_reports, run_checks
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.finding import CheckReport, RuleSkipped
-from vinefab.model.job import Job
+from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile, RecipeStatus
+from vinefab.model.pieces import Partition
 from vinefab.model.tree import branch_tree
 from vinefab.pages.figure import png_bytes
 from vinefab.pages.html import Report, Section, Tone, page_html
@@ -66,6 +79,7 @@ class Prepared:
     readback: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     others: tuple[Design, ...] = ()  # the other designs on the sheet
     beside: tuple[CheckReport, ...] = ()  # reports of these
+    partition: Partition | None = None  # the pieces that it is cut in; None for one flat outline
 
     def refusal(self, *, allow_uncalibrated: bool) -> str:
         """Return why no files may be written, or an empty string."""
@@ -109,8 +123,11 @@ def prepare(
     BadInputError
         If the sheet cannot hold the designs, or the recipe lacks an operation.
     """
-    job = laser_job(design, profile, sheet)
-    subject = replace(Subject.on_sheet(design, profile, job), deployments=deployments)
+    separate = sheet.process == "weld+cut"
+    partition = partition_of(design, profile, separate=separate)
+    job = laser_job(design, profile, sheet, partition)
+    flat = replace(Subject.on_sheet(design, profile, job), deployments=deployments)
+    subject = in_pieces(flat, partition, separate=separate)
     report = run_checks(subject)
     others = _others(design, sheet)
     beside = tuple(_beside(other, profile, job) for other in others)
@@ -119,11 +136,17 @@ def prepare(
     if not any(one.blocking for one in (report, *beside)):
         sheets = {"outline": job}
         sheets |= {tile_stem(number): tile for number, tile in enumerate(job.tiles, start=1)}
+        if job.sheets:
+            sheets = {
+                f"{sheet_folder(number)}/outline": one
+                for number, one in enumerate(job.sheets, start=1)
+            }
         for stem, one in sheets.items():
             spec = package_spec(one, profile)
-            written = laser_files(spec, stem=stem, requested=(R12_FORMAT,) if r12 else ())
-            files |= written.files
-            problems |= written.problems
+            folder, slash, name = stem.rpartition("/")
+            written = laser_files(spec, stem=name, requested=(R12_FORMAT,) if r12 else ())
+            files |= {f"{folder}{slash}{name}": data for name, data in written.files.items()}
+            problems |= {f"{folder}{slash}{name}": w for name, w in written.problems.items()}
         reread = run_checks(replace(subject, readback=problems), only=(READBACK.id,))
         report = merged_reports(report, reread)
     return Prepared(
@@ -135,6 +158,7 @@ def prepare(
         readback=problems,
         others=others,
         beside=beside,
+        partition=partition if len(partition.pieces) > 1 else None,
     )
 
 
@@ -151,7 +175,8 @@ def _beside(design: Design, profile: LaserProfile, job: Job) -> CheckReport:
     """
     report = run_checks(Subject.on_sheet(design, profile, job), only=RULES.keys() - SHEET_RULES)
     reason = f"checked once for the whole sheet, with {job.name}"
-    skipped = tuple(RuleSkipped(rule=rule, reason=reason) for rule in sorted(SHEET_RULES))
+    rules = [rule for rule in sorted(SHEET_RULES) if concerns(rule, design)]
+    skipped = tuple(RuleSkipped(rule=rule, reason=reason) for rule in rules)
     once = replace(report, run=(), skipped=skipped, findings=())
     return replace(merged_reports(report, once), stale_waivers=())
 
@@ -180,6 +205,7 @@ class PackageContent:
     colours: Colours = DEFAULT
     # laser files that were read back without a problem; None to write them here
     laser: Mapping[str, bytes] | None = None
+    partition: Partition | None = None  # the pieces that it is cut in; None for one flat outline
 
 
 def package(prepared: Prepared) -> dict[str, bytes]:
@@ -201,6 +227,7 @@ def package(prepared: Prepared) -> dict[str, bytes]:
         animation=job_animation(prepared.job, prepared.profile),
         colours=PRESETS[prepared.profile.machine.colours],
         laser=prepared.laser or None,
+        partition=prepared.partition,
     )
     return package_files(content)
 
@@ -208,19 +235,33 @@ def package(prepared: Prepared) -> dict[str, bytes]:
 def package_files(content: PackageContent) -> dict[str, bytes]:
     """Return the files of a package by name, every laser file read back."""
     job, profile, colours = content.job, content.profile, content.colours
+    design, partition = content.design, content.partition
+    joining, joints, drawing = None, tuple[BomLine, ...](), dict[str, bytes]()
+    if partition is not None:
+        robots, separate = robot_count(job), _is_separate(job)
+        joining = joining_words(design, partition, profile, robots=robots, separate=separate)
+        joints = joint_lines(design, partition, profile, robots=robots, separate=separate)
+        outlines = piece_lumens(design, partition, profile, separate=separate)
+        drawing = assembly_files(design, partition, outlines, profile, separate=separate)
     files = {
-        "README.txt": readme_text(content.design, job, profile, colours).encode(),
-        "job.json": job_text(content.design, job, profile, colours).encode(),
+        "README.txt": readme_text(design, job, profile, colours, joining).encode(),
+        "job.json": job_text(design, job, profile, colours).encode(),
         **(_laser(content) if content.laser is None else content.laser),
         "preview.png": content.preview,
         **({ANIMATION_NAME: content.animation} if content.animation else {}),
         "checks.json": content.checks.encode(),
         "report.html": content.report,
-        "bom.csv": bom_text(job, profile).encode(),
+        "bom.csv": bom_text(job, profile, joints).encode(),
+        **drawing,
     }
     digests = {name: sha256_of(data) for name, data in files.items()}
     files[MANIFEST_NAME] = manifest_text(digests).encode()
     return files
+
+
+def _is_separate(job: Job) -> bool:
+    """Whether the robots of a job are welded and cut in two passes."""
+    return not job.along(Operation.WELDCUT)
 
 
 def _laser(content: PackageContent) -> Mapping[str, bytes]:
@@ -299,8 +340,44 @@ def making_sections(prepared: Prepared) -> tuple[Section, ...]:
             for design, report in zip(designs, reports, strict=True)
         ),
         sheet_section(job, [finding for report in reports for finding in report.findings]),
-        bom_section(bill_of_materials(job, prepared.profile), robot_count(job)),
+        *_piece_sections(prepared),
+        bom_section(_bill(prepared), robot_count(job)),
     )
+
+
+def _piece_sections(prepared: Prepared) -> tuple[Section, ...]:
+    """Return the section on the pieces of a robot, if it is cut in any."""
+    design, partition, job = prepared.design, prepared.partition, prepared.job
+    if partition is None:
+        return ()
+    separate = _is_separate(job)
+    outlines = piece_lumens(design, partition, prepared.profile, separate=separate)
+    sheets: dict[str, list[int]] = {}
+    for number, sheet in enumerate(job.sheets, start=1):
+        labels = sheet.facts["pieces"]
+        for label in dict.fromkeys(labels) if isinstance(labels, list) else ():
+            sheets.setdefault(label, []).append(number)
+    return (
+        pieces_section(
+            design, partition, outlines, prepared.profile, sheets=sheets, separate=separate
+        ),
+    )
+
+
+def _bill(prepared: Prepared) -> tuple[BomLine, ...]:
+    """Return every line of the bill of materials, that of the joints included."""
+    design, partition, profile, job = (
+        prepared.design,
+        prepared.partition,
+        prepared.profile,
+        prepared.job,
+    )
+    lines = bill_of_materials(job, profile)
+    if partition is None:
+        return lines
+    robots, separate = robot_count(job), _is_separate(job)
+    joints = joint_lines(design, partition, profile, robots=robots, separate=separate)
+    return *lines, *joints
 
 
 def _no_predictions() -> Section:

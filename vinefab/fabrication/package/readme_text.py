@@ -15,11 +15,12 @@ from vinefab.fabrication.formats.laser_drawing import (
     operations_left_out,
     styled_paths,
 )
-from vinefab.fabrication.formats.laser_formats import LASER_FORMATS
+from vinefab.fabrication.formats.laser_formats import LASER_FORMATS, sheet_folder
 from vinefab.fabrication.formats.lightburn_format import LIGHTBURN, LIGHTBURN_LIBRARY
 from vinefab.fabrication.formats.svg_format import SVG
 from vinefab.fabrication.job.tile_jobs import TARGET, VERIFICATION, VERIFY
 from vinefab.fabrication.package.bom import film_piece_mm
+from vinefab.fabrication.package.piece_joining import JoiningWords
 from vinefab.model.design import Design
 from vinefab.model.job import Job, Operation
 from vinefab.model.laser import LaserProfile, OperationSettings, Quantity, RecipeStatus
@@ -54,8 +55,20 @@ _STATUS = {
 }
 
 
-def readme_text(design: Design, job: Job, profile: LaserProfile, colours: Colours) -> str:
-    """Return the operator's steps for one job, plain text, every number with its standing."""
+def readme_text(
+    design: Design,
+    job: Job,
+    profile: LaserProfile,
+    colours: Colours,
+    joining: JoiningWords | None = None,
+) -> str:
+    """Return the operator's steps for one job, plain text, every number with its standing.
+
+    Parameters
+    ----------
+    joining
+        How the pieces of a robot are joined; None for a robot in one piece.
+    """
     title = f"Fabrication package: {design.name}"
     parts = [
         f"{title}\n{'=' * len(title)}",
@@ -68,7 +81,10 @@ def readme_text(design: Design, job: Job, profile: LaserProfile, colours: Colour
             "4. Layers, in the order in which they must run", _layers(job, profile, colours)
         ),
         readme_section("5. At the machine", _machine(job, profile, colours)),
-        readme_section("6. After cutting: measure", _measure(design, job, profile)),
+        readme_section(
+            "6. After cutting: measure", _measure(design, job, profile, whole=joining is None)
+        ),
+        *([] if joining is None else [_joining(joining)]),
         readme_section("7. Mounting", _mounting(design)),
         readme_section("8. What the files say about themselves", _facts(job, colours)),
         f"Numbers marked (assumed) were not measured by anyone; see job.json for sources.\n"
@@ -81,7 +97,8 @@ def _film(job: Job, profile: LaserProfile) -> list[str]:
     film = profile.material
     width, height = film_piece_mm(job, profile)
     return [
-        f"Use {film.title}: {film.plies} plies of {_value(film.ply_mm, 'mm')}, each at least"
+        f"Use {film.title}: {_sheets(job)}{film.plies} plies of {_value(film.ply_mm, 'mm')},"
+        " each at least"
         f" {math.ceil(width - 1e-6)} x {math.ceil(height - 1e-6)} mm.",
         "Clean the plies and lay them on each other without folds.",
         "Heat-press them flat before welding, to drive out bubbles and wrinkles. The plies must"
@@ -90,6 +107,10 @@ def _film(job: Job, profile: LaserProfile) -> list[str]:
         if not job.tiles
         else "Roll up what hangs over the bed; hold the sheet down where the laser runs.",
     ]
+
+
+def _sheets(job: Job) -> str:
+    return f"{len(job.sheets)} sheets, each of " if len(job.sheets) > 1 else ""
 
 
 def _coupon(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
@@ -124,16 +145,19 @@ def _offsets(profile: LaserProfile, written: Sequence[Operation]) -> list[str]:
 
 
 def _file(job: Job, colours: Colours) -> list[str]:
-    size = f"{job.sheet_width_mm:g} x {job.sheet_height_mm:g} mm"
-    x0, y0, x1, y1 = _box(job, colours)
+    first = job.sheets[0] if job.sheets else job
+    size = f"{first.sheet_width_mm:g} x {first.sheet_height_mm:g} mm"
+    x0, y0, x1, y1 = _box(first, colours)
     steps = [
+        *_folders(job),
         f"Open {_DXF} (true arcs) or {_SVG}. Use {_POLYLINE} only where arcs are"
         " missing after import: some programs ignore them without a word.",
         f"LightBurn: {_PROJECT} has the layers of section 4 with their settings, {_LIBRARY}"
         " the settings alone. LightBurn's formats are not published: compare power, speed and size"
         f" with section 4 before you run it, and use {_SVG} if anything differs.",
         "If the program asks for a unit, it is millimetres; scale 100 %.",
-        f"Check after import: the {'film' if job.tiles else 'bed'} is {size}; all paths together"
+        f"Check after import{' of sheet 1' if job.sheets else ''}:"
+        f" the {'film' if job.tiles else 'bed'} is {size}; all paths together"
         f" measure {x1 - x0:.2f} x {y1 - y0:.2f} mm and begin {x0:.2f} mm from its left and"
         f" {y0:.2f} mm from its lower edge.",
         "Do not join, close, simplify or convert paths: the outline is open at the mouth.",
@@ -147,9 +171,21 @@ def _file(job: Job, colours: Colours) -> list[str]:
         for name, package in LASER_FORMATS.packages.items()
         if not LASER_FORMATS[name].on_request
     )
-    if min(x0, y0) < 0.0 or x1 > job.sheet_width_mm or y1 > job.sheet_height_mm:
+    if min(x0, y0) < 0.0 or x1 > first.sheet_width_mm or y1 > first.sheet_height_mm:
         steps.append("WARNING: the paths reach beyond the bed. Do not scale them to make them fit.")
     return steps
+
+
+def _folders(job: Job) -> list[str]:
+    """Return where the files of a robot in pieces are."""
+    if not job.sheets:
+        return []
+    steps = [
+        f"{sheet_folder(number)}/ has the files for pieces {', '.join(labels)}."
+        for number, sheet in enumerate(job.sheets, start=1)
+        if isinstance(labels := sheet.facts["pieces"], list)
+    ]
+    return [f"The robot is cut in pieces. {' '.join(steps)} Each sheet is a job of its own."]
 
 
 def _tiles(job: Job, profile: LaserProfile, colours: Colours) -> list[str]:
@@ -326,17 +362,44 @@ def _focus_changes(job: Job, profile: LaserProfile, colours: Colours) -> list[st
     ]
 
 
-def _measure(design: Design, job: Job, profile: LaserProfile) -> list[str]:
+def _measure(design: Design, job: Job, profile: LaserProfile, *, whole: bool) -> list[str]:
+    inflate = (
+        f"Inflate slowly behind a shield, first to a quarter of {design.build.pressure_kpa:g} kPa"
+        " (working pressure of the design)."
+    )
+    if not whole:
+        inflate = "Inflate only what is closed but for its base: section 6a says when."
     widths = ", ".join(f"level {i} {w:g}" for i, w in enumerate(design.build.widths_mm, start=1))
     return [
         f"Inner lay-flat width between the seams, in mm: {widths}.",
         "Open the mouth with a blunt tool; if it is fused, trim it back by a few millimetres.",
         "Look along the seam at crotches and tips first: that is where it fails.",
-        f"Inflate slowly behind a shield, first to a quarter of {design.build.pressure_kpa:g} kPa"
-        " (working pressure of the design). Known of the seam:"
+        f"{inflate} Known of the seam:"
         f" {profile.material.seam.words()}, lay-flat; a wider tube holds less.",
         f"Write down: kerf, seam width, widths, burst pressure; recipe {profile.recipe.name}, job"
         f" {job.name}.",
+    ]
+
+
+def _joining(joining: JoiningWords) -> str:
+    """Return the section on joining the pieces: what every joint takes, and the steps by number."""
+    return "\n".join(
+        [
+            readme_section("6a. Joining the pieces", joining.needed),
+            "",
+            "Every joint is made like this:",
+            *_numbered(joining.one_joint, [f"{chr(ord('a') + row)}." for row in range(26)]),
+            "",
+            "Steps:",
+            *_numbered(joining.steps, [f"{row}." for row in range(1, len(joining.steps) + 1)]),
+        ]
+    )
+
+
+def _numbered(items: Sequence[str], numbers: Sequence[str]) -> list[str]:
+    wide = len(numbers[len(items) - 1])
+    return [
+        _paragraph(f"{number:>{wide}} ", item) for number, item in zip(numbers, items, strict=False)
     ]
 
 

@@ -48,6 +48,8 @@ def job_plan(job: Job, findings: tuple[Finding, ...] = ()) -> Figure:
         figure, axes = plan_axes(box, 9.0)
         bed = shapely.box(0.0, 0.0, job.sheet_width_mm, job.sheet_height_mm)
         fill_geometry(axes, [bed.intersection(shapely.box(*box))], face="#fbfcfd", edge=SOFT)
+        for number in range(1, len(job.sheets)):
+            axes.axvline(number * job.sheets[0].sheet_width_mm, color=SOFT, linewidth=0.8)
         for operation in Operation:
             _draw_operation(axes, job.along(operation), _length_mm(box) / 16.0)
         _draw_order(axes, job)
@@ -155,7 +157,13 @@ def _title(job: Job, findings: tuple[Finding, ...], *, cropped: bool) -> str:
         order = "dots give the start of each path, arrows its direction"
     sheet = "film, in tiles," if job.tiles else "bed"
     bed = f"{sheet} {job.sheet_width_mm:g} x {job.sheet_height_mm:g} mm"
-    parts = [job.name, order, f"lower left of the {bed}" if cropped else bed]
+    if len(job.sheets) > 1:
+        one = job.sheets[0]
+        size = f"{one.sheet_width_mm:g} x {one.sheet_height_mm:g} mm"
+        bed = f"{len(job.sheets)} sheets side by side, each on a bed of {size}"
+    where = f"lower left of the {bed}" if cropped else bed
+    # A line of its own: with the name of a design, one line is too long.
+    parts = [job.name, f"{order};\n{where}"] if job.sheets else [job.name, order, where]
     blocking = sum(finding.blocks for finding in findings)
     return "; ".join([*parts, f"{blocking} blocking findings"] if blocking else parts)
 

@@ -1,5 +1,5 @@
-"""Robots in flat pieces: sleeves, which branches to cut, and the outlines of the pieces.
+"""Robots in flat pieces: which branches to cut, and what lies on each piece.
 
-Others use `partition_of` (`partition.py`), `piece_outline` (`piece_outline.py`) and `sleeve_size`
-(`sleeve.py`); the nouns are in `vinefab.model.pieces`.
+Others use `partition_of` (`partition.py`); the nouns are in `vinefab.model.pieces`, the size of a
+sleeve is in `vinefab.fabrication.job.sleeve`.
 """

@@ -1,15 +1,16 @@
 """Rules about the result: widths, seams and overcut in the paths, and the files read back."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 import numpy as np
 import shapely
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.passes import closes
+from vinefab.fabrication.job.passes import bodies_of_paths, closes
 from vinefab.fabrication.outline.gap import taper_rad
+from vinefab.fabrication.outline.stroke import Point
 from vinefab.fabrication.rules.rule import (
     BrokenLimit,
     Limits,
@@ -30,15 +31,21 @@ from vinefab.model.outline import Contour, Part, Segment
 _NEAR_MM = 1e-3
 
 
-def _excess_widths_mm(subject: Subject, contour: Contour, offset_mm: float) -> dict[int, float]:
+def _excess_widths_mm(
+    subject: Subject, runs: Sequence[LaserPath], offset_mm: float
+) -> dict[int, float]:
     """Return by how much branches are drawn wider than designed, where both sides are straight.
 
     A branch that lost a side to its neighbour's crotch is left out: VF-C03 reports it.
+
+    Parameters
+    ----------
+    runs
+        The paths that together seal one body, in order.
     """
-    flat = _flat(subject, contour)
     rows = {name: row for row, name in enumerate(subject.names)}
     sides: dict[tuple[int, bool], tuple[float, float]] = {}
-    for segment in flat.segments:
+    for segment in _flat_segments(subject, [path.contour for path in runs]):
         if not _is_side(subject, segment):
             continue
         row = rows[segment.branch]
@@ -62,13 +69,28 @@ def _is_side(subject: Subject, segment: Segment) -> bool:
     )
 
 
-def _flat(subject: Subject, contour: Contour) -> Contour:
-    """Return an outline in the coordinates of the flat layout: its two ends are the mouth."""
-    first, last = contour.points_mm[0], contour.points_mm[-1]
-    angle = math.atan2(*(last - first)[::-1]) - math.pi / 2
-    turned = contour.moved(-angle, 0.0, 0.0)
-    x, y = (turned.points_mm[0] + turned.points_mm[-1]) / 2.0
-    return turned.moved(0.0, -float(x) - subject.layout.tail_mm, -float(y))
+def _flat_segments(subject: Subject, runs: Sequence[Contour]) -> Iterator[Segment]:
+    """Yield the segments of an outline in the coordinates of the flat layout.
+
+    The first and the last point of its runs are the mouth: of the tail, or of a piece's socket.
+    """
+    (x, y), heading = _mouth(subject)
+    first, last = runs[0].points_mm[0], runs[-1].points_mm[-1]
+    turn = heading - math.atan2(*(last - first)[::-1]) + math.pi / 2
+    ends = Contour.polyline(np.array([first, last]), closed=False).moved(turn, 0.0, 0.0)
+    low_x, low_y = (ends.points_mm[0] + ends.points_mm[-1]) / 2.0
+    for run in runs:
+        yield from run.moved(turn, 0.0, 0.0).moved(0.0, x - float(low_x), y - float(low_y)).segments
+
+
+def _mouth(subject: Subject) -> tuple[Point, float]:
+    """Return the middle of the mouth in the flat layout, and the heading of its branch."""
+    layout, root = subject.layout, subject.piece.root if subject.piece else 0
+    if not root or subject.partition is None:
+        return (-layout.tail_mm, 0.0), 0.0
+    along_mm = subject.partition.sleeve(root).socket_mm
+    (x, y), heading = layout.start_mm[root].tolist(), float(layout.heading_rad[root])
+    return (x + along_mm * math.cos(heading), y + along_mm * math.sin(heading)), heading
 
 
 def _beyond_mm(
@@ -140,11 +162,11 @@ def check_built_width(subject: Subject, limits: Limits) -> RuleApplied | RuleNot
     offset_mm = _designed_offset_mm(operation, subject.profile.settings(operation))
     paths = subject.own(operation)
     checked, worst = 0, dict[int, tuple[float, str]]()
-    for path in paths:
-        for row, excess_mm in _excess_widths_mm(subject, path.contour, offset_mm).items():
+    for runs in bodies_of_paths(paths):
+        for row, excess_mm in _excess_widths_mm(subject, runs, offset_mm).items():
             checked += 1
             if abs(excess_mm) > abs(worst.get(row, (0.0, ""))[0]):
-                worst[row] = excess_mm, _owner(path, paths)
+                worst[row] = excess_mm, _owner(runs[0], paths)
     violations = []
     for row, (excess_mm, of) in sorted(worst.items()):
         broken = limits.most(abs(excess_mm))
@@ -296,13 +318,13 @@ def _seams_mm(subject: Subject, profile: LaserProfile) -> dict[str, tuple[float,
     """
     found: dict[str, tuple[float, str]] = {}
     paths = subject.own(Operation.WELDCUT)
-    for path in paths:
+    for runs in bodies_of_paths(paths):
         half_kerf_mm = profile.settings(Operation.WELDCUT).kerf_mm.value / 2.0
-        for row, wider_mm in _excess_widths_mm(subject, path.contour, 0.0).items():
+        for row, wider_mm in _excess_widths_mm(subject, runs, 0.0).items():
             seam_mm = wider_mm / 2.0 - half_kerf_mm
             name = subject.names[row]
             if seam_mm < found.get(name, (math.inf, ""))[0]:
-                found[name] = seam_mm, _owner(path, paths)
+                found[name] = seam_mm, _owner(runs[0], paths)
     return found
 
 

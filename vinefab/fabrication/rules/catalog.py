@@ -17,6 +17,13 @@ from vinefab.fabrication.rules.laser_rules import (
     PLY,
     STATUS,
 )
+from vinefab.fabrication.rules.piece_rules import (
+    LAP,
+    LAP_PACKING,
+    PIECE_COUNT,
+    PIECE_LABELS,
+    SLEEVE_ROOM,
+)
 from vinefab.fabrication.rules.pressure_limits import BURST, RATING, STRAIN, WINDOW
 from vinefab.fabrication.rules.rig_rules import CORRIDORS, OBSTACLE_HEIGHT, RIG_SIZE, RIG_SOLIDS
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
@@ -32,6 +39,7 @@ _BUILTIN = (
     *(CLEARANCE, ANGLE, CROTCH, FILLET, FOREIGN_FILLET, TURN, POUCH),
     *(BURST, RATING, WINDOW, STRAIN, SEAM_WIDTH),
     *(TAIL, CLAMP, REACH),
+    *(SLEEVE_ROOM, PIECE_COUNT, LAP, LAP_PACKING, PIECE_LABELS),
     *(BED, FILM),
     *(MARKS, PATHS, ORDER, PLY, MACHINE, STATUS),
     READBACK,
@@ -51,19 +59,38 @@ RULES: Registry[Rule] = Registry(
 )
 
 SHEET_RULES = frozenset(
-    rule.id for rule in (BED, MARKS, PATHS, ORDER, PLY, MACHINE, STATUS, READBACK)
+    rule.id for rule in (BED, MARKS, PATHS, ORDER, PLY, MACHINE, STATUS, READBACK, PIECE_LABELS)
 )
 """Rules about a sheet, its recipe and its files: they run once on a sheet of several robots."""
 
+ROOM_RULES = frozenset(
+    rule.id for rule in (POLYGON, OVERLAP, MOUTH, CLEARANCE, FOREIGN_FILLET, POUCH)
+)
+"""Rules about what lies side by side on one sheet: a robot that breaks them may go in pieces."""
+
+PIECE_RULES = ROOM_RULES | {BUILT_WIDTH.id, SEAM_WIDTH.id, FILM.id}
+"""Rules that every piece of a robot passes by itself."""
+
 JOB_RULES = frozenset(
-    rule.id for rule in (BUILT_WIDTH, SEAM_WIDTH, BED, MARKS, PATHS, ORDER, MACHINE)
+    rule.id for rule in (BUILT_WIDTH, SEAM_WIDTH, BED, MARKS, PATHS, ORDER, MACHINE, PIECE_LABELS)
 )
 """Rules about the paths of the laser; a rule of another package may ask for them too."""
 
 FLAT_RULES = frozenset(rule.id for rule in _BUILTIN) - JOB_RULES
 """Rules that need no paths of the laser."""
 
+SLEEVE_RULES = frozenset(rule.id for rule in _BUILTIN if rule.id.startswith("VF-J"))
+"""Rules about pieces and their sleeves."""
+
 COMMAND_LINE = "--limit"
+
+
+def concerns(rule: str, design: Design) -> bool:
+    """Return whether reports on a design name a rule: those about pieces if it may be cut in some.
+
+    So a design of one flat outline has the report that it always had.
+    """
+    return design.build.pieces is not None or rule not in SLEEVE_RULES
 
 
 def changed_limits(

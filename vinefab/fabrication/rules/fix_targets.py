@@ -8,6 +8,7 @@ from vinefab.core.units import deg
 from vinefab.fabrication.job.passes import weldcut_offset_mm
 from vinefab.fabrication.outline.gap import largest_fillet_mm
 from vinefab.fabrication.outline.joint import level_tapers_rad
+from vinefab.fabrication.pieces.quick_cuts import PieceLimits
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.clearance import CLEARANCE, POUCH
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, least_lean_rad
@@ -234,6 +235,7 @@ class FixTargets:
             self.limits,
             film_mm=material.ply_mm.value * material.plies,
             sheet_mm=self._sheet_mm(),
+            pieces=self._pieces(design.build),
         )
         build = design.build
         return found + math.log1p(
@@ -245,6 +247,12 @@ class FixTargets:
             + self._window(design)
             + self._fillets(design)
         )
+
+    def _pieces(self, build: Build) -> PieceLimits | None:
+        """Return what the pieces of a design must keep; None for one flat outline."""
+        if build.pieces is None:
+            return None
+        return PieceLimits.of(build.pieces, self.profile, self.limits, self._sheet_mm())
 
     def _clamp(self, build: Build) -> float:
         """Return by how much the tail is too wide for a clamp; a collar fits its own clamp."""

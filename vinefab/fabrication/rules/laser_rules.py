@@ -1,7 +1,7 @@
 """Rules about the laser's paths, the recipe, the film and the bed."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from vinefab.core.validation import Floats
-from vinefab.fabrication.job.passes import frees
+from vinefab.fabrication.job.passes import bodies_of_paths, frees
 from vinefab.fabrication.outline.exactness import ProblemKind
 from vinefab.fabrication.outline.stroke import LEAST_ARC_RADIUS_MM, LEAST_CUT_MM
 from vinefab.fabrication.rules.rule import (
@@ -35,7 +35,7 @@ def check_marks(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplic
         return _NO_PATHS
     marks = subject.job.along(Operation.MARK)
     sealed = (*subject.job.along(Operation.WELD), *subject.job.along(Operation.WELDCUT))
-    bodies = [_Body(path) for path in sealed] if marks else []
+    bodies = [_Body(runs) for runs in bodies_of_paths(sealed)] if marks else []
     violations: dict[str, Violation] = {}
     for mark in marks:
         away_mm = min((body.apart_mm(mark) for body in bodies), default=math.inf)
@@ -138,12 +138,12 @@ def _small_segments(path: LaserPath, limits: Limits) -> list[Violation]:
 class _Body:
     """A body that marks must keep clear of: the area enclosed by its outline, and the outline."""
 
-    def __init__(self, outline: LaserPath) -> None:
-        points = outline.contour.flattened_mm()
+    def __init__(self, runs: Sequence[LaserPath]) -> None:
+        points = np.concatenate([path.contour.flattened_mm() for path in runs])
         # A single straight seam encloses nothing.
         self.area = shapely.Polygon(points if len(points) > 2 else None)
         # Line to line: making an area of an outline that crosses itself can take minutes.
-        self.edge = shapely.LineString(_ring(outline))
+        self.edge = shapely.LineString(np.concatenate([points, points[:1]]))
         shapely.prepare([self.area, self.edge])
 
     def apart_mm(self, mark: LaserPath) -> float:
@@ -317,7 +317,10 @@ def check_bed(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
         return RuleApplied(
             checked=len(subject.job.tiles), violations=tuple(_tile_violations(subject.job, machine))
         )
-    over_mm, checked = _over_mm(subject.job, machine)
+    over_mm, checked = -math.inf, 0
+    for sheet in subject.job.runs:
+        sheet_over_mm, count = _over_mm(sheet, machine)
+        over_mm, checked = max(over_mm, sheet_over_mm), checked + count
     if over_mm <= _SLACK_MM:
         return RuleApplied(checked=checked)
     wide_mm, high_mm = machine.usable_mm

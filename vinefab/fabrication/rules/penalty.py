@@ -3,17 +3,23 @@
 import math
 from collections.abc import Iterable
 
-import numpy as np
-
-from vinefab.fabrication.outline.gap import neck_length_mm
+from vinefab.fabrication.outline.ends import pouch_takes_mm
+from vinefab.fabrication.outline.gap import straight_begins_mm
 from vinefab.fabrication.outline.joint import level_lengths_mm, level_tapers_rad
-from vinefab.fabrication.outline.layout import flat_layout, level_fillets_mm
+from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
+from vinefab.fabrication.pieces.quick_cuts import PieceLimits, quick_cuts
 from vinefab.fabrication.rules.clearance import CLEARANCE
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps, least_lean_rad
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, growth_limit_kpa
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
-from vinefab.fabrication.rules.spacing import Capsules, capsules_of, spacing
+from vinefab.fabrication.rules.spacing import (
+    Capsules,
+    capsules_of,
+    excess_mm,
+    pair_depths,
+    spacing,
+)
 from vinefab.fabrication.rules.widths import LEAST_WIDTH, PACKING, WIDTH_RATIO, occupancies
 from vinefab.model.design import Build, Design
 from vinefab.model.laser import LaserProfile
@@ -62,36 +68,11 @@ def _joint(design: Design, number: int) -> Pair:
     fan = level.fan_rad if level.branches > 1 else 0.0
     lean = least_lean_rad(design, number + 1)
     beside = math.pi - fan / 2.0 - max(level_tapers_rad(design, number)) + lean
-    parent, child = _gap(beside, (wide, narrow), radius)
+    parent, child = straight_begins_mm(beside, (wide, narrow), radius)
     if level.branches > 1:
         between = fan / (level.branches - 1) + 2.0 * lean
-        child = max(child, _gap(between, (narrow, narrow), radius, wide)[0])
+        child = max(child, straight_begins_mm(between, (narrow, narrow), radius, wide)[0])
     return parent, child
-
-
-def _gap(angle_rad: float, halves_mm: Pair, radius_mm: float, disc_mm: float = 0.0) -> Pair:
-    """Return how far from the joint the straight sides of two neighbours begin."""
-    disc = max(disc_mm, *halves_mm)
-    one, two = (half + radius_mm for half in halves_mm)
-    hidden = sum(math.asin(reach / (disc + radius_mm)) for reach in (one, two))
-    if hidden <= angle_rad:
-        first, second = (neck_length_mm(half, disc, radius_mm) for half in halves_mm)
-        return first, second
-    sin, cos = math.sin(angle_rad), math.cos(angle_rad)
-    if sin < 1e-9:
-        return math.inf, math.inf
-    return max(0.0, (two + one * cos) / sin), max(0.0, (one + two * cos) / sin)
-
-
-def pouch_takes_mm(build: Build) -> float:
-    """Return how much of a leaf its pouch takes, before the end of its planned length."""
-    pouch, half_mm = build.pouch, build.end_widths_mm[-1] / 2.0
-    radius_mm = level_fillets_mm(build)[-1]
-    if pouch is None or pouch.flat_width_mm <= 2.0 * half_mm:
-        return 0.0
-    if pouch.shape == "round":
-        return neck_length_mm(half_mm, pouch.radius_mm or 0.0, radius_mm)
-    return (pouch.length_mm or 0.0) / 2.0 + radius_mm
 
 
 MOST_OF_ONE = 10.0
@@ -121,32 +102,6 @@ def window_penalty(
     return math.log1p(min(MOST_OF_ONE, max(0.0, takes_kpa / most_kpa - 1.0)))
 
 
-TURNS = 180
-"""Rotations of a flat robot that are tried, over half a turn."""
-
-
-def excess_mm(capsules: Capsules, sheet_mm: tuple[float, float]) -> float:
-    """Return by how much a flat robot exceeds a sheet in its best rotation; 0 or less if it fits.
-
-    Notes
-    -----
-    Whole degrees are tried. `place_contours` tries more, so that a finished outline fits no worse
-    except for seam, kerf and the overcut at the mouth.
-    """
-    turns = np.arange(TURNS) * np.pi / TURNS
-    across = np.stack([np.cos(turns), np.sin(turns)])
-    half, end_half = capsules.half_mm[:, None], capsules.end_half_mm[:, None]
-    corners = capsules.start_mm[0] + np.array([[0.0, 1.0], [0.0, -1.0]]) * capsules.half_mm[0]
-    ends, starts = capsules.end_mm @ across, capsules.start_mm[1:] @ across
-    high = np.concatenate([ends + end_half, starts + half[1:], corners @ across]).max(axis=0)
-    low = np.concatenate([ends - end_half, starts - half[1:], corners @ across]).min(axis=0)
-    wide = high - low
-    # Turning by a right angle swaps width and height.
-    tall = np.roll(wide, -TURNS // 2)
-    over = np.maximum(wide - sheet_mm[0], tall - sheet_mm[1])
-    return float(over.min())
-
-
 DEFAULT_FILM_MM = 0.075
 """Two plies of 0.0375 mm."""
 
@@ -160,6 +115,7 @@ def fabrication_penalty(
     *,
     film_mm: float = DEFAULT_FILM_MM,
     sheet_mm: tuple[float, float] | None = None,
+    pieces: PieceLimits | None = None,
 ) -> float:
     """Return how far a design is from passing the cheap geometric rules; 0 if it passes.
 
@@ -173,6 +129,8 @@ def fabrication_penalty(
     sheet_mm
         Width and height that the flat robot must fit after a rotation, or None for any size.
         Subtract a few millimetres for seam, kerf and the overcut at the mouth.
+    pieces
+        What pieces must keep, their sheet among it, or None for one flat outline.
 
     Returns
     -------
@@ -186,7 +144,9 @@ def fabrication_penalty(
         width_violations(design.build, changed),
         _joints(design, changed),
         _packing(design, changed, film_mm),
-        _on_sheet(design, changed, sheet_mm),
+        _on_sheet(design, changed, sheet_mm)
+        if pieces is None
+        else _in_pieces(design, pieces, changed),
     )
     return math.fsum(math.log1p(depth) for depth in kinds)
 
@@ -246,16 +206,12 @@ def _on_sheet(design: Design, changed: LimitChanges, sheet_mm: tuple[float, floa
     return near + max(0.0, excess_mm(capsules, sheet_mm) / min(sheet_mm))
 
 
-def _too_near(capsules: Capsules, clearance_mm: float) -> float:
-    """Return the summed depths of all pairs that are nearer than a clearance.
+def _in_pieces(design: Design, pieces: PieceLimits, changed: LimitChanges) -> float:
+    found = quick_cuts(design, pieces)
+    return _on_sheet(design, changed, pieces.sheet_mm) if found is None else found.left
 
-    A pair counts from 0 (just clear) to 1 (centre lines touch), and where centre lines cross from
-    1 to 2, by how far the nearer end would have to be drawn back.
-    """
+
+def _too_near(capsules: Capsules, clearance_mm: float) -> float:
+    """Return the summed depths of all pairs that are nearer than a clearance."""
     found = spacing(capsules, clearance_mm)
-    room_mm = (
-        clearance_mm + capsules.most_half_mm[found.first] + capsules.most_half_mm[found.second]
-    )
-    near = np.maximum(0.0, (clearance_mm - found.gap_mm) / room_mm)
-    crossing = found.crossing_mm / (found.crossing_mm + room_mm)
-    return float(near.sum() + crossing.sum())
+    return float(pair_depths(capsules, found, clearance_mm).sum())

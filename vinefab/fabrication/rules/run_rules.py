@@ -7,10 +7,17 @@ from typing import Protocol, TypeVar
 
 from vinefab.core.hashing import fingerprint
 from vinefab.core.jsontext import json_text
-from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
+from vinefab.fabrication.rules.catalog import (
+    PIECE_RULES,
+    RULES,
+    by_rule,
+    changed_limits,
+    concerns,
+)
 from vinefab.fabrication.rules.rig_rules import RIG_CHECKS, RigSubject
 from vinefab.fabrication.rules.rule import (
     LimitChanges,
+    Limits,
     Rule,
     RuleApplied,
     RuleNotApplicable,
@@ -41,6 +48,8 @@ def run_checks(
 ) -> CheckReport:
     """Return the report of all registered rules: their findings, and why any was skipped.
 
+    Rules about pieces are in it only where the design may be cut in some (`concerns`).
+
     Parameters
     ----------
     limits
@@ -57,9 +66,9 @@ def run_checks(
     changed = changed_limits(subject.design, subject.profile, limits)
     values = by_rule(changed)
     outcomes = [
-        (rule, rule.check(subject, rule.limits_with(values.get(rule.id, {}))))
+        (rule, _outcome(rule, subject, rule.limits_with(values.get(rule.id, {}))))
         for rule in RULES.values()
-        if only is None or rule.id in only
+        if (only is None or rule.id in only) and concerns(rule.id, subject.design)
     ]
     recipe = subject.profile.recipe.name if subject.profile else ""
     report = _report(subject.design.name, outcomes, subject.design.waivers)
@@ -71,6 +80,26 @@ def run_checks(
     )
     skipped = (*report.skipped, *broken)
     return replace(report, recipe=recipe, limits=changed, stale_waivers=stale, skipped=skipped)
+
+
+def _outcome(rule: Rule, subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+    """Return what a rule finds; rules about one flat outline look at every piece of a robot."""
+    if not subject.pieces or rule.id not in PIECE_RULES:
+        return rule.check(subject, limits)
+    found = [rule.check(piece, limits) for piece in subject.pieces]
+    for outcome in found:
+        if isinstance(outcome, RuleNotApplicable):
+            return outcome
+    applied = [outcome for outcome in found if isinstance(outcome, RuleApplied)]
+    # What concerns the design is found on every piece: it is said once.
+    violations = {
+        (one.aspect, one.branches, one.message): one for each in applied for one in each.violations
+    }
+    return RuleApplied(
+        checked=sum(each.checked for each in applied),
+        violations=tuple(violations.values()),
+        note="; ".join(dict.fromkeys(each.note for each in applied if each.note)),
+    )
 
 
 def merged_reports(report: CheckReport, more: CheckReport) -> CheckReport:

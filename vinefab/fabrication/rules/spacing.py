@@ -384,3 +384,60 @@ def _joined(capsules: Capsules, first: Ints, second: Ints) -> NDArray[np.bool_]:
 def share_joint(parent: Ints, one: Ints | int, two: Ints | int) -> NDArray[np.bool_]:
     """Return whether branches are siblings, or parent and child."""
     return np.asarray((parent[one] == parent[two]) | (parent[one] == two) | (parent[two] == one))
+
+
+def pair_depths(capsules: Capsules, found: Spacing, clearance_mm: float) -> Floats:
+    """Return how deep pairs are in each other's clearance, shape (k,).
+
+    From 0 (just clear) to 1 (centre lines touch), and where centre lines cross from 1 to 2, by how
+    far the nearer end would have to be drawn back.
+    """
+    wide_mm = capsules.most_half_mm[found.first] + capsules.most_half_mm[found.second]
+    room_mm = clearance_mm + wide_mm
+    near = np.maximum(0.0, (clearance_mm - found.gap_mm) / room_mm)
+    crossing: Floats = found.crossing_mm / (found.crossing_mm + room_mm)
+    return near + crossing
+
+
+TURNS = 180
+"""Rotations of a flat robot that are tried, over half a turn."""
+
+
+class RotatedSpan:
+    """How far discs reach across a sheet, in every rotation.
+
+    Whole degrees are tried. `place_contours` tries more, so that a finished outline fits no worse
+    except for seam, kerf and the overcut at the mouth.
+    """
+
+    def __init__(self) -> None:
+        turns = np.arange(TURNS) * np.pi / TURNS
+        self._across = np.stack([np.cos(turns), np.sin(turns)])
+        self._low, self._high = np.full(TURNS, np.inf), np.full(TURNS, -np.inf)
+
+    def add(self, points_mm: Floats, half_mm: Floats) -> None:
+        """Add discs, shape (k, 2) and (k,)."""
+        at = points_mm @ self._across
+        self._low = np.minimum(self._low, (at - half_mm[:, None]).min(axis=0, initial=np.inf))
+        self._high = np.maximum(self._high, (at + half_mm[:, None]).max(axis=0, initial=-np.inf))
+
+    def add_mouth(self, capsules: Capsules) -> None:
+        """Add the corners at the end of the tail."""
+        corners = np.array([[0.0, 1.0], [0.0, -1.0]]) * capsules.half_mm[0]
+        self.add(capsules.start_mm[0] + corners, np.zeros(2))
+
+    def excess_mm(self, sheet_mm: tuple[float, float]) -> float:
+        """Return by how much they exceed a sheet in the best rotation; 0 or less if they fit."""
+        wide = self._high - self._low
+        # Turning by a right angle swaps width and height.
+        tall = np.roll(wide, -TURNS // 2)
+        return float(np.maximum(wide - sheet_mm[0], tall - sheet_mm[1]).min())
+
+
+def excess_mm(capsules: Capsules, sheet_mm: tuple[float, float]) -> float:
+    """Return how far a flat robot exceeds a sheet in its best rotation; 0 or less if it fits."""
+    span = RotatedSpan()
+    span.add_mouth(capsules)
+    span.add(capsules.end_mm, capsules.end_half_mm)
+    span.add(capsules.start_mm[1:], capsules.half_mm[1:])
+    return span.excess_mm(sheet_mm)

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import shapely
 
 from vinefab.fabrication.job.laser_job import check_size, laser_job
-from vinefab.fabrication.job.placement import ONE, SheetOptions
+from vinefab.fabrication.job.placement import ONE, SheetOptions, piece_name
+from vinefab.fabrication.job.sleeve import SleeveSize
 from vinefab.fabrication.outline.body_outline import BodyOutline, body_outline
 from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
 from vinefab.fabrication.rules.spacing import Capsules, capsules_of
@@ -14,6 +15,7 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Design
 from vinefab.model.job import Job, LaserPath, Operation
 from vinefab.model.laser import LaserProfile
+from vinefab.model.pieces import Partition, Piece
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +76,12 @@ class Subject:
     map_names: tuple[str, ...] = ()  # of each deployment's map; empty to number them
     rig: RigFacts | None = None
     corridors: tuple[MapCorridors, ...] = ()  # of maps or rigs
+    # The pieces that the design is cut in; None where its build asks for one flat outline.
+    partition: Partition | None = None
+    sleeve: SleeveSize | None = None  # size of its sleeves; None likewise
+    # The pieces as subjects of their own, each with its capsules and outline; none for a whole one.
+    pieces: "tuple[Subject, ...]" = ()
+    piece: Piece | None = None  # the piece that this is
 
     @classmethod
     def of(
@@ -119,9 +127,10 @@ class Subject:
         return self.map_names or tuple(numbered)
 
     def own(self, operation: Operation) -> tuple[LaserPath, ...]:
-        """Return the paths of one operation that belong to this design."""
+        """Return the paths of one operation that belong to this design or piece."""
         paths = self.job.along(operation) if self.job else ()
-        return tuple(path for path in paths if path.of in ("", self.design.name))
+        name = piece_name(self.design.name, self.piece.label if self.piece else "")
+        return tuple(path for path in paths if path.of in ("", name))
 
     def ids(self, *branches: int) -> tuple[str, ...]:
         """Return the ids of branches, by index."""

@@ -1,5 +1,6 @@
 """Rules about the lay-flat widths of the levels."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,8 @@ from vinefab.fabrication.rules.rule import (
 )
 from vinefab.fabrication.rules.subject import Subject
 from vinefab.model.design import Design
+from vinefab.model.pieces import Sleeve
+from vinefab.model.tree import branch_tree
 from vinefab.physics.tube import lumen_area_mm2
 
 PACKING_SHARE = 0.1
@@ -55,6 +58,56 @@ def occupancies(
     if pouch_mm > ends_mm[-1]:
         shares.append(pouch_mm * film_mm / packing / lumen_area_mm2(ends_mm[-1]))
     return tuple(shares)
+
+
+def lap_occupancies(
+    design: Design,
+    sleeves: Iterable[Sleeve],
+    rise_mm: float,
+    film_mm: float,
+    packing: float = PACKING_SHARE,
+) -> dict[int, float]:
+    """Return, for each branch that laps ride in, how much of its lumen the film there fills.
+
+    As `occupancies`, but with the film doubled where the socket of a sleeve lies over the plug: a
+    cross-section of 2 w + 2 rise in place of w, with the rise of the socket's edge over the
+    branch's. The descendants k of one level of branch b lie side by side, each at its widest:
+
+        occupancy_b = max over j of  sum over k of level j of c_k film / packing / (w_b^2 / pi)
+
+    with c_k = max(w_j, 2 w_k + 2 rise) where a sleeve of width w_k is on k, else w_j. The formula
+    is vinefab's and uncalibrated; it neglects where along their branches the laps lie.
+
+    Parameters
+    ----------
+    rise_mm
+        How far a socket's lumen edge lies outside the branch's, on each side.
+    """
+    tree, pouch = branch_tree(design), design.build.pouch
+    widths_mm = np.array(design.build.widths_mm)
+    widths_mm[-1] = max(widths_mm[-1], pouch.flat_width_mm if pouch else 0.0)
+    across_mm = widths_mm[tree.level - 1]
+    has_lap = np.zeros(len(tree), dtype=bool)
+    for sleeve in sleeves:
+        lap_mm = 2.0 * (sleeve.width_mm + rise_mm)
+        across_mm[sleeve.branch] = max(across_mm[sleeve.branch], lap_mm)
+        has_lap[sleeve.branch] = True
+    # Below each branch: the cross-section by level, and whether a lap is in it.
+    below_mm = np.zeros((len(tree), len(widths_mm)))
+    holds_lap = np.zeros(len(tree), dtype=bool)
+    for branch in range(len(tree) - 1, 0, -1):
+        parent = tree.parent[branch]
+        below_mm[parent] += below_mm[branch]
+        below_mm[parent, tree.level[branch] - 1] += across_mm[branch]
+        holds_lap[parent] |= holds_lap[branch] or has_lap[branch]
+    ends_mm = design.build.end_widths_mm
+    return {
+        branch: float(below_mm[branch].max())
+        * film_mm
+        / packing
+        / lumen_area_mm2(ends_mm[int(tree.level[branch]) - 1])
+        for branch in np.flatnonzero(holds_lap).tolist()
+    }
 
 
 def check_least_width(subject: Subject, limits: Limits) -> RuleApplied:

@@ -13,6 +13,8 @@ from vinefab.model.files.toml import Form, read_toml, validated
 from vinefab.model.laser import (
     SEAM_KEYS,
     EnergyWindow,
+    LapBond,
+    LapMethod,
     LaserProfile,
     Machine,
     Material,
@@ -179,6 +181,15 @@ class CouponsForm(Form):
     windows: list[WindowForm] = Field(default_factory=list)
 
 
+class LapForm(Form):
+    """The table ``[lap]`` of a recipe: the bond of sleeve joints."""
+
+    method: Annotated[LapMethod, Field(strict=False)]
+    band_mm: Positive
+    strength_n_per_mm: Positive | None = None
+    survived_n_per_mm: Positive | None = None
+
+
 class RecipeForm(NamedForm):
     """A file in ``laser_profiles/recipes``."""
 
@@ -192,6 +203,7 @@ class RecipeForm(NamedForm):
     measured: MeasuredForm | None = None
     growth: GrowthForm | None = None
     coupons: CouponsForm | None = None
+    lap: LapForm | None = None
     limits: dict[str, dict[str, float]] = Field(default_factory=dict)
 
 
@@ -230,6 +242,7 @@ def profile_of(document: Mapping[str, Any], path: Path) -> LaserProfile:
             limits=form.limits,
             coupons=_nouns(form.coupons) if form.coupons else {},
             windows=_windows(form.coupons),
+            lap=_lap(form.lap, path),
         ),
     )
 
@@ -261,6 +274,13 @@ def _windows(form: CouponsForm | None) -> tuple[EnergyWindow, ...]:
         )
         for window in (form.windows if form else ())
     )
+
+
+def _lap(form: LapForm | None, path: Path) -> LapBond | None:
+    if form is None:
+        return None
+    with located(path):
+        return LapBond(method=form.method, **_nouns(form))
 
 
 def read_machine(name_or_path: str | Path) -> Machine:

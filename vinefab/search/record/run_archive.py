@@ -16,7 +16,7 @@ from shapely.errors import ShapelyError
 from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError, VinefabError
 from vinefab.core.validation import Floats
 from vinefab.growth.options import GrowthOptions
-from vinefab.model.design import Pouch
+from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.map import Map, Pose, Start
 from vinefab.model.score import Evaluation, Score
 from vinefab.search.record.result import (
@@ -141,8 +141,12 @@ def settings_from_plain(record: Mapping[str, Any]) -> RunSettings:
 
 def _build(record: Mapping[str, Any]) -> BuildSettings:
     given = dict(record)
-    pouch = given.pop("pouch", None)
-    return BuildSettings(pouch=None if pouch is None else Pouch(**pouch), **given)
+    pouch, pieces = given.pop("pouch", None), given.pop("pieces", None)
+    return BuildSettings(
+        pouch=None if pouch is None else Pouch(**pouch),
+        pieces=None if pieces is None else PieceSettings(**pieces),
+        **given,
+    )
 
 
 def _space(record: Mapping[str, Any]) -> SpaceSettings:

@@ -3,9 +3,12 @@
 from dataclasses import dataclass
 
 from vinefab.fabrication.job.passes import WEB_MM, in_one_pass
+from vinefab.fabrication.outline.body_outline import PieceEnds
+from vinefab.fabrication.outline.ends import Socket
 from vinefab.model.design import PieceSettings
 from vinefab.model.job import Operation
 from vinefab.model.laser import LaserProfile
+from vinefab.model.pieces import Partition, Piece
 
 STRAIGHT_BEFORE_MM = 3.0
 """Straight stub between its last fillet and the socket's rim (assumed)."""
@@ -53,3 +56,18 @@ def sleeve_size(
     else:
         film_mm = profile.settings(Operation.WELD).seam_width_mm.value + WEB_MM
     return SleeveSize(lap_mm=settings.lap_mm, rise_mm=film_mm + settings.ease_mm / 2.0)
+
+
+def piece_ends(partition: Partition, piece: Piece, size: SleeveSize) -> PieceEnds:
+    """Return where the outline of a piece begins and ends."""
+    socket = None
+    if piece.root:
+        sleeve = partition.sleeve(piece.root)
+        socket = Socket(
+            start_mm=sleeve.socket_mm,
+            blend_start_mm=sleeve.plug_mm,
+            blend_end_mm=sleeve.blend_end_mm,
+            rise_mm=size.rise_mm,
+        )
+    plugs = {row: partition.sleeve(row).plug_mm for row in piece.stubs}
+    return PieceEnds(root=piece.root, socket=socket, plugs=plugs)

@@ -1,0 +1,157 @@
+import csv
+import io
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vinefab.fabrication.formats.laser_drawing import DEFAULT
+from vinefab.fabrication.package.bom import bom_text, joint_lines
+from vinefab.fabrication.package.piece_joining import (
+    MINUTES_PER_JOINT,
+    STRIP_HANDLE_MM,
+    joining_order,
+    joining_words,
+)
+from vinefab.fabrication.package.readme_text import readme_text
+from vinefab.model.design import PieceSettings
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.laser import LapBond, LapMethod, Quantity, Standing
+from vinefab.model.pieces import Partition, Piece
+
+
+@pytest.fixture(scope="module")
+def recipe():
+    return read_profile("co2_60w__stretchlon_200")
+
+
+@pytest.fixture(scope="module")
+def glued(recipe):
+    """The recipe with laps of adhesive film."""
+    guess = {"standing": Standing.ASSUMED}
+    lap = LapBond(
+        method=LapMethod.ADHESIVE_FILM,
+        band_mm=Quantity(value=10.0, **guess),
+        survived_n_per_mm=Quantity(value=0.2, **guess),
+    )
+    return replace(recipe, recipe=replace(recipe.recipe, lap=lap))
+
+
+@pytest.fixture(scope="module")
+def robot(make_plan, make_fan):
+    """A trunk of 120 mm and a tail of 60 mm, two children of 150 mm, four grandchildren of 90."""
+    fans = [make_fan(2, 150.0, 90.0), make_fan(2, 90.0, 80.0)]
+    return make_plan((30.0, 20.0, 10.0), levels=fans, pieces=PieceSettings(most=9))
+
+
+def test_each_joint_comes_once_and_after_all_joints_of_its_outer_piece(cut_at, robot) -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(40):
+        cuts = 1 + rng.choice(robot.branch_count - 1, int(rng.integers(1, 7)), replace=False)
+        partition, _ = cut_at(robot, tuple(cuts.tolist()))
+        steps = joining_order(robot, partition)
+        assert [step.number for step in steps] == list(range(1, len(cuts) + 1))
+        assert {step.sleeve for step in steps} == set(partition.sleeves)
+        made: set[str] = set()
+        for step in steps:
+            on_outer = {s.label for s in partition.sleeves if s.inner == step.sleeve.label}
+            assert on_outer <= made
+            made.add(step.sleeve.label)
+            on_inner = {s.label for s in partition.sleeves if s.inner == step.sleeve.inner}
+            assert step.is_last_of_inner == (on_inner <= made)
+        assert set(steps[-1].joined) == {piece.label for piece in partition.pieces}
+
+
+def test_the_way_of_a_strip_summed_by_hand(cut_at, robot) -> None:
+    """Cut on a child, a third along it, and on a grandchild of each."""
+    partition, _ = cut_at(robot, (1, 3, 5))
+    ways = {step.branch: step.way_mm for step in joining_order(robot, partition)}
+    assert ways["0.0"] == pytest.approx(50.0 + 15.0 + 120.0 + 60.0)  # out through the mouth
+    assert ways["0.0.0"] == pytest.approx(30.0 + 15.0 + 100.0)  # out through the socket
+    assert ways["0.1.0"] == pytest.approx(30.0 + 15.0 + 150.0 + 120.0 + 60.0)
+
+
+def test_the_words_name_every_joint_in_its_order(cut_at, robot, recipe) -> None:
+    partition, _ = cut_at(robot, (1, 2, 3, 5))
+    words = joining_words(robot, partition, recipe)
+    told = [text for text in words.steps if text.startswith("Joint ")]
+    order = joining_order(robot, partition)
+    assert len(told) == len(order)
+    for number, (text, step) in enumerate(zip(told, order, strict=True), start=1):
+        assert text.startswith(f"Joint {number} of 4: socket {step.sleeve.label} over")
+        assert f"piece {step.sleeve.label} on piece {step.sleeve.inner}" in text
+        assert f"branch {step.branch}," in text
+        assert "15 mm deep" in text
+        assert f"Strip: {step.way_mm + STRIP_HANDLE_MM:.0f} mm long" in text
+    tests = [text for text in words.steps if text.startswith("Test what hangs together now")]
+    # Each of the two children holds one grandchild.
+    assert [re.findall(r"\((\w, \w)\)", text)[0] for text in tests] == ["B, D", "C, E"]
+    assert words.steps[-2].startswith("Test the whole robot")
+    everything = " ".join((*words.needed, *words.one_joint, *words.steps))
+    assert recipe.recipe.lap.words() in everything
+    assert "0.064 N per mm of rim (computed)" in everything  # P w / (2 pi): 20 kPa, 20 mm
+    assert f"{MINUTES_PER_JOINT:g} minutes a joint (assumed)" in everything
+
+
+def test_adhesive_film_needs_no_strip(cut_at, robot, glued) -> None:
+    partition, _ = cut_at(robot, (1, 3))
+    words = joining_words(robot, partition, glued)
+    everything = " ".join((*words.needed, *words.one_joint, *words.steps))
+    assert "strip" not in everything.lower()
+    assert "a band 10 mm wide (assumed) of adhesive film" in everything
+    lines = {line.item: line for line in joint_lines(robot, partition, glued)}
+    assert lines["adhesive film"].value == pytest.approx(10.0 * 2.0 * (20.0 + 10.0) / 100.0)
+    assert lines["adhesive film"].standing is Standing.ASSUMED
+    assert not any("strip" in item for item in lines)
+
+
+def test_a_recipe_without_laps_says_that_nothing_is_known(cut_at, robot, recipe) -> None:
+    unknown = replace(recipe, recipe=replace(recipe.recipe, lap=None))
+    words = joining_words(robot, cut_at(robot, (1,))[0], unknown)
+    assert any("has no [lap]: nothing is known of the bond" in text for text in words.needed)
+    assert not any("None" in text for text in (*words.needed, *words.one_joint, *words.steps))
+
+
+def test_the_bill_of_materials_counts_joints_by_hand(cut_at, robot, profile) -> None:
+    """Two joints, 20 and 10 mm wide; a seam of 0.4 mm and an ease of 1 mm: sockets 1.8 mm wider."""
+    partition, _ = cut_at(robot, (1, 3))
+    lines = {line.item: line for line in joint_lines(robot, partition, profile)}
+    by_hand = {
+        "pieces": 3,
+        "joints": 2,
+        "film in laps, all plies": 2 * 15.0 * (21.8 + 11.8) / 100.0,
+        "bands around laps": 2,
+        "band length": 2.0 * (20.0 + 10.0),
+        "release strips": 2,
+        "release strip length": (245.0 + 50.0) + (145.0 + 50.0),
+        "assembly time": 16.0,
+    }
+    assert {item: line.value for item, line in lines.items()} == pytest.approx(by_hand)
+    assumed = {item for item, line in lines.items() if line.standing is Standing.ASSUMED}
+    assert assumed == {"film in laps, all plies", "release strip length", "assembly time"}
+    assert all("assumed" in lines[item].basis for item in assumed)
+    twice = {line.item: line for line in joint_lines(robot, partition, profile, robots=2)}
+    assert {item: line.value / 2 for item, line in twice.items()} == pytest.approx(by_hand)
+
+
+def test_a_robot_in_one_piece_has_no_lines(robot, profile, job) -> None:
+    whole = Partition(pieces=(Piece(label="A", root=0, branches=tuple(range(7))),))
+    assert joint_lines(robot, whole, profile) == ()
+    assert joining_words(robot, whole, profile).steps == ()
+    assert bom_text(job, profile) == bom_text(job, profile, joint_lines(robot, whole, profile))
+
+
+def test_bill_and_readme_hold_the_joints(cut_at, robot, profile, job) -> None:
+    partition, _ = cut_at(robot, (1, 3))
+    lines = joint_lines(robot, partition, profile)
+    items = [row["item"] for row in csv.DictReader(io.StringIO(bom_text(job, profile, lines)))]
+    assert items[-1 - len(lines) : -1] == [line.item for line in lines]
+    words = joining_words(robot, partition, profile)
+    text = readme_text(robot, job, profile, DEFAULT, words)
+    part = text.split("6a. Joining the pieces")[1].split("7. Mounting")[0]
+    assert re.findall(r"^ ?(\d+)\.", part, re.MULTILINE) == [str(n + 1) for n in range(6)]
+    assert re.findall(r"^([a-z])\.", part, re.MULTILINE) == list("abcdef")
+    assert max(map(len, part.splitlines())) <= 96
+    assert "section 6a says when" in text
+    assert "6a." not in readme_text(robot, job, profile, DEFAULT)

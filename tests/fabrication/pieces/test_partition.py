@@ -1,0 +1,134 @@
+"""Which branches are cut: against designs whose answer is known, and against every smaller cut."""
+
+import math
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from vinefab.fabrication.checking import check_design
+from vinefab.fabrication.pieces.partition import _Cutter, in_pieces, partition_of
+from vinefab.fabrication.rules.catalog import ROOM_RULES
+from vinefab.fabrication.rules.run_rules import run_checks
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.model.design import Build, Design, Level, PieceSettings, Waiver
+from vinefab.model.files.profile_toml import read_profile
+
+PROFILE = read_profile("co2_60w__stretchlon_200")
+
+
+def design(*levels, widths=(24.0, 15.6, 10.1, 6.6), trunk=120.0, most=6, **build):
+    widths = widths[: 1 + len(levels)]
+    fillets = tuple(max(2.0, width / 4) for width in widths[1:])
+    pieces = PieceSettings(most=most)
+    made = Build(widths_mm=widths, fillet_mm=fillets, tail_mm=200.0, pieces=pieces, **build)
+    return Design(name="tree", trunk_length_mm=trunk, levels=levels, build=made)
+
+
+def fan(branches, length_mm, angle_deg, growth=1.0):
+    return Level(
+        branches=branches, length_mm=length_mm, fan_rad=math.radians(angle_deg), growth=growth
+    )
+
+
+CROSSED = design(fan(2, 100.0, 60.0), fan(2, 150.0, 130.0))
+"""The inner grandchildren of both sides cross once."""
+
+
+def test_one_cut_parts_one_crossing():
+    found = partition_of(CROSSED, PROFILE)
+    assert [piece.label for piece in found.pieces] == ["A", "B"]
+    assert found.proven_least
+    (sleeve,) = found.sleeves
+    # Either of the two that cross could be cut, or a parent: the narrowest has the least rim.
+    assert sleeve.branch in (4, 5)
+    assert (sleeve.inner, sleeve.label) == ("A", "B")
+    assert sleeve.plug_mm - sleeve.socket_mm == pytest.approx(15.0)
+    assert sleeve.width_mm == pytest.approx(10.1)
+    assert found.pieces[0].stubs == (sleeve.branch,)
+    assert set(found.pieces[1].branches) == {sleeve.branch}
+
+
+def test_a_robot_that_lies_flat_stays_whole():
+    flat = design(fan(3, 120.0, 150.0))
+    found = partition_of(flat, PROFILE)
+    assert len(found.pieces) == 1
+    assert not found.sleeves
+    assert found.pieces[0].branches == (0, 1, 2, 3)
+
+
+def test_without_the_key_nothing_is_cut():
+    plain = replace(CROSSED, build=replace(CROSSED.build, pieces=None))
+    assert len(partition_of(plain, PROFILE).pieces) == 1
+    assert "VF-T03" in {finding.rule for finding in check_design(plain, PROFILE).blocking}
+
+
+def test_the_check_says_how_many_pieces():
+    report = check_design(CROSSED, PROFILE)
+    assert not report.blocking
+    (note,) = (run.note for run in report.run if run.rule == "VF-J02")
+    assert note == "2 pieces, no fewer possible"
+
+
+def test_too_many_pieces_are_an_error():
+    few = replace(CROSSED, build=replace(CROSSED.build, pieces=PieceSettings(most=1)))
+    (finding,) = check_design(few, PROFILE).blocking
+    assert finding.rule == "VF-J02"
+    assert (finding.measured, finding.limit) == (2.0, 1.0)
+
+
+def test_no_room_for_a_sleeve_is_an_error_that_says_where():
+    long_lap = PieceSettings(lap_mm=145.0)
+    tight = replace(CROSSED, build=replace(CROSSED.build, pieces=long_lap))
+    blocking = check_design(tight, PROFILE).blocking
+    (finding,) = (one for one in blocking if one.rule == "VF-J01")
+    assert set(finding.branches) == {"0.0.1", "0.1.0"}
+    assert finding.measured < finding.limit
+    # The rule that the robot breaks in one piece is named too.
+    assert {one.rule for one in blocking} >= {"VF-J01", "VF-T03"}
+
+
+def test_a_waived_crossing_is_not_cut():
+    plain = replace(CROSSED, build=replace(CROSSED.build, pieces=None))
+    blocking = check_design(plain, PROFILE).blocking
+    waivers = tuple(Waiver(fingerprint=one.fingerprint, reason="tried by hand") for one in blocking)
+    assert len(partition_of(replace(CROSSED, waivers=waivers), PROFILE).pieces) == 1
+
+
+def test_a_robot_longer_than_the_bed_is_cut_to_fit():
+    long = design(fan(2, 500.0, 40.0), fan(2, 420.0, 40.0), trunk=400.0)
+    found = partition_of(long, PROFILE)
+    assert len(found.pieces) > 1
+    assert not found.unparted
+    blocking = {finding.rule for finding in check_design(long, PROFILE).blocking}
+    assert not blocking & {"VF-S01", "VF-J01", "VF-J02"}
+
+
+def _passes(one, cut):
+    """Whether the pieces that some cuts leave pass the rules about room, as they will be cut."""
+    cutter = _Cutter(one, one.build.pieces, PROFILE, None, separate=False)
+    if not set(cut) <= set(cutter.sleeves):
+        return False
+    partition = cutter._cut(tuple(sorted(cut)), proven_least=True)
+    if any(cutter._known_of(partition, piece) for piece in partition.pieces):
+        return False
+    subject = in_pieces(replace(Subject.of(one), profile=PROFILE), partition)
+    return not run_checks(subject, only=ROOM_RULES).blocking
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_fewer_cuts_pass(seed):
+    random = np.random.default_rng(seed)
+    one = design(
+        fan(2, float(random.uniform(60, 120)), float(random.uniform(40, 80))),
+        fan(3, float(random.uniform(90, 150)), float(random.uniform(100, 160))),
+        trunk=float(random.uniform(60, 150)),
+    )
+    found = partition_of(one, PROFILE)
+    cuts = len(found.sleeves)
+    assert not found.unparted
+    assert _passes(one, tuple(sleeve.branch for sleeve in found.sleeves))
+    rows = range(1, one.branch_count)
+    fewer = [cut for size in range(cuts) for cut in combinations(rows, size)]
+    assert not any(_passes(one, cut) for cut in fewer[:60])

@@ -1,0 +1,153 @@
+"""Packages of robots in pieces, read back from their files and put together again."""
+
+import io
+import json
+import math
+from dataclasses import replace
+
+import ezdxf
+import numpy as np
+import pytest
+import shapely
+from ezdxf import path as ezpath
+
+from tests.fabrication.pieces.test_partition import CROSSED, PROFILE, design, fan
+from vinefab.fabrication.job.passes import weldcut_offset_mm
+from vinefab.fabrication.job.placement import SheetOptions
+from vinefab.fabrication.outline.body_outline import body_outline
+from vinefab.fabrication.outline.layout import flat_layout
+from vinefab.fabrication.package.prepare import package, prepare
+from vinefab.fabrication.pieces.partition import partition_of
+
+TREE = design(fan(3, 90.0, 110.0), fan(2, 140.0, 126.0), fan(2, 80.0, 84.0), pressure_kpa=12.0)
+LONG = design(fan(2, 500.0, 40.0), fan(2, 420.0, 40.0), trunk=400.0)
+
+
+@pytest.fixture(scope="module", params=["CROSSED", "TREE", "LONG"])
+def made(request):
+    one = {"CROSSED": CROSSED, "TREE": TREE, "LONG": LONG}[request.param]
+    waived = prepare(one, PROFILE)
+    return one, waived, package(waived)
+
+
+def lines_of(data):
+    """The centre lines of all cutting paths in a DXF, by another program's reader."""
+    drawing = ezdxf.read(io.StringIO(data.decode()))
+    found = []
+    for entity in drawing.modelspace():
+        if entity.dxf.layer in ("VF_30_WELDCUT", "VF_40_CUT"):
+            points = [(p.x, p.y) for p in ezpath.make_path(entity).flattening(0.001)]
+            found.append(shapely.LineString(points))
+    return found
+
+
+def bodies_of(files, sheet):
+    """The areas that the paths of a sheet enclose: the holes between strokes as thin as nothing."""
+    strokes = shapely.union_all(lines_of(files[f"sheet_{sheet}/outline.dxf"])).buffer(0.001)
+    parts = shapely.get_parts(strokes).tolist()
+    return [shapely.Polygon(hole).buffer(0.001) for part in parts for hole in part.interiors]
+
+
+def back(body, transform):
+    turn, dx, dy = (transform[key] for key in ("rotation_deg", "shift_x_mm", "shift_y_mm"))
+    moved = shapely.affinity.translate(body, -dx, -dy)
+    return shapely.affinity.rotate(moved, -turn, origin=(0, 0))
+
+
+def filled(contour):
+    """The area around which a contour runs at least once, and its area counted as often."""
+    points = contour.flattened_mm(0.001)
+    ring = shapely.LineString([*points.tolist(), points[0].tolist()])
+    faces = shapely.get_parts(shapely.polygonize([shapely.node(ring)]))
+    inside = []
+    for face in faces.tolist():
+        x, y = face.representative_point().coords[0]
+        angles = np.unwrap(np.arctan2(*(np.vstack([points, points[:1]]) - (x, y)).T[::-1]))
+        if abs(angles[-1] - angles[0]) > math.pi:
+            inside.append(face)
+    return shapely.union_all(inside)
+
+
+def test_the_pieces_put_together_are_the_whole_robot(made):
+    one, prepared, files = made
+    job = json.loads(files["job.json"])
+    layout = flat_layout(one)
+    rows = {name: row for row, name in enumerate(layout.tree.ids)}
+    sheets = {sheet: bodies_of(files, sheet) for sheet in {p["sheet"] for p in job["pieces"]}}
+    assert sum(map(len, sheets.values())) == len(job["pieces"]) == len(prepared.partition.pieces)
+    together = []
+    for piece in job["pieces"]:
+        # The end of the piece's root lies on it, whatever else does.
+        root = shapely.Point(layout.end_mm[rows[piece["root"]]])
+        mine = [
+            body
+            for body in (back(body, piece["transform"]) for body in sheets[piece["sheet"]])
+            if body.contains(root)
+        ]
+        assert len(mine) == 1
+        together += mine
+    whole = filled(body_outline(one, weldcut_offset_mm(PROFILE)).contour)
+    laps = []
+    for joint in job["joints"]:
+        row = rows[joint["branch"]]
+        along = np.array([math.cos(layout.heading_rad[row]), math.sin(layout.heading_rad[row])])
+        ends = [
+            layout.start_mm[row] + along * at
+            for at in (joint["socket_from_mm"] - 0.1, joint["blend_to_mm"] + 0.1)
+        ]
+        wide = joint["lumen_width_mm"] / 2 + job["facts"]["socket_wider_mm"] / 2 + 1.0
+        laps.append(shapely.LineString(ends).buffer(wide, cap_style="flat"))
+    lap = shapely.union_all(laps)
+    difference = shapely.union_all(together).symmetric_difference(whole).difference(lap)
+    assert difference.area / whole.area < 1e-4
+    # Within the laps the pieces cover the whole robot.
+    assert whole.difference(shapely.union_all(together)).area / whole.area < 1e-4
+
+
+def test_every_sheet_has_its_files_and_the_pieces_their_labels(made):
+    _, prepared, files = made
+    job = json.loads(files["job.json"])
+    for number in range(1, len(prepared.job.sheets) + 1):
+        assert {
+            f"sheet_{number}/outline{end}" for end in (".dxf", "_polyline.dxf", ".svg", ".lbrn2")
+        } <= set(files)
+    assert not any(name.startswith("outline") for name in files)
+    labels = [piece["label"] for piece in job["pieces"]]
+    assert labels == [piece.label for piece in prepared.partition.pieces]
+    assert [joint["label"] for joint in job["joints"]] == labels[1:]
+    assert sorted(name for piece in job["pieces"] for name in piece["branches"]) == sorted(
+        flat_layout(prepared.design).tree.ids
+    )
+    findings = {finding.rule for finding in prepared.report.findings}
+    assert "VF-J05" not in findings
+
+
+def test_a_robot_that_needs_one_piece_gives_the_files_it_gave():
+    flat = design(fan(3, 120.0, 150.0))
+    plain = replace(flat, build=replace(flat.build, pieces=None))
+    assert len(partition_of(flat, PROFILE).pieces) == 1
+    one, other = (package(prepare(each, PROFILE)) for each in (flat, plain))
+    # The rules about pieces are run on the one and skipped on the other.
+    differ = {name for name in one if one[name] != other[name]}
+    assert one.keys() == other.keys()
+    assert differ <= {"checks.json", "report.html", "MANIFEST.sha256"}
+
+
+def test_copies_share_sheets_and_keep_their_pieces_apart():
+    prepared = prepare(CROSSED, PROFILE, sheet=SheetOptions(copies=2))
+    job = json.loads(package(prepared)["job.json"])
+    assert [(piece["label"], piece["copy"]) for piece in job["pieces"]] == [
+        ("A", 1),
+        ("B", 1),
+        ("A", 2),
+        ("B", 2),
+    ]
+    assert not prepared.report.blocking
+
+
+def test_sealed_and_cut_apart_the_socket_goes_over_the_web_too():
+    prepared = prepare(CROSSED, PROFILE, sheet=SheetOptions(process="weld+cut"))
+    assert not prepared.report.blocking
+    facts = prepared.job.facts
+    weld = PROFILE.recipe.operations["weld"].seam_width_mm.value
+    assert facts["socket_wider_mm"] == pytest.approx(2.0 * (weld + 2.0) + 1.0)

@@ -1,0 +1,729 @@
+"""The assembly drawing of a robot in pieces: exploded view, robot put together, one lap, the order.
+
+The page is laid out in points. Lengths of the robot are in millimetres of its flat layout.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from textwrap import wrap
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from matplotlib.patheffects import Normal, Stroke
+from numpy.typing import NDArray
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from vinefab.core.validation import Floats
+from vinefab.fabrication.findings_picture import fitted, text_width_pt
+from vinefab.fabrication.job.sleeve import SleeveSize, sleeve_size
+from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
+from vinefab.fabrication.package.piece_joining import (
+    MINUTES_PER_JOINT,
+    JoiningStep,
+    joining_order,
+    needs_strips,
+    order_reasons,
+)
+from vinefab.fabrication.pieces.exploded import ExplodedView, exploded_view
+from vinefab.model.design import Design, PieceSettings
+from vinefab.model.laser import LaserProfile
+from vinefab.model.outline import Contour
+from vinefab.model.pieces import Partition
+from vinefab.pages.colours import ALERT, INK, LEVEL_COLOURS, SOFT
+from vinefab.pages.figure import house_style, pdf_bytes, svg_bytes
+
+ASSEMBLY_NAME = "assembly"
+"""Name of the drawing's files, without ending."""
+
+MOST_JOINTS_LISTED = 80
+"""More joints than this are left to README.txt, which lists all."""
+
+_WIDE_PT, _EDGE_PT = 792.0, 20.0
+_HEAD_PT, _TITLE_PT, _LOW_PT, _LINE_PT = 50.0, 22.0, 300.0, 12.0
+_MOST_PT, _LEAST_PT = 620.0, 200.0
+_TEXT_PT, _LABEL_PT, _JOINT_PT, _NUMBER_PT = 8.0, 12.0, 8.5, 6.0
+_LEAD_PT = 34.0
+"""Least distance on paper from a plug to its socket: room for the number of the joint."""
+
+_RIM_PT = 16.0
+_FLATTEN_PT = 0.1
+_PT_PER_MM = 72.0 / 25.4
+
+_PLUG, _SOCKET = LEVEL_COLOURS[:2]
+
+Box = tuple[float, float, float, float]
+
+
+def assembly_files(
+    design: Design,
+    partition: Partition,
+    outlines: Mapping[str, Contour],
+    profile: LaserProfile,
+    *,
+    separate: bool = False,
+) -> dict[str, bytes]:
+    """Return the assembly drawing as SVG and PDF, by file name.
+
+    Parameters
+    ----------
+    outlines
+        Outline of every piece (lumen or film), by its label, in the coordinates of the whole
+        robot's flat layout.
+    separate
+        As in `sleeve_size`.
+    """
+    figure = assembly_drawing(design, partition, outlines, profile, separate=separate)
+    return {f"{ASSEMBLY_NAME}.svg": svg_bytes(figure), f"{ASSEMBLY_NAME}.pdf": pdf_bytes(figure)}
+
+
+def assembly_drawing(
+    design: Design,
+    partition: Partition,
+    outlines: Mapping[str, Contour],
+    profile: LaserProfile,
+    *,
+    separate: bool = False,
+) -> Figure:
+    """Return the whole page: exploded view, robot put together, one lap, order of joining."""
+    robot = _Robot.of(design, partition, outlines, profile, separate=separate)
+    exploded = _Exploded.of(robot)
+    notes = _notes(robot)
+    list_pt = _LINE_PT * (max(map(len, notes)) + 1) + 8.0
+    low_pt = list_pt + _LOW_PT
+    high_pt = low_pt + exploded.high_pt + _HEAD_PT
+    middle = _WIDE_PT / 2.0
+    with house_style():
+        figure, axes = _paper(high_pt)
+        _draw_head(axes, high_pt, robot)
+        _draw_exploded(axes, exploded, low_pt)
+        _draw_together(axes, robot, (_EDGE_PT, list_pt, middle - 8.0, low_pt))
+        _draw_lap(axes, robot, (middle + 8.0, list_pt, _WIDE_PT - _EDGE_PT, low_pt))
+        for column, x in zip(notes, (_EDGE_PT, middle + 8.0), strict=True):
+            for row, words in enumerate(column):
+                weight = "bold" if row == 0 else "normal"
+                y = list_pt - (row + 1) * _LINE_PT
+                axes.text(x, y, words, fontsize=_TEXT_PT, color=INK, fontweight=weight)
+    return figure
+
+
+def exploded_picture(
+    design: Design,
+    partition: Partition,
+    outlines: Mapping[str, Contour],
+    profile: LaserProfile,
+    *,
+    separate: bool = False,
+) -> Figure:
+    """Return the exploded view alone."""
+    robot = _Robot.of(design, partition, outlines, profile, separate=separate)
+    exploded = _Exploded.of(robot)
+    with house_style():
+        figure, axes = _paper(exploded.high_pt)
+        _draw_exploded(axes, exploded, 0.0)
+    return figure
+
+
+def _paper(high_pt: float) -> tuple[Figure, Axes]:
+    """Return an empty page and axes over it, in points from its lower left corner."""
+    figure = Figure(figsize=(_WIDE_PT / 72.0, high_pt / 72.0))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, _WIDE_PT), ylim=(0.0, high_pt))
+    axes.axis("off")
+    axes.add_patch(Rectangle((0.0, 0.0), _WIDE_PT, high_pt, fc="white", ec="none"))
+    return figure, axes
+
+
+# --- what is drawn
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Robot:
+    """A robot in pieces, with all that the drawing says of it."""
+
+    design: Design
+    partition: Partition
+    outlines: Mapping[str, Contour]
+    profile: LaserProfile
+    size: SleeveSize
+    layout: FlatLayout
+    steps: tuple[JoiningStep, ...]
+    colours: Mapping[str, str]  # by label of the piece
+
+    @classmethod
+    def of(
+        cls,
+        design: Design,
+        partition: Partition,
+        outlines: Mapping[str, Contour],
+        profile: LaserProfile,
+        *,
+        separate: bool,
+    ) -> "_Robot":
+        """Return what is to be drawn."""
+        settings = design.build.pieces or PieceSettings()
+        return cls(
+            design=design,
+            partition=partition,
+            outlines={piece.label: outlines[piece.label] for piece in partition.pieces},
+            profile=profile,
+            size=sleeve_size(settings, profile, separate=separate),
+            layout=flat_layout(design),
+            steps=joining_order(design, partition),
+            colours=piece_colours(partition),
+        )
+
+
+def piece_colours(partition: Partition) -> dict[str, str]:
+    """Return a colour for every piece, by its label; pieces that are joined differ."""
+    inner = {sleeve.label: sleeve.inner for sleeve in partition.sleeves}
+    colours: dict[str, str] = {}
+    for number, piece in enumerate(partition.pieces):
+        colour = LEVEL_COLOURS[number % len(LEVEL_COLOURS)]
+        if colour == colours.get(inner.get(piece.label, "")):
+            colour = LEVEL_COLOURS[(number + 1) % len(LEVEL_COLOURS)]
+        colours[piece.label] = colour
+    return colours
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _View:
+    """From millimetres of the flat layout to points of the page."""
+
+    low_mm: Floats
+    pt_per_mm: float
+    corner_pt: Floats
+
+    @classmethod
+    def into(cls, box_mm: Box, box_pt: Box) -> "_View":
+        """Return the view that shows a box of the layout in the middle of a box of the page."""
+        low, high = np.array(box_mm[:2]), np.array(box_mm[2:])
+        size, room = np.maximum(high - low, 1e-3), np.array(box_pt[2:]) - np.array(box_pt[:2])
+        scale = float((room / size).min())
+        corner = np.array(box_pt[:2]) + (room - size * scale) / 2.0
+        return cls(low_mm=low, pt_per_mm=scale, corner_pt=corner)
+
+    def points(self, places_mm: Floats) -> Floats:
+        """Return places on the page."""
+        return np.asarray((places_mm - self.low_mm) * self.pt_per_mm + self.corner_pt)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Exploded:
+    """The exploded view with its place on the page."""
+
+    robot: _Robot
+    view: ExplodedView
+    box_mm: Box
+    pt_per_mm: float
+
+    @classmethod
+    def of(cls, robot: _Robot) -> "_Exploded":
+        """Return the view; the pieces are as far apart as their labels on paper need."""
+        lead_mm = 0.05 * _longer(_box(robot.outlines, None))
+        for _ in range(3):
+            view = exploded_view(robot.partition, robot.layout, robot.outlines, lead_mm)
+            box = _box(robot.outlines, view.moves_mm)
+            inner = _WIDE_PT - 2.0 * (_EDGE_PT + _RIM_PT)
+            scale = min(
+                inner / max(box[2] - box[0], 1e-3),
+                _MOST_PT / max(box[3] - box[1], 1e-3),
+                2.0 * _PT_PER_MM,
+            )
+            if lead_mm * scale >= 0.9 * _LEAD_PT:
+                break
+            lead_mm = _LEAD_PT / scale
+        return cls(robot=robot, view=view, box_mm=box, pt_per_mm=scale)
+
+    @property
+    def high_pt(self) -> float:
+        """Height of the panel with its title and key."""
+        high = (self.box_mm[3] - self.box_mm[1]) * self.pt_per_mm
+        return max(_LEAST_PT, high + 2.0 * _RIM_PT) + 2.0 * _TITLE_PT
+
+
+def _box(outlines: Mapping[str, Contour], moves_mm: Mapping[str, Floats] | None) -> Box:
+    """Return the box around all pieces, each moved."""
+    boxes = []
+    for label, contour in outlines.items():
+        move = np.zeros(2) if moves_mm is None else moves_mm[label]
+        boxes.append(np.array(contour.box_mm) + np.tile(move, 2))
+    low, high = np.min(boxes, axis=0)[:2], np.max(boxes, axis=0)[2:]
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def _longer(box: Box) -> float:
+    return max(box[2] - box[0], box[3] - box[1])
+
+
+# --- pieces, plugs, sockets
+
+
+def _draw_exploded(axes: Axes, exploded: _Exploded, below_pt: float) -> None:
+    robot, view = exploded.robot, exploded.view
+    top = below_pt + exploded.high_pt
+    _draw_title(
+        axes,
+        (_EDGE_PT, top - 14.0),
+        "Exploded view",
+        "each piece as it lies in the robot, lettered face up; lines lead from plug to socket",
+    )
+    box = (
+        _EDGE_PT + _RIM_PT,
+        below_pt + _TITLE_PT + _RIM_PT,
+        _WIDE_PT - _EDGE_PT - _RIM_PT,
+        top - _TITLE_PT - _RIM_PT,
+    )
+    page = _View.into(exploded.box_mm, box)
+    for piece in robot.partition.pieces:
+        _draw_piece(axes, robot, piece.label, page, view.moves_mm[piece.label])
+    labels = _Labels(
+        (_EDGE_PT, below_pt + _TITLE_PT, _WIDE_PT - _EDGE_PT, top - _TITLE_PT),
+        [
+            page.points(_points(robot, piece.label, page) + view.moves_mm[piece.label])
+            for piece in robot.partition.pieces
+        ],
+    )
+    for step in robot.steps:
+        _draw_lead(axes, robot, step, page, view, labels)
+    for piece in robot.partition.pieces:
+        _write_piece(axes, robot, piece.label, page, view.moves_mm[piece.label], labels)
+    for step in robot.steps:
+        _write_joint(axes, step, page, view, labels)
+    _draw_key(axes, robot, (_EDGE_PT, below_pt + 8.0), page.pt_per_mm)
+
+
+def _points(robot: _Robot, label: str, page: _View) -> Floats:
+    """Return the outline of a piece as points of the flat layout, fine enough for the page."""
+    return robot.outlines[label].flattened_mm(_FLATTEN_PT / page.pt_per_mm)
+
+
+def _draw_piece(
+    axes: Axes, robot: _Robot, label: str, page: _View, move_mm: Floats, alpha: float = 0.3
+) -> None:
+    colour = robot.colours[label]
+    points = page.points(_points(robot, label, page) + move_mm)
+    axes.fill(
+        *points.T, facecolor=to_rgba(colour, alpha), edgecolor=colour, linewidth=0.8, zorder=3
+    )
+
+
+def _draw_lead(
+    axes: Axes,
+    robot: _Robot,
+    step: JoiningStep,
+    page: _View,
+    view: ExplodedView,
+    labels: "_Labels",
+) -> None:
+    """Draw the line from a plug to its socket, both rims, the depth mark, and the step's number."""
+    sleeve, size = step.sleeve, robot.size
+    heading = float(robot.layout.heading_rad[sleeve.branch])
+    along = np.array([math.cos(heading), math.sin(heading)])
+    across = np.array([-along[1], along[0]])
+    plug, socket = view.plugs_mm[sleeve.label], view.sockets_mm[sleeve.label]
+    half = sleeve.width_mm / 2.0
+    for place, reach, colour, style in (
+        (plug, half, INK, "-"),
+        (plug - size.lap_mm * along, half, INK, ":"),
+        (socket, half + size.rise_mm, ALERT, "-"),
+    ):
+        ends = page.points(np.array([place - reach * across, place + reach * across]))
+        axes.plot(*ends.T, style, color=colour, lw=1.6 if style == "-" else 1.0, zorder=5)
+        labels.take(shapely.buffer(shapely.LineString(ends), 1.5))
+    ends = page.points(np.array([plug, socket]))
+    axes.plot(*ends.T, color=INK, lw=0.6, zorder=4)
+    labels.take_line(ends)
+    middle = ends.mean(axis=0)
+    _draw_number(axes, middle, step.number)
+    labels.take(_around(middle[None], f"{step.number}", _JOINT_PT)[0])
+
+
+def _draw_number(axes: Axes, at_pt: Floats, number: int) -> None:
+    """Draw the number of a step, white on dark."""
+    x, y = at_pt.tolist()
+    axes.text(
+        x,
+        y,
+        str(number),
+        fontsize=_NUMBER_PT + 0.5,
+        color="white",
+        fontweight="bold",
+        ha="center",
+        va="center_baseline",
+        zorder=9,
+        bbox={"boxstyle": "round,pad=0.25", "fc": INK, "ec": "none"},
+    )
+
+
+def _write_piece(  # noqa: PLR0913  where it is drawn
+    axes: Axes,
+    robot: _Robot,
+    label: str,
+    page: _View,
+    move_mm: Floats,
+    labels: "_Labels",
+    *,
+    size_pt: float = _LABEL_PT,
+) -> None:
+    """Write the label of a piece into its widest part."""
+    points = page.points(_points(robot, label, page) + move_mm)
+    x, y = labels.inside(points, label, size_pt).tolist()
+    axes.text(
+        x,
+        y,
+        label,
+        fontsize=size_pt,
+        color=INK,
+        fontweight="bold",
+        ha="center",
+        va="center_baseline",
+        zorder=8,
+        bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": robot.colours[label], "lw": 0.9},
+    )
+
+
+def _write_joint(
+    axes: Axes, step: JoiningStep, page: _View, view: ExplodedView, labels: "_Labels"
+) -> None:
+    """Write the joint's label beside its plug and beside its socket."""
+    name = step.sleeve.label
+    for place, colour in ((view.plugs_mm[name], INK), (view.sockets_mm[name], ALERT)):
+        at = labels.beside(page.points(place), name)
+        _write(axes, at, name, _JOINT_PT, colour)
+
+
+def _write(axes: Axes, at_pt: Floats, words: str, size_pt: float, colour: str) -> None:
+    x, y = at_pt.tolist()
+    axes.text(
+        x,
+        y,
+        words,
+        fontsize=size_pt,
+        color=colour,
+        fontweight="bold",
+        ha="center",
+        va="center_baseline",
+        zorder=8,
+        path_effects=[Stroke(linewidth=2.4, foreground="white"), Normal()],
+    )
+
+
+def _around(middles_pt: Floats, words: str, size_pt: float) -> NDArray[np.object_]:
+    """Return the boxes around words in different places, shape (n, 2)."""
+    wide, high = text_width_pt(words, size_pt, bold=True) + 3.0, size_pt + 1.0
+    x, y = middles_pt.T
+    return np.asarray(shapely.box(x - wide / 2, y - high / 2, x + wide / 2, y + high / 2))
+
+
+class _Labels:
+    """The labels on a page: each takes the best place that is left, and none is left out."""
+
+    def __init__(self, box_pt: Box, outlines_pt: Sequence[Floats]) -> None:
+        self.page = shapely.box(*box_pt)
+        self.edges = shapely.union_all([shapely.LineString(points) for points in outlines_pt])
+        self.taken: list[BaseGeometry] = []
+        self.lines: list[BaseGeometry] = []
+
+    def take(self, box: BaseGeometry) -> None:
+        """Keep a place free of labels."""
+        self.taken.append(box)
+
+    def take_line(self, ends_pt: Floats) -> None:
+        """Keep labels off a line, where there is room elsewhere."""
+        self.lines.append(shapely.LineString(ends_pt))
+
+    def inside(self, outline_pt: Floats, words: str, size_pt: float) -> Floats:
+        """Return a place for the label of a piece: in its widest part, if that is free."""
+        middles = list(_middles(outline_pt))
+        spots = [*middles, *outline_pt[:: max(1, len(outline_pt) // 40)]]
+        costs = np.where(np.arange(len(spots)) < len(middles), np.arange(len(spots)), 30.0)
+        return self._best(np.array(spots), costs, words, size_pt, 0.05)
+
+    def beside(self, at_pt: Floats, words: str) -> Floats:
+        """Return a place for a label near a point."""
+        angles = np.arange(16) * np.pi / 8.0
+        far, angle = (grid.ravel() for grid in np.meshgrid((9.0, 12.0, 16.0, 21.0, 28.0), angles))
+        spots = at_pt + far[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        return self._best(spots, far, words, _JOINT_PT, 0.8)
+
+    def _best(
+        self, spots: Floats, costs: Floats, words: str, size_pt: float, edge_cost: float
+    ) -> Floats:
+        """Return the cheapest of places; covering a label costs most, then lines, then edges."""
+        boxes = _around(spots, words, size_pt)
+        cost = costs + 1000.0 * ~shapely.within(boxes, self.page)
+        for taken in self.taken:
+            cost = cost + 8.0 * shapely.area(shapely.intersection(boxes, taken))
+        for line in self.lines:
+            cost = cost + 2.0 * shapely.length(shapely.intersection(boxes, line))
+        cost = cost + edge_cost * shapely.length(shapely.intersection(boxes, self.edges))
+        best = int(cost.argmin())
+        self.take(boxes[best])
+        return np.asarray(spots[best])
+
+
+def _middles(outline_pt: Floats) -> Iterator[Floats]:
+    """Yield the middle of the largest disc inside an outline, then of what is left without it."""
+    shape: BaseGeometry = shapely.make_valid(shapely.Polygon(outline_pt))
+    for _ in range(4):
+        parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon)]
+        largest = max(parts, key=shapely.area, default=Polygon())
+        if largest.is_empty:
+            return
+        disc = shapely.maximum_inscribed_circle(largest, tolerance=0.5)
+        middle = shapely.get_coordinates(disc)[0]
+        yield middle
+        around = shapely.Point(middle).buffer(max(disc.length, 12.0), quad_segs=4)
+        shape = shapely.difference(shape, around)
+
+
+# --- key, title
+
+
+def _draw_title(axes: Axes, at_pt: tuple[float, float], title: str, words: str) -> None:
+    x, y = at_pt
+    axes.text(x, y, title, fontsize=10.0, fontweight="bold", color=INK)
+    x += text_width_pt(title, 10.0, bold=True) + 8.0
+    axes.text(x, y, words, fontsize=_TEXT_PT, color=SOFT)
+
+
+def _draw_head(axes: Axes, top_pt: float, robot: _Robot) -> None:
+    design, pieces = robot.design, len(robot.partition.pieces)
+    name = fitted(design.name, 0.55 * _WIDE_PT, 14.0, bold=True)
+    axes.text(_EDGE_PT, top_pt - 24.0, name, fontsize=14.0, fontweight="bold", color=INK)
+    joints = len(robot.steps)
+    words = f"assembly: {pieces} pieces, {joints} joint{'' if joints == 1 else 's'}"
+    right = _WIDE_PT - _EDGE_PT
+    axes.text(right, top_pt - 24.0, words, fontsize=11.0, fontweight="bold", color=INK, ha="right")
+    size = robot.size
+    axes.text(
+        _EDGE_PT,
+        top_pt - 38.0,
+        f"All lengths in millimetres, lay-flat. Lap of {size.lap_mm:g} mm and ease: assumed. Else:"
+        " computed from the design.",
+        fontsize=8.5,
+        color=SOFT,
+    )
+
+
+def _draw_key(axes: Axes, robot: _Robot, at_pt: tuple[float, float], pt_per_mm: float) -> None:
+    x, y = at_pt
+    x = _draw_scale(axes, at_pt, pt_per_mm)
+    lap = f"{robot.size.lap_mm:g} mm"
+    for colour, style, words in (
+        (INK, "-", "rim of a plug, with the joint's label"),
+        (INK, ":", f"how deep it goes into the socket, {lap}"),
+        (ALERT, "-", "rim of the socket that goes over it"),
+    ):
+        axes.plot([x, x + 14.0], [y + 3.0] * 2, style, color=colour, lw=1.6)
+        x = _written(axes, (x + 18.0, y), words)
+    _draw_number(axes, np.array([x + 4.0, y + 3.0]), 1)
+    _written(axes, (x + 13.0, y), "order of joining")
+
+
+def _written(axes: Axes, at_pt: tuple[float, float], words: str) -> float:
+    """Write words and return where the next ones may begin."""
+    axes.text(*at_pt, words, fontsize=_TEXT_PT, color=SOFT)
+    return at_pt[0] + text_width_pt(words, _TEXT_PT) + 14.0
+
+
+def _draw_scale(axes: Axes, at_pt: tuple[float, float], pt_per_mm: float) -> float:
+    """Draw a bar of a round length, and return where the next words may begin."""
+    most_mm = 90.0 / pt_per_mm
+    power = 10.0 ** np.floor(np.log10(most_mm))
+    length_mm = float(power * max(step for step in (1, 2, 5) if step * power <= most_mm))
+    (x, y), end = at_pt, at_pt[0] + length_mm * pt_per_mm
+    axes.plot([x, x, x, end, end, end], [y, y + 6, y + 3, y + 3, y + 6, y], color=INK, lw=1.2)
+    return _written(axes, (end + 6.0, y), f"{length_mm:g} mm")
+
+
+# --- put together
+
+
+def _draw_together(axes: Axes, robot: _Robot, box_pt: Box) -> None:
+    """Draw the robot with its laps; outer pieces lie on inner ones and show them through."""
+    x0, y0, x1, y1 = box_pt
+    _draw_title(axes, (x0, y1 - 14.0), "Put together", "where pieces cross, it does not lie flat")
+    page = _View.into(
+        _box(robot.outlines, None),
+        (x0 + _RIM_PT, y0 + 2.0 * _RIM_PT, x1 - _RIM_PT, y1 - _TITLE_PT - _RIM_PT),
+    )
+    here = np.zeros(2)
+    for piece in robot.partition.pieces:
+        _draw_piece(axes, robot, piece.label, page, here, 0.35)
+    labels = _Labels(
+        (x0, y0 + _RIM_PT, x1, y1 - _TITLE_PT),
+        [page.points(_points(robot, piece.label, page)) for piece in robot.partition.pieces],
+    )
+    for step in robot.steps:
+        labels.take(_draw_band(axes, robot, step, page))
+    for piece in robot.partition.pieces:
+        _write_piece(axes, robot, piece.label, page, here, labels, size_pt=9.0)
+    x = _draw_scale(axes, (x0, y0 + 10.0), page.pt_per_mm)
+    axes.plot([x, x + 14.0], [y0 + 13.0] * 2, color=ALERT, lw=2.4)
+    _written(axes, (x + 18.0, y0 + 10.0), "joint: socket over plug")
+
+
+def _draw_band(axes: Axes, robot: _Robot, step: JoiningStep, page: _View) -> BaseGeometry:
+    """Draw a joint as a line across its branch, in the middle of the lap, and return its place."""
+    sleeve = step.sleeve
+    heading = float(robot.layout.heading_rad[sleeve.branch])
+    along = np.array([math.cos(heading), math.sin(heading)])
+    across = np.array([-along[1], along[0]])
+    middle = robot.layout.start_mm[sleeve.branch]
+    middle = middle + (sleeve.socket_mm + sleeve.plug_mm) / 2.0 * along
+    reach = sleeve.width_mm / 2.0 + robot.size.rise_mm
+    ends = page.points(np.array([middle - reach * across, middle + reach * across]))
+    axes.plot(*ends.T, color=ALERT, lw=2.4, solid_capstyle="butt", zorder=6)
+    return shapely.buffer(shapely.LineString(ends), 2.5)
+
+
+# --- one lap
+
+
+def _draw_lap(axes: Axes, robot: _Robot, box_pt: Box) -> None:
+    """Draw one lap from above and in section: what goes over what, and where the strip lies."""
+    x0, y0, x1, y1 = box_pt
+    _draw_title(
+        axes, (x0, y1 - 14.0), "One lap", "from above, and in section (thickness not to scale)"
+    )
+    sketch = _LapSketch(axes, (x0, x1), robot)
+    sketch.plan(y1 - 0.36 * (y1 - y0))
+    sketch.section(y0 + 0.27 * (y1 - y0))
+
+
+class _LapSketch:
+    """A sketch of one lap: the base of the robot is to the left."""
+
+    def __init__(self, axes: Axes, sides_pt: tuple[float, float], robot: _Robot) -> None:
+        self.axes, self.strip = axes, needs_strips(robot.profile)
+        self.left, self.right = sides_pt
+        wide = self.right - self.left
+        self.rim = self.left + 0.36 * wide  # of the socket
+        self.end = self.left + 0.62 * wide  # of the plug
+        self.lap_mm, lap = robot.size.lap_mm, robot.profile.recipe.lap
+        width = "" if lap is None else f", {lap.band_mm.value:g} mm ({lap.band_mm.standing})"
+        self.band_words = f"{'sealed' if self.strip else 'adhesive'} band, all around{width}"
+        third = (self.end - self.rim) / 3.0
+        self.band = self.rim + third, self.end - third
+
+    def plan(self, y: float) -> None:
+        """Draw the lap from above, its axis at a height."""
+        plug, socket, axes = 30.0, 38.0, self.axes
+        outer_x = [self.right, self.end + 44.0, self.end + 16.0, self.rim]
+        outer_y = np.array([plug, plug, socket, socket])
+        sides = ([self.left, self.end], np.array([plug, plug]), _PLUG), (outer_x, outer_y, _SOCKET)
+        for rank, (x, half, colour) in enumerate(sides, start=2):
+            face = to_rgba(colour, 0.25)
+            axes.fill_between(x, y - half, y + half, fc=face, ec="none", zorder=rank)
+            for sign in (-1.0, 1.0):
+                axes.plot(x, y + sign * half, color=colour, lw=1.2, zorder=rank + 2)
+        axes.plot([self.end] * 2, [y - plug, y + plug], "--", color=_PLUG, lw=1.4, zorder=5)
+        axes.plot([self.rim] * 2, [y - socket, y + socket], color=_SOCKET, lw=1.8, zorder=5)
+        self._frame((*self.band, y - socket, y + socket), ALERT, "hatched")
+        if self.strip:
+            ends = (self.left + 6.0, self.end - 5.0)
+            self._frame((*ends, y - 0.72 * plug, y + 0.72 * plug), INK, "dotted")
+            self._words((self.left + 10.0, y - 2.5), "release strip, inside", INK)
+        self._dimension(y + socket + 13.0)
+        self._words((self.left, y + plug + 4.0), "plug: inner piece", _PLUG)
+        self._words((self.right, y + plug + 4.0), "socket: outer piece", _SOCKET, "right")
+        self._words((self.band[0], y - socket - 12.0), self.band_words, ALERT)
+        self._words((self.left, y - socket - 12.0), "to the base", SOFT)
+
+    def section(self, y: float) -> None:
+        """Draw the lap cut lengthwise, its axis at a height."""
+        axes = self.axes
+        outer_x = [self.rim, self.end + 16.0, self.end + 34.0, self.right]
+        for sign in (-1.0, 1.0):
+            heights = y + sign * np.array([19.0, 19.0, 12.0, 12.0])
+            axes.plot(outer_x, heights, color=_SOCKET, lw=2.6, solid_capstyle="butt")
+            ends = [self.left, self.end]
+            axes.plot(ends, [y + sign * 12.0] * 2, color=_PLUG, lw=2.6, solid_capstyle="butt")
+            middle = y + sign * 15.5
+            self._frame((*self.band, middle - 2.6, middle + 2.6), ALERT)
+        if self.strip:
+            axes.plot([self.left + 6.0, self.end - 5.0], [y] * 2, ":", color=INK, lw=1.6)
+        arrow = {"arrowstyle": "-|>", "color": SOFT, "lw": 1.2}
+        axes.annotate("", (self.right - 4.0, y + 4.0), (self.end + 6.0, y + 4.0), arrowprops=arrow)
+        self._words((self.rim, y + 24.0), "rim of the socket", _SOCKET)
+        self._words((self.end + 6.0, y - 7.0), "rim of the plug", _PLUG)
+        lines = [
+            "Film that is still inside runs away from the base (arrow) and off the",
+            "rim of the plug, which trails; the other way round it would catch.",
+        ]
+        if self.strip:
+            lines.append(
+                "The strip is drawn out to the left, through the base of the plug's piece."
+            )
+        for row, words in enumerate(lines):
+            self._words((self.left, y - 36.0 - 11.0 * row), words, SOFT)
+
+    def _frame(self, sides_pt: Box, colour: str, look: str = "") -> None:
+        """Draw a rectangle by its left, right, lower and upper sides: full, hatched or dotted."""
+        left, right, low, high = sides_pt
+        patch = Rectangle((left, low), right - left, high - low, fc="none", ec=colour, zorder=6)
+        if look == "hatched":
+            patch.set_hatch("////")
+        elif look == "dotted":
+            patch.set_linestyle(":")
+        else:
+            patch.set_facecolor(colour)
+        self.axes.add_patch(patch)
+
+    def _dimension(self, y: float) -> None:
+        """Draw the length of the lap between its rims."""
+        self.axes.annotate(
+            "",
+            (self.rim, y),
+            (self.end, y),
+            arrowprops={"arrowstyle": "<|-|>", "color": INK, "lw": 0.8, "shrinkA": 0, "shrinkB": 0},
+        )
+        for x in (self.rim, self.end):
+            self.axes.plot([x, x], [y - 12.0, y + 4.0], color=INK, lw=0.6)
+        middle = (self.rim + self.end) / 2.0
+        self._words((middle, y + 5.0), f"lap {self.lap_mm:g} mm (assumed)", INK, "center")
+
+    def _words(
+        self, at_pt: tuple[float, float], words: str, colour: str, align: str = "left"
+    ) -> None:
+        self.axes.text(*at_pt, words, fontsize=_TEXT_PT, color=colour, ha=align, zorder=8)
+
+
+# --- the order, in words
+
+
+def _notes(robot: _Robot) -> tuple[list[str], list[str]]:
+    """Return the two columns of text below the drawings, heading first."""
+    steps = robot.steps
+    order = [_step_words(step) for step in steps[:MOST_JOINTS_LISTED]]
+    if len(steps) > len(order):
+        order.append(f"and {len(steps) - len(order)} more: README.txt lists them all.")
+    widest = max((step.sleeve.width_mm for step in steps), default=0.0) + 2.0 * robot.size.rise_mm
+    minutes = MINUTES_PER_JOINT * len(steps)
+    numbers = (
+        f"The widest socket is {widest:.1f} mm wide (computed). Time to join: about {minutes:g}"
+        f" minutes ({MINUTES_PER_JOINT:g} a joint, assumed). README.txt has every step."
+    )
+    reasons = [line for text in (order_reasons(robot.profile), numbers) for line in wrap(text, 82)]
+    left = ["Order of joining: the socket of the first over the plug of the second", *order]
+    right = ["Why in this order", *reasons]
+    room = len(right) + 3
+    if len(left) > 2 * room:
+        half = (len(left) + len(right)) // 2
+        return left[:half], [*right, "", *left[half:]]
+    return left, right
+
+
+def _step_words(step: JoiningStep) -> str:
+    sleeve = step.sleeve
+    return (
+        f"{step.number}.  {sleeve.label} over {sleeve.inner}: plug and socket {sleeve.label},"
+        f" branch {step.branch}, {sleeve.width_mm:.1f} mm wide,"
+        f" {sleeve.plug_mm - sleeve.socket_mm:g} mm deep"
+    )

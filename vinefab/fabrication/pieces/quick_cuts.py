@@ -1,0 +1,440 @@
+"""Cuts that leave flat pieces, found quickly: what a search takes for the fewest pieces.
+
+This is the readable twin of the compiled `vinefab.search.penalty_kernel`. The exact answer, from
+the outlines as they will be cut, is `vinefab.fabrication.pieces.partition`.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vinefab.fabrication.job.passes import reach_mm
+from vinefab.fabrication.job.sleeve import SleeveSize, sleeve_size
+from vinefab.fabrication.outline.ends import pouch_takes_mm
+from vinefab.fabrication.outline.gap import largest_fillet_mm, straight_begins_mm
+from vinefab.fabrication.outline.joint import level_lengths_mm
+from vinefab.fabrication.outline.layout import FlatLayout, flat_layout
+from vinefab.fabrication.pieces.bodies import (
+    BodyKind,
+    StraightSides,
+    bodies_of,
+    sleeves_of,
+    straight_sides,
+)
+from vinefab.fabrication.rules.clearance import CLEARANCE
+from vinefab.fabrication.rules.rule import LimitChanges
+from vinefab.fabrication.rules.spacing import Capsules, RotatedSpan, pair_depths, spacing
+from vinefab.model.design import Design, PieceSettings
+from vinefab.model.laser import LaserProfile
+
+LEAST_DEPTH = 1e-9
+"""Pairs less deep in each other's clearance count as clear of each other."""
+
+MOST_CONFLICTS, MOST_PIECE_BRANCHES = 20_000, 400
+"""Designs with more pairs that are too near, or more branches, count as one flat outline."""
+
+MOST_STEPS = 64
+"""Sets of cuts that are looked at for each design."""
+
+PARTED = 1.0 - 1e-9
+"""A further cut must leave at most this share of what is left without it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PieceLimits:
+    """What the pieces of a robot must keep."""
+
+    most_cuts: int  # sleeve joints that it may have
+    size: SleeveSize
+    reach_mm: float  # how far outside the lumen's edge its cuts run
+    clearance_mm: float  # least distance of branches
+    sheet_mm: tuple[float, float] | None  # width and height that each piece must fit, if any
+
+    @classmethod
+    def of(
+        cls,
+        settings: PieceSettings,
+        profile: LaserProfile,
+        changed: LimitChanges,
+        sheet_mm: tuple[float, float] | None = None,
+    ) -> "PieceLimits":
+        """Return the limits for a recipe and the limits that it changes."""
+        return cls(
+            most_cuts=settings.most - 1,
+            size=sleeve_size(settings, profile),
+            reach_mm=reach_mm(profile),
+            clearance_mm=CLEARANCE.limits_with(changed.get(CLEARANCE.id, {}))["error"],
+            sheet_mm=sheet_mm,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class QuickCuts:
+    """Where a robot is cut."""
+
+    branches: tuple[int, ...]  # that are cut
+    # Summed depths of conflicts within a piece, and excess of pieces over the sheet relative to its
+    # shorter side; 0 where all pieces can be laid out.
+    left: float
+
+
+def quick_cuts(design: Design, limits: PieceLimits) -> QuickCuts | None:
+    """Return cuts that leave as few pieces as were found; None for designs that are too large.
+
+    Where the pieces that are allowed do not suffice, these are the cuts that part the deepest
+    conflicts, so that a search can follow what is left.
+
+    Notes
+    -----
+    Pairs of branches that are too near must be parted by a cut between them on the tree: a minimum
+    multicut. It is searched depth first: the pair that meets farthest from the base is parted by
+    one branch after another, those that part most pairs first. Pairs that share no branch need a
+    cut each, which bounds the number from below (the dual of Garg, Vazirani and Yannakakis 1997)
+    and ends most searches at once; the rest end after `MOST_STEPS` steps. Stubs and sockets are
+    looked at where all pairs are parted.
+    """
+    if design.branch_count > MOST_PIECE_BRANCHES:
+        return None
+    tree = _TreeCuts(design, limits)
+    return tree.found() if len(tree.pairs) <= MOST_CONFLICTS else None
+
+
+def planned_sides(design: Design, layout: FlatLayout, reach: float) -> StraightSides:
+    """Return where the sides of every branch are straight, from its joints alone.
+
+    Sides are never straight for longer in the outline of a robot without tapers.
+    """
+    tree, start, stop = layout.tree, {(1, 0): 0.0}, {design.depth: 0.0}
+    for level in range(1, design.depth):
+        for place, used in _joint_takes(design, level, reach).items():
+            if place is None:
+                stop[level] = used
+            else:
+                start[level + 1, place] = used
+    stop[design.depth] = pouch_takes_mm(design.build, reach)
+    children = [1, *(level.branches for level in design.levels)]
+    first = np.searchsorted(tree.level, tree.level)
+    places = [
+        (level, row % children[level - 1])
+        for level, row in zip(
+            tree.level.tolist(), (np.arange(len(tree)) - first).tolist(), strict=True
+        )
+    ]
+    ends = [stop[level] for level, _ in places]
+    return StraightSides(
+        start_mm=np.array([start[place] for place in places]),
+        end_mm=tree.length_mm - np.array(ends),
+    )
+
+
+def _joint_takes(design: Design, level: int, reach: float) -> dict[int | None, float]:
+    """Return what the joint below a level takes of each child, and under None of the parent."""
+    below, build = design.levels[level - 1], design.build
+    wide, narrow = build.widths_mm[level - 1] / 2.0, build.widths_mm[level] / 2.0
+    lengths, disc = level_lengths_mm(design, level + 1), max(wide, narrow)
+    around = [None, *range(below.branches), None]
+    fan = below.fan_rad if below.branches > 1 else 0.0
+    takes: dict[int | None, float] = dict.fromkeys(around, 0.0)
+    for pair in pairwise(around):
+        angle = math.pi - fan / 2.0 if None in pair else fan / (below.branches - 1)
+        halves = tuple(wide if one is None else narrow for one in pair)
+        parent = min(level_lengths_mm(design, level))
+        shorter = min(parent if one is None else lengths[one] for one in pair)
+        most = largest_fillet_mm(angle, (halves[0], halves[1]), max(0.5 * shorter, disc))
+        radius = max(0.0, min(build.fillet_mm[level - 1], most))
+        for out in (0.0, reach):
+            # Corners in place of small fillets lie farther from the joint where the cut runs.
+            used = straight_begins_mm(
+                angle, (halves[0] + out, halves[1] + out), max(0.0, radius - out), disc + out
+            )
+            for one, mm in zip(pair, used, strict=True):
+                takes[one] = max(takes[one], mm)
+    return takes
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """Two whole bodies that are too near."""
+
+    one: int  # capsules
+    two: int
+    a: int  # their branches
+    b: int
+    depth: float
+    also: int | None  # the branch where they meet, if a cut there parts them too
+
+
+Conflict = tuple[float, int, int, int | None]
+"""Depth; the branches whose pieces two bodies lie on; a branch whose own cut may part them too."""
+
+
+class _TreeCuts:
+    """The search for the cuts of one design."""
+
+    def __init__(self, design: Design, limits: PieceLimits) -> None:
+        self.limits, layout = limits, flat_layout(design)
+        self.parent: list[int] = layout.tree.parent.tolist()
+        self.level: list[int] = layout.tree.level.tolist()
+        if design.build.taper:
+            sides = straight_sides(design, layout, (0.0, limits.reach_mm))
+        else:
+            sides = planned_sides(design, layout, limits.reach_mm)
+        sides = StraightSides(start_mm=sides.start_mm, end_mm=sides.end_mm + LEAST_DEPTH)
+        sleeves = sleeves_of(layout, sides, limits.size)
+        bodies = bodies_of(layout, design.build, sleeves, limits.size.rise_mm)
+        self.capsules: Capsules = bodies.capsules
+        self.whole = np.flatnonzero(bodies.kind == BodyKind.WHOLE)
+        self.rows: list[int] = self.capsules.branch.tolist()
+        self.own: NDArray[np.bool_] = ~self.capsules.pouch
+        stubs = np.flatnonzero(bodies.kind == BodyKind.STUB).tolist()
+        # Stubs, outer parts and sockets follow each other, each in the order of their branches.
+        self.stub = dict(zip(sorted(sleeves), stubs, strict=True))
+        self.outer = {row: at + len(sleeves) for row, at in self.stub.items()}
+        self.socket = {row: at + 2 * len(sleeves) for row, at in self.stub.items()}
+        found = spacing(self.capsules, limits.clearance_mm)
+        depths = pair_depths(self.capsules, found, limits.clearance_mm)
+        near = zip(found.first.tolist(), found.second.tolist(), depths.tolist(), strict=True)
+        self.depths: dict[tuple[int, int], float] = {
+            (one, two): depth for one, two, depth in near if depth > LEAST_DEPTH
+        }
+        self.pairs = sorted(self._pairs(), key=self._farthest_first)
+        self.weight = dict.fromkeys(self.stub, 0)
+        for pair in self.pairs:
+            for row in self.between(pair.a, pair.b, pair.also):
+                self.weight[row] += 1
+
+    def found(self) -> QuickCuts:
+        """Return the cuts, and what is left."""
+        fewest = _FewestCuts(self, self.limits.most_cuts).best
+        if fewest is not None:
+            return self._fitted(fewest)
+        cut = self._deepest()
+        return QuickCuts(branches=tuple(sorted(cut)), left=self.left(cut))
+
+    # --- pairs -----------------------------------------------------------------------------------
+
+    def _pairs(self) -> Iterator[_Pair]:
+        """Yield the pairs of whole bodies that are too near."""
+        last = int(self.whole[-1])
+        for (one, two), depth in sorted(self.depths.items()):
+            if two <= last:
+                a, b = self.rows[one], self.rows[two]
+                meet, also = self._meet(a, b), None
+                if meet == a and self._outer_clears(a, two):
+                    also = a
+                if meet == b and self._outer_clears(b, one):
+                    also = b
+                yield _Pair(one, two, a, b, depth, also)
+
+    def _farthest_first(self, pair: _Pair) -> int:
+        return (pair.also is not None) - self.level[self._meet(pair.a, pair.b)]
+
+    def _meet(self, a: int, b: int) -> int:
+        """Return the last branch that both of two are, or lie beyond."""
+        while a != b:
+            if self.level[a] >= self.level[b]:
+                a = self.parent[a]
+            else:
+                b = self.parent[b]
+        return a
+
+    def _outer_clears(self, row: int, other: int) -> bool:
+        """Return whether a branch may be cut, and its outer part is clear of a capsule."""
+        if row not in self.stub:
+            return False
+        return not any(self._depth(one[row], other) for one in (self.outer, self.socket))
+
+    def _depth(self, one: int, two: int) -> float:
+        return self.depths.get((min(one, two), max(one, two)), 0.0)
+
+    def between(self, a: int, b: int, also: int | None) -> list[int]:
+        """Return the branches whose cut may part two; ``also`` counts if they meet there."""
+        found = []
+        while a != b:
+            if self.level[a] >= self.level[b]:
+                found.append(a)
+                a = self.parent[a]
+            else:
+                found.append(b)
+                b = self.parent[b]
+        if also == a:
+            found.append(a)
+        return [row for row in found if row in self.stub]
+
+    # --- what is left ----------------------------------------------------------------------------
+
+    def pieces(self, cut: set[int]) -> list[int]:
+        """Return the piece that each branch ends on, named by its first branch."""
+        home = [0] * len(self.parent)
+        for row in range(1, len(home)):
+            home[row] = row if row in cut else home[self.parent[row]]
+        return home
+
+    def together(self, cut: set[int], home: list[int]) -> list[_Pair]:
+        """Return the pairs of whole bodies that are still on one piece."""
+        return [one for one in self.pairs if home[one.a] == home[one.b] and one.also not in cut]
+
+    def left(self, cut: set[int]) -> float:
+        """Return what is left of conflicts and excess."""
+        home = self.pieces(cut)
+        whole = sum(pair.depth for pair in self.together(cut, home))
+        parts = sum(depth for depth, *_ in self.of_parts(cut, home))
+        return whole + parts + self._excess(cut, home)
+
+    def of_parts(self, cut: set[int], home: list[int]) -> Iterator[Conflict]:
+        """Yield the conflicts of stubs and sockets with something on their piece."""
+        for pair in self.pairs:
+            if home[pair.a] != home[pair.b] or pair.also in cut:
+                yield from self._on_one_piece(self._of_stubs(pair, cut), home)
+        for row in sorted(cut):
+            yield from self._on_one_piece(self._of_socket(row, cut), home)
+
+    def _on_one_piece(
+        self, found: Iterator[tuple[int, int, int, int, int | None]], home: list[int]
+    ) -> Iterator[Conflict]:
+        """Yield conflicts of bodies, each given with the branch on whose piece it lies."""
+        for a, one, b, two, also in found:
+            depth = self._depth(one, two) if home[a] == home[b] else 0.0
+            if depth > 0.0:
+                yield depth, a, b, also
+
+    def _of_stubs(
+        self, pair: _Pair, cut: set[int]
+    ) -> Iterator[tuple[int, int, int, int, int | None]]:
+        """Yield each stub of a pair beside what there is of the other."""
+        sides = ((pair.a, pair.one), (pair.b, pair.two))
+        for (a, one), (b, two) in (sides, sides[::-1]):
+            if not self.own[one] or a not in cut:
+                continue
+            stub, up, also = self.stub[a], self.parent[a], None
+            if self.own[two] and b in cut:
+                yield up, stub, b, self.outer[b], None
+                if one == pair.one:
+                    yield up, stub, self.parent[b], self.stub[b], None
+                continue
+            if self.own[two] and self._outer_clears(b, stub):
+                also = b
+            yield up, stub, b, two, also
+
+    def _of_socket(
+        self, row: int, cut: set[int]
+    ) -> Iterator[tuple[int, int, int, int, int | None]]:
+        """Yield a socket beside everything that is not joined to it."""
+        socket = self.socket[row]
+        for two in self.whole.tolist():
+            yield row, socket, self.rows[two], two, None
+        for other in sorted(cut):
+            if other > row:
+                yield row, socket, self.parent[other], self.stub[other], None
+
+    def _excess(self, cut: set[int], home: list[int]) -> float:
+        """Return the summed excesses of all pieces over the sheet, relative to its shorter side."""
+        sheet = self.limits.sheet_mm
+        if sheet is None:
+            return 0.0
+        found = 0.0
+        for root in (0, *sorted(cut)):
+            whole = [one for one in self.whole.tolist() if home[self.rows[one]] == root]
+            begin = [one for one in whole if one != root]
+            end = whole + [self.stub[row] for row in sorted(cut) if home[self.parent[row]] == root]
+            span, socket = RotatedSpan(), [self.socket[root]] if root else []
+            if root == 0:
+                span.add_mouth(self.capsules)
+            for at_mm, half_mm, rows in (
+                (self.capsules.start_mm, self.capsules.half_mm, begin + socket),
+                (self.capsules.end_mm, self.capsules.end_half_mm, end + socket),
+            ):
+                span.add(at_mm[rows], half_mm[rows])
+            found += max(0.0, span.excess_mm(sheet) / min(sheet))
+        return found
+
+    # --- further cuts ----------------------------------------------------------------------------
+
+    def _fitted(self, cut: set[int]) -> QuickCuts:
+        """Return the cuts with further ones, for pieces that are larger than the sheet."""
+        left = self.left(cut)
+        while left > 0.0 and len(cut) < self.limits.most_cuts:
+            chosen, least = -1, math.inf
+            for row in sorted(self.stub.keys() - cut):
+                trial = self.left(cut | {row})
+                if trial < least * PARTED:
+                    chosen, least = row, trial
+            if least >= left * PARTED:
+                break
+            cut, left = cut | {chosen}, least
+        return QuickCuts(branches=tuple(sorted(cut)), left=left)
+
+    def _deepest(self) -> set[int]:
+        """Return cuts that part the deepest conflicts, one after the other."""
+        cut = set[int]()
+        while len(cut) < self.limits.most_cuts:
+            share = dict.fromkeys(range(len(self.parent)), 0.0)
+            for pair in self.together(cut, self.pieces(cut)):
+                for row in self.between(pair.a, pair.b, pair.also):
+                    share[row] += pair.depth
+            chosen = 0
+            for row, depth in share.items():
+                if depth > share[chosen] + LEAST_DEPTH:
+                    chosen = row
+            if share[chosen] <= 0.0:
+                break
+            cut.add(chosen)
+        return cut
+
+
+class _FewestCuts:
+    """A depth-first search for the fewest cuts that leave no conflict."""
+
+    def __init__(self, tree: _TreeCuts, most: int) -> None:
+        self.tree, self.most = tree, most
+        self.best: set[int] | None = None
+        self._steps = self._bound = 0
+        self._visit(set(), set())
+
+    def _visit(self, cut: set[int], banned: set[int]) -> None:
+        """Part the first conflict that some cuts leave by each branch that is not banned."""
+        if self._steps == MOST_STEPS or self._is_least():
+            return
+        self._steps += 1
+        ways = self._ways(cut, banned)
+        if ways is None:
+            self.best, self.most = cut, len(cut) - 1
+            return
+        for way in ways:
+            if len(cut) >= self.most:
+                return
+            self._visit(cut | {way}, banned)
+            banned = banned | {way}  # all sets of cuts with it were tried
+
+    def _is_least(self) -> bool:
+        return self.best is not None and len(self.best) <= self._bound
+
+    def _ways(self, cut: set[int], banned: set[int]) -> list[int] | None:
+        """Return the branches that may part the first conflict, None if there is no conflict.
+
+        There are none if more cuts than may be made are needed for certain.
+        """
+        tree, home = self.tree, self.tree.pieces(cut)
+        together, needed, used = tree.together(cut, home), 0, set[int]()
+        for pair in together:
+            between = set(tree.between(pair.a, pair.b, pair.also)) - banned
+            if between.isdisjoint(used):
+                needed += 1
+                used |= between
+            if not between or len(cut) + needed > self.most:
+                return []
+        if not cut:
+            self._bound = needed
+        if together:
+            ends = together[0].a, together[0].b, together[0].also
+        else:
+            conflict = next(tree.of_parts(cut, home), None)
+            if conflict is None:
+                return None
+            ends = conflict[1:]
+        ways = set(tree.between(*ends)) - banned
+        return sorted(ways, key=lambda row: (tree.weight[row], row), reverse=True)

@@ -1,0 +1,253 @@
+"""Rules about robots in pieces: their number, their sleeves, labels."""
+
+from collections.abc import Iterator
+
+from vinefab.fabrication.job.piece_marks import PLUG, SOCKET, joint_mark, piece_mark
+from vinefab.fabrication.job.placement import piece_name
+from vinefab.fabrication.rules.rule import (
+    Limits,
+    Rule,
+    RuleApplied,
+    RuleNotApplicable,
+    Violation,
+    branch_middle_mm,
+    branch_violation,
+    mark_branches,
+)
+from vinefab.fabrication.rules.subject import Subject
+from vinefab.fabrication.rules.widths import lap_occupancies
+from vinefab.model.finding import Severity
+from vinefab.model.job import Operation
+from vinefab.model.laser import LapBond
+from vinefab.model.pieces import Sleeve, Unparted
+from vinefab.physics.seam import lap_load_n_mm
+
+
+def _no_partition(subject: Subject) -> RuleNotApplicable:
+    """Return why a robot is not looked at in pieces."""
+    if subject.design.build.pieces is None:
+        return RuleNotApplicable(reason="one flat outline: the design has no build.pieces")
+    if subject.profile is None:
+        return RuleNotApplicable(reason="needs a recipe, for the size of its sleeves")
+    return RuleNotApplicable(
+        reason=f"{len(subject.names)} branches are too many to look for the fewest pieces"
+    )
+
+
+_MOST_NAMED = 4
+
+
+def check_sleeve_room(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-J01: where a robot must be parted, a branch has room for a sleeve."""
+    partition = subject.partition
+    if partition is None:
+        return _no_partition(subject)
+    violations = tuple(_unparted(subject, one) for one in partition.unparted)
+    return RuleApplied(checked=len(partition.sleeves) + len(violations), violations=violations)
+
+
+def _unparted(subject: Subject, found: Unparted) -> Violation:
+    named = found.branches[:_MOST_NAMED]
+    names = ", ".join(subject.ids(*named)) + (", ..." if len(found.branches) > len(named) else "")
+    message = f"{names} {found.why}, and cutting in pieces cannot help: "
+    if found.between:
+        between = ", ".join(subject.ids(*found.between[:_MOST_NAMED]))
+        message += (
+            f"no branch between them ({between}) has {found.needed_mm:.1f} mm of straight side for "
+            "a sleeve: lengthen one, or shorten fillets, lap or pouch"
+        )
+    else:
+        message += "no branch lies between them, or only ones whose stubs are in the way"
+    return Violation(
+        message=message,
+        measured=found.room_mm,
+        limit=found.needed_mm,
+        branches=subject.ids(*named),
+        at_mm=branch_middle_mm(subject.layout, found.branches[0]),
+        marker=mark_branches(subject.layout, found.branches),
+        aspect=found.why,
+    )
+
+
+def check_piece_count(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-J02: a robot needs no more pieces than its design allows."""
+    partition, settings = subject.partition, subject.design.build.pieces
+    if partition is None or settings is None:
+        return _no_partition(subject)
+    count = len(partition.pieces)
+    least = "no fewer possible" if partition.proven_least else "fewer may be possible"
+    if partition.unparted:
+        return RuleApplied(checked=count, note="cannot be cut in pieces that lie flat")
+    if count <= settings.most:
+        return RuleApplied(checked=count, note=f"{count} piece{'s' * (count > 1)}, {least}")
+    message = (
+        f"it takes {count} pieces to lie flat ({least}): set build.pieces.most to {count}, or have "
+        "fewer or shorter branches"
+    )
+    violation = Violation(message=message, measured=float(count), limit=float(settings.most))
+    return RuleApplied(checked=count, violations=(violation,))
+
+
+def check_laps(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-J03: the laps of sleeves bear the working pressure with a safety factor."""
+    if subject.partition is None or subject.profile is None:
+        return _no_partition(subject)
+    sleeves = subject.partition.sleeves
+    recipe, pieces = subject.profile.recipe, subject.design.build.pieces
+    if not sleeves:
+        return RuleApplied(checked=0)
+    if recipe.lap is None:
+        reason = f"recipe {recipe.name} has no table [lap]: nothing is known of the bond of sleeves"
+        return RuleNotApplicable(reason=f"{reason}; burst lap coupons and calibrate it")
+    violations = [
+        violation
+        for sleeve in sleeves
+        if (violation := _weak_lap(subject, sleeve, recipe.lap, limits))
+    ]
+    if pieces is not None and pieces.lap_mm < recipe.lap.band_mm.value:
+        rows = [sleeve.branch for sleeve in sleeves]
+        violations.append(_short_lap(subject.ids(*rows), pieces.lap_mm, recipe.lap))
+    return RuleApplied(checked=len(sleeves), violations=tuple(violations))
+
+
+def _weak_lap(subject: Subject, sleeve: Sleeve, bond: LapBond, limits: Limits) -> Violation | None:
+    load_n_mm = lap_load_n_mm(subject.design.build.pressure_kpa, sleeve.width_mm)
+    limit_n_mm = bond.load_n_per_mm.value / limits["safety_factor"]
+    severity = Severity.ERROR if bond.is_measured_limit else Severity.WARNING
+    broken = Limits({severity.value: limit_n_mm}).most(load_n_mm)
+    if broken is None:
+        return None
+    message = (
+        f"the lap of plug {sleeve.label}, {sleeve.width_mm:.1f} mm wide, may be loaded with "
+        f"{limit_n_mm:.3f} N per mm of rim with safety ({bond.words()}): lower the pressure or "
+        f"narrow the branch{'' if bond.is_measured_limit else ', or burst lap coupons'}"
+    )
+    return branch_violation(
+        subject,
+        [sleeve.branch],
+        message,
+        (load_n_mm, broken),
+        at_mm=_along_mm(subject, sleeve.branch, sleeve.socket_mm),
+    )
+
+
+def _short_lap(branches: tuple[str, ...], lap_mm: float, bond: LapBond) -> Violation:
+    """Return a warning that the bond's band is wider than the laps on some branches."""
+    return Violation(
+        message=f"a band of {bond.band_mm.value:g} mm, that of the recipe, has no room on laps of "
+        f"{lap_mm:g} mm: lengthen them ([build] pieces.lap_mm)",
+        severity=Severity.WARNING,
+        branches=branches,
+        aspect="band",
+    )
+
+
+def _along_mm(subject: Subject, branch: int, distance_mm: float) -> tuple[float, float]:
+    """Return the place at a distance along a branch's centre line."""
+    start_mm, end_mm = subject.layout.start_mm[branch], subject.layout.end_mm[branch]
+    x, y = start_mm + (end_mm - start_mm) * (distance_mm / subject.layout.tree.length_mm[branch])
+    return float(x), float(y)
+
+
+def check_lap_packing(subject: Subject, limits: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-J04: folded film leaves room in the lumen that it rides in also where laps double it."""
+    if subject.partition is None or subject.sleeve is None or subject.profile is None:
+        return _no_partition(subject)
+    film_mm = subject.profile.material.ply_mm.value * subject.profile.material.plies
+    shares = lap_occupancies(
+        subject.design,
+        subject.partition.sleeves,
+        subject.sleeve.rise_mm,
+        film_mm,
+        limits["packing"],
+    )
+    fullest: dict[int, int] = {}
+    for branch, share in shares.items():
+        level = int(subject.layout.tree.level[branch])
+        if share > shares.get(fullest.get(level, -1), 0.0):
+            fullest[level] = branch
+    message = (
+        "with the laps of sleeves in it, the film that rides here fills too much of the lumen: "
+        "fewer or narrower children, or fewer cuts below"
+    )
+    violations = [
+        branch_violation(subject, [branch], message, (100.0 * shares[branch], broken))
+        for branch in fullest.values()
+        if (broken := limits.most(100.0 * shares[branch]))
+    ]
+    return RuleApplied(checked=len(shares), violations=tuple(violations))
+
+
+def check_piece_labels(subject: Subject, _: Limits) -> RuleApplied | RuleNotApplicable:
+    """VF-J05: every piece and both ends of every joint are labelled beside them."""
+    partition, job, profile = subject.partition, subject.job, subject.profile
+    if partition is None:
+        return _no_partition(subject)
+    if job is None or profile is None:
+        return RuleNotApplicable(reason="needs a recipe, which the marks follow from")
+    if len(partition.pieces) == 1:
+        return RuleApplied(checked=0)
+    wanted = list(_wanted(subject))
+    made = {path.label.split(", part ")[0] for path in job.along(Operation.MARK)}
+    missing = [label for label in wanted if label not in made]
+    if not missing:
+        return RuleApplied(checked=len(wanted))
+    few = ", ".join(missing[:_MOST_NAMED]) + (", ..." if len(missing) > _MOST_NAMED else "")
+    violation = Violation(
+        message=f"{len(missing)} labels are missing on the film ({few}): write them by hand, "
+        "after assembly.svg, before a piece is lifted out",
+        severity=Severity.WARNING,
+        measured=float(len(missing)),
+        limit=0.0,
+    )
+    return RuleApplied(checked=len(wanted), violations=(violation,))
+
+
+def _wanted(subject: Subject) -> Iterator[str]:
+    """Yield the names of all labels that a robot in pieces needs."""
+    partition, design = subject.partition, subject.design.name
+    if partition is None:
+        return
+    for piece in partition.pieces:
+        yield piece_mark(piece_name(design, piece.label))
+    for sleeve in partition.sleeves:
+        yield joint_mark(SOCKET, sleeve.label, piece_name(design, sleeve.label))
+        yield joint_mark(PLUG, sleeve.label, piece_name(design, sleeve.inner))
+
+
+SLEEVE_ROOM = Rule(
+    id="VF-J01",
+    title="room for a sleeve where the robot must be parted",
+    unit="mm",
+    reason="plug and socket need a straight stretch, away from fillets, tips and pouches",
+    check=check_sleeve_room,
+)
+PIECE_COUNT = Rule(
+    id="VF-J02",
+    title="number of pieces",
+    reason="each joint is one more place to leak and some minutes of work",
+    check=check_piece_count,
+)
+LAP = Rule(
+    id="VF-J03",
+    title="laps of sleeves bear the working pressure",
+    unit="N/mm",
+    limits={"safety_factor": 1.5},
+    reason="the pressure pulls a sleeve apart with P w / (2 pi) per millimetre of its rim; only "
+    "laps that failed in a test forbid, what they bore is a lower bound",
+    check=check_laps,
+)
+LAP_PACKING = Rule(
+    id="VF-J04",
+    title="folded film with the laps of sleeves within the lumen it rides in",
+    unit="%",
+    limits={"error": 60.0, "warning": 30.0, "packing": 0.1},
+    reason="the film of a lap is doubled and rides inside the body like all of it (uncalibrated)",
+    check=check_lap_packing,
+)
+PIECE_LABELS = Rule(
+    id="VF-J05",
+    title="a label beside every piece, plug and socket",
+    reason="pieces look alike, and a mirrored branch joined the wrong way up cannot be undone",
+    check=check_piece_labels,
+)

@@ -61,9 +61,7 @@ def test_the_folder_holds_a_page_and_its_pictures(folder: Path) -> None:
     assert all(is_ours(path) for path in (folder / "pictures").iterdir())
 
 
-def test_a_winner_in_pieces_says_how_many(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_winner_in_pieces_says_how_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pieces = PieceSettings(most=3)
     run = replace(
         RUN,

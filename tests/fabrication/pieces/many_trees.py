@@ -23,6 +23,7 @@ from vinefab.model.design import PieceSettings
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.search.space import BuildSettings, Space, SpaceSettings
 
+LONG_S = 20.0
 BINS = (10, 40, 100, 341)
 CHECKED = ROOM_RULES | {"VF-W04", "VF-P05", "VF-S01", "VF-J01", "VF-J02"}
 
@@ -60,6 +61,11 @@ def main(trees=2000, seed=1, width_mm=40.0):
         else:
             outcomes[", ".join(sorted(named)) or "pieces that pass"] += 1
         count = design.branch_count
+        if spent > LONG_S:
+            sys.stdout.write(f"tree {number}: {count} branches took {spent:.0f} s\n")
+        if number % 100 == 99:
+            sys.stdout.write(f"{number + 1} trees: {dict(outcomes)}\n")
+            sys.stdout.flush()
         place = next(limit for limit in BINS if count <= limit)
         sizes[place].append((len(partition.pieces), partition.proven_least, spent, bool(named)))
     for place in BINS:

@@ -7,7 +7,14 @@ import pytest
 from vinefab.fabrication.checking import check_design
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.design import Build, Design, Level, Waiver, default_fillets_mm
+from vinefab.model.design import (
+    Build,
+    Design,
+    Level,
+    PieceSettings,
+    Waiver,
+    default_fillets_mm,
+)
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.laser import Quantity, Standing
 from vinefab.prediction.deploy import deploy_from_starts
@@ -110,6 +117,20 @@ def test_a_score_has_an_interval_over_maps_or_poses():
     assert one.endswith("over 3 poses)")
     (advice,) = score_change_lines(design, longer, [])
     assert "--map" in advice
+
+
+def test_branches_that_cross_need_no_change_in_pieces(profile):
+    levels = tuple(
+        Level(branches=count, length_mm=length_mm, fan_rad=math.radians(angle_deg))
+        for count, length_mm, angle_deg in ((3, 34.0, 100.0), (3, 140.0, 120.0))
+    )
+    build = Build(widths_mm=(40.0, 24.0, 12.0), fillet_mm=(6.0, 3.0), pieces=PieceSettings())
+    design = Design(name="tree", trunk_length_mm=150.0, levels=levels, build=build)
+    found = propose_fix(design, profile)
+    assert "VF-C03" in {finding.rule for finding in found.before.blocking}
+    assert found.design.levels[1] == design.levels[1]
+    assert found.design.build.pieces == build.pieces
+    assert check_design(found.design, profile).blocking == ()
 
 
 def test_a_large_change_names_the_other_way(profile):

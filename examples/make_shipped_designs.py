@@ -9,7 +9,13 @@ from pathlib import Path
 
 import vinefab as vf
 
-OPTIMIZED = {"grid_explorer": "grid", "cave_explorer": "cave", "six_branch_anchor": "cave"}
+OPTIMIZED = {
+    "grid_explorer": "grid",
+    "grid_explorer_pieces": "grid",
+    "cave_explorer": "cave",
+    "cave_explorer_pieces": "cave",
+    "six_branch_anchor": "cave",
+}
 """Each with the environment that it was made for."""
 
 

@@ -8,7 +8,7 @@ from vinefab.core.atomic import write_bytes
 from vinefab.core.jsontext import json_text
 from vinefab.fabrication.package.prepare import package, zip_bytes
 from vinefab.maps.generators.grid import GridOptions, grid_map
-from vinefab.model.design import Design
+from vinefab.model.design import Design, PieceSettings
 from vinefab.model.files.design_toml import design_text, read_design
 from vinefab.model.files.map_geojson import map_text
 from vinefab.model.files.profile_toml import read_profile
@@ -36,6 +36,8 @@ from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 
 _FIRST_UNSEEN = 100_001
 _POSES = 3
+_PIECES = 3
+"""Most flat pieces of the winner: two joints are an hour's work."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +67,8 @@ class DemoSettings:
         """Return the run of the optimizer.
 
         Narrower than Table 1 of the paper: at most three levels and four children, so that the
-        winner has a size that a person can cut, mount and deploy on a bench.
+        winner has a size that a person can cut, mount and deploy on a bench. It may be cut in three
+        pieces.
         """
         return RunSettings(
             name="demo_winner",
@@ -78,7 +81,9 @@ class DemoSettings:
                 branches=Bounds(low=2, high=4),
                 growth_percent=Bounds(low=60.0, high=140.0),
             ),
-            build=BuildSettings(trunk_width_mm=24.0, width_ratio=0.65),
+            build=BuildSettings(
+                trunk_width_mm=24.0, width_ratio=0.65, pieces=PieceSettings(most=_PIECES)
+            ),
             search=SearchSettings(
                 population=self.population, generations=self.generations, seed=self.seed
             ),
@@ -105,12 +110,21 @@ class Demo:
         """Whether no design rule blocks the winner."""
         return not self.predicted.prepared.report.blocking
 
+    def _pieces(self) -> str:
+        """Return how many pieces the winner is cut in."""
+        partition = self.predicted.prepared.partition
+        if partition is None:
+            return "1"
+        least = "no fewer possible" if partition.proven_least else "fewer may be possible"
+        return f"{len(partition.pieces)}, {least}"
+
     def table(self) -> tuple[tuple[str, str], ...]:
         """Return the result as rows of name and value."""
         best, report = self.result.best, self.predicted.prepared.report
         reach = self.predicted.main.outcomes.spread(REACH)
         return (
             ("winner", f"{best.branch_count} branches on {best.depth} levels"),
+            ("flat pieces to cut", self._pieces()),
             ("coverage score, training maps", f"{demo_interval_text(self.training)} (simulated)"),
             ("coverage score, unseen maps", f"{demo_interval_text(self.unseen)} (simulated)"),
             (

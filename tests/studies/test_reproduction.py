@@ -13,6 +13,7 @@ from vinefab.cli.main import main
 from vinefab.core.errors import BadInputError, ForeignFileError, UnreadableFileError
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
+from vinefab.model.design import PieceSettings
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.tree import branch_tree
 from vinefab.search.run_file import read_run
@@ -72,8 +73,8 @@ def test_all_experiments_stand_on_the_page_and_in_the_numbers(folder):
 def test_fabricable_winners_pass_the_check(folder):
     document = json.loads((folder / "reproduction.json").read_text())
     for found in document["experiments"]["price"]["data"].values():
-        assert found["passes"]["fabricable"] == QUICK.making_seeds
-        assert np.shape(found["free"]) == np.shape(found["fabricable"])
+        assert found["passes"]["fabricable"] == found["passes"]["pieces"] == QUICK.making_seeds
+        assert np.shape(found["free"]) == np.shape(found["fabricable"]) == np.shape(found["pieces"])
 
 
 def test_every_variant_says_what_it_asks(folder):
@@ -169,6 +170,8 @@ def test_a_design_survives_being_plain():
     design = read_design("grid_explorer")
     again = design_from(json.loads(json.dumps(plain_design(design))))
     assert (again.levels, again.build) == (design.levels, design.build)
+    cut = replace(design, build=replace(design.build, pieces=PieceSettings(most=3, lap_mm=12.0)))
+    assert design_from(json.loads(json.dumps(plain_design(cut)))).build == cut.build
     assert total_length_mm(again) == pytest.approx(branch_tree(design).total_length_mm)
 
 

@@ -51,6 +51,9 @@ class Partition:
     pieces: tuple[Piece, ...]
     sleeves: tuple[Sleeve, ...] = ()  # of all pieces but the first, in their order
     proven_least: bool = True  # whether no fewer pieces are possible
+    # Whether even these pieces do not pass: the search for the least number was given up, as it is
+    # beyond what the design allows.
+    unfinished: bool = False
     unparted: tuple[Unparted, ...] = ()  # why it cannot be cut in pieces that lie flat; else none
 
     def sleeve(self, branch: int) -> Sleeve:

@@ -4,10 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from vinefab.core.hashing import fingerprint
 from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
-from vinefab.model.design import Pouch
+from vinefab.model.design import PieceSettings, Pouch
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.pages.figure import svg_bytes
@@ -57,15 +59,21 @@ TASKS = {"coverage": COVERAGE, "reach": REACH, "anchoring": ANCHORING}
 POUCHED = BuildSettings(pouch=Pouch(shape="rectangle", length_mm=25.0, width_mm=40.0))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pair:
-    """One task in one environment, both ways."""
+WAYS = {"free": "free", "pieces": "pieces", "fabricable": "one outline"}
+"""What winners must be, as data and pages call it: nothing, or manufacturable, either in pieces or
+in one flat outline."""
 
-    # free, made: scores of the winners that need not and that must be made, shape (runs, maps,
-    # poses)
-    free: Floats
-    made: Floats
-    passes: tuple[int, int]  # how many winners of each pass the whole check
+FREE, PIECES, OUTLINE = WAYS
+
+MOST_PIECES = 6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ThreeWays:
+    """One task in one environment, searched in three ways."""
+
+    scores: Mapping[str, Floats]  # of the winners by way, shape (runs, maps, poses) each
+    passes: Mapping[str, int]  # how many winners of a way pass the whole check
 
 
 def making_run(size: StudySize, environment: str, task: str, number: int) -> RunSettings:
@@ -78,12 +86,25 @@ def making_run(size: StudySize, environment: str, task: str, number: int) -> Run
     return replace(run, name=f"{task}_{environment}", task=ANCHORING, space=SPACE, build=POUCHED)
 
 
+def run_of_way(free: RunSettings, way: str) -> RunSettings:
+    """Return a run that asks of its winner what a way asks."""
+    if way == FREE:
+        return free
+    run = with_evaluation(free, fabricable=True)
+    if way == OUTLINE:
+        return run
+    return replace(run, build=replace(run.build, pieces=PieceSettings(most=MOST_PIECES)))
+
+
 def price(store: JobStore) -> StudyResult:
-    """Search with and without asking for a manufacturable robot, seed by seed."""
+    """Search without asking for a manufacturable robot and with it, in pieces and in one outline.
+
+    All seed by seed.
+    """
     size = store.size
     designs = size.population * size.generations
-    pairs = {
-        f"{NAMES[home]}, {task}": _pair(store, home, task)
+    found = {
+        f"{NAMES[home]}, {task}": _three_ways(store, home, task)
         for task in TASKS
         for home in ENVIRONMENTS
     }
@@ -92,86 +113,91 @@ def price(store: JobStore) -> StudyResult:
         title="The price of fabricability (beyond the paper)",
         protocol=(
             f"The same search ({designs} designs in {size.generations} generations; "
-            f"{size.making_seeds} seeds, each on training maps of its own) with and without "
-            "`fabricable = true`: with it, "
-            "designs that break the rules of the shipped recipe rank below all others. A pair has "
-            "the same seed, training maps and poses; seeds and maps are drawn together for both. "
-            f"{size.unseen_maps} unseen maps, {size.poses} poses. Widths, clearances and limits "
-            "are the recipe's, most of them assumed.",
+            f"{size.making_seeds} seeds, each on training maps of its own) three times: free, and "
+            "with `fabricable = true` either cut in pieces that sleeves join (at most "
+            f"{MOST_PIECES}) or as one flat outline: "
+            "designs that break the rules of the shipped recipe rank below all others. Three runs "
+            "have the same seed, training maps and poses; seeds and maps are drawn together. "
+            f"{size.unseen_maps} unseen maps, {size.poses} poses. Widths, clearances, laps and "
+            "limits are the recipe's, most of them assumed.",
             "Anchors are a trunk and one fan with a rectangular pouch of 25 x 40 mm on each leaf; "
             "only pouches that are wider than the gap they end in hold.",
         ),
-        rows=tuple(row for name, pair in pairs.items() for row in _rows(name, pair, size)),
+        rows=tuple(row for name, ways in found.items() for row in _rows(name, ways, size)),
         remarks=(
             "A flat sheet has two dimensions: trees of many branches cross themselves on it, which "
-            "is the rule that free winners break nearly always.",
+            "is the rule that free winners break nearly always. Branches on different pieces may "
+            "cross; all other rules hold for pieces too.",
         ),
         pictures=(
             _picture(
-                {name: pair for name, pair in pairs.items() if "anchoring" not in name}, "score"
+                {name: ways for name, ways in found.items() if "anchoring" not in name}, "score"
             ),
             _picture(
-                {name: pair for name, pair in pairs.items() if "anchoring" in name}, "pouches"
+                {name: ways for name, ways in found.items() if "anchoring" in name}, "pouches"
             ),
         ),
         data={
             name: {
-                "free": pair.free.tolist(),
-                "fabricable": pair.made.tolist(),
-                "passes": {"free": pair.passes[0], "fabricable": pair.passes[1]},
+                **{way: ways.scores[way].tolist() for way in WAYS},
+                "passes": dict(ways.passes),
             }
-            for name, pair in pairs.items()
+            for name, ways in found.items()
         },
     )
 
 
-def _pair(store: JobStore, home: str, task: str) -> Pair:
+def _three_ways(store: JobStore, home: str, task: str) -> ThreeWays:
     size = store.size
-    free_runs = [making_run(size, home, task, number) for number in range(size.making_seeds)]
-    made_runs = [with_evaluation(run, fabricable=True) for run in free_runs]
-    found = trained(store, [*free_runs, *made_runs])
+    free = [making_run(size, home, task, number) for number in range(size.making_seeds)]
+    found = trained(store, [run_of_way(run, way) for way in WAYS for run in free])
     scores = study_scores(
         store, [unseen_test(size, run["design"], home, measured_fast(TASKS[task])) for run in found]
     )
     checked = store.do([FullCheckJob(design=run["design"]) for run in found], "checking")
-    passing = [part["passes"] for part in checked]
-    return Pair(
-        free=scores[: size.making_seeds],
-        made=scores[size.making_seeds :],
-        passes=(sum(passing[: size.making_seeds]), sum(passing[size.making_seeds :])),
+    passing = np.array([part["passes"] for part in checked]).reshape(len(WAYS), -1)
+    by_way = scores.reshape(len(WAYS), -1, *scores.shape[1:])
+    return ThreeWays(
+        scores=dict(zip(WAYS, by_way, strict=True)),
+        passes=dict(zip(WAYS, passing.sum(axis=1).tolist(), strict=True)),
     )
 
 
-def _rows(name: str, pair: Pair, size: StudySize) -> list[PaperNumber]:
+def _rows(name: str, ways: ThreeWays, size: StudySize) -> list[PaperNumber]:
     digits = 2 if "anchoring" in name else 3
-    cost = difference(pair.free, pair.made, same_runs=True)
+    scores = ways.scores
+    cost = difference(scores[FREE], scores[OUTLINE], same_runs=True)
+    back = difference(scores[PIECES], scores[OUTLINE], same_runs=True)
     return [
         PaperNumber(
-            what=f"{name}: free; fabricable",
-            ours=f"{interval_text(interval(pair.free), digits)}; "
-            f"{interval_text(interval(pair.made), digits)}",
+            what=f"{name}: {'; '.join(WAYS.values())}",
+            ours="; ".join(interval_text(interval(scores[way]), digits) for way in WAYS),
         ),
         PaperNumber(
-            what=f"{name}: price, paired by seed and map",
+            what=f"{name}: price of one outline, paired by seed and map",
             ours=interval_text(cost, digits),
         ),
         PaperNumber(
-            what=f"{name}: winners that pass the whole check, free; fabricable",
-            ours="; ".join(f"{passing} of {size.making_seeds}" for passing in pair.passes),
+            what=f"{name}: what pieces bring back, paired by seed and map",
+            ours=interval_text(back, digits),
+        ),
+        PaperNumber(
+            what=f"{name}: winners that pass the whole check, {'; '.join(WAYS.values())}",
+            ours="; ".join(f"{ways.passes[way]} of {size.making_seeds}" for way in WAYS),
         ),
     ]
 
 
-def _picture(pairs: dict[str, Pair], label: str) -> Picture:
+def _picture(found: dict[str, ThreeWays], label: str) -> Picture:
     groups = {
         name.replace(", ", ",\n"): [
-            Bar(label="free", found=interval(pair.free)),
-            Bar(label="fabricable", found=interval(pair.made)),
+            Bar(label=label, found=interval(ways.scores[way])) for way, label in WAYS.items()
         ]
-        for name, pair in pairs.items()
+        for name, ways in found.items()
     }
     return Picture(
         image=svg_bytes(grouped_bars(groups, {}, f"{label} (simulated)")),
-        caption="Winners on unseen maps (simulated), with 95 % intervals over seeds and maps.",
+        caption="Winners on unseen maps (simulated), with 95 % intervals over seeds and maps. "
+        f"Pieces: at most {MOST_PIECES}.",
         wide=True,
     )

@@ -24,7 +24,7 @@ from vinefab.core.units import rad
 from vinefab.core.validation import Floats
 from vinefab.core.version import __version__
 from vinefab.growth.options import GrowthOptions
-from vinefab.model.design import Build, Design, Level, Pouch
+from vinefab.model.design import Build, Design, Level, PieceSettings, Pouch
 from vinefab.model.map import Map
 from vinefab.search.loop import Search
 from vinefab.search.record.result import RunIdentity
@@ -43,7 +43,7 @@ class StudySize:
     repeats: int = 10  # runs of `convergence` and `search` [paper: 10]
     single_seeds: int = 24  # runs per setting of `maps`: as many maps, where each trains on one
     ablation_seeds: int = 10  # runs per setting of `ablation`
-    making_seeds: int = 10  # pairs of runs per setting of `price`
+    making_seeds: int = 10  # runs of each of the three ways per setting of `price`
     # population, generations: size of a search on coverage; 100 is the size of the paper's swarm in
     # MATLAB
     population: int = 100
@@ -84,7 +84,7 @@ QUICK = StudySize(
 
 def plain_design(design: Design) -> dict[str, Any]:
     """Return a design's shape and build; its origin and waivers are left out."""
-    build, pouch = design.build, design.build.pouch
+    build, pouch, pieces = design.build, design.build.pouch, design.build.pieces
     return {
         "name": design.name,
         "trunk_length_mm": design.trunk_length_mm,
@@ -106,12 +106,13 @@ def plain_design(design: Design) -> dict[str, Any]:
         else {
             name: getattr(pouch, name) for name in ("shape", "radius_mm", "length_mm", "width_mm")
         },
+        **({} if pieces is None else {"pieces": asdict(pieces)}),
     }
 
 
 def design_from(plain: Mapping[str, Any]) -> Design:
     """Return the design of `plain_design`."""
-    pouch = plain["pouch"]
+    pouch, pieces = plain["pouch"], plain.get("pieces")
     return Design(
         name=plain["name"],
         trunk_length_mm=plain["trunk_length_mm"],
@@ -122,6 +123,7 @@ def design_from(plain: Mapping[str, Any]) -> Design:
             tail_mm=plain["tail_mm"],
             pressure_kpa=plain["pressure_kpa"],
             pouch=None if pouch is None else Pouch(**pouch),
+            pieces=None if pieces is None else PieceSettings(**pieces),
         ),
     )
 

@@ -119,7 +119,7 @@ def test_the_bill_of_materials_counts_joints_by_hand(cut_at, robot, profile) -> 
     lines = {line.item: line for line in joint_lines(robot, partition, profile)}
     by_hand = {
         "pieces": 3,
-        "joints": 2,
+        "sleeve joints": 2,
         "film in laps, all plies": 2 * 15.0 * (21.8 + 11.8) / 100.0,
         "bands around laps": 2,
         "band length": 2.0 * (20.0 + 10.0),

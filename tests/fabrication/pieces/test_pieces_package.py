@@ -1,8 +1,10 @@
 """Packages of robots in pieces, read back from their files and put together again."""
 
+import csv
 import io
 import json
 import math
+import re
 from dataclasses import replace
 
 import ezdxf
@@ -122,6 +124,39 @@ def test_every_sheet_has_its_files_and_the_pieces_their_labels(made):
     assert "VF-J05" not in findings
 
 
+def test_a_package_says_how_its_own_pieces_are_joined(made):
+    one, _, files = made
+    job, readme = json.loads(files["job.json"]), files["README.txt"].decode()
+    assert files["assembly.svg"].startswith(b"<?xml")
+    assert files["assembly.pdf"].startswith(b"%PDF")
+    section = " ".join(readme.split("6a. Joining the pieces")[1].split("7. Mounting")[0].split())
+    told = re.findall(
+        r"Joint (\d+) of (\d+): socket (\w+) over plug (\w+) \(piece (\w+) on piece (\w+), branch"
+        r" ([\d.]+), ([\d.]+) mm wide\), ([\d.]+) mm deep",
+        section,
+    )
+    assert [int(step[0]) for step in told] == list(range(1, len(job["joints"]) + 1))
+    joints = {joint["label"]: joint for joint in job["joints"]}
+    assert {step[2] for step in told} == joints.keys()
+    made_already: set[str] = set()
+    for _, count, socket, plug, outer, inner, branch, wide, deep in told:
+        joint = joints[socket]
+        assert (count, plug, outer) == (str(len(joints)), socket, socket)
+        assert (inner, branch) == (joint["plug_on"], joint["branch"])
+        assert float(wide) == pytest.approx(joint["lumen_width_mm"], abs=0.05)
+        assert float(deep) == pytest.approx(joint["plug_to_mm"] - joint["socket_from_mm"])
+        on_outer = {label for label, other in joints.items() if other["plug_on"] == outer}
+        assert on_outer <= made_already
+        made_already.add(socket)
+    bill = {row["item"]: row for row in csv.DictReader(io.StringIO(files["bom.csv"].decode()))}
+    assert float(bill["pieces"]["value"]) == len(job["pieces"])
+    rims = math.fsum(2.0 * joint["lumen_width_mm"] for joint in job["joints"])
+    assert float(bill["band length"]["value"]) == pytest.approx(rims, rel=1e-5)
+    page = files["report.html"].decode()
+    assert page.count("<h2>Pieces</h2>") == 1
+    assert one.name in page
+
+
 def test_a_robot_that_needs_one_piece_gives_the_files_it_gave():
     flat = design(fan(3, 120.0, 150.0))
     plain = replace(flat, build=replace(flat.build, pieces=None))
@@ -129,13 +164,17 @@ def test_a_robot_that_needs_one_piece_gives_the_files_it_gave():
     one, other = (package(prepare(each, PROFILE)) for each in (flat, plain))
     # The rules about pieces are run on the one and skipped on the other.
     differ = {name for name in one if one[name] != other[name]}
+    assert not any(name.startswith("assembly") for name in one)
     assert one.keys() == other.keys()
     assert differ <= {"checks.json", "report.html", "MANIFEST.sha256"}
 
 
 def test_copies_share_sheets_and_keep_their_pieces_apart():
     prepared = prepare(CROSSED, PROFILE, sheet=SheetOptions(copies=2))
-    job = json.loads(package(prepared)["job.json"])
+    files = package(prepared)
+    job = json.loads(files["job.json"])
+    assert b"The sheets hold 2 robots: the steps are for each" in files["README.txt"]
+    assert b"sleeve joints,2," in files["bom.csv"]
     assert [(piece["label"], piece["copy"]) for piece in job["pieces"]] == [
         ("A", 1),
         ("B", 1),

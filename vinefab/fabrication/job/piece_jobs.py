@@ -46,7 +46,7 @@ def pieces_job(
     """
     if sheet.beside:
         other = sheet.beside[0].name
-        raise BadInputError("with", other, f"nothing: {design.name} is cut in pieces of its own")
+        raise BadInputError("--with", other, f"nothing: {design.name} is cut in pieces of its own")
     parts = _parts(design, profile, sheet, partition)
     sheets = _on_sheets(parts, profile)
     wide, high = profile.machine.bed_width_mm.value, profile.machine.bed_height_mm.value

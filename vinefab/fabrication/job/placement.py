@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.fft
 import shapely
 from numpy.typing import NDArray
 
@@ -247,6 +248,7 @@ class _Bed:
         self.rim = math.ceil(self.near_mm / self.cell_mm) + 1
         shape = [math.ceil(side / self.cell_mm) + 2 * self.rim for side in reversed(room_mm)]
         self.taken: Cells = np.zeros(shape, dtype=np.bool_)
+        self.period = [scipy.fft.next_fast_len(length, real=True) for length in shape]
         self.used_mm = (0.0, 0.0)
 
     def stamp(self, robot: shapely.Polygon, turn_rad: float) -> _Stamp:
@@ -256,40 +258,59 @@ class _Bed:
         near = shapely.buffer(turned, self.near_mm, quad_segs=4)
         counts = [math.ceil(side / self.cell_mm) + 2 * self.rim for side in (x1 - x0, y1 - y0)]
         across, up = (
-            low + (np.arange(count) - self.rim + 0.5) * self.cell_mm
+            low + (np.arange(count, dtype=np.float64) - self.rim + 0.5) * self.cell_mm
             for low, count in zip((x0, y0), counts, strict=True)
         )
-        x, y = np.meshgrid(across, up)
-        shapely.prepare(near)
         return _Stamp(
             turn_rad=turn_rad,
             low_mm=(x0, y0),
             size_mm=(x1 - x0, y1 - y0),
-            cells=np.asarray(shapely.contains_xy(near, x, y)),
+            cells=_within(near, across, up),
         )
 
-    def best(self, stamp: _Stamp) -> tuple[float, int, int] | None:
-        """Return the least use of the bed with the robot in a free cell, and that cell; or None."""
-        last = [
-            math.floor((room - size) / self.cell_mm + 1e-9)
+    def places(self, stamp: _Stamp) -> tuple[int, int]:
+        """Return how many rows and columns the corner of a robot's box may lie in; 0 if none."""
+        wide, high = (
+            max(0, math.floor((room - size) / self.cell_mm + 1e-9) + 1)
             for room, size in zip(self.room_mm, stamp.size_mm, strict=True)
-        ]
-        if min(last) < 0:
-            return None
-        shape = self.taken.shape
-        collisions = np.fft.irfft2(
-            np.fft.rfft2(self.taken) * np.conj(np.fft.rfft2(stamp.cells, s=shape)), s=shape
         )
-        free = collisions[: last[1] + 1, : last[0] + 1] < 0.5
-        rows, columns = np.nonzero(free)
-        if not len(rows):
+        return (high, wide) if high and wide else (0, 0)
+
+    def least_use(self, stamp: _Stamp) -> float:
+        """Return the use of the bed below which no place of a robot comes."""
+        return math.prod(map(max, self.used_mm, stamp.size_mm))
+
+    def spectrum(self) -> NDArray[np.complexfloating]:
+        """Return the transform of the taken cells."""
+        return self._transform(self.taken)
+
+    def _transform(self, cells: Cells) -> NDArray[np.complexfloating]:
+        # Single precision: the counts of cells that it gives are off by some hundredths.
+        return scipy.fft.rfft2(cells.astype(np.float32), s=self.period)
+
+    def best(
+        self, stamp: _Stamp, taken: NDArray[np.complexfloating]
+    ) -> tuple[float, int, int] | None:
+        """Return the least use of the bed with the robot in a free cell, and that cell; or None.
+
+        Parameters
+        ----------
+        taken
+            The bed's `spectrum`.
+        """
+        rows, columns = self.places(stamp)
+        if not rows:
             return None
-        wide = np.maximum(self.used_mm[0], columns * self.cell_mm + stamp.size_mm[0])
-        high = np.maximum(self.used_mm[1], rows * self.cell_mm + stamp.size_mm[1])
+        collisions = scipy.fft.irfft2(taken * np.conj(self._transform(stamp.cells)), s=self.period)
+        at_rows, at_columns = np.nonzero(collisions[:rows, :columns] < 0.5)
+        if not len(at_rows):
+            return None
+        wide = np.maximum(self.used_mm[0], at_columns * self.cell_mm + stamp.size_mm[0])
+        high = np.maximum(self.used_mm[1], at_rows * self.cell_mm + stamp.size_mm[1])
         # The film used; ties go to the place nearest to the corner.
-        used = wide * high + 1e-3 * (rows + columns)
+        used = wide * high + 1e-3 * (at_rows + at_columns)
         first = int(np.argmin(used))
-        return float(used[first]), int(rows[first]), int(columns[first])
+        return float(used[first]), int(at_rows[first]), int(at_columns[first])
 
     def put(self, stamp: _Stamp, row: int, column: int) -> None:
         """Take the cells of a robot."""
@@ -301,6 +322,23 @@ class _Bed:
             max(self.used_mm[0], column * self.cell_mm + stamp.size_mm[0]),
             max(self.used_mm[1], row * self.cell_mm + stamp.size_mm[1]),
         )
+
+
+def _within(shape: shapely.Geometry, across: Floats, up: Floats) -> Cells:
+    """Return which points of a grid lie in a polygon, shape (len(up), len(across))."""
+    ends = [
+        np.stack([ring[:-1], ring[1:]], axis=1)
+        for part in shapely.get_rings(shapely.get_parts(shape))
+        for ring in [shapely.get_coordinates(part)]
+    ]
+    (x0, y0), (x1, y1) = np.concatenate(ends).transpose(1, 2, 0)
+    # Every row of the grid crosses an edge or not; a point is inside after an odd number.
+    row, edge = np.nonzero((y0 <= up[:, None]) != (y1 <= up[:, None]))
+    x = x0[edge] + (up[row] - y0[edge]) / (y1[edge] - y0[edge]) * (x1[edge] - x0[edge])
+    crossed = np.zeros((len(up), len(across) + 1), dtype=np.int64)
+    np.add.at(crossed, (row, np.searchsorted(across, x)), 1)
+    inside: Cells = np.cumsum(crossed, axis=1)[:, :-1] % 2 == 1
+    return inside
 
 
 def nest(
@@ -357,7 +395,11 @@ def _long_mm(shape: shapely.Polygon) -> float:
 
 
 def _put(bed: _Bed, stamps: list[_Stamp], corner_mm: float) -> BedPlacement | None:
-    tries = [(best, stamp) for stamp in stamps if (best := bed.best(stamp)) is not None]
+    tries, taken, least = list[tuple[tuple[float, int, int], _Stamp]](), bed.spectrum(), math.inf
+    for stamp in stamps:
+        if bed.least_use(stamp) <= least and (best := bed.best(stamp, taken)) is not None:
+            tries.append((best, stamp))
+            least = min(least, best[0])
     if not tries:
         return None
     (_, row, column), stamp = min(tries, key=lambda found: found[0][0])

@@ -4,7 +4,7 @@ The page is laid out in points. Lengths of the robot are in millimetres of its f
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from textwrap import wrap
 
@@ -425,7 +425,10 @@ class _Labels:
 
     def __init__(self, box_pt: Box, outlines_pt: Sequence[Floats]) -> None:
         self.page = shapely.box(*box_pt)
-        self.edges = shapely.union_all([shapely.LineString(points) for points in outlines_pt])
+        outlines = shapely.simplify([shapely.LineString(one) for one in outlines_pt], 1.0)
+        runs = [shapely.get_coordinates(one) for one in outlines]
+        ends = np.concatenate([np.stack([run[:-1], run[1:]], axis=1) for run in runs])
+        self.edges = shapely.STRtree(np.asarray(shapely.linestrings(ends)))
         self.taken: list[BaseGeometry] = []
         self.lines: list[BaseGeometry] = []
 
@@ -457,14 +460,23 @@ class _Labels:
         """Return the cheapest of places; covering a label costs most, then lines, then edges."""
         boxes = _around(spots, words, size_pt)
         cost = costs + 1000.0 * ~shapely.within(boxes, self.page)
-        for taken in self.taken:
-            cost = cost + 8.0 * shapely.area(shapely.intersection(boxes, taken))
-        for line in self.lines:
-            cost = cost + 2.0 * shapely.length(shapely.intersection(boxes, line))
-        cost = cost + edge_cost * shapely.length(shapely.intersection(boxes, self.edges))
+        cost = cost + 8.0 * _covered(boxes, shapely.STRtree(self.taken), shapely.area)
+        cost = cost + 2.0 * _covered(boxes, shapely.STRtree(self.lines), shapely.length)
+        cost = cost + edge_cost * _covered(boxes, self.edges, shapely.length)
         best = int(cost.argmin())
         self.take(boxes[best])
         return np.asarray(spots[best])
+
+
+def _covered(
+    boxes: NDArray[np.object_], shapes: shapely.STRtree, size: Callable[..., Floats]
+) -> Floats:
+    """Return the area or the length of the shapes in each box."""
+    box, shape = shapes.query(boxes)
+    sizes = size(shapely.intersection(boxes[box], shapes.geometries[shape]))
+    total = np.zeros(len(boxes))
+    np.add.at(total, box, sizes)
+    return total
 
 
 def _middles(outline_pt: Floats) -> Iterator[Floats]:

@@ -81,7 +81,7 @@ def joint_lines(
     minutes_basis = f"{MINUTES_PER_JOINT:g} min a joint (assumed: nobody has timed one)"
     each = (
         _computed("pieces", len(partition.pieces), "1", "flat parts of a robot"),
-        _computed("joints", count, "1", "socket of one piece over the plug of another"),
+        _computed("sleeve joints", count, "1", "socket of one piece over the plug of another"),
         _assumed("film in laps, all plies", film.plies * laps_mm2 / 100.0, "cm2", lap_basis),
         _computed("bands around laps", count, "1", "one at each joint"),
         _computed("band length", rims_mm, "mm", "rims of all plugs: twice their lay-flat widths"),

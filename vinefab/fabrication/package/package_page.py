@@ -13,6 +13,7 @@ from vinefab.fabrication.package.piece_joining import (
     MINUTES_PER_JOINT,
     joining_order,
     order_reasons,
+    pieces_words,
 )
 from vinefab.fabrication.package.sheet_pictures import findings_plan, job_plan
 from vinefab.model.design import Design
@@ -163,14 +164,12 @@ def pieces_section(
         "together and one lap.",
         wide=True,
     )
-    least = "no fewer are possible" if partition.proven_least else "fewer may be possible"
+    least = "No fewer are possible" if partition.proven_least else "Fewer may be possible"
     minutes = MINUTES_PER_JOINT * len(partition.sleeves)
     return Section(
         title="Pieces",
         paragraphs=(
-            f"The robot is cut in {len(partition.pieces)} flat pieces ({least}) that"
-            f" {len(partition.sleeves)} sleeve joints hold together: the socket of the outer piece"
-            f" goes over the plug of the inner one. Joining takes about {minutes:g} minutes"
+            f"{pieces_words(partition)}. {least}. Joining takes about {minutes:g} minutes"
             f" ({MINUTES_PER_JOINT:g} a joint, assumed). {order_reasons(profile)}",
         ),
         pictures=(picture,),

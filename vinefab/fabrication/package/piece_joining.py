@@ -155,6 +155,16 @@ def joining_words(
     )
 
 
+def pieces_words(partition: Partition) -> str:
+    """Return in how many pieces a robot is and what holds them, without a full stop."""
+    count = len(partition.sleeves)
+    hold = f"{count} sleeve joints hold" if count > 1 else "a sleeve joint holds"
+    return (
+        f"The robot is in {len(partition.pieces)} flat pieces that {hold} together: the socket of"
+        " the outer piece goes over the plug of the inner one"
+    )
+
+
 def _several(robots: int) -> tuple[str, ...]:
     if robots == 1:
         return ()
@@ -165,12 +175,10 @@ def _several(robots: int) -> tuple[str, ...]:
 def _needed(
     design: Design, partition: Partition, profile: LaserProfile, widest_mm: float, wider_mm: float
 ) -> Iterator[str]:
-    lap, count = profile.recipe.lap, len(partition.sleeves)
+    lap = profile.recipe.lap
     yield (
-        f"The robot is in {len(partition.pieces)} pieces, A with the tail, which {count}"
-        f" {'joint joins' if count == 1 else 'joints join'}: the socket of the outer piece goes"
-        " over the plug of the inner one. assembly.svg and assembly.pdf show the pieces apart and"
-        " put together, one lap, and the order. All lengths are lay-flat, in mm."
+        f"{pieces_words(partition)}. A has the tail. assembly.svg and assembly.pdf show the pieces"
+        " apart and put together, one lap, and the order. All lengths are lay-flat, in mm."
     )
     if needs_strips(profile):
         yield (

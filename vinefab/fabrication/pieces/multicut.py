@@ -5,9 +5,12 @@ path between them is cut, or one of the bodies is not there because its branch i
 no whole branch) or is not (then there is neither stub nor socket).
 """
 
+import os
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import scipy.optimize
@@ -149,10 +152,31 @@ def _program(
         matrix = scipy.sparse.hstack([matrix, scipy.sparse.eye_array(len(clauses))], format="csr")
         costs = np.concatenate([costs, np.ones(len(clauses))])
     least = np.array([1.0 - len(clause.uncut) for clause in clauses])
-    return scipy.optimize.milp(
-        costs,
-        integrality=np.ones(len(costs), dtype=np.int64),
-        bounds=scipy.optimize.Bounds(0.0, 1.0),
-        constraints=scipy.optimize.LinearConstraint(matrix, lb=least),
-        options={"node_limit": MOST_NODES, "mip_rel_gap": 0.0, "presolve": False},
-    )
+    with _clean_output():
+        return scipy.optimize.milp(
+            costs,
+            integrality=np.ones(len(costs), dtype=np.int64),
+            bounds=scipy.optimize.Bounds(0.0, 1.0),
+            constraints=scipy.optimize.LinearConstraint(matrix, lb=least),
+            options={"node_limit": MOST_NODES, "mip_rel_gap": 0.0, "presolve": False},
+        )
+
+
+@contextmanager
+def _clean_output() -> Iterator[None]:
+    """Keep standard output clean of the lines that the solver prints past the switch of its log.
+
+    They come with a few of the large programs, and would end up in ``--json -``.
+    """
+    try:
+        kept = os.dup(1)
+    except OSError:  # no standard output to keep clean
+        yield
+        return
+    try:
+        with Path(os.devnull).open("wb") as nowhere:
+            os.dup2(nowhere.fileno(), 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)

@@ -34,8 +34,13 @@ from vinefab.model.pieces import Partition, Piece, Sleeve, Unparted, piece_label
 _ORDERS = 8
 """Orders in which branches are given up to find the least part that does not fit the bed."""
 
-MOST_ROUNDS = 100
+TOO_LARGE = "do not fit the bed in one piece"
+
+MOST_ROUNDS = 300
 """Times that cuts are looked for again after a rule found something on a piece."""
+
+ROUNDS_BEYOND = 8
+"""The same once more pieces are needed than the design allows: then only the report gains."""
 
 
 def partition_of(
@@ -47,7 +52,8 @@ def partition_of(
 ) -> Partition:
     """Return the fewest pieces of a design that lie flat; the whole robot where none are allowed.
 
-    The number may exceed ``build.pieces.most``: rule VF-J02 reports that.
+    The number may exceed ``build.pieces.most``: rule VF-J02 reports that. Far beyond it, it is a
+    lower bound, and the partition is unfinished.
 
     Parameters
     ----------
@@ -95,6 +101,7 @@ class _Cutter:
         separate: bool,
     ) -> None:
         self.design, self.profile, self.limits, self.separate = design, profile, limits, separate
+        self.most = settings.most
         self.size = sleeve_size(settings, profile, separate=separate)
         self.subject = replace(Subject.of(design), profile=profile)
         layout = self.subject.layout
@@ -110,22 +117,22 @@ class _Cutter:
 
     def partition(self) -> Partition:
         """Return the fewest pieces that pass."""
-        conflicts, proven = [*self._pairs()], True
+        conflicts, beyond = [*self._pairs()], 0
         weights = {row: sleeve.width_mm for row, sleeve in self.sleeves.items()}
         for _ in range(MOST_ROUNDS):
             found = multicut([conflict.clause for conflict in conflicts], weights)
             if found.broken:
                 return self._uncut(conflicts, found)
-            proven = found.proven_least
-            cut = self._cut(found.cut, proven_least=proven)
+            cut = self._cut(found.cut, proven_least=found.proven_least)
             more = [one for piece in cut.pieces for one in self._known_of(cut, piece)]
             if not more:
                 return cut
             known = {conflict.clause for conflict in conflicts}
-            if all(one.clause in known for one in more):
-                break  # a limit of the solver: the rules will report what is left
+            beyond += len(cut.pieces) > self.most
+            if beyond > ROUNDS_BEYOND or all(one.clause in known for one in more):
+                break
             conflicts += more
-        return replace(cut, proven_least=False)
+        return replace(cut, unfinished=True)
 
     # --- what must not be on one piece -----------------------------------------------------------
 
@@ -208,8 +215,7 @@ class _Cutter:
         if place_contours([path.contour for path in paths], room, corner).fits:
             return
         for clause in self._too_large(piece):
-            rows = (*sorted(clause.cut), *clause.uncut)
-            yield _Conflict(why="do not fit the bed in one piece", branches=rows, clause=clause)
+            yield _Conflict(why=TOO_LARGE, branches=piece.branches, clause=clause)
 
     def _too_large(self, piece: Piece) -> Iterator[Clause]:
         """Yield clauses that a piece which does not fit the bed is cut.
@@ -286,7 +292,12 @@ class _Cutter:
         return Partition(pieces=pieces, sleeves=sleeves, proven_least=proven_least)
 
     def _uncut(self, conflicts: list[_Conflict], found: Multicut) -> Partition:
-        """Return the whole robot with the conflicts that no cut parts."""
+        """Return the whole robot with the conflicts that no cut parts.
+
+        One that lies flat is only too large for the bed: it may still be made in tiles.
+        """
+        if all(conflict.why == TOO_LARGE for conflict in conflicts):
+            return whole(self.design)
         room_mm, unparted = self.sides.room_mm(), {}
         for place in found.broken:
             conflict = conflicts[place]

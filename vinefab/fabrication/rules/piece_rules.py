@@ -78,11 +78,12 @@ def check_piece_count(subject: Subject, _: Limits) -> RuleApplied | RuleNotAppli
     least = "no fewer possible" if partition.proven_least else "fewer may be possible"
     if partition.unparted:
         return RuleApplied(checked=count, note="cannot be cut in pieces that lie flat")
-    if count <= settings.most:
+    if count <= settings.most and not partition.unfinished:
         return RuleApplied(checked=count, note=f"{count} piece{'s' * (count > 1)}, {least}")
+    many = f"at least {count}" if partition.unfinished else f"{count}"
     message = (
-        f"it takes {count} pieces to lie flat ({least}): set build.pieces.most to {count}, or have "
-        "fewer or shorter branches"
+        f"it takes {many} pieces to lie flat ({least}): set build.pieces.most to {count} or more, "
+        "or have fewer or shorter branches"
     )
     violation = Violation(message=message, measured=float(count), limit=float(settings.most))
     return RuleApplied(checked=count, violations=(violation,))

@@ -144,6 +144,32 @@ def test_fix_that_finds_nothing_says_so(vinefab, plain, tmp_path):
     assert "clears VF-L04; nothing written" in words
 
 
+def test_what_a_fix_keeps_is_checked_before_any_work(vinefab, plain, tmp_path):
+    out = tmp_path / "out.toml"
+    for keep in ("widths", "", "branches,", "x" * 10_000):
+        code, words, complaint = vinefab("check", plain, "--fix", out, "--keep", keep)
+        assert (code, words, out.exists()) == (2, "", False)
+        assert complaint.count("\n") == 1
+        assert "--keep is" in complaint
+        assert "branches, length, angle, width" in complaint
+    code, _, complaint = vinefab("check", plain, "--keep", "length")
+    assert code == 2
+    assert "together with --fix" in complaint
+
+
+def test_fix_keeps_what_it_is_told_to(vinefab, plain, tmp_path):
+    plain.write_text(
+        plain.read_text() + "[[level]]\nbranches = 2\nlength = 36.0\nangle_deg = 80.0\n"
+    )
+    out = tmp_path / "out.toml"
+    keeps = ("--keep", "branches,length", "--keep", "angle")
+    code, words, _ = vinefab("check", plain, "--fix", out, *keeps)
+    assert code == 0
+    assert "every branch stays" in words
+    assert "what it costs in score: give maps with --map" in words
+    assert "length = 36.0" in out.read_text()
+
+
 def test_findings_are_drawn_on_layers_that_are_not_cut(vinefab, plain, tmp_path):
     plain.write_text(plain.read_text() + "[build]\ntail_mm = 100.0\n")
     picture = tmp_path / "findings.dxf"

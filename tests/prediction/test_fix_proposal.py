@@ -1,4 +1,5 @@
 import math
+import re
 from dataclasses import replace
 
 import pytest
@@ -6,7 +7,14 @@ import pytest
 from vinefab.fabrication.checking import check_design
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.design import Build, Design, Level, Waiver, default_fillets_mm
+from vinefab.model.design import (
+    Build,
+    Design,
+    Level,
+    PieceSettings,
+    Waiver,
+    default_fillets_mm,
+)
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.laser import Quantity, Standing
 from vinefab.prediction.deploy import deploy_from_starts
@@ -18,8 +26,8 @@ def profile():
     return read_profile("co2_60w__stretchlon_200")
 
 
-def fork(widths_mm, **changes):
-    level = Level(branches=2, length_mm=200.0, fan_rad=math.radians(60.0))
+def fork(widths_mm, length_mm=200.0, angle_deg=60.0, **changes):
+    level = Level(branches=2, length_mm=length_mm, fan_rad=math.radians(angle_deg))
     build = Build(widths_mm=widths_mm, fillet_mm=default_fillets_mm(widths_mm), **changes)
     return Design(name="fork", trunk_length_mm=250.0, levels=(level,), build=build)
 
@@ -77,6 +85,61 @@ def measured_film(profile, storage_kpa):
         "storage_kpa": measured(storage_kpa), "width_mm": measured(25.0 * math.pi / 2.0),
     }  # fmt: skip
     return replace(profile, material=material, recipe=replace(profile.recipe, growth=growth))
+
+
+def test_what_is_kept_and_what_of_it_is_in_the_way_is_told(profile):
+    design = fork((40.0, 24.0), length_mm=36.0, angle_deg=80.0)
+    found = propose_fix(design, profile, keep=frozenset({"branches", "length"}))
+    assert found.design.levels == design.levels
+    assert found.lines()[0].endswith("every branch stays")
+    found = propose_fix(design, profile, keep=frozenset({"length", "angle", "width"}))
+    assert found.lines()[0].endswith("nothing was found that keeps every branch")
+    found = propose_fix(design, profile, keep=frozenset({"angle", "branches", "length", "width"}))
+    assert found.failed
+    assert found.lines() == [
+        "fix: no change of the design was found that clears VF-C03 and keeps angle, branches, "
+        "length and width; nothing written",
+        "  in the way: a change was found without --keep branches, --keep length or --keep width",
+    ]
+    assert "--keep length and --keep width" in replace(found, is_enough=False).lines()[1]
+
+
+def test_a_score_has_an_interval_over_maps_or_poses():
+    design = fork((40.0, 24.0), tail_mm=120.0)
+    longer = replace(design, levels=(replace(design.levels[0], length_mm=300.0),))
+    worlds = [grid_map(seed=8), grid_map(seed=9)]
+    two, one = (score_change_lines(design, longer, maps)[1] for maps in (worlds, worlds[:1]))
+    assert re.fullmatch(
+        r"  coverage, mean over 2 maps: 0\.\d{4} -> 0\.\d{4} \(simulated; "
+        r"[+-]0\.\d{4}, 95 % interval [+-]0\.\d{4} to [+-]0\.\d{4} over 2 maps\)",
+        two,
+    )
+    assert one.endswith("over 3 poses)")
+    (advice,) = score_change_lines(design, longer, [])
+    assert "--map" in advice
+
+
+def test_branches_that_cross_need_no_change_in_pieces(profile):
+    levels = tuple(
+        Level(branches=count, length_mm=length_mm, fan_rad=math.radians(angle_deg))
+        for count, length_mm, angle_deg in ((3, 34.0, 100.0), (3, 140.0, 120.0))
+    )
+    build = Build(widths_mm=(40.0, 24.0, 12.0), fillet_mm=(6.0, 3.0), pieces=PieceSettings())
+    design = Design(name="tree", trunk_length_mm=150.0, levels=levels, build=build)
+    found = propose_fix(design, profile)
+    assert "VF-C03" in {finding.rule for finding in found.before.blocking}
+    assert found.design.levels[1] == design.levels[1]
+    assert found.design.build.pieces == build.pieces
+    assert check_design(found.design, profile).blocking == ()
+
+
+def test_a_large_change_names_the_other_way(profile):
+    found = propose_fix(fork((40.0, 24.0), length_mm=200.0, tail_mm=120.0), profile)
+    assert len(found.lines()) == 2
+    large = replace(found, changes=(replace(found.changes[0], cost=1.1),))
+    assert large.lines()[-1].endswith("fewer branches instead: --keep length,angle")
+    kept = replace(large, keep=frozenset({"branches"}))
+    assert kept.lines()[1:] == large.lines()[1:-1]
 
 
 def test_growth_on_a_map_has_to_stay_in_the_window(profile):

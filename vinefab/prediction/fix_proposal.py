@@ -29,6 +29,9 @@ MARGINS = (0.005, 0.02, 0.05)
 """How much stricter than the check the search is, one after the other until the check passes."""
 
 MOST_ROUNDS = 6
+LARGE_CHANGE = 1.0
+"""Weighted size of a change from which on removing branches is worth a thought."""
+
 TASKS = ("coverage", "reach", "anchoring")
 _WINDOW_RULE = "VF-P03"
 
@@ -62,13 +65,18 @@ class FixProposal:
         cost = sum(change.cost for change in self.changes)
         cleared = f"{len(self.changes)} changes clear {_rules(self.before)}"
         summary = f"fix: {cleared}; weighted size {cost:.2f}; {self._branches_text}"
-        return [summary, *(f"  {change.text}" for change in self.changes)]
+        lines = [summary, *(f"  {change.text}" for change in self.changes)]
+        if cost > LARGE_CHANGE and not self._prunes and BRANCHES not in self.keep:
+            lines.append("  that is a large change; fewer branches instead: --keep length,angle")
+        return lines
 
     @property
     def _branches_text(self) -> str:
-        if any(change.what == BRANCHES for change in self.changes):
-            return "nothing was found that keeps every branch"
-        return "every branch stays"
+        return "nothing was found that keeps every branch" if self._prunes else "every branch stays"
+
+    @property
+    def _prunes(self) -> bool:
+        return any(change.what == BRANCHES for change in self.changes)
 
     def _failed_lines(self) -> list[str]:
         named = _rules(self.after or self.before)

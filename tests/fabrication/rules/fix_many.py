@@ -1,6 +1,7 @@
 """Fix many random designs of the paper's Table 1, and count how many pass the check afterwards.
 
-Run it as a script: ``python tests/fabrication/rules/fix_many.py [HOW_MANY_FAILING]``.
+Run it as a script: ``python tests/fabrication/rules/fix_many.py [HOW_MANY_FAILING [KEEP]]``, where
+KEEP is what a fix must not change, such as ``branches,length``.
 """
 
 import math
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vinefab.core.rng import child
+from vinefab.fabrication.rules.fix import parsed_keeps
 from vinefab.fabrication.rules.fix_targets import DesignChange
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
@@ -27,7 +29,8 @@ class Case:
     design: Design
     fixed: Design | None
     changes: tuple[DesignChange, ...]
-    seconds: float
+    webbed: bool  # whether VF-C03 is among the errors
+    seconds: float  # of the processor
 
     @property
     def size(self) -> float:
@@ -51,20 +54,28 @@ def random_design(rng: np.random.Generator, deepest: int = 5) -> Design:
     return Design(name="random", trunk_length_mm=trunk_mm, levels=levels, build=build)
 
 
-def fix_many(count: int, profile: LaserProfile, deepest: int = 5) -> list[Case]:
+def fix_many(
+    count: int, profile: LaserProfile, deepest: int = 5, keep: frozenset[str] = frozenset()
+) -> list[Case]:
     """Fix the first designs that have errors."""
     cases: list[Case] = []
     number = 0
     while len(cases) < count:
         design = random_design(child(SEED, deepest, number), deepest)
         number += 1
-        if not run_checks(Subject.of(design, profile)).blocking:
+        errors = {finding.rule for finding in run_checks(Subject.of(design, profile)).blocking}
+        if not errors:
             continue
-        began = time.perf_counter()
-        found = propose_fix(design, profile)
-        seconds = time.perf_counter() - began
+        began = time.process_time()
+        found = propose_fix(design, profile, keep=keep)
         cases.append(
-            Case(design=design, fixed=found.design, changes=found.changes, seconds=seconds)
+            Case(
+                design=design,
+                fixed=found.design,
+                changes=found.changes,
+                webbed="VF-C03" in errors,
+                seconds=time.process_time() - began,
+            )
         )
     return cases
 
@@ -73,22 +84,26 @@ def report(line: str) -> None:
     sys.stdout.write(f"{line}\n")
 
 
-def main(count: int) -> None:
-    cases = fix_many(count, read_profile("co2_60w__stretchlon_200"))
+def main(count: int, keep: frozenset[str]) -> None:
+    cases = fix_many(count, read_profile("co2_60w__stretchlon_200"), keep=keep)
     fixed = [case for case in cases if case.fixed]
     pruned = [case for case in fixed if case.fixed.branch_count < case.design.branch_count]
     sizes = np.array([case.size for case in fixed])
     kept = np.array([case.fixed.branch_count / case.design.branch_count for case in fixed])
     times_s = np.array([case.seconds for case in cases])
     report(f"{len(fixed)} of {len(cases)} fixed; {len(pruned)} of them by pruning")
+    webbed = [case for case in cases if case.webbed]
+    report(f"with VF-C03: {sum(bool(case.fixed) for case in webbed)} of {len(webbed)} fixed")
+    if not fixed:
+        return
     report(f"branches kept: median {np.median(kept):.0%}, least {kept.min():.0%}")
     report(f"weighted size of the change: median {np.median(sizes):.2f}, most {sizes.max():.2f}")
     report(f"values changed: median {np.median([len(case.changes) for case in fixed]):.0f}")
     unpruned = np.array([case.size for case in fixed if case not in pruned])
     if len(unpruned):
         report(f"without pruning: {len(unpruned)}, median size {np.median(unpruned):.2f}")
-    report(f"seconds: median {np.median(times_s):.1f}, most {times_s.max():.1f}")
+    report(f"processor seconds: median {np.median(times_s):.1f}, most {times_s.max():.1f}")
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 300)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 300, parsed_keeps(sys.argv[2:]))

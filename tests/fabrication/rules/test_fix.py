@@ -12,13 +12,24 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from vinefab.fabrication.rules.fix import FixSpace, fix_design, kept_branches
+from vinefab.core.errors import BadInputError
+from vinefab.fabrication.rules.fix import (
+    FILLETS,
+    KEEPS,
+    FixSpace,
+    fix_design,
+    fix_in_stage,
+    fix_stages,
+    kept_branches,
+    parsed_keeps,
+)
 from vinefab.fabrication.rules.fix_targets import (
     FixTargets,
     change_cost,
     design_changes,
     pruning_cost,
 )
+from vinefab.fabrication.rules.joints import bare_gaps, level_joints
 from vinefab.fabrication.rules.pressure_limits import worst_growth
 from vinefab.fabrication.rules.run_rules import run_checks
 from vinefab.fabrication.rules.subject import Subject
@@ -97,7 +108,7 @@ def test_the_change_is_near_the_smallest_that_a_grid_finds(
 
 
 def test_the_search_is_repeatable(make: Make, profile: LaserProfile) -> None:
-    design = make((4, 90.0, 70.0), (3, 60.0, 100.0))
+    design = make((2, 90.0, 70.0), (2, 60.0, 100.0))
     one, two = (fix_design(design, FixTargets.of(design, profile)) for _ in range(2))
     assert one == two
 
@@ -150,8 +161,98 @@ def test_the_window_of_the_targets_is_never_below_the_rules_own(
 
 
 def test_random_designs_of_table_1_are_fixed(many: ModuleType, profile: LaserProfile) -> None:
-    cases = many.fix_many(8, profile, deepest=2)
+    cases = many.fix_many(4, profile, deepest=2)
     assert all(case.fixed is not None for case in cases)
     for case in cases:
         assert run_checks(Subject.of(case.fixed, profile)).blocking == ()
         assert 0.0 < case.size < 6.0
+
+
+def test_a_smaller_fillet_is_tried_before_anything_else(make: Make, profile: LaserProfile) -> None:
+    design = make((2, 45.0, 150.0), (2, 80.0, 200.0), trunk_mm=250.0, fillet_mm=(6.0, 14.0))
+    found = run_checks(Subject.of(design, profile)).blocking
+    assert "VF-C03" in {finding.rule for finding in found}
+    targets = FixTargets.of(design, profile, margin=0.005)
+    fixed = fix_design(design, targets)
+    assert fixed == fix_in_stage(design, targets, FILLETS)
+    assert replace(fixed.design.build, fillet_mm=design.build.fillet_mm) == design.build
+    assert all(radius > 1.0 for radius in fixed.design.build.fillet_mm)
+    assert run_checks(Subject.of(fixed.design, profile)).blocking == ()
+
+
+def test_fillets_stop_at_the_limit_of_the_recipe(make: Make, profile: LaserProfile) -> None:
+    design = make((2, 45.0, 150.0), (2, 80.0, 200.0), trunk_mm=250.0, fillet_mm=(6.0, 14.0))
+    targets = FixTargets.of(design, profile, {"VF-C04": {"error": 5.9}})
+    assert min(fix_in_stage(design, targets, FILLETS).design.build.fillet_mm) >= 5.9
+    strict = FixTargets.of(design, profile, {"VF-C04": {"error": 13.0}})
+    assert fix_in_stage(design, strict, FILLETS) is None
+
+
+def short(make: Make) -> Design:
+    """A fork whose children end within the end of its trunk, and whose crotch is too long."""
+    return make((2, 36.0, 80.0), trunk_mm=100.0)
+
+
+def changed(design: Design, profile: LaserProfile, keep: str) -> set[str]:
+    """Fix a design, and return which kinds of values changed."""
+    found = fix_design(design, FixTargets.of(design, profile), keep=parsed_keeps([keep]))
+    assert run_checks(Subject.of(found.design, profile)).blocking == ()
+    return {change.what.split()[-1] for change in design_changes(design, found.design)}
+
+
+def test_widths_narrow_into_the_joint(make: Make, profile: LaserProfile) -> None:
+    design = short(make)
+    found = fix_design(design, FixTargets.of(design, profile)).design
+    assert run_checks(Subject.of(found, profile)).blocking == ()
+    assert (found.levels, found.build.widths_mm[0]) == (design.levels, design.build.widths_mm[0])
+    assert found.build.taper[0] == pytest.approx(0.9, abs=0.01)
+    # By hand: two children of width w part w / 2 / sin(40 deg) from the joint, at most 18 mm.
+    assert found.build.widths_mm[1] < 36.0 * math.sin(math.radians(40.0))
+
+
+def test_what_is_kept_does_not_change(make: Make, profile: LaserProfile) -> None:
+    design = short(make)
+    assert changed(design, profile, "width") == {"length"}
+    assert changed(design, profile, "width, length,angle") == {"branches"}
+    crossed = make((2, 110.0, 30.0), (2, 70.0, 110.0))
+    assert changed(crossed, profile, "branches,length") <= {"fan", "width", "taper", "fillet"}
+
+
+def test_branches_go_only_if_nothing_else_helps(make: Make, profile: LaserProfile) -> None:
+    # To prune one of four would be the smallest change here.
+    design = make((4, 60.0, 60.0))
+    found = fix_design(design, FixTargets.of(design, profile))
+    assert found.design.branch_count == design.branch_count
+    everything = frozenset(KEEPS)
+    assert fix_design(short(make), FixTargets.of(design, profile), keep=everything) is None
+    assert [stage.prunes for stage in fix_stages()] == [False, False, True]
+    assert fix_stages(everything) == (FILLETS,)
+
+
+def test_a_tapered_design_loses_whole_levels_too(make: Make, profile: LaserProfile) -> None:
+    design = make((2, 36.0, 80.0), (2, 20.0, 80.0), taper=(0.9, 0.9, 1.0))
+    keep = parsed_keeps(["length,width", "angle"])
+    found = fix_design(design, FixTargets.of(design, profile), keep=keep).design
+    assert found.depth < design.depth
+    assert len(found.build.taper) == found.depth
+
+
+@pytest.mark.parametrize("word", ["", "branch", "length,", "Length", "growth", "x" * 100_000])
+def test_a_word_that_says_nothing_is_refused(word: str) -> None:
+    with pytest.raises(BadInputError, match="branches, length, angle, width") as caught:
+        parsed_keeps(["branches", word])
+    assert len(str(caught.value)) < 300
+
+
+def test_tapered_crotches_are_reckoned_as_they_are_drawn(make: Make, profile: LaserProfile) -> None:
+    # 23 mm are less than the children's crotch needs at their full width, and enough as they lean.
+    even = make((2, 60.0, 45.0), widths_mm=(40.0, 24.0))
+    leaning = replace(even, build=replace(even.build, taper=(1.0, 0.7)))
+    reaches = [
+        max(gap.reach_mm for gap in level_joints(design)[0].gaps) for design in (even, leaning)
+    ]
+    shares = [max(share for _, share in bare_gaps(design)) for design in (even, leaning)]
+    assert reaches[1] < 30.001 < reaches[0]
+    assert shares[1] < 0.5 < shares[0]
+    blocked = [run_checks(Subject.of(design, profile)).blocking for design in (even, leaning)]
+    assert [{finding.rule for finding in found} for found in blocked] == [{"VF-C03"}, set()]

@@ -263,7 +263,7 @@ _RISE, _STUCK, _STALLED = 0.99, 60, 20
 """CMA-ES ends when nothing was better by one percent for so many generations: before it has met
 the targets, and after."""
 
-_LARGE = 400
+_LARGE = 160
 """Branches of a design from which on fewer generations are tried."""
 
 _PENALTY_WORTH = 10.0

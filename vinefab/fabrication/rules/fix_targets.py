@@ -13,7 +13,12 @@ from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.clearance import CLEARANCE, POUCH
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, least_lean_rad
 from vinefab.fabrication.rules.laser_rules import PATHS
-from vinefab.fabrication.rules.penalty import fabrication_penalty, relative_excess
+from vinefab.fabrication.rules.penalty import (
+    MOST_OF_ONE,
+    fabrication_penalty,
+    relative_excess,
+    rooms_mm,
+)
 from vinefab.fabrication.rules.pressure_limits import (
     BURST,
     WINDOW,
@@ -246,6 +251,7 @@ class FixTargets:
             )
             + self._window(design)
             + self._fillets(design)
+            + self._sides(design)
         )
 
     def _pieces(self, build: Build) -> PieceLimits | None:
@@ -300,6 +306,14 @@ class FixTargets:
         least_mm = self.least_fillet_mm()
         return math.fsum(
             relative_excess(least_mm, drawn_mm) for drawn_mm in _drawn_fillets_mm(design)
+        )
+
+    def _sides(self, design: Design) -> float:
+        """Return by how much straight sides are shorter than the shortest piece that is cut."""
+        least_mm = 1.001 * self.of_rule(PATHS)["segment_error"]
+        return math.fsum(
+            min(MOST_OF_ONE, max(0.0, (least_mm - room_mm) / length_mm))
+            for room_mm, length_mm in rooms_mm(design)
         )
 
     def _window(self, design: Design) -> float:

@@ -16,7 +16,15 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-DESIGNS = ("cave_explorer", "grid_explorer", "plain_vine", "six_branch_anchor", "three_level_tree")
+DESIGNS = (
+    "cave_explorer",
+    "cave_explorer_pieces",
+    "grid_explorer",
+    "grid_explorer_pieces",
+    "plain_vine",
+    "six_branch_anchor",
+    "three_level_tree",
+)
 RUN = """schema = "vinefab/run-1"
 name = "golden"
 [maps]

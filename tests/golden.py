@@ -93,7 +93,8 @@ def _commands(designs: tuple[str, ...] = DESIGNS) -> list[str]:
         "grow grid_explorer --map grid1.geojson --animate grown.svg --history 100,300"
         " --json history.json",
         "grow grid_explorer --map grid1.geojson --animate grown.gif --frames 8",
-        "fabricate six_branch_anchor --copies 2 --with plain_vine --out nested --allow-uncalibrated",
+        "fabricate six_branch_anchor --copies 2 --with plain_vine --out nested"
+        " --allow-uncalibrated",
         "fabricate long.toml --out tiled --allow-uncalibrated",
         "check broken.toml --fix mended.toml --json broken.json",
         "coupon --out coupons",

@@ -11,6 +11,7 @@ from PIL import Image
 
 from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.pieces.partition import partition_of
+from vinefab.model.design import PieceSettings
 from vinefab.model.files.design_toml import read_design
 from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
@@ -104,7 +105,16 @@ def starts_where_it_is_told(settings, result, folder):
     assert drawn != svg_bytes(map_plan(world))
 
 
+def is_cut_in_pieces(settings, result, _):
+    profile = read_profile(DEFAULT_RECIPE)
+    assert result.best.build.pieces == settings.build.pieces == PieceSettings(most=6)
+    assert settings.evaluation.joint_weight > 0.0
+    assert not partition_of(result.best, profile).unparted
+    assert not check_design(result.best, profile).blocking
+
+
 RUNS = {
+    "grid_pieces": is_cut_in_pieces,
     "grid_two_tasks": fronts_of_two_tasks,
     "grid_limits": keeps_its_limits,
     "grid_targets": starts_where_it_is_told,
@@ -117,8 +127,10 @@ def test_a_run_file_runs_and_resumes(name, tmp_path):
     short = replace(
         settings,
         search=replace(settings.search, population=12, generations=2),
-        # Finding designs that can be made takes longer than a test may.
-        evaluation=replace(settings.evaluation, fabricable=False, finalists=3),
+        # Finding designs that can be made takes longer than a test may, except in pieces.
+        evaluation=replace(
+            settings.evaluation, fabricable=settings.build.pieces is not None, finalists=3
+        ),
     )
     result = run_search(short, tmp_path / "run")
     RUNS[name](short, result, tmp_path / "run")

@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 
 from vinefab.core.atomic import is_ours
+from vinefab.fabrication.pieces.partition import partition_of
+from vinefab.model.design import PieceSettings
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.pages.html import page_html
 from vinefab.prediction import run_page
 from vinefab.prediction.run_folder import run_in_folder
 from vinefab.prediction.run_page import EndedRun, ended_report, outcome_line, write_run_page
-from vinefab.search.record.result import Extension
+from vinefab.search.record.result import Extension, Progress
 from vinefab.search.record.run_archive import RECORD_FILE, RunArchive
-from vinefab.search.run import run_search
+from vinefab.search.run import result_lines, run_search
 from vinefab.search.settings import EvaluationSettings, MapSettings, RunSettings, SearchSettings
 from vinefab.search.space import Bounds, BuildSettings, Space, SpaceSettings
 
@@ -55,6 +59,36 @@ def test_the_folder_holds_a_page_and_its_pictures(folder: Path) -> None:
     assert {"curve.svg", "sheet.svg", "training_1.svg", "unseen_median.svg"} <= names
     assert page.count("<img ") == len(names)
     assert all(is_ours(path) for path in (folder / "pictures").iterdir())
+
+
+def test_a_winner_in_pieces_says_how_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pieces = PieceSettings(most=3)
+    run = replace(
+        RUN,
+        space=SpaceSettings(levels=Bounds(low=3, high=3), length_mm=Bounds(low=60, high=140)),
+        build=BuildSettings(trunk_width_mm=24.0, width_ratio=0.65, pieces=pieces),
+        evaluation=replace(RUN.evaluation, joint_weight=0.01, finalists=1),
+    )
+    seen: list[str] = []
+
+    def look(_: Progress) -> None:
+        seen.append((tmp_path / "index.html").read_text())
+
+    result = run_in_folder(run, tmp_path, again="", progress=look)
+    assert "at most 3, joined by sleeves, every joint costs 0.01 of the fitness" in seen[0]
+    assert re.search(r"levels, (\d pieces? by the quick rules|not yet in 3 pieces)", seen[0])
+    partition = partition_of(result.best, read_profile(DEFAULT_RECIPE))
+    count = len(partition.pieces)
+    words = f"{count} piece{'s' * (count > 1)}, no fewer possible"
+    assert (result.pieces_words, result.best.origin["pieces"]) == (words, count)
+    assert f"levels; {words}; manufacturable; open" in outcome_line(
+        EndedRun.read(tmp_path), "", Path("a")
+    )
+    assert any(f"levels; {words}; manufacturable" in line for line in result_lines(result))
+    # The rest of the page is tried elsewhere, and takes long.
+    monkeypatch.setattr(run_page, "_shown", lambda *_: ())
+    monkeypatch.setattr(run_page, "_checked", lambda _: "in a test")
+    assert f"{words} (computed)" in page_html(ended_report(EndedRun.read(tmp_path)))
 
 
 def test_the_record_alone_gives_the_page_again(folder: Path, tmp_path: Path) -> None:

@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 from vinefab.core.errors import BadInputError
 from vinefab.growth.options import GrowthOptions
 from vinefab.maps.generators.grid import grid_map
-from vinefab.model.design import Design
+from vinefab.model.design import Design, PieceSettings
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Map
 from vinefab.search.evaluator import (
     INVALID_FITNESS,
@@ -24,9 +26,11 @@ from vinefab.search.evaluator import (
     penalized_fitness,
 )
 from vinefab.search.loop import Search
+from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.parallel.executor import SerialExecutor, ThreadExecutor
 from vinefab.search.record.result import RunResult
-from vinefab.search.settings import EvaluationSettings, RunSettings
+from vinefab.search.settings import EvaluationSettings, PartSettings, RunSettings
+from vinefab.search.space import Bounds, BuildSettings, SpaceSettings
 from vinefab.tasks.evaluate import Conditions, composite, map_weights
 
 
@@ -125,6 +129,52 @@ def test_branches_that_stop_head_on_reduce_the_score_by_the_weight(
     paid = 0.5 * priced.history[0].terms["head_on"]
     assert paid.max() > 0.0
     assert priced.history[0].composite == pytest.approx(free.history[0].composite - paid)
+
+
+CROSSING = SpaceSettings(
+    levels=Bounds(low=3, high=4),
+    branches=Bounds(low=2, high=3),
+    length_mm=Bounds(low=40, high=140),
+    angle_deg=Bounds(low=40, high=240),
+)
+
+
+def in_pieces(small: RunSettings, **evaluation: object) -> RunSettings:
+    """A run for robots of bench size in up to three pieces."""
+    build = BuildSettings(trunk_width_mm=24.0, width_ratio=0.65, pieces=PieceSettings(most=3))
+    islands = PartSettings(name="islands")
+    run = replace(small, space=CROSSING, build=build, optimizer=islands)
+    return with_evaluation(run, fabricable=True, **evaluation)
+
+
+def test_every_joint_costs_fitness_and_none_makes_a_design_worse_than_a_broken_one(
+    small: RunSettings, maps: Maps
+) -> None:
+    penalty = ManufacturabilityPenalty(profile=read_profile(DEFAULT_RECIPE))
+    dear = in_pieces(small, joint_weight=10.0, finalists_by="training")
+    result = Search.of(dear, maps, penalty).run()
+    evaluator = Evaluator.of(EvaluatorSpec(settings=dear, maps=maps, penalty=penalty))
+    paid = 0
+    for generation in result.history:
+        costs, made = evaluator.joint_costs(generation.x), generation.penalty == 0.0
+        wanted = generation.composite[made] - costs[made]
+        assert generation.fitness[made].tolist() == wanted.tolist()
+        assert (generation.fitness[~made] < evaluator.lowest).all()
+        paid += (costs[made] > 0.0).sum()
+    assert paid > 0
+    best = result.finalists[0]
+    cost = evaluator.joint_costs(best.x[None])[0]
+    assert best.fitness == pytest.approx(best.score.composite["mean"] - cost, abs=1e-12)
+
+
+def test_joints_are_charged_only_where_they_are_counted(small: RunSettings, maps: Maps) -> None:
+    whole = with_evaluation(small, fabricable=True, joint_weight=0.1)
+    free = replace(whole, build=BuildSettings(pieces=PieceSettings()))
+    free = with_evaluation(free, fabricable=False)
+    penalty = ManufacturabilityPenalty(profile=read_profile(DEFAULT_RECIPE))
+    for settings, other in ((whole, penalty), (free, penalty), (in_pieces(free), Picky())):
+        with pytest.raises(BadInputError, match="joint_weight"):
+            Evaluator.of(EvaluatorSpec(settings=settings, maps=maps, penalty=other))
 
 
 class Picky:

@@ -316,7 +316,7 @@ def test_designs_to_begin_at_are_points_of_the_space(tmp_path: Path) -> None:
     mine, shipped = (space.design(np.array(point)) for point in settings.start_from)
     assert (mine.trunk_length_mm, mine.depth, mine.levels[0].branches) == (100.0, 2, 3)
     assert mine.levels[0].length_mm == 60.0
-    assert [level.branches for level in shipped.levels] == [2, 3, 3]
+    assert [level.branches for level in shipped.levels] == [3, 3, 2]
     assert settings_from_plain(json.loads(json.dumps(plain_settings(settings)))) == settings
 
 

@@ -1,5 +1,7 @@
 """``vinefab check``: the design rules."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -30,8 +32,10 @@ from vinefab.fabrication.checking import (
     verdict,
 )
 from vinefab.fabrication.rules.catalog import parsed_limits
+from vinefab.fabrication.rules.fix import parsed_keeps
 from vinefab.fabrication.rules.run_rules import checks_text
 from vinefab.fabrication.rules.subject import RigFacts
+from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_text, read_design
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
@@ -68,7 +72,18 @@ def check_command(
     fix: Annotated[
         Path | None,
         typer.Option(
-            "--fix", help="Write here the design with the smallest change that clears its errors."
+            "--fix",
+            help="Write here the design with the smallest change that clears its errors: first "
+            "fillets, then widths, tapers, lengths and angles, fewer branches last.",
+        ),
+    ] = None,
+    keep: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--keep",
+            metavar="WHAT",
+            help="What --fix must not change: branches, length, angle, width, with commas between "
+            "them; may be repeated.",
         ),
     ] = None,
     growth: GrowthIn = None,
@@ -81,15 +96,19 @@ def check_command(
 
     Rules about growth paths use deployments on each --map from its starts (simulated); rules about
     corridors, heights and printed parts use the --map and the --rig. With --fix, exit code 0 means
-    that the design has no errors or a fixed design was written.
+    that the design has no errors or a fixed design was written. With --map, it also says what the
+    fix costs in score (simulated).
 
     Example: vinefab check three_level_tree --map cave.geojson --limit VF-C01.warning=6
+
+    Example: vinefab check mine.toml --fix fixed.toml --keep branches,length --map cave.geojson
     """
     output = CommandOutput(quiet=quiet, json_out=json_out, force=force)
     robot, profile, limits = read_design(design), read_profile(recipe), parsed_limits(limit or [])
     worlds, given = [read_map(path) for path in maps or []], growth_from(growth)
     if given and not worlds:
         raise BadInputError("--growth", ", ".join(given), "to be given together with --map")
+    kept = _kept(keep, fix)
     ensure_kind("--svg", svg, (".svg",), force=force)
     ensure_kind("--png", png, (".png",), force=force)
     ensure_kind("--dxf", dxf, (".dxf",), force=force)
@@ -119,19 +138,33 @@ def check_command(
         return EXIT_FINDINGS if report.blocking else 0
     with output.progress("fixing") as progress:
         proposal = propose_fix(
-            robot, profile, limits, worlds, lambda share: progress(share, ""), given
-        )
-    scores = score_change_lines(robot, proposal.design or robot, worlds, given)
+            robot, profile, limits, worlds, lambda share: progress(share, ""),
+            growth=given, keep=kept,
+        )  # fmt: skip
+    scores = partial(score_change_lines, robot, maps=worlds, growth=given)
     return _write_fix(output, proposal, scores, fix)
 
 
-def _write_fix(output: CommandOutput, proposal: FixProposal, scores: list[str], fix: Path) -> int:
+def _kept(texts: list[str] | None, fix: Path | None) -> frozenset[str]:
+    """Return what a fix must keep; without a fix there is nothing to keep."""
+    kept = parsed_keeps(texts or [])
+    if kept and fix is None:
+        raise BadInputError("--keep", ",".join(sorted(kept)), "to be given together with --fix")
+    return kept
+
+
+def _write_fix(
+    output: CommandOutput,
+    proposal: FixProposal,
+    scores: Callable[[Design], list[str]],
+    fix: Path,
+) -> int:
     """Report the proposal, write its design if there is one, and return the exit code."""
     for line in proposal.lines():
         output.say(line)
     if proposal.design is None or proposal.after is None:
         return EXIT_FINDINGS if proposal.failed else 0
-    for line in [*scores, verdict(proposal.after)]:
+    for line in [*scores(proposal.design), verdict(proposal.after)]:
         output.say(line)
     write_text(fix, design_text(proposal.design), force=output.force)
     output.say(f"wrote {fix}")

@@ -1,12 +1,21 @@
 """Propose the smallest change of a design that clears its errors, and say what it costs."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+from vinefab.core.statistics import group_means, mean_interval
 from vinefab.fabrication.checking import Deployed, subject_of
 from vinefab.fabrication.job.laser_job import MOST_BRANCHES
-from vinefab.fabrication.rules.fix import FixedDesign, fix_design
+from vinefab.fabrication.rules.fix import (
+    BRANCHES,
+    FixedDesign,
+    FixStage,
+    fix_design,
+    fix_in_stage,
+    fix_stages,
+)
 from vinefab.fabrication.rules.fix_targets import DesignChange, FixTargets, design_changes
 from vinefab.fabrication.rules.rule import LimitChanges
 from vinefab.fabrication.rules.run_rules import run_checks
@@ -14,6 +23,7 @@ from vinefab.model.design import ORIGIN_GROWTH, Design
 from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map
+from vinefab.model.score import Score
 
 MARGINS = (0.005, 0.02, 0.05)
 """How much stricter than the check the search is, one after the other until the check passes."""
@@ -32,6 +42,11 @@ class FixProposal:
     # its check; where no design is proposed, that of the nearest one found, or None
     after: CheckReport | None
     changes: tuple[DesignChange, ...] = ()  # what was changed
+    keep: frozenset[str] = frozenset()  # what was not to change, words of `KEEPS`
+    # What of it stands in the way: a change was found without any one of these, or, where that is
+    # not enough, without all of them.
+    in_the_way: tuple[str, ...] = ()
+    is_enough: bool = True  # whether any one of these is enough
 
     @property
     def failed(self) -> bool:
@@ -43,24 +58,47 @@ class FixProposal:
         if not self.before.blocking:
             return ["fix: no errors, nothing to fix"]
         if self.design is None:
-            left = (self.after or self.before).blocking
-            named = ", ".join(sorted({finding.rule for finding in left}))
-            return [f"fix: no change of the design was found that clears {named}; nothing written"]
+            return self._failed_lines()
         cost = sum(change.cost for change in self.changes)
         cleared = f"{len(self.changes)} changes clear {_rules(self.before)}"
-        summary = f"fix: {cleared}; weighted size {cost:.2f}"
+        summary = f"fix: {cleared}; weighted size {cost:.2f}; {self._branches_text}"
         return [summary, *(f"  {change.text}" for change in self.changes)]
 
+    @property
+    def _branches_text(self) -> str:
+        if any(change.what == BRANCHES for change in self.changes):
+            return "nothing was found that keeps every branch"
+        return "every branch stays"
 
-def propose_fix(
+    def _failed_lines(self) -> list[str]:
+        named = _rules(self.after or self.before)
+        words = _listed(sorted(self.keep), "and")
+        kept = f" and keeps {words}" if words else ""
+        lines = [
+            f"fix: no change of the design was found that clears {named}{kept}; nothing written"
+        ]
+        if self.in_the_way:
+            without = _listed(
+                [f"--keep {word}" for word in self.in_the_way], "or" if self.is_enough else "and"
+            )
+            lines.append(f"  in the way: a change was found without {without}")
+        return lines
+
+
+def propose_fix(  # noqa: PLR0913  options by keyword
     design: Design,
     profile: LaserProfile,
     limits: LimitChanges | None = None,
     maps: Sequence[Map] = (),
     progress: Callable[[float], None] | None = None,
+    *,
     growth: Mapping[str, object] | None = None,
+    keep: frozenset[str] = frozenset(),
 ) -> FixProposal:
     """Return the smallest change found that clears a design's errors.
+
+    Fillets alone are tried first, then widths, tapers, lengths and angles, and fewer branches only
+    if nothing else is found.
 
     Parameters
     ----------
@@ -69,24 +107,48 @@ def propose_fix(
         does not know them apart.
     growth
         Growth options by name for the maps, in place of those that the design was trained with.
+    keep
+        What must not change, words of `KEEPS`.
     """
     grown = partial(_deployed, maps=maps, growth=growth)
 
-    before = run_checks(subject_of(design, profile, grown(design)), limits)
+    before = run_checks(subject_of(design, profile, grown(design), limits), limits)
     if not before.blocking or design.branch_count > MOST_BRANCHES:
         return FixProposal(before=before, design=None, after=None)
     after: CheckReport | None = None
-    for found, report in _rounds(design, profile, limits, grown, progress):
-        after = report
-        if not report.blocking:
-            proposed = _named(design, found)
-            return FixProposal(
-                before=before,
-                design=proposed,
-                after=replace(report, design=proposed.name),
-                changes=design_changes(design, found.design),
-            )
-    return FixProposal(before=before, design=None, after=after)
+    for stage in fix_stages(keep):
+        for found, report in _rounds(design, profile, limits, grown, progress, stage):
+            after = report
+            if not report.blocking:
+                proposed = _named(design, found)
+                return FixProposal(
+                    before=before,
+                    design=proposed,
+                    after=replace(report, design=proposed.name),
+                    changes=design_changes(design, found.design),
+                    keep=keep,
+                )
+    targets = FixTargets.of(design, profile, limits, margin=MARGINS[0])
+    words, is_enough = _in_the_way(design, targets, keep)
+    return FixProposal(
+        before=before, design=None, after=after,
+        keep=keep, in_the_way=words, is_enough=is_enough,
+    )  # fmt: skip
+
+
+def _in_the_way(
+    design: Design, targets: FixTargets, keep: frozenset[str]
+) -> tuple[tuple[str, ...], bool]:
+    """Return which words stand in the way of any change, and whether one less is enough."""
+    words = sorted(keep)
+
+    def found_without(word: str) -> bool:
+        return fix_design(design, targets, keep=keep - {word}) is not None
+
+    alone = tuple(word for word in words if found_without(word))
+    if alone or len(words) < 2:
+        return alone, True
+    return (tuple(words) if fix_design(design, targets) is not None else ()), False
 
 
 def _rounds(
@@ -95,16 +157,17 @@ def _rounds(
     limits: LimitChanges | None,
     grown: Callable[[Design], Deployed],
     progress: Callable[[float], None] | None,
+    stage: FixStage,
 ) -> Iterator[tuple[FixedDesign, CheckReport]]:
     """Yield designs without trouble and their full checks, the search stricter every time."""
     margins, window_share = iter(MARGINS), 1.0
     margin = next(margins)
     for _ in range(MOST_ROUNDS):
         targets = FixTargets.of(design, profile, limits, margin=margin, window_share=window_share)
-        found = fix_design(design, targets, progress)
+        found = fix_in_stage(design, targets, stage, progress)
         if found is None:
             return
-        report = run_checks(subject_of(found.design, profile, grown(found.design)), limits)
+        report = run_checks(subject_of(found.design, profile, grown(found.design), limits), limits)
         yield found, report
         share = _window_share(report)
         if share < 1.0:
@@ -135,15 +198,20 @@ def _rules(report: CheckReport) -> str:
     return ", ".join(sorted({finding.rule for finding in report.blocking}))
 
 
+def _listed(words: Sequence[str], joint: str) -> str:
+    """Return words with commas between them, and another word before the last."""
+    return f" {joint} ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
+
+
 def score_change_lines(
     before: Design,
     after: Design,
     maps: Sequence[Map],
     growth: Mapping[str, object] | None = None,
 ) -> list[str]:
-    """Return what a change does to the predicted scores, in words; nothing without maps."""
+    """Return what a change does to the predicted scores, in words; how to know it without maps."""
     if not maps:
-        return []
+        return ["  what it costs in score: give maps with --map (vinefab map grid makes one)"]
     # The simulator and the tasks are loaded only when a map is given.
     from vinefab.growth.options import GrowthChoice, growth_text  # noqa: PLC0415
     from vinefab.prediction.scoring import ScorePlan, score_design_on_task  # noqa: PLC0415
@@ -152,11 +220,26 @@ def score_change_lines(
     lines = [f"  scores of {growth_text(options, [before])}:"]
     for task in TASKS:
         old, new = (
-            score_design_on_task(design, maps, ScorePlan(task=task), options).composite["mean"]
+            score_design_on_task(design, maps, ScorePlan(task=task), options)
             for design in (before, after)
         )
-        lines.append(f"  {task}, mean over {len(maps)} maps: {old:.4f} -> {new:.4f} (simulated)")
+        scores = f"{old.composite['mean']:.4f} -> {new.composite['mean']:.4f}"
+        where = f"mean over {len(maps)} maps"
+        lines.append(f"  {task}, {where}: {scores} (simulated; {_difference_text(old, new)})")
     return lines
+
+
+def _difference_text(old: Score, new: Score) -> str:
+    """Return the mean difference of two scores from the same poses, with its interval."""
+    names = [evaluation.map_name for evaluation in old.evaluations]
+    several = len(set(names)) > 1
+    groups = names if several else list(range(len(names)))
+    differences = group_means(new.scores - old.scores, groups)
+    pairs = f"{len(differences)} {'maps' if several else 'poses'}"
+    low, high = mean_interval(differences)
+    if math.isnan(low):
+        return f"{differences.mean():+.4f}, one pose: no interval"
+    return f"{differences.mean():+.4f}, 95 % interval {low:+.4f} to {high:+.4f} over {pairs}"
 
 
 def _deployed(design: Design, maps: Sequence[Map], growth: Mapping[str, object] | None) -> Deployed:

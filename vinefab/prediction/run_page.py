@@ -126,7 +126,12 @@ def outcome_line(run: EndedRun, violations: str, where: Path) -> str:
             f"{low:.3f} to {high:.3f} over contacts (simulated)"
         )
     made = manufacturable_words(run.result, violations)
-    return f"found {run.design.name}: {score}; {size_words(run.design)}; {made}; open {where}"
+    return f"found {run.design.name}: {score}; {_size(run)}; {made}; open {where}"
+
+
+def _size(run: EndedRun) -> str:
+    """Return the winner's size, and its pieces where it may have several."""
+    return "; ".join(filter(None, (size_words(run.design), run.result.pieces_words)))
 
 
 def manufacturable_words(result: RunResult, violations: str) -> str:
@@ -149,7 +154,7 @@ def ended_report(run: EndedRun) -> Report:
     note = result.prediction.get("note", "")
     return Report(
         title=f"{run.settings.name}: the best design found",
-        verdict=f"{_verdict(run)}; {size_words(run.design)}; {made}.",
+        verdict=f"{_verdict(run)}; {_size(run)}; {made}.",
         tone=tone,
         cautions=(
             *(f"{extension.text}." for extension in result.extensions),
@@ -162,6 +167,7 @@ def ended_report(run: EndedRun) -> Report:
             *run_facts(run.settings),
             ("stopped by", result.stopped),
             ("evaluated", f"{result.evaluations} designs in {len(result.history)} generations"),
+            *([("pieces", f"{words} (computed)")] if (words := result.pieces_words) else []),
             ("run", result.run_id),
             ("growth model", growth_text(run.settings.growth, [run.design])),
         ),

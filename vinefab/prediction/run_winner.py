@@ -12,9 +12,12 @@ from vinefab.core.errors import BadInputError
 from vinefab.core.statistics import group_means, mean_interval
 from vinefab.core.units import rad
 from vinefab.core.validation import Floats
+from vinefab.fabrication.pieces.partition import partition_of
 from vinefab.growth.batch import Launches, TerrainSet
 from vinefab.growth.options import CONTACT_ANGLES_DEG, GrowthOptions
 from vinefab.model.design import Design
+from vinefab.model.files.profile_toml import read_profile
+from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.model.map import Pose
 from vinefab.prediction.family_deployments import (
     MapFamily,
@@ -154,7 +157,19 @@ def predict_winner(search: Search, result: RunResult) -> dict[str, Any]:
         "placed_off": list(trial.placed_off(unseen)),
         "note": note,
     }
+    pieces = _pieces_content(trial.design, settings)
+    content = {**content, **({"pieces": pieces} if pieces else {})}
     return {**content, "origin": _origin(content)}
+
+
+def _pieces_content(design: Design, settings: RunSettings) -> dict[str, Any]:
+    """Return how many pieces a winner is cut in (computed); nothing where it must be one."""
+    if design.build.pieces is None:
+        return {}
+    partition = partition_of(design, read_profile(settings.evaluation.recipe or DEFAULT_RECIPE))
+    if partition.unparted:
+        return {"count": None, "proven_least": False}
+    return {"count": len(partition.pieces), "proven_least": partition.proven_least}
 
 
 def _family_content(trial: WinnerTrial, family: PreparedFamily) -> dict[str, Any]:
@@ -239,6 +254,7 @@ def _origin(content: Mapping[str, Any]) -> dict[str, object]:
         "unseen_half_angles_deg": content["head_on_half_angles_deg"],
         "unseen_score_over_contacts": _rounded([v["mean"] for v in unseen["over_contacts"]]),
         "unseen_score_placed_off": _rounded([low, high]),
+        **({"pieces": count} if (count := content.get("pieces", {}).get("count")) else {}),
     }
 
 

@@ -144,6 +144,15 @@ class SpacePenalty(Protocol):
 
 
 @runtime_checkable
+class JointCounter(Protocol):
+    """A penalty of many designs that counts the sleeve joints that each takes."""
+
+    def with_joints(self, designs: DesignBatch) -> tuple[Floats, Ints]:
+        """Return penalties and numbers of joints, shape (m,) each."""
+        ...
+
+
+@runtime_checkable
 class FullCheck(Protocol):
     """A penalty that can also run the full check of a design, which takes longer."""
 
@@ -271,6 +280,7 @@ class Evaluator:
         if evaluation.maps_per_generation > len(spec.maps):
             key, allowed = "evaluation.maps_per_generation", f"at most the {len(spec.maps)} maps"
             raise BadInputError(key, evaluation.maps_per_generation, allowed)
+        _check_joint_weight(spec)
         penalty = spec.penalty if evaluation.fabricable else None
         share = evaluation.pose_range
         maps = tuple(PreparedMap.of(with_pose_range(world, share)) for world in spec.maps)
@@ -487,15 +497,34 @@ class Evaluator:
             for name, values in terms.items()
         }
 
-    def fitness(self, composite: Floats, penalty: Floats) -> Floats:
-        """Return the fitness of designs with a composite score and a penalty."""
+    def joint_costs(self, x: Floats) -> Floats:
+        """Return what the sleeve joints of designs cost of their fitness, shape (m,)."""
+        weight, counter = self.evaluation.joint_weight, self.penalty_of_batch
+        if weight == 0.0 or not isinstance(counter, JointCounter):
+            return np.zeros(len(x))
+        return weight * counter.with_joints(self.space.batch(x))[1]
+
+    def fitness(self, composite: Floats, penalty: Floats, costs: Floats | float = 0.0) -> Floats:
+        """Return the fitness of designs with composite scores, penalties and `joint_costs`."""
         weight = self.evaluation.penalty_weight
-        return penalized_fitness(composite, penalty, lowest=self.lowest, weight=weight)
+        return penalized_fitness(composite - costs, penalty, lowest=self.lowest, weight=weight)
 
     @property
     def lowest(self) -> float:
         """The lowest fitness of a manufacturable design."""
-        return min(0.0, self.task.lowest)
+        pieces = self.space.build.pieces
+        costs = self.evaluation.joint_weight * (pieces.most - 1) if pieces else 0.0
+        return min(0.0, self.task.lowest) - costs
+
+
+def _check_joint_weight(spec: EvaluatorSpec) -> None:
+    """Refuse to charge for joints where none are counted."""
+    settings = spec.settings
+    weight, penalty = settings.evaluation.joint_weight, spec.penalty
+    counted = settings.evaluation.fabricable and isinstance(penalty, SpacePenalty)
+    if weight > 0.0 and not (counted and settings.build.pieces):
+        allowed = "0: joints are counted only with build.pieces and evaluation.fabricable = true"
+        raise BadInputError("evaluation.joint_weight", weight, allowed)
 
 
 def make_other_task(named: PartSettings) -> Task:

@@ -158,7 +158,7 @@ def _finalists(
             design=designs[row],
             score=_with_other_tasks(score, conditions, evaluator),
             penalty=penalty,
-            fitness=_fitness(score, penalty, conditions, evaluator),
+            fitness=_fitness(x[row], score, penalty, conditions, evaluator),
         )
 
 
@@ -199,7 +199,8 @@ def _with_composites(
 ) -> list[Finalist]:
     """Return finalists whose fitness is that of other composite scores, shape (m,)."""
     penalty = np.array([finalist.penalty for finalist in finalists])
-    fitness = evaluator.fitness(composites, penalty).tolist()
+    costs = evaluator.joint_costs(np.array([finalist.x for finalist in finalists]))
+    fitness = evaluator.fitness(composites, penalty, costs).tolist()
     return [replace(one, fitness=value) for one, value in zip(finalists, fitness, strict=True)]
 
 
@@ -226,9 +227,12 @@ def _with_other_tasks(score: Score, conditions: Conditions, evaluator: Evaluator
     )
 
 
-def _fitness(score: Score, penalty: float, conditions: Conditions, evaluator: Evaluator) -> float:
+def _fitness(
+    x: Floats, score: Score, penalty: float, conditions: Conditions, evaluator: Evaluator
+) -> float:
     composite = evaluator.composites(score.scores[None], conditions.weights)
-    return float(evaluator.fitness(composite, np.array([penalty]))[0])
+    costs = evaluator.joint_costs(x[None])
+    return float(evaluator.fitness(composite, np.array([penalty]), costs)[0])
 
 
 def _fully_checked(finalist: Finalist, conditions: Conditions, evaluator: Evaluator) -> Finalist:
@@ -238,5 +242,5 @@ def _fully_checked(finalist: Finalist, conditions: Conditions, evaluator: Evalua
         return finalist
     if penalty.passes(finalist.design):
         return finalist
-    fitness = _fitness(finalist.score, 1.0, conditions, evaluator)
+    fitness = _fitness(finalist.x, finalist.score, 1.0, conditions, evaluator)
     return replace(finalist, penalty=1.0, fitness=fitness)

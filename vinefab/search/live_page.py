@@ -18,12 +18,14 @@ from vinefab.core.errors import (
 from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Design
+from vinefab.model.files.profile_toml import read_profile
 from vinefab.model.files.shipped import DEFAULT_RECIPE
 from vinefab.pages.animation import DeploymentFrame
 from vinefab.pages.animation_svg import svg_animation
 from vinefab.pages.html import Headline, Live, Picture, Report, Section, page_html
 from vinefab.pages.live_curve import live_curve
 from vinefab.search.evaluator import INVALID_FITNESS
+from vinefab.search.manufacturability import ManufacturabilityPenalty
 from vinefab.search.record.result import Generation, Progress, curve_of
 from vinefab.search.run import first_map
 from vinefab.search.settings import RunSettings
@@ -206,8 +208,23 @@ class _BestSoFar:
             caption=f"From the start of {self._world.name} (simulated).",
             wide=True,
         )
-        words = f"{size_words(design)}, found in generation {self._at}."
+        pieces = self._pieces_words(design)
+        words = f"{size_words(design)}{pieces}, found in generation {self._at}."
         return Section(title=title, paragraphs=(words,), pictures=(picture,))
+
+    def _pieces_words(self, design: Design) -> str:
+        """Return how many pieces the search takes a design for; empty where it must be one."""
+        settings, evaluation = design.build.pieces, self._settings.evaluation
+        if settings is None or not evaluation.fabricable:
+            return ""
+        penalty = ManufacturabilityPenalty(
+            profile=read_profile(evaluation.recipe or DEFAULT_RECIPE)
+        )
+        found = penalty.cuts(design)
+        if found is None or found.left > 0.0:
+            return f", not yet in {settings.most} pieces that lie flat"
+        count = 1 + len(found.branches)
+        return f", {count} piece{'s' * (count > 1)} by the quick rules"
 
     def _picture(self, design: Design) -> bytes:
         if self._drawn is None or self._drawn[0] is not design:
@@ -241,7 +258,16 @@ def run_facts(settings: RunSettings) -> tuple[tuple[str, str], ...]:
         ("optimizer", f"{settings.optimizer.name}, seed {search.seed}"),
         ("size", f"{search.population} designs x {search.generations} generations"),
         ("manufacturability", made),
+        *([("pieces", _pieces_fact(settings))] if settings.build.pieces else []),
     )
+
+
+def _pieces_fact(settings: RunSettings) -> str:
+    """Return how many pieces a run allows, and what it charges for their joints."""
+    pieces, weight = settings.build.pieces, settings.evaluation.joint_weight
+    most = pieces.most if pieces else 1
+    charged = f", every joint costs {weight:g} of the fitness" if weight else ""
+    return f"at most {most}, joined by sleeves{charged}"
 
 
 def _duration(seconds: float) -> str:

@@ -222,7 +222,8 @@ class Search:
                 schedule.conditions(number + 1)
             evaluations = finish()
         composite = self.evaluator.composites(evaluations.score, conditions.weights)
-        fitness = self.evaluator.fitness(composite, evaluations.penalty)
+        costs = self.evaluator.joint_costs(x)
+        fitness = self.evaluator.fitness(composite, evaluations.penalty, costs)
         terms = self.evaluator.term_means(evaluations.terms, conditions.weights)
         with ledger.spending("optimizer"):
             self._tell(asked, fitness.copy(), terms)

@@ -14,7 +14,7 @@ import numpy as np
 from vinefab.core.errors import BadInputError
 from vinefab.fabrication.checking import check_design, subject_of
 from vinefab.fabrication.outline.layout import flat_layout
-from vinefab.fabrication.pieces.quick_cuts import PieceLimits
+from vinefab.fabrication.pieces.quick_cuts import PieceLimits, QuickCuts, quick_cuts
 from vinefab.fabrication.rules.catalog import by_rule, changed_limits
 from vinefab.fabrication.rules.clearance import POUCH
 from vinefab.fabrication.rules.joints import ANGLE, CROTCH
@@ -60,6 +60,11 @@ class ManufacturabilityPenalty:
             sheet_mm=self.sheet_mm,
             pieces=self._pieces(design),
         )
+
+    def cuts(self, design: Design) -> QuickCuts | None:
+        """Return where a design is cut in pieces; None if it must be one, or is too large."""
+        limits = self._pieces(design)
+        return None if limits is None else quick_cuts(design, limits)
 
     def _pieces(self, design: Design) -> PieceLimits | None:
         """Return what the pieces of a design must keep; None if it may have but one."""

@@ -128,6 +128,8 @@ class CutScratch(NamedTuple):
     depth: Floats
     also: Ints  # the branch where they meet, if a cut there parts them too, else -1
     top: Ints  # level of that branch, or of the one before
+    between: Ints  # branches whose cut parts it, shape (p, o)
+    ways: Ints  # how many
     order: Ints  # pairs from the ones that meet farthest from the base
     # each branch, shape (k,)
     can: Ints  # whether it may be cut
@@ -267,6 +269,8 @@ def _cut_scratch(branches: int, capsules: int, children: int) -> CutScratch:
         depth=np.empty(pairs),
         also=whole(pairs),
         top=whole(pairs),
+        between=np.empty((pairs, ways), dtype=np.int64),
+        ways=whole(pairs),
         order=whole(pairs),
         can=whole(branches),
         cut=whole(branches),

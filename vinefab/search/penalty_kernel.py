@@ -499,7 +499,10 @@ def _prepare_pairs(designs, d, capsules, pairs, limits, scratch, cutting):
             also = meet
         cutting.also[p] = also
         cutting.top[p] = designs.level[base + meet] - (1 if also >= 0 else 0)
-        for way in range(_ways(designs, base, owner[one], owner[two], also, cutting)):
+        ways = _ways(designs, base, owner[one], owner[two], also, cutting)
+        cutting.ways[p] = ways
+        for way in range(ways):
+            cutting.between[p, way] = cutting.path[way]
             weight[cutting.path[way]] += 1
     _order_pairs(designs.depth[d], pairs, cutting)
 
@@ -797,20 +800,21 @@ def _expand(designs, d, capsules, pairs, made, most, step, limits, scratch, cutt
     needs one of its own (Garg, Vazirani and Yannakakis 1997: pairs are taken in the order in which
     they meet farthest from the base). That number is written to ``cutting.needed``.
     """
-    base, owner, first, needed = designs.first[d], scratch.owner, -1, 0
+    base, first, needed = designs.first[d], -1, 0
     cutting.options[made] = 0
     _label(designs, d, cutting)
     for place in range(pairs):
         p = cutting.order[place]
         if needed <= most - made and _together(p, scratch, cutting):
             first = p if first < 0 else first
-            needed += _claim(designs, d, p, step, scratch, cutting)
+            needed += _claim(p, step, cutting)
     cutting.needed[0] = needed
     if needed > most - made:
         return 1
     if first >= 0:
-        one, two = owner[cutting.one[first]], owner[cutting.two[first]]
-        ways = _ways(designs, base, one, two, cutting.also[first], cutting)
+        ways = 0
+        for way in range(cutting.ways[first]):
+            ways = _add_way(cutting, cutting.between[first, way], ways)
     else:
         left = _stubs_left(designs, d, capsules, pairs, limits, scratch, cutting)
         left += _sockets_left(designs, d, capsules, limits, scratch, cutting)
@@ -822,16 +826,19 @@ def _expand(designs, d, capsules, pairs, made, most, step, limits, scratch, cutt
 
 
 @inlined
-def _claim(designs, d, p, step, scratch, cutting):
+def _claim(p, step, cutting):
     """Return how many cuts a pair needs beside those of the pairs before: 0, 1, or too many."""
-    one, two = scratch.owner[cutting.one[p]], scratch.owner[cutting.two[p]]
-    ways = _ways(designs, designs.first[d], one, two, cutting.also[p], cutting)
-    for way in range(ways):
-        if cutting.used[cutting.path[way]] == step + 1:
-            return 0
-    for way in range(ways):
-        cutting.used[cutting.path[way]] = step + 1
-    return 1 if ways else TOO_MANY
+    free = 0
+    for way in range(cutting.ways[p]):
+        k = cutting.between[p, way]
+        if cutting.banned[k] == 0:
+            free += 1
+            if cutting.used[k] == step + 1:
+                return 0
+    for way in range(cutting.ways[p]):
+        if cutting.banned[cutting.between[p, way]] == 0:
+            cutting.used[cutting.between[p, way]] = step + 1
+    return 1 if free else TOO_MANY
 
 
 @inlined
@@ -870,12 +877,10 @@ def _deepest_cuts(designs, d, pairs, limits, scratch, cutting):
 @inlined
 def _add_shares(designs, d, pairs, scratch, cutting):
     """Write the summed depths of the pairs that a cut in each branch parts."""
-    base, owner = designs.first[d], scratch.owner
     _label(designs, d, cutting)
     for k in range(designs.first[d + 1] - designs.first[d]):
         cutting.share[k] = 0.0
     for p in range(pairs):
         if _together(p, scratch, cutting):
-            one, two = owner[cutting.one[p]], owner[cutting.two[p]]
-            for way in range(_ways(designs, base, one, two, cutting.also[p], cutting)):
-                cutting.share[cutting.path[way]] += cutting.depth[p]
+            for way in range(cutting.ways[p]):
+                cutting.share[cutting.between[p, way]] += cutting.depth[p]

@@ -235,6 +235,7 @@ def result_lines(result: RunResult, violations: str = "", *, verbose: bool = Fal
         *(extension.text for extension in result.extensions),
         *repair,
         f"winner {best.name}: {best.branch_count} branches on {best.depth} levels; "
+        f"{result.pieces_words}{'; ' * bool(result.pieces_words)}"
         f"{_manufacturability(result, violations)}",
         f"on {len(score.evaluations)} fresh poses on the training maps (simulated): "
         f"{composites_text(score.composite)}",

@@ -105,6 +105,21 @@ def test_a_robot_longer_than_the_bed_is_cut_to_fit():
     assert not blocking & {"VF-S01", "VF-J01", "VF-J02"}
 
 
+def test_a_trunk_longer_than_the_bed_is_left_to_tiles():
+    vine = design(trunk=1500.0)
+    assert not partition_of(vine, PROFILE).unparted
+    assert not check_design(vine, PROFILE).blocking
+
+
+def test_a_robot_that_crosses_and_has_too_long_a_trunk_is_refused_by_name():
+    both = replace(CROSSED, trunk_length_mm=1500.0)
+    found = partition_of(both, PROFILE)
+    assert len(found.pieces) == 1
+    assert {one.why for one in found.unparted} == {"do not fit the bed in one piece"}
+    blocking = {finding.rule for finding in check_design(both, PROFILE).blocking}
+    assert {"VF-J01", "VF-T03"} <= blocking
+
+
 def _passes(one, cut):
     """Whether the pieces that some cuts leave pass the rules about room, as they will be cut."""
     cutter = _Cutter(one, one.build.pieces, PROFILE, None, separate=False)

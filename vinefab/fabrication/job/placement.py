@@ -258,7 +258,7 @@ class _Bed:
         near = shapely.buffer(turned, self.near_mm, quad_segs=4)
         counts = [math.ceil(side / self.cell_mm) + 2 * self.rim for side in (x1 - x0, y1 - y0)]
         across, up = (
-            low + (np.arange(count) - self.rim + 0.5) * self.cell_mm
+            low + (np.arange(count, dtype=np.float64) - self.rim + 0.5) * self.cell_mm
             for low, count in zip((x0, y0), counts, strict=True)
         )
         return _Stamp(

@@ -34,6 +34,8 @@ from vinefab.model.pieces import Partition, Piece, Sleeve, Unparted, piece_label
 _ORDERS = 8
 """Orders in which branches are given up to find the least part that does not fit the bed."""
 
+TOO_LARGE = "do not fit the bed in one piece"
+
 MOST_ROUNDS = 300
 """Times that cuts are looked for again after a rule found something on a piece."""
 
@@ -213,8 +215,7 @@ class _Cutter:
         if place_contours([path.contour for path in paths], room, corner).fits:
             return
         for clause in self._too_large(piece):
-            rows = (*sorted(clause.cut), *clause.uncut)
-            yield _Conflict(why="do not fit the bed in one piece", branches=rows, clause=clause)
+            yield _Conflict(why=TOO_LARGE, branches=piece.branches, clause=clause)
 
     def _too_large(self, piece: Piece) -> Iterator[Clause]:
         """Yield clauses that a piece which does not fit the bed is cut.
@@ -291,7 +292,12 @@ class _Cutter:
         return Partition(pieces=pieces, sleeves=sleeves, proven_least=proven_least)
 
     def _uncut(self, conflicts: list[_Conflict], found: Multicut) -> Partition:
-        """Return the whole robot with the conflicts that no cut parts."""
+        """Return the whole robot with the conflicts that no cut parts.
+
+        One that lies flat is only too large for the bed: it may still be made in tiles.
+        """
+        if all(conflict.why == TOO_LARGE for conflict in conflicts):
+            return whole(self.design)
         room_mm, unparted = self.sides.room_mm(), {}
         for place in found.broken:
             conflict = conflicts[place]

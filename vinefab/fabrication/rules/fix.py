@@ -1,29 +1,84 @@
 """``check --fix``: the smallest change of a design that clears its errors.
 
-The search is deterministic. Branches may be pruned; for each way to prune, every length, angle and
-width is moved in the direction that lowers the penalty most for its cost, in steps that grow and
-shrink, until no penalty is left; then every value moves back towards the original as far as the
-rules allow. The cheapest result counts. It is the best that this search finds, not proven to be the
-smallest there is.
+The search is deterministic and goes by what a maker would try first: smaller fillets alone; then
+widths, tapers, lengths and angles together; then fewer branches. What comes later is tried only if
+all before it found nothing. At first one value, or a group of them, is moved at a time: what lowers
+the penalty most for its cost, in steps that grow and shrink, until no penalty is left. Where that
+gets stuck and no branch is to go, CMA-ES moves all values together. Then every value moves back
+towards the original as far as the rules allow. The cheapest result counts. It is the best that this
+search finds, not proven to be the smallest there is.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg, rad
 from vinefab.core.validation import Floats
 from vinefab.fabrication.rules.fix_targets import FixTargets, change_cost, pruning_cost
 from vinefab.model.design import Build, Design, Level, Pouch
 
 Variable = tuple[str, int]
-"""What is changed (length, fan, growth, width, pouch), and on which level, from 0."""
+"""What is changed, one of `KINDS`, and on which level, from 0."""
+
+KINDS = frozenset({"length", "growth", "fan", "width", "taper", "pouch", "fillet"})
+"""What a fix can change, besides the number of branches."""
+
+MAKING = frozenset({"width", "taper", "pouch", "fillet"})
+"""How a robot is made; the others are where it goes."""
+
+BRANCHES = "branches"
+KEEPS: Mapping[str, frozenset[str]] = MappingProxyType(
+    {
+        BRANCHES: frozenset(),
+        "length": frozenset({"length", "growth"}),
+        "angle": frozenset({"fan"}),
+        "width": frozenset({"width", "taper", "pouch"}),
+    }
+)
+"""What a user may tell a fix to keep, and the kinds of changes that this rules out."""
 
 _DECIMALS = 3
+_LEAST_TAPER = 0.05
+
+
+def parsed_keeps(texts: Iterable[str]) -> frozenset[str]:
+    """Return what to keep from texts like ``branches,length``.
+
+    >>> sorted(parsed_keeps(["branches, length", "angle"]))
+    ['angle', 'branches', 'length']
+    """
+    words = [word.strip() for text in texts for word in text.split(",")]
+    for word in words:
+        if word not in KEEPS:
+            allowed = f"{', '.join(KEEPS)}, one or more with commas between them"
+            raise BadInputError("--keep", word, allowed)
+    return frozenset(words)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FixStage:
+    """One step of a fix: what may change in it."""
+
+    kinds: frozenset[str]  # of `KINDS`
+    prunes: bool = False  # whether branches may be removed
+
+
+FILLETS = FixStage(kinds=frozenset({"fillet"}))
+
+
+def fix_stages(keep: frozenset[str] = frozenset()) -> tuple[FixStage, ...]:
+    """Return the steps of a fix in their order, less what is to be kept."""
+    kinds = KINDS.difference(*(KEEPS[word] for word in keep))
+    stages = [FILLETS, FixStage(kinds=kinds)]
+    stages += [] if BRANCHES in keep else [FixStage(kinds=kinds, prunes=True)]
+    return tuple(dict.fromkeys(stages))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,16 +92,25 @@ class FixSpace:
     targets: FixTargets  # settle fillets, tail and pressure
 
     @classmethod
-    def of(cls, design: Design, branches: tuple[int, ...], targets: FixTargets) -> "FixSpace":
-        """Return the space of a design with some of its branches kept."""
+    def of(
+        cls,
+        design: Design,
+        branches: tuple[int, ...],
+        targets: FixTargets,
+        kinds: frozenset[str] = KINDS,
+    ) -> "FixSpace":
+        """Return the space of some kinds of changes of a design with some of its branches kept."""
         depth = 1 + len(branches)
         wide = [level for level, count in enumerate(branches, start=1) if count > 1]
         variables: list[Variable] = [("length", level) for level in range(depth)]
         variables += [("fan", level) for level in wide]
         variables += [("growth", level) for level in wide if design.levels[level - 1].growth != 1.0]
         variables += [("width", level) for level in range(depth)]
+        variables += [("taper", level) for level in range(depth - 1)]
+        variables += [("fillet", level) for level in range(1, depth)]
         variables += [("pouch", 0)] if design.build.pouch else []
-        return cls(design=design, branches=branches, variables=tuple(variables), targets=targets)
+        used = tuple(variable for variable in variables if variable[0] in kinds)
+        return cls(design=design, branches=branches, variables=used, targets=targets)
 
     def __len__(self) -> int:
         return len(self.variables)
@@ -65,7 +129,7 @@ class FixSpace:
             self._level(number, scale, by_kind.get("fan", {})) for number in range(1, depth)
         )
         build = self._build(depth, scale)
-        trunk_mm = _scaled_mm(self.design.trunk_length_mm, scale["length"][0])
+        trunk_mm = _scaled_mm(self.design.trunk_length_mm, scale.get("length", {}).get(0, 1.0))
         return replace(
             self.design,
             trunk_length_mm=trunk_mm,
@@ -88,6 +152,11 @@ class FixSpace:
             group = np.array([float(name == kind) for name, _ in self.variables])
             below = group * np.array([float(level > 0) for _, level in self.variables])
             rows += [one for one in (group, below) if np.count_nonzero(one) > 1]
+        # All that narrows at one joint: the parent's end and the children's beginnings.
+        for level in range(len(self.branches)):
+            around = {("taper", level), ("width", level + 1)}
+            row = np.array([float(variable in around) for variable in self.variables])
+            rows += [row] if np.count_nonzero(row) > 1 else []
         unique = np.unique(np.array(rows), axis=0)[::-1]
         return np.concatenate([unique, -unique])
 
@@ -101,19 +170,37 @@ class FixSpace:
         grown = min(100.0, max(0.001, round(old.growth * growth, 2 + _DECIMALS)))
         return Level(
             branches=self.branches[number - 1],
-            length_mm=_scaled_mm(old.length_mm, scale["length"][number]),
+            length_mm=_scaled_mm(old.length_mm, scale.get("length", {}).get(number, 1.0)),
             fan_rad=fan_rad if turn_rad else old.fan_rad,
             growth=old.growth if growth == 1.0 else grown,
         )
 
     def _build(self, depth: int, scale: dict[str, dict[int, float]]) -> Build:
         old = self.design.build
-        widths_mm = tuple(
-            _scaled_mm(width, scale["width"][level])
-            for level, width in enumerate(old.widths_mm[:depth])
+
+        def scaled(kind: str, values_mm: tuple[float, ...], first: int = 0) -> tuple[float, ...]:
+            factors = scale.get(kind, {})
+            numbered = enumerate(values_mm, start=first)
+            return tuple(_scaled_mm(value, factors.get(level, 1.0)) for level, value in numbered)
+
+        return replace(
+            old,
+            widths_mm=scaled("width", old.widths_mm[:depth]),
+            fillet_mm=scaled("fillet", old.fillet_mm[: depth - 1], first=1),
+            taper=_tapers(old.taper[:depth], depth, scale.get("taper", {})),
+            pouch=_scaled(old.pouch, scale.get("pouch", {}).get(0, 1.0)),
         )
-        pouch = _scaled(old.pouch, scale.get("pouch", {}).get(0, 1.0))
-        return replace(old, widths_mm=widths_mm, fillet_mm=old.fillet_mm[: depth - 1], pouch=pouch)
+
+
+def _tapers(old: tuple[float, ...], depth: int, factors: dict[int, float]) -> tuple[float, ...]:
+    """Return the tapers of the levels times factors; none where no level is tapered."""
+    pairs = [(ratio, factors.get(level, 1.0)) for level, ratio in enumerate(old or depth * (1.0,))]
+    changed = (
+        ratio if factor == 1.0 else min(1.0, max(_LEAST_TAPER, round(ratio * factor, _DECIMALS)))
+        for ratio, factor in pairs
+    )
+    tapers = tuple(changed)
+    return tapers if old or min(tapers) < 1.0 else ()
 
 
 def kept_branches(design: Design) -> list[tuple[int, ...]]:
@@ -158,11 +245,29 @@ MOST_PRUNINGS = 12
 """Most ways to prune that are searched in full, the most promising first."""
 
 MOST_STEPS = 60
+FIRST_STEPS = 20
+"""Steps of single values and groups before CMA-ES has its turn."""
+
 PENALTY_COST = 0.4
 """Estimated cost of clearing a unit of penalty, to rank the ways to prune."""
 
 _FIRST_STEP, _LARGEST_STEP, _LEAST_STEP = 0.15, 0.4, 0.005
 _BACKWARD = 12
+_SMALLEST = 7.0
+"""Logarithm by which fillets shrink to the smallest that the limits allow, whatever they are."""
+
+
+MOST_GENERATIONS = 150
+_POPULATION, _SPREAD, _SEED = 16, 0.3, 1
+_RISE, _STUCK, _STALLED = 0.99, 60, 20
+"""CMA-ES ends when nothing was better by one percent for so many generations: before it has met
+the targets, and after."""
+
+_LARGE = 400
+"""Branches of a design from which on fewer generations are tried."""
+
+_PENALTY_WORTH = 10.0
+"""Cost that CMA-ES accepts to clear a unit of penalty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,24 +279,42 @@ class FixedDesign:
 
 
 def fix_design(
-    design: Design, targets: FixTargets, progress: Callable[[float], None] | None = None
+    design: Design,
+    targets: FixTargets,
+    progress: Callable[[float], None] | None = None,
+    keep: frozenset[str] = frozenset(),
 ) -> FixedDesign | None:
-    """Return the cheapest change found that meets the targets, or None if none was found.
+    """Return the cheapest change found in the first stage that finds any, or None.
 
     Parameters
     ----------
     progress
         Called with the share of the search that is done.
+    keep
+        Words of `KEEPS`: what must not change.
     """
+    found = (fix_in_stage(design, targets, stage, progress) for stage in fix_stages(keep))
+    return next(filter(None, found), None)
+
+
+def fix_in_stage(
+    design: Design,
+    targets: FixTargets,
+    stage: FixStage,
+    progress: Callable[[float], None] | None = None,
+) -> FixedDesign | None:
+    """Return the cheapest change found that meets the targets in one stage, or None."""
     best: FixedDesign | None = None
-    prunings = _ranked_prunings(design, targets)
-    for number, pruning in enumerate(prunings):
+    spaces = _spaces(design, targets, stage)
+    for number, space in enumerate(spaces):
         if progress:
-            progress(number / len(prunings))
-        if best is not None and pruning_cost(design, pruning) >= best.cost:
+            progress(number / len(spaces))
+        if best is not None and pruning_cost(design, space.branches) >= best.cost:
             continue
-        space = FixSpace.of(design, pruning, targets)
-        x = _descended(space, most_cost=best.cost if best else np.inf)
+        most_cost = best.cost if best else np.inf
+        x = _cleared(space, stage, most_cost)
+        if x is None and best is None and not stage.prunes and number == len(spaces) - 1:
+            x = _evolved(space, progress)
         if x is None:
             continue
         changed = space.at(_retracted(space, x))
@@ -201,7 +324,24 @@ def fix_design(
     return best
 
 
-def _ranked_prunings(design: Design, targets: FixTargets) -> list[tuple[int, ...]]:
+def _spaces(design: Design, targets: FixTargets, stage: FixStage) -> list[FixSpace]:
+    """Return the spaces that a stage searches, the most promising first.
+
+    With all branches these are how the robot is made, which leaves where it goes as it is, and
+    then everything.
+    """
+    whole = tuple(level.branches for level in design.levels)
+    if not stage.prunes:
+        each = dict.fromkeys((stage.kinds & MAKING, stage.kinds))
+        return [FixSpace.of(design, whole, targets, kinds) for kinds in each]
+    fewer = [pruning for pruning in kept_branches(design) if pruning != whole]
+    prunings = _ranked_prunings(design, targets, fewer)
+    return [FixSpace.of(design, pruning, targets, stage.kinds) for pruning in prunings]
+
+
+def _ranked_prunings(
+    design: Design, targets: FixTargets, prunings: Sequence[tuple[int, ...]]
+) -> list[tuple[int, ...]]:
     """Return ways to prune, the most promising first: little lost, and little penalty left."""
 
     def estimated_cost(pruning: tuple[int, ...]) -> float:
@@ -209,14 +349,23 @@ def _ranked_prunings(design: Design, targets: FixTargets) -> list[tuple[int, ...
         penalty = space.penalty(np.zeros(len(space)))
         return pruning_cost(design, pruning) + PENALTY_COST * penalty
 
-    return sorted(kept_branches(design), key=estimated_cost)[:MOST_PRUNINGS]
+    return sorted(prunings, key=estimated_cost)[:MOST_PRUNINGS]
 
 
-def _descended(space: FixSpace, *, most_cost: float) -> Floats | None:
+def _cleared(space: FixSpace, stage: FixStage, most_cost: float) -> Floats | None:
+    """Return a vector without penalty, before it is moved back as far as it goes, or None."""
+    if stage == FILLETS:
+        # Nothing clears more than the smallest fillets do.
+        x = np.full(len(space), -_SMALLEST)
+        return x if space.penalty(x) == 0.0 else None
+    return _descended(space, MOST_STEPS if stage.prunes else FIRST_STEPS, most_cost)
+
+
+def _descended(space: FixSpace, steps: int, most_cost: float) -> Floats | None:
     """Return a vector without penalty, by steps that lower it most for their cost, or None."""
     directions, x = space.directions(), np.zeros(len(space))
     left, cost, step = space.penalty(x), space.cost(x), _FIRST_STEP
-    for _ in range(MOST_STEPS):
+    for _ in range(steps):
         if left == 0.0:
             return x
         if cost >= most_cost or step < _LEAST_STEP:
@@ -227,7 +376,41 @@ def _descended(space: FixSpace, *, most_cost: float) -> Floats | None:
             continue
         x, left, cost = found
         step = min(_LARGEST_STEP, 1.3 * step)
-    return None
+    return x if left == 0.0 else None
+
+
+def _evolved(space: FixSpace, progress: Callable[[float], None] | None) -> Floats | None:
+    """Return the cheapest vector without penalty that CMA-ES meets from zero on, or None.
+
+    It ends when the worth of the best vector hardly rises any more.
+    """
+    # It takes long to load, and most fixes do without.
+    from cmaes import CMA  # noqa: PLC0415
+
+    search = CMA(mean=np.zeros(len(space)), sigma=_SPREAD, seed=_SEED, population_size=_POPULATION)
+    best, best_cost, least, since = None, math.inf, math.inf, 0
+    most = _generations(space.design)
+    for generation in range(most):
+        if progress:
+            progress(generation / most)
+        told = []
+        for x in (search.ask() for _ in range(_POPULATION)):
+            design = space.at(x)
+            penalty, cost = space.targets.penalty(design), change_cost(space.design, design)
+            told.append((x, _PENALTY_WORTH * penalty + cost))
+            if penalty == 0.0 and cost < best_cost:
+                best, best_cost = x, cost
+        search.tell(told)
+        now = min(value for _, value in told)
+        since, least = (0, now) if now < _RISE * least else (since + 1, least)
+        if since > (_STUCK if best is None else _STALLED):
+            break
+    return best
+
+
+def _generations(design: Design) -> int:
+    """Return for how many generations a design is worth searching: large ones take longer each."""
+    return max(1, min(MOST_GENERATIONS, MOST_GENERATIONS * _LARGE // design.branch_count))
 
 
 def _best_step(

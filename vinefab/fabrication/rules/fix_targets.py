@@ -8,9 +8,10 @@ from vinefab.core.units import deg
 from vinefab.fabrication.job.passes import weldcut_offset_mm
 from vinefab.fabrication.outline.gap import largest_fillet_mm
 from vinefab.fabrication.outline.joint import level_tapers_rad
+from vinefab.fabrication.pieces.quick_cuts import PieceLimits
 from vinefab.fabrication.rules.catalog import RULES, by_rule, changed_limits
 from vinefab.fabrication.rules.clearance import CLEARANCE, POUCH
-from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET
+from vinefab.fabrication.rules.joints import ANGLE, CROTCH, FILLET, least_lean_rad
 from vinefab.fabrication.rules.laser_rules import PATHS
 from vinefab.fabrication.rules.penalty import fabrication_penalty, relative_excess
 from vinefab.fabrication.rules.pressure_limits import (
@@ -35,6 +36,7 @@ WEIGHTS = {
     "angle": 1.0,
     "growth": 0.5,
     "width": 0.5,
+    "taper": 0.25,
     "pouch": 0.5,
     "fillet": 0.1,
     "tail": 0.1,
@@ -140,6 +142,9 @@ def _sizes(before: Design, after: Design) -> Iterator[DesignChange]:
 def _built(before: Build, after: Build) -> Iterator[DesignChange]:
     for number, pair in enumerate(zip(before.widths_mm, after.widths_mm, strict=False), start=1):
         yield _relative("width", f"level {number}", *pair)
+    tapers = zip(_tapers(before, after), _tapers(after, after), strict=True)
+    for number, pair in enumerate(tapers, start=1):
+        yield _relative("taper", f"level {number}", *pair, "%", 100.0)
     for number, pair in enumerate(zip(before.fillet_mm, after.fillet_mm, strict=False), start=2):
         yield _relative("fillet", f"level {number}", *pair)
     yield _relative("tail", "the", before.tail_mm, after.tail_mm)
@@ -148,6 +153,12 @@ def _built(before: Build, after: Build) -> Iterator[DesignChange]:
         old, new = getattr(before.pouch, name, None), getattr(after.pouch, name, None)
         if old is not None and new is not None:
             yield _relative("pouch", name.removesuffix("_mm").join(("", " of the")), old, new)
+
+
+def _tapers(build: Build, like: Build) -> tuple[float, ...]:
+    """Return the tapers of as many levels as another build has."""
+    count = len(like.widths_mm)
+    return build.taper[:count] or count * (1.0,)
 
 
 def _relative(
@@ -224,6 +235,7 @@ class FixTargets:
             self.limits,
             film_mm=material.ply_mm.value * material.plies,
             sheet_mm=self._sheet_mm(),
+            pieces=self._pieces(design.build),
         )
         build = design.build
         return found + math.log1p(
@@ -235,6 +247,12 @@ class FixTargets:
             + self._window(design)
             + self._fillets(design)
         )
+
+    def _pieces(self, build: Build) -> PieceLimits | None:
+        """Return what the pieces of a design must keep; None for one flat outline."""
+        if build.pieces is None:
+            return None
+        return PieceLimits.of(build.pieces, self.profile, self.limits, self._sheet_mm())
 
     def _clamp(self, build: Build) -> float:
         """Return by how much the tail is too wide for a clamp; a collar fits its own clamp."""
@@ -309,10 +327,12 @@ def _drawn_fillets_mm(design: Design) -> list[float]:
         disc, designed = max(wide, narrow), build.fillet_mm[number - 1]
         several = level.branches > 1
         child_mm = level.length_mm * (min(1.0, level.growth) if several else 1.0)
-        lean_rad = max(level_tapers_rad(design, number))
-        gaps = [(math.pi - lean_rad - (level.fan_rad / 2.0 if several else 0.0), wide, above_mm)]
+        lean_rad = least_lean_rad(design, number + 1)
+        beside_rad = math.pi - max(level_tapers_rad(design, number)) + lean_rad
+        gaps = [(beside_rad - (level.fan_rad / 2.0 if several else 0.0), wide, above_mm)]
         if several:
-            gaps.append((level.fan_rad / (level.branches - 1), narrow, child_mm))
+            between_rad = level.fan_rad / (level.branches - 1) + 2.0 * lean_rad
+            gaps.append((between_rad, narrow, child_mm))
         for angle_rad, half, length_mm in gaps:
             reach_mm = max(0.5 * min(child_mm, length_mm), disc)
             most = largest_fillet_mm(angle_rad, (half, narrow), reach_mm)

@@ -97,7 +97,7 @@ def bare_gaps(design: Design) -> list[tuple[float, float]]:
     For each level that is the gap beside the parent and, between children, the one between the two
     shortest neighbours. Fillets are drawn no larger than the crotch allows, so these shares exceed
     one half exactly when those of `share_in_crotch` do. Tapered parents count with the side that
-    leans most, tapered children as if they were even.
+    leans most, tapered children with the one that leans least.
     """
     found = []
     widths_mm, ends_mm = design.build.widths_mm, design.build.end_widths_mm
@@ -107,15 +107,21 @@ def bare_gaps(design: Design) -> list[tuple[float, float]]:
         shortest_mm = level.length_mm * min(1.0, level.growth)
         fan = level.fan_rad if level.branches > 1 else 0.0
         disc = max(wide, narrow)
-        beside = math.pi - fan / 2.0 - max(level_tapers_rad(design, number))
+        lean = least_lean_rad(design, number + 1)
+        beside = math.pi - fan / 2.0 - max(level_tapers_rad(design, number)) + lean
         reach = _bare_reach_mm(beside, (wide, narrow), disc)
         length_mm = shortest_mm if reach <= disc else min(shortest_mm, above_mm)
         found.append((beside, reach / length_mm))
         if level.branches > 1:
-            between = fan / (level.branches - 1)
+            between = fan / (level.branches - 1) + 2.0 * lean
             found.append((between, _bare_reach_mm(between, (narrow, narrow), disc) / shortest_mm))
         above_mm = shortest_mm
     return found
+
+
+def least_lean_rad(design: Design, level: int) -> float:
+    """Return by how much the sides of every branch of a level lean towards its axis at least."""
+    return min(level_tapers_rad(design, level)) if design.build.taper else 0.0
 
 
 def _bare_reach_mm(angle_rad: float, halves_mm: tuple[float, float], disc_mm: float) -> float:

@@ -10,7 +10,7 @@ from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.outline.stroke import LEAST_SEGMENT_MM
 from vinefab.fabrication.pieces.quick_cuts import PieceLimits, quick_cuts
 from vinefab.fabrication.rules.clearance import CLEARANCE
-from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps
+from vinefab.fabrication.rules.joints import ANGLE, CROTCH, bare_gaps, least_lean_rad
 from vinefab.fabrication.rules.pressure_limits import WINDOW, GrowthConstantsRange, growth_limit_kpa
 from vinefab.fabrication.rules.rule import LimitChanges, Rule
 from vinefab.fabrication.rules.spacing import (
@@ -66,13 +66,12 @@ def _joint(design: Design, number: int) -> Pair:
     narrow = design.build.widths_mm[number] / 2.0
     radius = design.build.fillet_mm[number - 1]
     fan = level.fan_rad if level.branches > 1 else 0.0
-    parent, child = straight_begins_mm(
-        math.pi - fan / 2.0 - max(level_tapers_rad(design, number)), (wide, narrow), radius
-    )
+    lean = least_lean_rad(design, number + 1)
+    beside = math.pi - fan / 2.0 - max(level_tapers_rad(design, number)) + lean
+    parent, child = straight_begins_mm(beside, (wide, narrow), radius)
     if level.branches > 1:
-        child = max(
-            child, straight_begins_mm(fan / (level.branches - 1), (narrow, narrow), radius, wide)[0]
-        )
+        between = fan / (level.branches - 1) + 2.0 * lean
+        child = max(child, straight_begins_mm(between, (narrow, narrow), radius, wide)[0])
     return parent, child
 
 

@@ -159,6 +159,17 @@ class RunResult:
         return replace(self, best=best, prediction=prediction)
 
     @property
+    def pieces_words(self) -> str:
+        """In how many pieces the winner is cut; empty where it must be one or that is not known."""
+        found = self.prediction.get("pieces")
+        if found is None:
+            return ""
+        if found["count"] is None:
+            return "cannot be cut in flat pieces"
+        least = "no fewer possible" if found["proven_least"] else "fewer may be possible"
+        return f"{found['count']} piece{'s' * (found['count'] > 1)}, {least}"
+
+    @property
     def fabricable(self) -> bool:
         """Whether the winner has no penalty: it passes what was checked, and keeps the limits."""
         return self.finalists[0].penalty == 0.0

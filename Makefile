@@ -36,6 +36,8 @@ thorough: check fuzz outlines
 	$(BIN)/python tests/fabrication/rules/fix_many.py 40
 	$(BIN)/python tests/tasks/measure_area_errors.py 1000
 	$(BIN)/python tests/search/kill.py 20
+	$(BIN)/python tests/fabrication/pieces/many_trees.py 2000
+	$(BIN)/python tests/fabrication/pieces/partition_times.py
 
 outlines: $(READY)
 	$(BIN)/python tests/fabrication/outline/property.py

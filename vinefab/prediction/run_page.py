@@ -167,7 +167,7 @@ def ended_report(run: EndedRun) -> Report:
             *run_facts(run.settings),
             ("stopped by", result.stopped),
             ("evaluated", f"{result.evaluations} designs in {len(result.history)} generations"),
-            *([("pieces", f"{words} (computed)")] if (words := result.pieces_words) else []),
+            *([("cut in", f"{words} (computed)")] if (words := result.pieces_words) else []),
             ("run", result.run_id),
             ("growth model", growth_text(run.settings.growth, [run.design])),
         ),

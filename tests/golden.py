@@ -16,7 +16,15 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-DESIGNS = ("cave_explorer", "grid_explorer", "plain_vine", "six_branch_anchor", "three_level_tree")
+DESIGNS = (
+    "cave_explorer",
+    "cave_explorer_pieces",
+    "grid_explorer",
+    "grid_explorer_pieces",
+    "plain_vine",
+    "six_branch_anchor",
+    "three_level_tree",
+)
 RUN = """schema = "vinefab/run-1"
 name = "golden"
 [maps]
@@ -85,7 +93,8 @@ def _commands(designs: tuple[str, ...] = DESIGNS) -> list[str]:
         "grow grid_explorer --map grid1.geojson --animate grown.svg --history 100,300"
         " --json history.json",
         "grow grid_explorer --map grid1.geojson --animate grown.gif --frames 8",
-        "fabricate cave_explorer --copies 2 --with plain_vine --out nested --allow-uncalibrated",
+        "fabricate six_branch_anchor --copies 2 --with plain_vine --out nested"
+        " --allow-uncalibrated",
         "fabricate long.toml --out tiled --allow-uncalibrated",
         "check broken.toml --fix mended.toml --json broken.json",
         "coupon --out coupons",

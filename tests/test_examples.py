@@ -144,7 +144,20 @@ def test_every_script_in_the_folder_is_tried():
     assert scripts == {*SCRIPTS, *TALKING}
 
 
-@pytest.mark.parametrize("name", ["grid_explorer", "cave_explorer", "six_branch_anchor"])
+OPTIMIZED = (
+    "grid_explorer",
+    "grid_explorer_pieces",
+    "cave_explorer",
+    "cave_explorer_pieces",
+    "six_branch_anchor",
+)
+
+
+PIECES = {"grid_explorer_pieces": 3, "cave_explorer_pieces": 2}
+"""Of designs that are not cut as one: as their comments and the README say."""
+
+
+@pytest.mark.parametrize("name", OPTIMIZED)
 def test_a_shipped_winner_is_what_its_run_file_says_and_can_be_made(name):
     design, run = read_design(name), read_run(ROOT / "examples" / f"{name}.toml")
     search = run.search
@@ -152,7 +165,9 @@ def test_a_shipped_winner_is_what_its_run_file_says_and_can_be_made(name):
     origin = ("task", "optimizer", "seed", "population", "generations")
     assert tuple(design.origin[key] for key in origin) == made
     assert design.build == run.build.build(design.depth)
-    assert not check_design(design, read_profile(DEFAULT_RECIPE)).blocking
+    profile = read_profile(DEFAULT_RECIPE)
+    assert not check_design(design, profile).blocking
+    assert len(partition_of(design, profile).pieces) == PIECES.get(name, 1)
 
 
 def test_the_library_snippet_of_the_readme_runs(tmp_path):

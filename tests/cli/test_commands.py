@@ -297,7 +297,7 @@ def test_an_interrupted_rig_says_so_and_leaves_nothing(monkeypatch, vinefab, gri
 def test_fabricate_nests_copies_and_other_designs_or_says_how_many_fit(vinefab, tmp_path):
     out = tmp_path / "sheet"
     code, _, _ = vinefab(
-        "fabricate", "plain_vine", "--copies", "2", "--with", "grid_explorer",
+        "fabricate", "plain_vine", "--copies", "2", "--with", "six_branch_anchor",
         "--out", out, "--allow-uncalibrated",
     )  # fmt: skip
     assert code == 0

@@ -316,7 +316,7 @@ def test_designs_to_begin_at_are_points_of_the_space(tmp_path: Path) -> None:
     mine, shipped = (space.design(np.array(point)) for point in settings.start_from)
     assert (mine.trunk_length_mm, mine.depth, mine.levels[0].branches) == (100.0, 2, 3)
     assert mine.levels[0].length_mm == 60.0
-    assert [level.branches for level in shipped.levels] == [2, 3, 3]
+    assert [level.branches for level in shipped.levels] == [3, 3, 2]
     assert settings_from_plain(json.loads(json.dumps(plain_settings(settings)))) == settings
 
 
@@ -337,7 +337,7 @@ def test_a_search_begins_at_the_design_that_it_is_given(tmp_path: Path) -> None:
     text += 'start_from = ["grid_explorer"]'
     search = Search.of(read_run(written(tmp_path, text)), (grid_map(1),))
     first = search.evaluator.space.design(search.optimizer.ask()[0])
-    assert [level.branches for level in first.levels] == [2, 3, 3]
+    assert [level.branches for level in first.levels] == [3, 3, 2]
 
 
 def test_without_a_name_the_optimizer_is_the_one_that_does_best(tmp_path: Path) -> None:

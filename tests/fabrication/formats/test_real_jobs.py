@@ -36,7 +36,8 @@ def test_svgelements_sees_the_shipped_designs_as_they_are(shipped: Job) -> None:
         x0, y0, x1, y1 = path.contour.box_mm
         height = shipped.sheet_height_mm
         assert np.allclose(read.bbox(), (x0, height - y1, x1, height - y0), atol=2e-3)
-        assert read.length() == pytest.approx(path.contour.length_mm, rel=1e-5, abs=2e-3)
+        # Every corner is written to 0.001 mm; the letters of a label have some ten.
+        assert read.length() == pytest.approx(path.contour.length_mm, rel=1e-5, abs=5e-3)
 
 
 def test_the_offsets_that_were_applied_stand_in_every_file(shipped: Job) -> None:

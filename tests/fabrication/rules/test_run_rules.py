@@ -5,6 +5,7 @@ import pytest
 
 from vinefab.core.errors import BadInputError, UnknownNameError
 from vinefab.fabrication import checking
+from vinefab.fabrication.checking import check_design
 from vinefab.fabrication.job.sleeve import SleeveSize
 from vinefab.fabrication.rules.catalog import RULES, SLEEVE_RULES
 from vinefab.fabrication.rules.run_rules import merged_reports, run_checks
@@ -144,7 +145,7 @@ def test_hand_made_designs_pass_but_for_the_recipe_and_tightly_stored_film(
 
 @pytest.mark.parametrize("name", names("design"))
 def test_shipped_designs_have_no_errors(name: str, profile: LaserProfile) -> None:
-    assert run_checks(Subject.of(read_design(name), profile)).blocking == ()
+    assert check_design(read_design(name), profile).blocking == ()
 
 
 def test_rules_can_be_read_without_their_code() -> None:

@@ -20,14 +20,21 @@ from vinefab.fabrication.outline.body_outline import body_outline
 from vinefab.fabrication.outline.layout import flat_layout
 from vinefab.fabrication.package.prepare import package, prepare
 from vinefab.fabrication.pieces.partition import partition_of
+from vinefab.model.design import Pouch
 
 TREE = design(fan(3, 90.0, 110.0), fan(2, 140.0, 126.0), fan(2, 80.0, 84.0), pressure_kpa=12.0)
+POUCHED = design(
+    fan(2, 100.0, 60.0),
+    fan(2, 150.0, 130.0),
+    taper=(0.95, 0.9, 0.85),
+    pouch=Pouch(shape="round", radius_mm=8.0),
+)
 LONG = design(fan(2, 500.0, 40.0), fan(2, 420.0, 40.0), trunk=400.0)
 
 
-@pytest.fixture(scope="module", params=["CROSSED", "TREE", "LONG"])
+@pytest.fixture(scope="module", params=["CROSSED", "TREE", "LONG", "POUCHED"])
 def made(request):
-    one = {"CROSSED": CROSSED, "TREE": TREE, "LONG": LONG}[request.param]
+    one = {"CROSSED": CROSSED, "TREE": TREE, "LONG": LONG, "POUCHED": POUCHED}[request.param]
     waived = prepare(one, PROFILE)
     return one, waived, package(waived)
 

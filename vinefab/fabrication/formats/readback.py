@@ -6,7 +6,9 @@ order, colour, unit, sheet or machine setting is a problem.
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -140,17 +142,37 @@ def _size_problems(
     path, and a segment's length by at most twice the tolerance (vertices that split a long arc
     count too). Chords are shorter than their arc by a third of the sagitta per radian.
     """
-    near_mm = tolerance_mm + sagitta_mm
-    if not np.allclose(read.box_mm, model.box_mm, rtol=0.0, atol=near_mm):
-        yield f"the box is {_listed(read.box_mm)}, not {_listed(model.box_mm)}"
-    area = read.signed_area_mm2, model.signed_area_mm2
-    if abs(area[0] - area[1]) > near_mm * model.length_mm:
-        yield f"the area is {area[0]:.3f} mm2, not {area[1]:.3f} mm2"
-    length = read.length_mm, model.length_mm
-    turn = math.fsum(abs(segment.turn_rad) for segment in model.segments)
-    slack_mm = 2.0 * tolerance_mm * (len(model) + turn) + 0.5 * sagitta_mm * turn
-    if abs(length[0] - length[1]) > slack_mm:
-        yield f"the length is {length[0]:.4f} mm, not {length[1]:.4f} mm"
+    near_mm, wanted, box_mm = tolerance_mm + sagitta_mm, _sizes(model), read.box_mm
+    # No number that is no number is near another.
+    if not all(abs(a - b) <= near_mm for a, b in zip(box_mm, wanted.box_mm, strict=True)):
+        yield f"the box is {_listed(box_mm)}, not {_listed(wanted.box_mm)}"
+    area_mm2, length_mm = read.signed_area_mm2, read.length_mm
+    if abs(area_mm2 - wanted.area_mm2) > near_mm * wanted.length_mm:
+        yield f"the area is {area_mm2:.3f} mm2, not {wanted.area_mm2:.3f} mm2"
+    slack_mm = 2.0 * tolerance_mm * (len(model) + wanted.turn_rad)
+    slack_mm += 0.5 * sagitta_mm * wanted.turn_rad
+    if abs(length_mm - wanted.length_mm) > slack_mm:
+        yield f"the length is {length_mm:.4f} mm, not {wanted.length_mm:.4f} mm"
+
+
+class _Sizes(NamedTuple):
+    """What the files of a contour are compared with."""
+
+    box_mm: tuple[float, float, float, float]
+    area_mm2: float
+    length_mm: float
+    turn_rad: float  # of all its arcs together
+
+
+@lru_cache(maxsize=4096)
+def _sizes(contour: Contour) -> _Sizes:
+    """Return the sizes of one contour of a job, which every format asks for."""
+    return _Sizes(
+        box_mm=contour.box_mm,
+        area_mm2=contour.signed_area_mm2,
+        length_mm=contour.length_mm,
+        turn_rad=math.fsum(abs(segment.turn_rad) for segment in contour.segments),
+    )
 
 
 def _probes_mm(contour: Contour) -> Floats:

@@ -118,7 +118,7 @@ def _on_sheets(parts: Sequence[SheetRobot], profile: LaserProfile) -> list[list[
     left, sheets = list(parts), list[list[SheetRobot]]()
     while left:
         contours = [tuple(path.contour for path in part.body.paths) for part in left]
-        placements: list[BedPlacement | None] = nest(contours, room, corner)
+        placements: list[BedPlacement | None] = nest(contours, room, corner, once=True)
         if not any(placements):
             # One that fits no bed: it lies there all the same, and rule VF-S01 says so.
             placements[0] = place_contours(contours[0], room, corner)

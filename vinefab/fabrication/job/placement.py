@@ -342,9 +342,19 @@ def _within(shape: shapely.Geometry, across: Floats, up: Floats) -> Cells:
 
 
 def nest(
-    robots: Sequence[tuple[Contour, ...]], room_mm: tuple[float, float], corner_mm: float
+    robots: Sequence[tuple[Contour, ...]],
+    room_mm: tuple[float, float],
+    corner_mm: float,
+    *,
+    once: bool = False,
 ) -> list[BedPlacement | None]:
-    """Return the placement of each robot on the bed; None for those that find no room."""
+    """Return the placement of each robot on the bed; None for those that find no room.
+
+    Parameters
+    ----------
+    once
+        Try one order only, where what finds no room has another bed.
+    """
     if len(robots) == 1:
         return [place_contours(robots[0], room_mm, corner_mm)]
     shapes = [_shape(contours) for contours in robots]
@@ -360,7 +370,7 @@ def nest(
         tried = _nested(shapes, order, room_mm, corner_mm)
         if not found or _count(tried) > _count(found):
             found = tried
-        if None not in found:
+        if once or None not in found:
             break
     return found
 

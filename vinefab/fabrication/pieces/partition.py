@@ -202,6 +202,10 @@ class _Cutter:
     def _found_on(self, cut: Partition, piece: Piece) -> Iterator[_Conflict]:
         """Yield what the rules still find on a piece as it will be cut."""
         ends = piece_ends(cut, piece, self.size)
+        if not self._fits(piece, ends):
+            for part in self._too_large(piece):
+                yield _Conflict(why=TOO_LARGE, branches=piece.branches, clause=part)
+            return  # what its parts break is seen when they are parted
         subject = _on_piece(self.subject, self.bodies, piece, ends)
         for finding in run_checks(subject, self.limits, only=ROOM_RULES).blocking:
             clause = self._clause_of(piece, finding)
@@ -210,12 +214,14 @@ class _Cutter:
                 yield _Conflict(
                     why=f"break {finding.rule} on one piece", branches=rows, clause=clause
                 )
+
+    def _fits(self, piece: Piece, ends: PieceEnds) -> bool:
+        """Whether a piece fits the bed, with its seam and its cuts."""
+        if self.reaches.exceed(piece.branches):
+            return False
         paths = body_paths(self.design, self.profile, separate=self.separate, ends=ends).paths
         corner, room = self.profile.machine.margin_mm.value, self.profile.machine.usable_mm
-        if place_contours([path.contour for path in paths], room, corner).fits:
-            return
-        for clause in self._too_large(piece):
-            yield _Conflict(why=TOO_LARGE, branches=piece.branches, clause=clause)
+        return place_contours([path.contour for path in paths], room, corner).fits
 
     def _too_large(self, piece: Piece) -> Iterator[Clause]:
         """Yield clauses that a piece which does not fit the bed is cut.

@@ -109,12 +109,13 @@ def test_memory_does_not_grow_with_the_number_of_evaluations():
     tracemalloc.start()
     try:
         sizes = []
-        for _ in range(3):
+        for _ in range(6):
             for _ in range(5):
                 events(batch)
             gc.collect()  # garbage of earlier tests is not of these evaluations
             sizes.append(tracemalloc.get_traced_memory()[0])
     finally:
         tracemalloc.stop()
-    assert sizes[2] - sizes[1] < 10_000
+    # The interpreter's own lists of free objects fill up first.
+    assert sizes[-1] - sizes[-2] < 10_000
     assert BENCH_GROWTH.deploys_stuck

@@ -1,6 +1,8 @@
 """Design files: TOML, schema ``vinefab/design-1``."""
 
+from collections.abc import Mapping
 from os import PathLike
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tomli_w
@@ -122,28 +124,52 @@ def read_design(name_or_path: str | PathLike[str]) -> Design:
     in ``[build]`` is in millimetres already.
     """
     path = locate("design", name_or_path)
-    form = validated(DesignForm, read_toml(path), path)
-    with located(path):
+    return design_of(read_toml(path), path)
+
+
+def design_of(content: Mapping[str, Any], source: str | Path) -> Design:
+    """Return the design in the content of a design file.
+
+    Parameters
+    ----------
+    content
+        Tables and values as `design_content` gives them.
+    source
+        What messages call the content.
+
+    Raises
+    ------
+    BadInputError
+        If a value cannot be used; its key is dotted, ``level.1.length``.
+    """
+    form = validated(DesignForm, content, source)
+    with located(source):
         check_plain({"origin": form.origin})
         return _design(form)
 
 
+def design_content(design: Design) -> dict[str, Any]:
+    """Return a design as tables and values of a design file; lengths are in millimetres."""
+    content: dict[str, Any] = {"schema": SCHEMA, "name": design.name, "scale_mm_per_unit": 1.0}
+    content["trunk"] = {"length": design.trunk_length_mm}
+    content["level"] = [_level_table(level) for level in design.levels]
+    content["build"] = _build_table(design.build)
+    content["waive"] = [{"fingerprint": w.fingerprint, "reason": w.reason} for w in design.waivers]
+    content["limits"] = {rule: dict(named) for rule, named in design.limits.items()}
+    content["origin"] = dict(design.origin)
+    return content
+
+
 def design_text(design: Design) -> str:
     """Return a design as the text of a design file; reading it gives the same design."""
-    head = {"schema": SCHEMA, "name": design.name, "scale_mm_per_unit": 1.0}
-    blocks = [f"# {GENERATOR}\n{tomli_w.dumps(head)}"]
-    blocks.append(tomli_w.dumps({"trunk": {"length": design.trunk_length_mm}}))
-    blocks += [f"[[level]]\n{tomli_w.dumps(_level_table(level))}" for level in design.levels]
-    blocks.append(tomli_w.dumps({"build": _build_table(design.build)}))
-    blocks += [
-        f"[[waive]]\n{tomli_w.dumps({'fingerprint': w.fingerprint, 'reason': w.reason})}"
-        for w in design.waivers
-    ]
-    if design.limits:
-        plain = {rule: dict(named) for rule, named in design.limits.items()}
-        blocks.append(tomli_w.dumps({"limits": plain}))
-    if design.origin:
-        blocks.append(tomli_w.dumps({"origin": dict(design.origin)}))
+    content = design_content(design)
+    head = {key: content[key] for key in ("schema", "name", "scale_mm_per_unit")}
+    blocks = [f"# {GENERATOR}\n{tomli_w.dumps(head)}", tomli_w.dumps({"trunk": content["trunk"]})]
+    blocks += [f"[[level]]\n{tomli_w.dumps(table)}" for table in content["level"]]
+    blocks.append(tomli_w.dumps({"build": content["build"]}))
+    blocks += [f"[[waive]]\n{tomli_w.dumps(table)}" for table in content["waive"]]
+    given = [name for name in ("limits", "origin") if content[name]]
+    blocks += [tomli_w.dumps({name: content[name]}) for name in given]
     return "\n".join(blocks)
 
 

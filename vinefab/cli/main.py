@@ -42,6 +42,11 @@ class CommandEntry:
 
 
 COMMANDS = {
+    "studio": CommandEntry(
+        "studio",
+        "studio_command",
+        "Design in the browser: growth, score, rules and sheet follow every change.",
+    ),
     "demo": CommandEntry(
         "demo",
         "demo_command",

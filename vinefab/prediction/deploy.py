@@ -44,25 +44,13 @@ class History:
 
     @property
     def base_mm(self) -> Floats:
-        """Front length at which each branch begins to grow, shape (n,).
-
-        It is infinite for what never emerges: branches of a parent that did not, and those that a
-        stuck parent holds back.
-        """
-        tree, final = self.final.tree, self.final
-        begin = np.zeros(len(tree))
-        end = np.where(final.deployed, final.grown_mm, np.inf)
-        for branch in range(1, len(tree)):  # parents come before children
-            begin[branch] = end[tree.parent[branch]]
-            end[branch] += begin[branch]
-        begin[~final.deployed] = np.inf
-        return begin
+        """Front length at which each branch begins to grow, shape (n,); see `Deployment`."""
+        return self.final.base_mm
 
     @property
     def full_mm(self) -> float:
         """Front length at which the last branch has stopped; 0 if nothing grew."""
-        out = self.final.deployed
-        return float((self.base_mm[out] + self.final.grown_mm[out]).max(initial=0.0))
+        return self.final.full_mm
 
     def at(self, front_mm: float) -> DeploymentFrame:
         """Return the shape at a front length; beyond the full length, the final one."""

@@ -79,9 +79,7 @@ def write_snapshot(
     return write_bytes(path, snapshot_html(state, answers, date=date))
 
 
-def snapshot_html(
-    state: Mapping[str, Any], answers: Mapping[str, Any], *, date: str = ""
-) -> bytes:
+def snapshot_html(state: Mapping[str, Any], answers: Mapping[str, Any], *, date: str = "") -> bytes:
     """Return a state with the answers of its panels as one HTML file."""
     stored = {
         "schema": SCHEMA,

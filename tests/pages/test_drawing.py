@@ -11,7 +11,7 @@ from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
-from vinefab.pages.colours import LEVEL_COLOURS
+from vinefab.pages.colours import HEAT_COLOURS, LEVEL_COLOURS
 from vinefab.pages.drawing import bare_deployment_plan, contour_plan, deployment_plan
 from vinefab.pages.figure import svg_bytes
 from vinefab.pages.map_view import UNSEEN, longer_mm, robot_view, rock_in
@@ -102,6 +102,12 @@ def test_levels_that_meet_are_told_apart_by_everybody(seen_as):
     labs = [lab_of(colour, seen_as) for colour in LEVEL_COLOURS]
     apart = [np.linalg.norm(one - other) for one, other in itertools.pairwise(labs)]
     assert min(apart) > 30
+
+
+@pytest.mark.parametrize("seen_as", [np.eye(3), np.array(DEUTAN), np.array(PROTAN)])
+def test_heat_darkens_from_step_to_step_for_everybody(seen_as):
+    lightness = [lab_of(colour, seen_as)[0] for colour in HEAT_COLOURS]
+    assert max(np.diff(lightness)) < -10
 
 
 def test_levels_that_meet_are_told_apart_in_grey():

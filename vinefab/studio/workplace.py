@@ -3,12 +3,13 @@
 from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.version import __version__
-from vinefab.studio.lanes import ThreadLane
-from vinefab.studio.state import PAGE
+
+if TYPE_CHECKING:
+    from vinefab.studio.lanes import ThreadLane
 
 TellAll = Callable[[Mapping[str, Any]], None]
 """Sends an event to every tab."""
@@ -66,7 +67,7 @@ class Workplace:
 
         if name == "tip":
             return tip_answer(StudioState.of(state), ask)
-        raise BadInputError("desk", name, "a function of the desk", PAGE)
+        raise BadInputError("desk", name, "a function of the desk", "the page")
 
     def allowed(
         self,
@@ -77,12 +78,18 @@ class Workplace:
         """Return what a panel asks if every path in it lies where the user opened files."""
         return ask
 
-    def background(self, tell: TellAll, live: ThreadLane) -> list[Coroutine[Any, Any, None]]:
+    def background(self, tell: TellAll, live: "ThreadLane") -> list[Coroutine[Any, Any, None]]:
         """Return what goes on beside the answers: compiling, watching files and searches."""
-        from vinefab.studio.warming import warm  # noqa: PLC0415  it loads the simulator
-
-        _ = tell, live
-        return [warm()]
+        return [_compile(tell, live)]
 
     def close(self) -> None:
         """End what is going on."""
+
+
+async def _compile(tell: TellAll, live: "ThreadLane") -> None:
+    """Compile the simulator once the first picture is there, and tell the tabs."""
+    await live.answered.wait()
+    from vinefab.studio.warming import warm  # noqa: PLC0415  it loads the simulator
+
+    if await warm():
+        tell({"event": "engine", "engine": "kernel"})

@@ -235,7 +235,7 @@ def test_the_shape_at_a_tip_says_why_it_stopped(grown):
         assert float(mark.get("data-front")) == pytest.approx(fronts_mm[branch], abs=6e-4)
         assert place_of(mark) == pytest.approx(final.chain_mm(branch)[-1], abs=6e-4)
         said = mark.find("title").text
-        assert said.startswith(f"{names[branch]}: {STOP_WORDS[stop]}, grown ")
+        assert said.startswith(f"{names[branch]}: {STOP_WORDS[stop]}, ")
         grown_mm, planned_mm = final.grown_mm[branch], final.tree.length_mm[branch]
         assert said.endswith(f" {grown_mm:.1f} of {planned_mm:.1f} mm (simulated)")
     assert len(set(MARKS.values())) == len(MARKS)

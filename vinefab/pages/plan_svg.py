@@ -15,7 +15,7 @@ has the class ``plan``. Two things are the page's:
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -70,15 +70,15 @@ def ground_svg(world: Map, *, detail: bool = True, box_mm: Box | None = None) ->
     """
     if detail and box_mm is None:
         bounds, outside, obstacles = _all_of(world)
-        rock = [f'<path class="rock" d="{_rings_path([part])}"/>' for part in outside]
+        rock = [f'<path class="rock" d="{path}"/>' for path in _rings_paths(outside)]
         rock += [
-            f'<path class="rock" data-obstacle="{index}" d="{_rings_path([obstacle])}"/>'
-            for index, obstacle in enumerate(obstacles)
+            f'<path class="rock" data-obstacle="{index}" d="{path}"/>'
+            for index, path in enumerate(_rings_paths(obstacles))
         ]
     else:
         bounds, solid = _seen_of(world, box_mm, 1.0 if detail else _COARSE)
-        rock = [f'<path class="rock merged" d="{_rings_path(solid)}"/>'] if solid else []
-    edge = _rings_path(bounds)
+        rock = [f'<path class="rock merged" d="{"".join(_rings_paths(solid))}"/>'] if solid else []
+    edge = "".join(_rings_paths(bounds))
     free, line = f'<path class="free" d="{edge}"/>', f'<path class="bounds" d="{edge}"/>'
     return f'<g class="ground">{free}{"".join(rock)}{line}</g>'
 
@@ -198,23 +198,21 @@ def _polygons(shapes: Iterable[BaseGeometry]) -> list[Polygon]:
     return [part for part in parts if isinstance(part, Polygon) and not part.is_empty]
 
 
-def _rings_path(polygons: Iterable[Polygon]) -> str:
-    """Return polygons as one path; outer rings run one way and holes the other."""
-    rings = [
-        np.asarray(ring.coords)
-        for polygon in shapely.orient_polygons(list(polygons))
-        for ring in (polygon.exterior, *polygon.interiors)
-    ]
-    return "".join(_ring_path(ring) for ring in rings)
-
-
-def _ring_path(ring: Floats) -> str:
-    """Return a closed ring of points; steps from corner to corner take half the text."""
-    # Steps between rounded places add up to rounded places: no error gathers.
-    places = np.rint(ring[:-1, :2] * (100.0, -100.0))
+def _rings_paths(polygons: Sequence[Polygon]) -> list[str]:
+    """Return each polygon as the ``d`` of a path; outer rings run one way and holes the other."""
+    oriented = shapely.orient_polygons(np.array(polygons, dtype=np.object_))
+    rings, owner = shapely.get_rings(oriented, return_index=True)
+    corners_mm, ring = shapely.get_coordinates(rings, return_index=True)
+    # Steps between rounded places add up to rounded places: no error gathers, half the text.
+    places = np.rint(corners_mm * (100.0, -100.0))
     steps = (np.diff(places, axis=0) / 100.0).tolist()
-    x, y = (places[0] / 100.0 + 0.0).tolist()
-    return f"M{x:.10g} {y:.10g}l{' '.join(f'{dx:.10g} {dy:.10g}' for dx, dy in steps)}Z"
+    texts = [f"{dx:.10g} {dy:.10g}" for dx, dy in steps]
+    first = np.searchsorted(ring, np.arange(len(rings) + 1)).tolist()
+    begins = (places / 100.0 + 0.0)[first[:-1]].tolist()  # no -0
+    paths = [""] * len(polygons)
+    for index, (x, y), begin, end in zip(owner.tolist(), begins, first, first[1:], strict=False):
+        paths[index] += f"M{x:.10g} {y:.10g}l{' '.join(texts[begin : end - 2])}Z"
+    return paths
 
 
 # --- Robot ----------------------------------------------------------------------------------------
@@ -285,7 +283,7 @@ def _tips(deployment: Deployment, points: list[str], at_rest: NDArray[np.bool_])
         marks.append(
             f'<g class="mark {stop_class(stop)}" data-branch="{name}" '
             f'data-front="{front}" transform="translate({place})">'
-            f"{MARKS[stop]}<title>{name}: {STOP_WORDS[stop]}, grown {length}</title></g>"
+            f"{MARKS[stop]}<title>{name}: {STOP_WORDS[stop]}, {length}</title></g>"
         )
     return f'<g class="tips">{"".join(marks)}</g>'
 

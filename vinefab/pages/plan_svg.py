@@ -18,13 +18,21 @@ from itertools import pairwise
 import numpy as np
 import shapely
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
 from vinefab.pages.colours import LEVEL_COLOURS
-from vinefab.pages.map_view import STOP_WORDS, UNSEEN, Box, longer_mm
+from vinefab.pages.map_view import (
+    STOP_WORDS,
+    UNSEEN,
+    Box,
+    bounds_in,
+    longer_mm,
+    rock_in,
+)
 from vinefab.physics.tube import inflated_diameter_mm
 
 MOST_BRANCHES = 3000
@@ -49,27 +57,26 @@ CONTACT = '<path d="M0-2.1 2.1 0 0 2.1-2.1 0Z"/>'
 """What stands where a body is wrapped around a wall, in pixels around it."""
 
 
-def ground_svg(world: Map, *, detail: bool = True) -> str:
+def ground_svg(world: Map, *, detail: bool = True, box_mm: Box | None = None) -> str:
     """Return bounds and obstacles of a map as ``<g class="ground">``.
 
-    Every obstacle is a path of its own with its index as ``data-obstacle``; without ``detail`` all
-    that is solid is one path, simplified for a small picture.
+    Every obstacle is a path of its own with its index as ``data-obstacle``, what is solid around
+    the bounds another one without. Without ``detail`` all of them are one path, simplified for a
+    small picture; with a box they are too, cut off well outside of it.
     """
-    shapes = [world.bounds, *_outside(world), *world.obstacles]
-    tolerance_mm = UNSEEN * longer_mm(world.bounds.bounds) * (1.0 if detail else _COARSE)
-    if not detail or shapely.get_num_coordinates(shapes).sum() > _MOST_CORNERS:
-        shapes = shapely.simplify(shapes, tolerance_mm).tolist()
-    bounds, first = _rings_path([shapes[0]]), len(shapes) - len(world.obstacles)
-    rock = [f'<path class="rock" d="{_rings_path([shape])}"/>' for shape in shapes[1:first]]
-    if detail:
+    if detail and box_mm is None:
+        bounds, outside, obstacles = _all_of(world)
+        rock = [f'<path class="rock" d="{_rings_path([part])}"/>' for part in outside]
         rock += [
-            f'<path class="rock" data-obstacle="{index}" d="{_rings_path([shape])}"/>'
-            for index, shape in enumerate(shapes[first:])
+            f'<path class="rock" data-obstacle="{index}" d="{_rings_path([obstacle])}"/>'
+            for index, obstacle in enumerate(obstacles)
         ]
-    elif shapes[1:]:
-        rock = [f'<path class="rock merged" d="{_rings_path(shapes[1:])}"/>']
-    free, edge = f'<path class="free" d="{bounds}"/>', f'<path class="bounds" d="{bounds}"/>'
-    return f'<g class="ground">{free}{"".join(rock)}{edge}</g>'
+    else:
+        bounds, solid = _seen_of(world, box_mm, 1.0 if detail else _COARSE)
+        rock = [f'<path class="rock merged" d="{_rings_path(solid)}"/>'] if solid else []
+    edge = _rings_path(bounds)
+    free, line = f'<path class="free" d="{edge}"/>', f'<path class="bounds" d="{edge}"/>'
+    return f'<g class="ground">{free}{"".join(rock)}{line}</g>'
 
 
 def robot_svg(deployment: Deployment, widths_mm: tuple[float, ...], *, detail: bool = True) -> str:
@@ -103,9 +110,10 @@ def robot_svg(deployment: Deployment, widths_mm: tuple[float, ...], *, detail: b
     return f'<g class="robot" {attributes}>{"".join(parts)}</g>'
 
 
-def outline_svg(contour: Contour) -> str:
-    """Return a contour of lines and arcs as one exact, filled path, ``class="outline"``."""
-    return f'<path class="outline" d="{contour_path(contour)}"/>'
+def outline_svg(contour: Contour, *, filled: bool = True) -> str:
+    """Return a contour of lines and arcs as one exact path, ``class="outline"``."""
+    kind = "outline" if filled else "outline open"
+    return f'<path class="{kind}" d="{contour_path(contour)}"/>'
 
 
 def contour_path(contour: Contour) -> str:
@@ -143,12 +151,38 @@ def view_box(box_mm: Box, rim_mm: float = 0.0) -> str:
 # --- Ground ---------------------------------------------------------------------------------------
 
 
+def _all_of(world: Map) -> tuple[list[Polygon], list[Polygon], list[Polygon]]:
+    """Return bounds, what is solid around them, and obstacles; plainer where they are many."""
+    outside = _outside(world)
+    shapes = [world.bounds, *outside, *world.obstacles]
+    if shapely.get_num_coordinates(shapes).sum() > _MOST_CORNERS:
+        shapes = shapely.simplify(shapes, UNSEEN * longer_mm(world.bounds.bounds)).tolist()
+    return shapes[:1], shapes[1 : 1 + len(outside)], shapes[1 + len(outside) :]
+
+
+def _seen_of(world: Map, box_mm: Box | None, coarse: float) -> tuple[list[Polygon], list[Polygon]]:
+    """Return bounds and all that is solid, as far as it can be seen in a box or the whole map."""
+    if box_mm is None:
+        bounds, solid = [world.bounds], [*_outside(world), *world.obstacles]
+    else:
+        bounds, solid = _polygons([bounds_in(world, box_mm)]), _polygons(rock_in(world, box_mm))
+    tolerance_mm = coarse * UNSEEN * longer_mm(box_mm or world.bounds.bounds)
+    plain: list[Polygon] = shapely.simplify([*bounds, *solid], tolerance_mm).tolist()
+    return plain[: len(bounds)], plain[len(bounds) :]
+
+
 def _outside(world: Map) -> list[Polygon]:
     """Return what is solid because it lies outside of the bounds, as far as their box goes."""
-    if not world.bounds.interiors and world.bounds.equals(shapely.box(*world.bounds.bounds)):
+    whole = shapely.box(*world.bounds.bounds)
+    if not world.bounds.interiors and world.bounds.equals(whole):
         return []
-    around = shapely.difference(shapely.box(*world.bounds.bounds), world.bounds)
-    return [part for part in shapely.get_parts([around]) if isinstance(part, Polygon)]
+    return _polygons([shapely.difference(whole, world.bounds)])
+
+
+def _polygons(shapes: Iterable[BaseGeometry]) -> list[Polygon]:
+    """Return the polygons in shapes; a cut may leave lines and points beside them."""
+    parts = shapely.get_parts(list(shapes)).tolist()
+    return [part for part in parts if isinstance(part, Polygon) and not part.is_empty]
 
 
 def _rings_path(polygons: Iterable[Polygon]) -> str:
@@ -238,14 +272,15 @@ def _tips(deployment: Deployment, points: list[str]) -> str:
         place, front = points[last[branch] - 1], _text(fronts_mm[branch])
         length = f"{grown_mm[branch]:.1f} of {planned_mm[branch]:.1f} mm (simulated)"
         marks.append(
-            f'<g class="mark {_stop_class(stop)}" data-branch="{name}" '
+            f'<g class="mark {stop_class(stop)}" data-branch="{name}" '
             f'data-front="{front}" transform="translate({place})">'
             f"{MARKS[stop]}<title>{name}: {STOP_WORDS[stop]}, grown {length}</title></g>"
         )
     return f'<g class="tips">{"".join(marks)}</g>'
 
 
-def _stop_class(stop: Stop) -> str:
+def stop_class(stop: Stop) -> str:
+    """Return the class of a mark by which a style knows why the branch stopped."""
     return f"stop-{stop.label.replace('_', '-')}"
 
 

@@ -12,9 +12,10 @@ from shapely import Polygon
 from shapely.affinity import translate
 
 from vinefab.core.errors import BadInputError
+from vinefab.core.registry import with_parameters
 from vinefab.core.validation import LARGEST_MM, number, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions
-from vinefab.maps.make_map import generate
+from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_of
 from vinefab.model.files.map_geojson import read_map
@@ -28,6 +29,7 @@ PAGE = "the page"
 
 MOST_EDITS = 10_000
 MOST_FAMILY = 200
+MOST_SEED = 2**62
 
 MapSource = Mapping[str, Any]
 """``{"file": PATH}``, or ``{"environment": NAME, "seed": N, "options": {...}}``."""
@@ -141,7 +143,9 @@ def _source_world(source: str, stamp: str) -> Map:  # noqa: ARG001  a changed fi
         return read_map(Path(_text("map.file", given["file"])))
     environment = _text("map.environment", given.get("environment"))
     options = _mapping("map.options", given.get("options") or {})
-    return generate(environment, given.get("seed", 0), **options)
+    kind = ENVIRONMENTS[environment]
+    seed = whole("map.seed", given.get("seed", 0), 0, MOST_SEED)
+    return kind.make(seed, with_parameters(kind.options, environment, options))
 
 
 def _apply(edit: Any, obstacles: list[Polygon], key: str) -> None:  # noqa: ANN401  JSON

@@ -1,0 +1,227 @@
+"""What is open in the studio as one HTML file that needs neither server nor network.
+
+It is the same page: its styles stand in the file, its modules as ``data:`` addresses of an import
+map, and the state with the answers of the panels as JSON. Nothing in it depends on the day or the
+computer, so the same state gives the same bytes. The map is in it too, so that it opens elsewhere.
+"""
+
+import base64
+import html
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from vinefab.core.atomic import write_bytes, write_text
+from vinefab.core.errors import (
+    BadInputError,
+    CannotWriteError,
+    UnreadableFileError,
+    located,
+)
+from vinefab.core.jsontext import GENERATOR, plain
+from vinefab.core.validation import check_plain
+from vinefab.model.files.map_geojson import map_text, read_map
+from vinefab.model.files.shipped import read_text
+from vinefab.studio.panels import Tell, answer_of
+from vinefab.studio.state import StudioState, world_of
+
+SCHEMA = "vinefab/snapshot-1"
+MOST_BYTES = 1 << 27
+_MOST_MAPS = 100
+PAGE_FOLDER = Path(__file__).with_name("page")
+
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' data:; style-src 'unsafe-inline'; "
+    "img-src data: blob:"
+)
+"""The browser holds the file to it: whatever is in it, it can reach no network."""
+
+_HEAD = re.compile(r"<head[^>]*>")
+_LINK = re.compile(r"[ \t]*<link\b[^>]*>\n?")
+_IMPORT_MAP = re.compile(r'<script type="importmap"[^>]*>.*?</script>', re.DOTALL)
+_ENTRY = re.compile(r'<script type="module" src="[^"]*?([\w-]+\.js)"[^>]*></script>')
+_STORED = re.compile(r'<script type="application/json" id="stored">(.*?)</script>', re.DOTALL)
+
+
+def write_snapshot(
+    state: Mapping[str, Any],
+    path: Path,
+    *,
+    family: bool = False,
+    date: str = "",
+    tell: Tell | None = None,
+) -> Path:
+    """Compute what the panels show of a state, and write it as one HTML file.
+
+    Parameters
+    ----------
+    state
+        What is open, as the page sends it (`StudioState.of`).
+    family
+        Whether to compute the many maps too.
+    date
+        What the page says of its day; nothing is said if empty.
+
+    Raises
+    ------
+    VinefabError
+        If something in the state cannot be used, or the file cannot be written.
+    """
+    say = tell or _silent
+    names = ("live", "rules", *(("family",) if family else ()))
+    answers = {}
+    for number, name in enumerate(names):
+        say(number / len(names), name)
+        answers[name] = answer_of(name, state, {}, say)
+    return write_bytes(path, snapshot_html(state, answers, date=date))
+
+
+def snapshot_html(state: Mapping[str, Any], answers: Mapping[str, Any], *, date: str = "") -> bytes:
+    """Return a state with the answers of its panels as one HTML file."""
+    stored = {
+        "schema": SCHEMA,
+        "date": date,
+        "state": _portable(state),
+        "map": _source_map(state),
+        "answers": answers,
+    }
+    page = (PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
+    meta = (
+        f'\n<meta charset="utf-8">\n<meta name="generator" content="{GENERATOR}">\n'
+        f'<meta name="schema" content="{SCHEMA}">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
+    )
+    page = re.sub(r"[ \t]*<meta charset[^>]*>\n?", "", page)
+    page = _HEAD.sub(lambda found: found[0] + meta, page, count=1)
+    page = _LINK.sub(_style, page)
+    content = f'<script type="application/json" id="stored">{_json(stored)}</script>'
+    page = _IMPORT_MAP.sub(lambda _: f"{content}\n{_import_map()}", page, count=1)
+    page = _ENTRY.sub(r'<script type="module">import "studio/\1";</script>', page)
+    return page.encode()
+
+
+def stored_state(path: Path) -> dict[str, Any]:
+    """Return the state in a snapshot.
+
+    A map that came from a file is written beside the snapshot, as ``NAME.map.geojson``, because
+    the file that it came from may be on another computer. Maps of a family that came from files
+    are not in a snapshot: the usual family takes their place.
+
+    Raises
+    ------
+    VinefabError
+        If the file is no snapshot, or something in its state cannot be used here.
+    """
+    found = _STORED.search(read_text(path, MOST_BYTES))
+    if found is None:
+        raise UnreadableFileError(path, "is no snapshot of the studio")
+    stored = _document(path, found[1])
+    state = stored.get("state")
+    if not isinstance(state, dict):
+        raise BadInputError("state", state, "names with values", path)
+    with located(path):
+        check_plain(state, finite=False)
+        if isinstance(state.get("family"), dict):
+            state["family"].pop("files", None)
+        source = _source(state)
+        if "file" in source:
+            source["file"] = str(_extracted(path, stored.get("map")))
+        StudioState.of(state)
+    return state
+
+
+def snapshot_frame(
+    state: Mapping[str, Any], answers: Mapping[str, Any], *, height_px: int = 720
+) -> str:
+    """Return a snapshot as a frame, for a cell of a notebook."""
+    page = html.escape(snapshot_html(state, answers).decode())
+    return (
+        f'<iframe srcdoc="{page}" width="100%" height="{height_px}" title="vinefab studio" '
+        'sandbox="allow-scripts"></iframe>'
+    )
+
+
+def _document(path: Path, text: str) -> dict[str, Any]:
+    try:
+        stored = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise UnreadableFileError(path, f"its state is not JSON: {error}") from error
+    schema = stored.get("schema") if isinstance(stored, dict) else None
+    if schema != SCHEMA:
+        raise BadInputError("schema", schema, SCHEMA, path)
+    return stored
+
+
+def _extracted(path: Path, text: object) -> Path:
+    """Write the map of a snapshot beside it; a file that says something else stays."""
+    if not isinstance(text, str):
+        raise BadInputError("map", text, "the text of a map file")
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "map.geojson"
+        file.write_text(text, encoding="utf-8")
+        text = map_text(read_map(file))
+    for number in range(1, _MOST_MAPS):
+        file = path.with_name(f"{path.stem}.map{'' if number == 1 else f'-{number}'}.geojson")
+        if not file.exists():
+            return write_text(file, text)
+        if read_text(file, MOST_BYTES) == text:
+            return file
+    raise CannotWriteError(file, "too many maps of this snapshot lie beside it")
+
+
+def _source(state: Mapping[str, Any]) -> dict[str, Any]:
+    """Return where the map of a state comes from; nothing where none is open."""
+    world = state.get("map")
+    source = world.get("source") if isinstance(world, dict) else None
+    return source if isinstance(source, dict) else {}
+
+
+def _portable(state: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a state whose files are called by their names alone: paths are private."""
+    given: dict[str, Any] = json.loads(json.dumps(state, allow_nan=False))
+    source, family = _source(given), given.get("family")
+    if "file" in source:
+        source["file"] = Path(str(source["file"])).name
+    if isinstance(family, dict) and family.get("files"):
+        family["files"] = [Path(str(name)).name for name in family["files"]]
+    if given.get("recipe"):
+        given["recipe"] = Path(str(given["recipe"])).name
+    return given
+
+
+def _source_map(state: Mapping[str, Any]) -> str | None:
+    """Return the text of the map that a state's edits are made to, if it came from a file."""
+    source = _source(state)
+    return map_text(world_of({"source": source})) if "file" in source else None
+
+
+def _json(value: object) -> str:
+    """Return JSON that no reader of HTML or of scripts takes for anything else."""
+    text = json.dumps(value, allow_nan=False, default=plain, separators=(",", ":"))
+    return text.replace("<", "\\u003c")
+
+
+def _style(link: re.Match[str]) -> str:
+    """Return a linked style as it stands in its file; other links are left out."""
+    name = re.search(r'href="[^"]*?([\w-]+\.css)"', link[0])
+    if name is None:
+        return ""
+    text = (PAGE_FOLDER / name[1]).read_text(encoding="utf-8")
+    kept = text.replace("</", "<\\/")
+    return f"<style>\n{kept}</style>\n"
+
+
+def _import_map() -> str:
+    """Return the import map with every module of the page in it."""
+    imports = {}
+    for path in sorted(PAGE_FOLDER.glob("*.js")):
+        encoded = base64.b64encode(path.read_bytes()).decode()
+        imports[f"studio/{path.name}"] = f"data:text/javascript;base64,{encoded}"
+    return f'<script type="importmap">{json.dumps({"imports": imports})}</script>'
+
+
+def _silent(_share: float, _text: str) -> None:
+    """Report no progress."""

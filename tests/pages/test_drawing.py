@@ -10,7 +10,7 @@ from vinefab.growth.simulator import grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.design import Build, Design, Level
 from vinefab.model.map import Map, Pose
-from vinefab.pages.colours import INK, LEVEL_COLOURS, ROCK, ROCK_EDGE, SOFT
+from vinefab.pages.colours import HEAT_COLOURS, INK, LEVEL_COLOURS, ROCK, ROCK_EDGE, SOFT
 from vinefab.pages.drawing import deployment_plan
 from vinefab.pages.figure import svg_bytes
 from vinefab.pages.map_view import UNSEEN, longer_mm, robot_view, rock_in
@@ -116,6 +116,12 @@ def test_levels_that_meet_are_told_apart_by_everybody(seen_as, theme):
     assert min(apart) > 30
     ground = lab_of(paper, np.array(seen_as))
     assert min(np.linalg.norm(lab - ground) for lab in labs) > 30
+
+
+@pytest.mark.parametrize("seen_as", [np.eye(3), np.array(DEUTAN), np.array(PROTAN)])
+def test_heat_darkens_from_step_to_step_for_everybody(seen_as):
+    lightness = [lab_of(colour, seen_as)[0] for colour in HEAT_COLOURS]
+    assert max(np.diff(lightness)) < -10
 
 
 @pytest.mark.parametrize("theme", THEMES)

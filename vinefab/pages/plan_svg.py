@@ -6,9 +6,12 @@ has the class ``plan``. Two things are the page's:
 
 - Marks and lines keep their size on screen if the page sets the CSS variable ``--mm-per-px``, the
   millimetres that a pixel shows, on the ``<svg>``: at the beginning and whenever the zoom changes.
-- A robot at front length s: every path with ``data-branch`` shows ``s - data-base`` of its length
-  (``stroke-dasharray="LENGTH 1e9"``), nothing if that is not positive, all of it from
-  ``data-grown`` on; what has ``data-front`` is seen once s has reached it.
+- A robot at front length s, without asking anybody: every path with ``data-branch`` shows ``s -
+  data-base`` of its length (``stroke-dasharray="LENGTH 1e9"``), nothing if that is not positive,
+  all of it from ``data-grown`` on; what has ``data-front`` is seen once s has reached it. Branches
+  at rest, contacts and lengths are exact. What grows on is not: a tip that slides along a wall
+  turns the stretch behind it, and dashes show that stretch where it comes to lie in the end, so
+  that the tip may be centimetres off. The exact shape is `robot_svg` of ``History.at(s)``.
 """
 
 import math
@@ -17,6 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -79,13 +83,21 @@ def ground_svg(world: Map, *, detail: bool = True, box_mm: Box | None = None) ->
     return f'<g class="ground">{free}{"".join(rock)}{line}</g>'
 
 
-def robot_svg(deployment: Deployment, widths_mm: tuple[float, ...], *, detail: bool = True) -> str:
+def robot_svg(
+    deployment: Deployment,
+    widths_mm: tuple[float, ...],
+    *,
+    is_growing: NDArray[np.bool_] | None = None,
+    detail: bool = True,
+) -> str:
     """Return a robot as ``<g class="robot">``: bodies and centrelines by level, the trunk on top.
 
     Parameters
     ----------
     widths_mm
         Lay-flat width of each level; where it is 0, only centrelines are drawn.
+    is_growing
+        Which branches grow on, shape (n,), in an earlier shape: their tips have no mark.
     detail
         Give every branch a path of its own that can be shortened to any front length
         (``data-branch``, ``data-base``, ``data-grown``), and mark contacts and tips. Without it
@@ -105,7 +117,8 @@ def robot_svg(deployment: Deployment, widths_mm: tuple[float, ...], *, detail: b
             course = f'<path d="{"".join(paths[branch] for branch in out)}"/>' if out else ""
         parts.append(_level(level, course, widths_mm[level - 1]))
     if detail:
-        parts += [_contacts(deployment, points), _tips(deployment, points)]
+        at_rest = deployment.deployed if is_growing is None else deployment.deployed & ~is_growing
+        parts += [_contacts(deployment, points), _tips(deployment, points, at_rest)]
     attributes = f'data-full="{_text(deployment.full_mm)}"'
     return f'<g class="robot" {attributes}>{"".join(parts)}</g>'
 
@@ -259,16 +272,14 @@ def _contacts(deployment: Deployment, points: list[str]) -> str:
     return f'<g class="contacts">{"".join(marks)}</g>'
 
 
-def _tips(deployment: Deployment, points: list[str]) -> str:
-    """Return the mark of every tip, with what became of the branch in words."""
+def _tips(deployment: Deployment, points: list[str], at_rest: NDArray[np.bool_]) -> str:
+    """Return the mark of every tip at rest, with what became of the branch in words."""
     last, stops = deployment.first_point[1:].tolist(), deployment.stop.tolist()
     fronts_mm = (deployment.base_mm + deployment.grown_mm).tolist()
     grown_mm, planned_mm = deployment.grown_mm.tolist(), deployment.tree.length_mm.tolist()
-    marks = []
-    for branch, name in enumerate(deployment.tree.ids):
-        stop = Stop(stops[branch])
-        if stop == Stop.NOT_DEPLOYED:
-            continue
+    marks, names = [], deployment.tree.ids
+    for branch in np.flatnonzero(at_rest).tolist():
+        stop, name = Stop(stops[branch]), names[branch]
         place, front = points[last[branch] - 1], _text(fronts_mm[branch])
         length = f"{grown_mm[branch]:.1f} of {planned_mm[branch]:.1f} mm (simulated)"
         marks.append(

@@ -42,8 +42,9 @@ from vinefab.tasks.task import (
 
 MOST_POSES = 5
 
-QUICK_S = 0.15
-"""So long, while something is dragged, walls for a new width are built: some maps must do."""
+QUICK_S, FIRST_S = 0.15, 0.5
+"""So long walls for new widths are built while something is dragged, and before the simulator is
+compiled: some maps must do then."""
 
 LEAST_MAPS = 4
 """So many maps are always evaluated, however long it takes."""
@@ -79,13 +80,13 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dic
     asked = _Asked.of(ask)
     places = _KEPT.places(state.family, tell)
     trial = _tried(state, asked, places, tell)
-    by_map = [[trial.deployments[row] for row in rows] for rows in trial.rows]
+    by_map = [list(trial.deployments[rows]) for rows in trial.rows]
     means = trial.means
     pairs = [(asked.before[key], mean) for key, mean in means.items() if key in asked.before]
     widths_mm = state.design.build.widths_mm
     entries = [_ground_entry(place, asked.have) for place in places]
     for entry, grown, rows in zip(entries, by_map, trial.rows, strict=False):
-        entry |= _growth_entry(grown, trial.scores[rows].tolist())
+        entry.update(_growth_entry(grown, trial.scores[rows].tolist()))
         entry["score"] = means[entry["key"]]
         if asked.draws(entry["key"]):
             entry["robot_svg"] = robot_svg(grown[0], widths_mm, detail=False)
@@ -167,9 +168,7 @@ class _Kept:
     terrains: dict[tuple[Any, ...], TerrainSet] = field(default_factory=dict)
 
     def places(self, family: Family, tell: Tell) -> list[Place]:
-        """Return the maps of a family; when memory is short, all are prepared anew."""
-        if len(self.walls) > MOST_WALLS:
-            self.places_of, self.walls, self.terrains = {}, set(), {}
+        """Return the maps of a family, prepared."""
         sources = _sources(family)
         began, places = time.monotonic(), list[Place]()
         for index, source in enumerate(sources):
@@ -179,7 +178,7 @@ class _Kept:
         return places
 
     def _place(self, source: Mapping[str, Any]) -> Place:
-        name, world = json.dumps(source), world_of({"source": source})
+        name, world = _text(source), world_of({"source": source})
         held = self.places_of.get(name)
         if held is None or held.prepared.world is not world:
             held = Place(key=_key(world), source=source, prepared=PreparedMap.of(world))
@@ -190,6 +189,8 @@ class _Kept:
         self, places: Sequence[Place], radii_mm: Sequence[float], most_s: float, tell: Tell
     ) -> Sequence[Place]:
         """Build the walls for some body radii; return the maps that have them when time is up."""
+        if len(self.walls) > MOST_WALLS:
+            self._forget_all_but(places, radii_mm)
         began = time.monotonic()
         for index, place in enumerate(places):
             spent_s = time.monotonic() - began
@@ -201,6 +202,12 @@ class _Kept:
                 place.prepared.terrain.walls(radius_mm)
                 self.walls.add((place.key, radius_mm))
         return places
+
+    def _forget_all_but(self, places: Sequence[Place], radii_mm: Sequence[float]) -> None:
+        self.places_of = {_text(place.source): place for place in places}
+        for place in places:
+            place.prepared.terrain.keep_only(radii_mm)
+        self.walls = {(place.key, radius_mm) for place in places for radius_mm in radii_mm}
 
     def terrain_set(self, places: Sequence[Place], radii_mm: Sequence[float]) -> TerrainSet:
         """Return the terrains of some maps, whose walls are put one after the other but once."""
@@ -219,6 +226,10 @@ def _sources(family: Family) -> list[dict[str, Any]]:
         return [{"file": path} for path in family.files]
     seeds = range(family.seed, family.seed + family.count)
     return [{"environment": family.environment, "seed": seed} for seed in seeds]
+
+
+def _text(source: Mapping[str, Any]) -> str:
+    return json.dumps(source)
 
 
 def _key(world: Map) -> str:
@@ -263,7 +274,8 @@ def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tel
         places = places[: max(LEAST_MAPS, most)]
     options, plans = state.growth, Plans.of([state.design], state.growth)
     radii_mm = plans.spans.radii_mm
-    most_s = QUICK_S if asked.quick or not compiled else math.inf
+    most_s = math.inf if compiled else FIRST_S
+    most_s = QUICK_S if asked.quick else most_s
     places = _KEPT.with_walls(places, radii_mm, most_s, tell)
     for place in places:
         check_on_map(task, place.prepared.world, place.prepared.context)
@@ -273,6 +285,7 @@ def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tel
     batch = Batch(plans, launches, options, engine="kernel" if compiled else "interpreted")
     chosen = search_form(task) if asked.quick and compiled else task
     scores, deployments = _evaluated(batch, chosen, [place.context for place in prepared])
+    _COMPILER.start(task)
     return _Trial(
         places=places,
         counts=[len(poses_here) for poses_here in poses],
@@ -300,19 +313,20 @@ class _Compiler:
 
     threads: dict[str, Thread] = field(default_factory=dict)  # by the task that they load
 
-    def has(self, task: Task, tell: Tell) -> bool:
-        """Tell whether the compiled code of a task is loaded; it is from the first call on.
-
-        A task without a form for searching has but a compiled form: it is waited for.
-        """
+    def start(self, task: Task) -> None:
+        """Begin to load the code of a task, unless that has been done."""
         if task.name not in self.threads:
             self.threads[task.name] = Thread(target=_compile, args=(task,), daemon=True)
             self.threads[task.name].start()
-        thread = self.threads[task.name]
-        if thread.is_alive() and search_form(task) == task:
-            tell(0.0, COMPILING)
-            thread.join()
-        return not thread.is_alive()
+
+    def has(self, task: Task, tell: Tell) -> bool:
+        """Tell whether the code of a task is loaded; one without a slower form is waited for."""
+        if search_form(task) == task:
+            self.start(task)
+            if self.threads[task.name].is_alive():
+                tell(0.0, COMPILING)
+                self.threads[task.name].join()
+        return task.name in self.threads and not self.threads[task.name].is_alive()
 
 
 _COMPILER = _Compiler()

@@ -118,9 +118,9 @@ def test_levels_that_meet_are_told_apart_by_everybody(seen_as, theme):
     assert min(np.linalg.norm(lab - ground) for lab in labs) > 30
 
 
-@pytest.mark.parametrize("seen_as", [np.eye(3), np.array(DEUTAN), np.array(PROTAN)])
+@pytest.mark.parametrize("seen_as", [np.eye(3), DEUTAN, PROTAN, TRITAN])
 def test_heat_darkens_from_step_to_step_for_everybody(seen_as):
-    lightness = [lab_of(colour, seen_as)[0] for colour in HEAT_COLOURS]
+    lightness = [lab_of(colour, np.array(seen_as))[0] for colour in HEAT_COLOURS]
     assert max(np.diff(lightness)) < -10
 
 

@@ -18,6 +18,7 @@ from vinefab.studio.family_answer import family_answer
 from vinefab.studio.state import StudioState
 
 GRID = {"environment": "grid", "count": 4, "seed": 1000}
+TWICE = {**GRID, "poses": 2}
 
 
 def state_of(design="grid_explorer", trunk_scale=1.0, width_scale=1.0, **more):
@@ -32,7 +33,7 @@ def silent(_share, _words):
 
 
 def answered(state, **ask):
-    """The answer once the simulator is compiled."""
+    """The answer once the simulator is compiled, which is waited for unless asked for soon."""
     while (answer := family_answer(state, ask, silent))["compiling"]:
         panel._COMPILER.threads[state.task].join()
     return answer
@@ -40,7 +41,7 @@ def answered(state, **ask):
 
 @pytest.fixture(scope="module")
 def answer():
-    return answered(state_of(), poses=2)
+    return answered(state_of(family=TWICE))
 
 
 @pytest.fixture(scope="module")
@@ -62,12 +63,27 @@ def test_scores_are_those_of_the_library(answer, worlds):
 
 def test_interpreted_answers_come_first_and_are_the_same(answer, monkeypatch):
     monkeypatch.setattr(panel, "_COMPILER", panel._Compiler())
-    first = family_answer(state_of(), {"poses": 2}, silent)
+    first = family_answer(state_of(family=TWICE), {"soon": True}, silent)
     assert first["compiling"] == "compiling the simulator, once on this computer"
     told = [entry["scores"] for entry in first["maps"][: first["evaluated"]]]
     assert told == [entry["scores"] for entry in answer["maps"]]
     panel._COMPILER.threads["coverage"].join()
-    assert family_answer(state_of(), {}, silent)["compiling"] is None
+    assert family_answer(state_of(), {"soon": True}, silent)["compiling"] is None
+
+
+def test_who_does_not_ask_for_it_soon_gets_every_map(monkeypatch):
+    monkeypatch.setattr(panel, "_COMPILER", panel._Compiler())
+    monkeypatch.setattr(panel, "MOST_INTERPRETED", 0)
+    family = {"environment": "pegs", "count": 6, "seed": 1}
+    told = []
+    whole = family_answer(
+        state_of("plain_vine", family=family), {}, lambda _, words: told.append(words)
+    )
+    assert (whole["evaluated"], whole["compiling"]) == (6, None)
+    assert told[0] == "compiling the simulator, once on this computer"
+    monkeypatch.setattr(panel, "_COMPILER", panel._Compiler())
+    soon = family_answer(state_of("plain_vine", family=family), {"soon": True}, silent)
+    assert soon["evaluated"] == panel.LEAST_MAPS
 
 
 def test_grounds_are_sent_once_and_robots_where_they_are_seen(answer):
@@ -80,7 +96,7 @@ def test_grounds_are_sent_once_and_robots_where_they_are_seen(answer):
 
 def test_a_version_is_compared_map_by_map(answer):
     before = {entry["key"]: entry["score"] for entry in answer["maps"]}
-    after = answered(state_of(trunk_scale=0.4), poses=2, before={**before, "another:map": 0.9})
+    after = answered(state_of(trunk_scale=0.4, family=TWICE), before={**before, "another:map": 0.9})
     scores = [entry["score"] for entry in after["maps"]]
     gains = np.subtract(scores, list(before.values()))
     difference = after["difference"]
@@ -89,7 +105,7 @@ def test_a_version_is_compared_map_by_map(answer):
     assert (difference["low"], difference["high"]) == mean_interval(gains)
     assert difference["better"] == sum(gain > 0 for gain in gains)
     assert difference["worse"] == sum(gain < 0 for gain in gains) > 0
-    same = answered(state_of(), poses=2, before=before)["difference"]
+    same = answered(state_of(family=TWICE), before=before)["difference"]
     assert (same["mean"], same["better"], same["worse"]) == (0.0, 0, 0)
     assert answer["difference"] is None
 
@@ -105,7 +121,7 @@ def test_bins_hold_every_score_of_both_versions(answer):
 
 def test_quick_scores_are_near_and_unchanged_robots_count_as_equal(answer):
     before = {entry["key"]: entry["score"] for entry in answer["maps"]}
-    quick = answered(state_of(), poses=2, quick=True, heat=False, before=before)
+    quick = answered(state_of(family=TWICE), quick=True, heat=False, before=before)
     assert quick["heat"] is None
     assert quick["distribution"]["mean"] == pytest.approx(answer["distribution"]["mean"], abs=1e-3)
     assert (quick["difference"]["better"], quick["difference"]["worse"]) == (0, 0)
@@ -192,8 +208,10 @@ def test_a_changed_file_is_another_map(tmp_path):
 
 
 def test_what_cannot_be_used_is_named(tmp_path):
-    with pytest.raises(BadInputError, match=r"poses.*1 to 5"):
-        family_answer(state_of(), {"poses": 6}, silent)
+    with pytest.raises(BadInputError, match=r"family\.poses.*1 to 5"):
+        state_of(family={**GRID, "poses": 6})
+    with pytest.raises(BadInputError, match=r"family\.files.*at most 200"):
+        state_of(family={"files": ["a.geojson"] * 201})
     with pytest.raises(BadInputError, match="before"):
         family_answer(state_of(), {"before": [1.0]}, silent)
     gone = state_of(family={"files": [str(tmp_path / "gone.geojson")]})

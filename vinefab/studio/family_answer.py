@@ -16,10 +16,11 @@ import shapely
 from vinefab.core.errors import BadInputError
 from vinefab.core.hashing import fingerprint
 from vinefab.core.statistics import group_means, mean_interval
-from vinefab.core.validation import Floats, number, whole
+from vinefab.core.validation import Floats, number
 from vinefab.growth.batch import Batch, Block, Launches, TerrainSet
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.plan import Plans
+from vinefab.maps.generators.environments import ENVIRONMENTS
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Build, Design
 from vinefab.model.map import Map, Pose, Start
@@ -39,8 +40,6 @@ from vinefab.tasks.task import (
     outcomes,
     search_form,
 )
-
-MOST_POSES = 5
 
 QUICK_S, FIRST_S = 0.15, 0.5
 """So long walls for new widths are built while something is dragged, and before the simulator is
@@ -71,11 +70,12 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dic
     state
         What is open on the page; its map and pose play no part.
     ask
-        ``poses``: drawn per map from its starts. ``quick``: for while something is dragged, the
-        task's fast approximations, on as many maps as there is time for. ``have``: keys of maps
-        whose ground the page holds. ``draw``: keys of the maps whose robot it shows, all if not
-        given. ``heat``: whether it shows where bodies lie. ``before``: by the maps' keys the scores
-        of the version to compare with.
+        ``quick``: for while something is dragged, the task's fast approximations, on as many maps
+        as there is time for. ``soon``: as many maps as the interpreter can do while the simulator
+        is compiled; else that is waited for. ``have``: keys of maps whose ground the page holds.
+        ``draw``: keys of the maps whose robot it shows, all if not given. ``heat``: whether it
+        shows where bodies lie. ``before``: by the maps' keys the scores of the version to compare
+        with.
     """
     asked = _Asked.of(ask)
     places = _KEPT.places(state.family, tell)
@@ -92,12 +92,13 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dic
             entry["robot_svg"] = robot_svg(grown[0], widths_mm, detail=False)
     return {
         "task": state.task,
-        "poses": asked.poses,
+        "poses": state.family.poses,
         "standing": "simulated",
         "quick": asked.quick,
         "compiling": COMPILING if trial.compiling else None,
         "maps": entries,
         "evaluated": len(by_map),
+        "environments": list(ENVIRONMENTS),
         "distribution": _distribution(list(means.values()), list(asked.before.values())),
         "difference": _difference(pairs, QUICK_ERROR if asked.quick else 0.0),
         "grown_share": float(np.mean([entry["grown_share"] for entry in entries[: len(by_map)]])),
@@ -112,8 +113,8 @@ def family_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dic
 class _Asked:
     """What the panel asks, see `family_answer`."""
 
-    poses: int
     quick: bool
+    soon: bool
     heat: bool
     have: frozenset[str]
     draw: frozenset[str] | None
@@ -125,8 +126,8 @@ class _Asked:
         if not isinstance(before, Mapping):
             raise BadInputError("before", before, "scores by the maps' keys", PAGE)
         return cls(
-            poses=whole("poses", ask.get("poses", 1), 1, MOST_POSES),
             quick=bool(ask.get("quick", False)),
+            soon=bool(ask.get("quick", False) or ask.get("soon", False)),
             heat=bool(ask.get("heat", True)),
             have=frozenset(map(str, ask.get("have") or ())),
             draw=None if draw is None else frozenset(map(str, draw)),
@@ -268,9 +269,10 @@ class _Trial:
 def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tell) -> _Trial:
     """Grow a design and score it, on all maps or, where that would take too long, on the first."""
     task = make_task(state.task)
-    compiled = _COMPILER.has(task, tell)
+    compiled = _COMPILER.has(task, tell, wait=not asked.soon)
+    count = state.family.poses
     if not compiled:
-        most = MOST_INTERPRETED // (asked.poses * state.design.branch_count)
+        most = MOST_INTERPRETED // (count * state.design.branch_count)
         places = places[: max(LEAST_MAPS, most)]
     options, plans = state.growth, Plans.of([state.design], state.growth)
     radii_mm = plans.spans.radii_mm
@@ -280,7 +282,7 @@ def _tried(state: StudioState, asked: _Asked, places: Sequence[Place], tell: Tel
     for place in places:
         check_on_map(task, place.prepared.world, place.prepared.context)
     prepared = [place.prepared for place in places]
-    poses = poses_on(prepared, asked.poses, range(len(places)), repeats=options.draws_half_angle)
+    poses = poses_on(prepared, count, range(len(places)), repeats=options.draws_half_angle)
     launches = Launches.of(_KEPT.terrain_set(places, radii_mm), poses)
     batch = Batch(plans, launches, options, engine="kernel" if compiled else "interpreted")
     chosen = search_form(task) if asked.quick and compiled else task
@@ -319,9 +321,9 @@ class _Compiler:
             self.threads[task.name] = Thread(target=_compile, args=(task,), daemon=True)
             self.threads[task.name].start()
 
-    def has(self, task: Task, tell: Tell) -> bool:
+    def has(self, task: Task, tell: Tell, *, wait: bool) -> bool:
         """Tell whether the code of a task is loaded; one without a slower form is waited for."""
-        if search_form(task) == task:
+        if wait or search_form(task) == task:
             self.start(task)
             if self.threads[task.name].is_alive():
                 tell(0.0, COMPILING)

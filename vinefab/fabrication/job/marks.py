@@ -125,6 +125,9 @@ HEIGHTS_MM = (4.0, 3.0, 2.5)
 """Letter heights to try, largest first; the smallest keeps strokes over 0.4 mm."""
 
 _STEP_MM = 5.0
+_FIRST_BOXES, _MOST_BOXES = 32, 512
+"""Places for a label that are looked at together, at first and at most."""
+
 _LINE = 1.5
 
 Box = tuple[float, float, float, float]
@@ -228,7 +231,11 @@ class FreeRoom:
         up = up[(up + size_mm[1] >= around[1]) & (up <= around[3])]
         x, y = (grid.ravel() for grid in np.meshgrid(across, up))
         away = np.hypot(x + size_mm[0] / 2 - to_mm[0], y + size_mm[1] / 2 - to_mm[1])
-        for rows in np.array_split(np.argsort(away, kind="stable"), max(1, len(x) // 500)):
+        order, done, count = np.argsort(away, kind="stable"), 0, _FIRST_BOXES
+        while done < len(order):
+            # Ever more at a time: mostly one of the first is free.
+            rows = order[done : done + count]
+            done, count = done + count, min(2 * count, _MOST_BOXES)
             boxes = shapely.box(x[rows], y[rows], x[rows] + size_mm[0], y[rows] + size_mm[1])
             yield np.asarray(boxes)[~shapely.dwithin(self.taken, boxes, CLEAR_MM)]
 

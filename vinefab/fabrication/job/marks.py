@@ -168,20 +168,30 @@ class FreeRoom:
     ) -> None:
         self.within = within
         self.bodies = shapely.STRtree(list(bodies))
-        self.taken = shapely.union_all([region(path.contour) for path in paths])
-        shapely.prepare(self.taken)
+        taken = shapely.union_all([region(path.contour) for path in paths])
+        # Marks are many and small: each stays a shape of its own beside that of all paths.
+        self._taken: list[shapely.Geometry] = []
+        self.take(taken)
         shapely.prepare(self.bodies.geometries)
 
     def has(self, contour: Contour) -> bool:
         """Whether a mark lies on the sheet, clear of everything else."""
         line = shapely.LineString(contour.points_mm)
         inside = shapely.box(*self.within).buffer(1e-6).covers(line)
-        return bool(inside) and not shapely.dwithin(self.taken, line, CLEAR_MM - 1e-6)
+        return bool(inside) and not self._near(line, CLEAR_MM - 1e-6).any()
 
     def take(self, shape: shapely.Geometry) -> None:
         """Occupy a shape, so that later marks keep clear of it."""
-        self.taken = shapely.union(self.taken, shape)
-        shapely.prepare(self.taken)
+        shapely.prepare(shape)
+        self._taken.append(shape)
+
+    def take_path(self, path: LaserPath) -> None:
+        """Occupy the area of a path."""
+        self.take(region(path.contour))
+
+    def _near(self, shapes: shapely.Geometry | NDArray[np.object_], by_mm: float) -> NDArray[np.bool_]:
+        """Return which shapes lie within a distance of anything that is occupied."""
+        return np.any([shapely.dwithin(one, shapes, by_mm) for one in self._taken], axis=0)
 
     def box_near(
         self, size_mm: tuple[float, float], to_mm: tuple[float, float], own: int = 0
@@ -205,7 +215,7 @@ class FreeRoom:
             share = 1.0 - CLEAR_MM / np.hypot(*(ends[:, 1] - ends[:, 0]).T)
             ends[:, 1] = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
             lines = shapely.linestrings(ends)
-            clear = np.asarray(~shapely.dwithin(self.taken, lines, CLEAR_MM - 1e-6))
+            clear = ~self._near(np.asarray(lines), CLEAR_MM - 1e-6)
             # It must not seem to lead to another robot.
             clear &= self._alone(np.asarray(shapely.points(ends[:, 1])), own)
             if clear.any():
@@ -237,7 +247,7 @@ class FreeRoom:
             rows = order[done : done + count]
             done, count = done + count, min(2 * count, _MOST_BOXES)
             boxes = shapely.box(x[rows], y[rows], x[rows] + size_mm[0], y[rows] + size_mm[1])
-            yield np.asarray(boxes)[~shapely.dwithin(self.taken, boxes, CLEAR_MM)]
+            yield np.asarray(boxes)[~self._near(np.asarray(boxes), CLEAR_MM)]
 
     def _beside(self, boxes: NDArray[np.object_], own: int) -> NDArray[np.bool_]:
         """Return which boxes lie beside a robot, and nearer to it than to any other."""
@@ -377,7 +387,7 @@ def marks_of(
     free = FreeRoom(bodies, within, areas)
     folds = [fold_marking(robot, free) for robot in placed]
     for path in (path for fold in folds for path in fold.paths):
-        free.take(FreeRoom([path], within).taken)
+        free.take_path(path)
     labels = [_label(robot, free, profile, own) for own, robot in enumerate(placed)]
     made = [*folds, *labels]
     return Marking(

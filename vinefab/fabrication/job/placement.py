@@ -302,36 +302,38 @@ class _Bed:
         taken
             The bed's `spectrum`.
         least
-            Places that use more do not count.
+            A use that is known to be possible: None may be returned where none is less.
         """
         rows, columns = self.places(stamp)
         if not rows:
             return None
-        at_rows, at_columns = np.arange(rows)[:, None], np.arange(columns)
+        at_rows, at_columns = np.arange(rows), np.arange(columns)
         wide = np.maximum(self.used_mm[0], at_columns * self.cell_mm + stamp.size_mm[0])
         high = np.maximum(self.used_mm[1], at_rows * self.cell_mm + stamp.size_mm[1])
-        # The film used; ties go to the place nearest to the corner.
-        used = wide * high + 1e-3 * (at_rows + at_columns)
-        counts = used <= least
-        if self._meets_everywhere(stamp, counts):
+        if not any(self.used_mm):
+            return float(wide[0] * high[0]), 0, 0
+        # What a place uses grows with its row and its column: those that count fill a corner.
+        rows = int(np.count_nonzero(wide[0] * high + 1e-3 * at_rows <= least))
+        columns = int(np.count_nonzero(wide * high[0] + 1e-3 * at_columns <= least))
+        if not rows or not columns or self._meets_everywhere(stamp, rows, columns):
             return None
         covered = self._transform(stamp.cells(self))
         collisions = scipy.fft.irfft2(taken * np.conj(covered), s=self.period)
-        free = np.flatnonzero(counts & (collisions[:rows, :columns] < 0.5))
-        if not len(free):
+        free_rows, free_columns = np.nonzero(collisions[:rows, :columns] < 0.5)
+        if not len(free_rows):
             return None
-        place = int(free[np.argmin(used.ravel()[free])])
-        return float(used.ravel()[place]), *divmod(place, columns)
+        # The film used; ties go to the place nearest to the corner.
+        used = wide[free_columns] * high[free_rows] + 1e-3 * (free_rows + free_columns)
+        first = int(np.argmin(used))
+        return float(used[first]), int(free_rows[first]), int(free_columns[first])
 
-    def _meets_everywhere(self, stamp: _Stamp, counts: Cells) -> bool:
-        """Tell quickly whether some cells of a robot are taken at every place that counts.
-
-        What a place uses grows with its row and its column: those that count fill a corner.
-        """
-        rows, columns = int(counts[:, 0].sum()), int(counts[0].sum())
-        left = counts[:rows, :columns].copy()
-        inner = np.argwhere(stamp.cells(self))
-        for count, (row, column) in enumerate(inner[:: max(1, len(inner) // _SAMPLES)].tolist()):
+    def _meets_everywhere(self, stamp: _Stamp, rows: int, columns: int) -> bool:
+        """Tell quickly whether some cells of a robot are taken at each of the first places."""
+        left = np.ones((rows, columns), dtype=np.bool_)
+        cells = stamp.cells(self)
+        inner = np.flatnonzero(cells)
+        for count, place in enumerate(inner[:: max(1, len(inner) // _SAMPLES)].tolist()):
+            row, column = divmod(place, cells.shape[1])
             left &= ~self.taken[row : row + rows, column : column + columns]
             if count % _SAMPLES_AT_ONCE == 0 and not left.any():
                 return True

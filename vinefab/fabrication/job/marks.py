@@ -178,7 +178,7 @@ class FreeRoom:
         """Whether a mark lies on the sheet, clear of everything else."""
         line = shapely.LineString(contour.points_mm)
         inside = shapely.box(*self.within).buffer(1e-6).covers(line)
-        return bool(inside) and not self._near(line, CLEAR_MM - 1e-6).any()
+        return bool(inside) and not self._near(np.array([line]), CLEAR_MM - 1e-6).any()
 
     def take(self, shape: shapely.Geometry) -> None:
         """Occupy a shape, so that later marks keep clear of it."""
@@ -189,9 +189,13 @@ class FreeRoom:
         """Occupy the area of a path."""
         self.take(region(path.contour))
 
-    def _near(self, shapes: shapely.Geometry | NDArray[np.object_], by_mm: float) -> NDArray[np.bool_]:
+    def _near(self, shapes: NDArray[np.object_], by_mm: float) -> NDArray[np.bool_]:
         """Return which shapes lie within a distance of anything that is occupied."""
-        return np.any([shapely.dwithin(one, shapes, by_mm) for one in self._taken], axis=0)
+        near = np.zeros(len(shapes), dtype=np.bool_)
+        for one in self._taken:
+            rows = np.flatnonzero(~near)
+            near[rows] = shapely.dwithin(one, shapes[rows], by_mm)
+        return near
 
     def box_near(
         self, size_mm: tuple[float, float], to_mm: tuple[float, float], own: int = 0

@@ -18,7 +18,7 @@ from typing import Annotated, cast
 import typer
 
 from vinefab.core.errors import InterruptedRunError, VinefabError, shortened
-from vinefab.core.interruption import StopRequest, stop_requests
+from vinefab.core.interruption import StopRequest, stop_requests, stop_with_input
 from vinefab.core.plain_text import visible
 from vinefab.core.version import __version__
 
@@ -167,6 +167,7 @@ def main(arguments: Sequence[str]) -> int:
         # Names of files and designs may hold letters that the terminal cannot show.
         sys.stdout.reconfigure(errors="backslashreplace")
     with stop_requests() as request:
+        stop_with_input()
         return _run_command(arguments, request)
 
 

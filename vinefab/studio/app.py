@@ -20,7 +20,8 @@ from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from vinefab.core.errors import BadInputError, VinefabError
-from vinefab.studio.gate import Door, Gate
+from vinefab.studio.door import Door
+from vinefab.studio.gate import Gate
 from vinefab.studio.lanes import ProcessLane, Question, ThreadLane
 from vinefab.studio.workplace import Workplace
 

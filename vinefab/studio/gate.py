@@ -6,16 +6,13 @@ must name this server as its ``Host``, one with an ``Origin`` must come from its
 and socket ask for the token that the command printed.
 """
 
-import hmac
-import secrets
-from dataclasses import dataclass, field
 from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-LOOPBACK = "127.0.0.1"
+from vinefab.studio.door import Door
 
 _HEADERS = {
     "x-content-type-options": "nosniff",
@@ -25,28 +22,6 @@ _HEADERS = {
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
 }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Door:
-    """Where the server listens, and what opens it."""
-
-    port: int
-    token: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)
-
-    @property
-    def hosts(self) -> tuple[str, ...]:
-        """What a request may name as its host."""
-        return f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"
-
-    @property
-    def address(self) -> str:
-        """What the user opens."""
-        return f"http://{LOOPBACK}:{self.port}/?token={self.token}"
-
-    def opens(self, token: object) -> bool:
-        """Tell whether a token is the one, in a time that tells nothing of it."""
-        return isinstance(token, str) and hmac.compare_digest(token.encode(), self.token.encode())
 
 
 class Gate:

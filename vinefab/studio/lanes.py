@@ -126,10 +126,15 @@ class ThreadLane:
 
     def __init__(self) -> None:
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="vinefab live")
+        self.answered = asyncio.Event()
+        """Set once the first question has been answered: what takes long may begin."""
 
     async def answer(self, question: Question, send: Send) -> Any:  # noqa: ANN401  plain values
         """Return the answer; what raises raises here."""
-        return await self.run(lambda: _answer(question, send))
+        try:
+            return await self.run(lambda: _answer(question, send))
+        finally:
+            self.answered.set()
 
     async def run(self, work: Callable[[], Any]) -> Any:  # noqa: ANN401  as the work
         """Return what some work of the server gives, after what was asked before it."""

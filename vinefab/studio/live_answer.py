@@ -28,6 +28,10 @@ MOST_FLAT = 1500
 """Outlines of more branches take longer than a pointer may wait; the rules' panel draws them."""
 
 
+COMPILED_TASKS = ("anchoring",)
+"""Tasks that cannot be scored before code is compiled."""
+
+
 def live_answer(state: StudioState, ask: Mapping[str, Any], _: Tell) -> dict[str, Any]:
     """Return growth, scores and outline of what is open.
 
@@ -97,6 +101,10 @@ def _scores(deployment: Deployment, prepared: PreparedMap) -> tuple[dict[str, An
     scores: dict[str, Any] = {}
     problems = []
     for name in TASKS:
+        if name in COMPILED_TASKS and engine_now() != "kernel":
+            scores[name] = None
+            problems.append(f"{name}: as soon as the simulator is compiled, once on this computer")
+            continue
         task = _task(name)
         try:
             check_on_map(task, prepared.world, prepared.context)

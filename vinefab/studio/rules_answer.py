@@ -105,7 +105,12 @@ def _sheet_content(subject: Subject, report: CheckReport) -> dict[str, Any]:
     """Return the drawing of the sheet and every finding with its place there."""
     findings, job = listed_findings(report), subject.job
     placed: Sequence[PlacedFinding] = [PlacedFinding(at_mm=None, marker="")] * len(findings)
-    drawing: dict[str, Any] = {"sheet_svg": "", "beds_svg": "", "sheet_box": None, "placement": None}
+    drawing: dict[str, Any] = {
+        "sheet_svg": "",
+        "beds_svg": "",
+        "sheet_box": None,
+        "placement": None,
+    }
     if job is not None:
         placed = placed_findings(job, subject.layout, findings)
         x0, y0, x1, y1 = sheet_box_mm(job)

@@ -9,9 +9,10 @@ import sys
 
 from vinefab.growth.options import GrowthOptions
 from vinefab.growth.simulator import Engine, grow
-from vinefab.growth.terrain import Terrain
-from vinefab.maps.make_map import generate
+from vinefab.maps.generators.pegs import PegsOptions, pegs_map
 from vinefab.model.design import Build, Design, Level
+from vinefab.tasks.evaluate import PreparedMap
+from vinefab.tasks.shipped_tasks import TASKS, make_task
 
 
 class _Engines:
@@ -33,14 +34,19 @@ def load_kernel() -> None:
     """Grow a small robot with the compiled simulator; afterwards `engine_now` returns it."""
     levels = (Level.of(branches=2, length_mm=40.0, angle_deg=90.0),)
     design = Design(name="warm", trunk_length_mm=40.0, levels=levels, build=Build.standard(2))
-    world = generate("pegs", 1)
-    terrain = Terrain.of(world)
-    grow(design, terrain, world.starts[0].pose, GrowthOptions(), engine="kernel")
+    place = PreparedMap.of(pegs_map(1, PegsOptions()))
+    start = place.world.starts[0].pose
+    grown = grow(design, place.terrain, start, GrowthOptions(), engine="kernel")
+    for task in TASKS:
+        make_task(task, {}).evaluate(grown, place.context)
     _ENGINES.now = "kernel"
 
 
-async def warm() -> None:
-    """Compile in a process of its own, then load the result in a thread."""
+async def warm() -> bool:
+    """Compile in a process of its own, then load the result in a thread; return whether it could.
+
+    Without it the interpreter goes on: slower, with the same results.
+    """
     compiling = await asyncio.create_subprocess_exec(
         sys.executable, "-m", "vinefab.studio.warming", stdin=asyncio.subprocess.DEVNULL
     )
@@ -51,6 +57,7 @@ async def warm() -> None:
         raise
     if code == 0:
         await asyncio.to_thread(load_kernel)
+    return code == 0
 
 
 if __name__ == "__main__":

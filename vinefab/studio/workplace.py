@@ -2,13 +2,16 @@
 
 from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vinefab.core.errors import BadInputError
 from vinefab.core.version import __version__
-from vinefab.studio.lanes import ThreadLane
-from vinefab.studio.state import PAGE
+
+if TYPE_CHECKING:
+    from vinefab.studio.desk import Desk
+    from vinefab.studio.lanes import ThreadLane
 
 TellAll = Callable[[Mapping[str, Any]], None]
 """Sends an event to every tab."""
@@ -32,9 +35,19 @@ class Workplace:
     def __init__(self, opened: Opened) -> None:
         self._opened = opened
 
+    @cached_property
+    def desk(self) -> "Desk":
+        """The files, looked at when first needed."""
+        from vinefab.studio.desk import Desk  # noqa: PLC0415  after the address has been printed
+
+        opened = self._opened
+        given = [opened.design, opened.map_file, opened.recipe]
+        paths = [Path(name) for name in given if name]
+        return Desk(opened.folder, [path for path in paths if path.suffix or path.parent != Path()])
+
     def hello(self) -> dict[str, Any]:
         """Return what a tab shows first."""
-        from vinefab.model.files.design_toml import design_content, read_design  # noqa: PLC0415
+        from vinefab.maps.generators.environments import ENVIRONMENTS  # noqa: PLC0415
 
         opened = self._opened
         source = (
@@ -42,12 +55,14 @@ class Workplace:
             if opened.map_file
             else {"environment": opened.environment, "seed": opened.seed}
         )
-        design = read_design(opened.design)
+        file = self.desk.open_design({"design": opened.design})
+        design = file.pop("design")
         return {
             "version": __version__,
             "folder": str(opened.folder),
+            "environments": list(ENVIRONMENTS),
             "state": {
-                "design": design_content(design),
+                "design": design,
                 "map": {"source": source, "edits": []},
                 "pose": None,
                 "recipe": opened.recipe or None,
@@ -56,33 +71,46 @@ class Workplace:
                 "growth": {},
                 "locks": [],
             },
-            "file": {"path": opened.design, "writable": False, "stamp": ""},
+            "file": {name: file[name] for name in ("path", "name", "writable", "stamp")},
         }
 
     def answer(self, name: str, state: Mapping[str, Any], ask: Mapping[str, Any]) -> Any:  # noqa: ANN401
         """Return what a function of the desk gives."""
+        from vinefab.studio.desk import DESK  # noqa: PLC0415  after the address has been printed
         from vinefab.studio.state import StudioState  # noqa: PLC0415  it loads the simulator
         from vinefab.studio.tip_answer import tip_answer  # noqa: PLC0415  as above
 
+        if name in DESK:
+            return DESK[name](self.desk, {"state": state, **ask})
+        self.desk.check_paths(state)
         if name == "tip":
             return tip_answer(StudioState.of(state), ask)
-        raise BadInputError("desk", name, "a function of the desk", PAGE)
+        raise BadInputError("desk", name, "a function of the desk", "the page")
 
     def allowed(
         self,
-        panel: str,  # noqa: ARG002
-        state: Mapping[str, Any],  # noqa: ARG002
+        panel: str,
+        state: Mapping[str, Any],
         ask: Mapping[str, Any],
     ) -> Mapping[str, Any]:
         """Return what a panel asks if every path in it lies where the user opened files."""
+        self.desk.check_paths(state)
+        if panel == "export":
+            return {**ask, "roots": [str(root) for root in self.desk.roots]}
         return ask
 
-    def background(self, tell: TellAll, live: ThreadLane) -> list[Coroutine[Any, Any, None]]:
+    def background(self, tell: TellAll, live: "ThreadLane") -> list[Coroutine[Any, Any, None]]:
         """Return what goes on beside the answers: compiling, watching files and searches."""
-        from vinefab.studio.warming import warm  # noqa: PLC0415  it loads the simulator
-
-        _ = tell, live
-        return [warm()]
+        return [_compile(tell, live), self.desk.watch(tell)]
 
     def close(self) -> None:
         """End what is going on."""
+
+
+async def _compile(tell: TellAll, live: "ThreadLane") -> None:
+    """Compile the simulator once the first picture is there, and tell the tabs."""
+    await live.answered.wait()
+    from vinefab.studio.warming import warm  # noqa: PLC0415  it loads the simulator
+
+    if await warm():
+        tell({"event": "engine", "engine": "kernel"})

@@ -1,7 +1,7 @@
 // The sheet: what is cut, with findings in place; pressure, film and time; the fix with its preview.
 
 import { el, fillSvg, number, svgEl } from "studio/dom.js";
-import { createView } from "studio/map_panel.js";
+import { createView } from "studio/view.js";
 
 const STILL_MS = 150;
 const ZOOM = 1.4;

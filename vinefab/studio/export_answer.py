@@ -36,7 +36,7 @@ from vinefab.model.finding import CheckReport
 from vinefab.model.laser import LaserProfile, RecipeStatus
 from vinefab.model.map import Map, Pose, Start
 from vinefab.studio.panels import Tell
-from vinefab.studio.snapshot import write_snapshot
+from vinefab.studio.snapshot import SnapshotOptions, write_snapshot
 from vinefab.studio.state import PAGE, StudioState
 
 DESIGN_NAME, MAP_NAME = "design.toml", "map.geojson"
@@ -195,7 +195,7 @@ class RigExport:
         from vinefab.rig.rig_options import RigOptions, read_printer
 
         world = _map_of(source)
-        options = RigOptions(style=self.style, height_mm=self.height_mm)  # type: ignore[arg-type]
+        options = RigOptions(style=self.style, height_mm=self.height_mm)
         if self.fit_mm:
             options = options.fitted(world, self.fit_mm)
         robot = source.design if self.check_robot else None
@@ -350,7 +350,7 @@ def _written(kind: Export, source: Source, tell: Tell) -> dict[str, Any]:
     _ensure(kind, source, out)
     source = source.as_read()
     made = kind.make(source, tell)
-    answer = {
+    answer: dict[str, Any] = {
         "command": shlex.join(["vinefab", *kind.words(source)]),
         "written": [],
         "inputs": [],
@@ -519,11 +519,17 @@ def _snapshot(ask: Mapping[str, Any], tell: Tell) -> dict[str, Any]:
     path = allowed_path("out", ask.get("out"), _roots(ask))
     if path.suffix.lower() != ".html":
         raise BadInputError("out", str(path), "a file name ending in .html", PAGE)
-    options = _mapping("options", ask.get("options") or {})
+    given = _mapping("options", ask.get("options") or {})
+    reference, file = ask.get("reference"), ask.get("design_file")
+    options = SnapshotOptions(
+        family=given.get("family") is True,
+        file=file if isinstance(file, str) else "",
+        date=str(given.get("date") or ""),
+        reference=None if reference is None else _mapping("reference", reference),
+    )
     with _foreign_files_named():
         ensure_writable(path)
-        state = _mapping("state", ask.get("state"))
-        write_snapshot(state, path, family=options.get("family") is True, tell=tell)
+        write_snapshot(_mapping("state", ask.get("state")), path, options, tell)
     command = shlex.join(["vinefab", "studio", str(path)])
     return {"command": command, "written": [str(path)], "inputs": [], "lines": [], "refused": ""}
 

@@ -186,20 +186,19 @@ def _gauge_content(subject: Subject, profile: LaserProfile) -> dict[str, Any]:
     changed = by_rule(changed_limits(subject.design, profile))
     gauge = pressure_gauge(subject, profile, WINDOW.limits_with(changed.get(WINDOW.id, {})))
     seam = profile.material.seam
+    paths = "simulated" if subject.deployments else "computed"
+    factor = changed.get(WINDOW.id, {}).get("safety_factor", WINDOW.limits["safety_factor"])
     return {
         "needed_loose": _need_content(subject, gauge.loose),
         "needed_tight": _need_content(subject, gauge.tight),
-        "needed_standing": f"{'simulated' if subject.deployments else 'computed'} paths; "
-        f"{gauge.source}",
+        "needed_standing": f"{paths}, constants {'measured' if gauge.growth_measured else 'assumed'}",
+        "needed_basis": f"worst tip, film stored loosely to tightly; {gauge.source}",
         "working_kpa": subject.design.build.pressure_kpa,
         "working_standing": "set in the design",
         "allowed_kpa": gauge.safe_kpa,
-        "growth_limit_kpa": gauge.growth_limit_kpa,
-        "allowed_standing": "measured" if seam.is_measured_limit else "assumed",
-        "allowed_basis": f"{gauge.width_mm:.1f} mm of lay-flat width; {seam.words()}",
-        "safety_factor": changed.get(WINDOW.id, {}).get(
-            "safety_factor", WINDOW.limits["safety_factor"]
-        ),
+        "allowed_standing": "measured" if gauge.seam_measured else "assumed",
+        "allowed_basis": f"{gauge.width_mm:.1f} mm of lay-flat width, safety factor {factor:g}; "
+        f"{seam.words()}",
         "is_open": gauge.loose.pressure_kpa < gauge.safe_kpa,
         "is_open_tight": gauge.tight.pressure_kpa < gauge.safe_kpa,
     }

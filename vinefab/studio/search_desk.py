@@ -88,6 +88,9 @@ class FollowedRecord:
         self.evaluations += len(generation.fitness)
         if generation.best > self.best:
             row = int(np.argmax(generation.fitness))
+            if self.best_breaks and generation.penalty[row] == 0.0:
+                # Designs that break something rank below all others, on a scale of their own.
+                self.curve.clear()
             self.best, self.best_at = generation.best, (generation.number, row)
             self.best_x = generation.x[row]
             self.best_breaks = bool(generation.penalty[row] > 0.0)

@@ -10,6 +10,7 @@ import html
 import json
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -23,6 +24,7 @@ from vinefab.core.errors import (
 )
 from vinefab.core.jsontext import GENERATOR, plain
 from vinefab.core.validation import check_plain
+from vinefab.core.version import __version__
 from vinefab.model.files.map_geojson import map_text, read_map
 from vinefab.model.files.shipped import read_text
 from vinefab.studio.panels import Tell, answer_of
@@ -31,7 +33,10 @@ from vinefab.studio.state import StudioState, world_of
 SCHEMA = "vinefab/snapshot-1"
 MOST_BYTES = 1 << 27
 _MOST_MAPS = 100
-PAGE_FOLDER = Path(__file__).with_name("page")
+_PAGE_FOLDER = Path(__file__).with_name("page")
+_PLAN_STYLE = Path(__file__).parents[1] / "pages" / "templates" / "plan.css"
+_MODULES = "<!-- modules -->"
+"""What in ``index.html`` is replaced by the state and the modules."""
 
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' data:; style-src 'unsafe-inline'; "
@@ -39,19 +44,30 @@ _POLICY = (
 )
 """The browser holds the file to it: whatever is in it, it can reach no network."""
 
-_HEAD = re.compile(r"<head[^>]*>")
-_LINK = re.compile(r"[ \t]*<link\b[^>]*>\n?")
-_IMPORT_MAP = re.compile(r'<script type="importmap"[^>]*>.*?</script>', re.DOTALL)
-_ENTRY = re.compile(r'<script type="module" src="[^"]*?([\w-]+\.js)"[^>]*></script>')
+_CHARSET = '<meta charset="utf-8">'
+_HEAD = (
+    f'<meta name="generator" content="{GENERATOR}">\n<meta name="schema" content="{SCHEMA}">\n'
+    f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
+)
+
+_LINK = re.compile(r'<link\b[^>]*href="([^"]*)">')
 _STORED = re.compile(r'<script type="application/json" id="stored">(.*?)</script>', re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SnapshotOptions:
+    """What a snapshot holds beside the state."""
+
+    family: bool = False  # compute the many maps too
+    file: str = ""  # what the page calls the design's file; empty: the design's name
+    date: str = ""  # what the page says of its day; nothing is said if empty
+    reference: Mapping[str, Any] | None = None  # what the page compares with, with its answers
 
 
 def write_snapshot(
     state: Mapping[str, Any],
     path: Path,
-    *,
-    family: bool = False,
-    date: str = "",
+    options: SnapshotOptions | None = None,
     tell: Tell | None = None,
 ) -> Path:
     """Compute what the panels show of a state, and write it as one HTML file.
@@ -60,47 +76,44 @@ def write_snapshot(
     ----------
     state
         What is open, as the page sends it (`StudioState.of`).
-    family
-        Whether to compute the many maps too.
-    date
-        What the page says of its day; nothing is said if empty.
 
     Raises
     ------
     VinefabError
         If something in the state cannot be used, or the file cannot be written.
     """
-    say = tell or _silent
-    names = ("live", "rules", *(("family",) if family else ()))
+    options, say = options or SnapshotOptions(), tell or _silent
+    names = ("live", "rules", *(("family",) if options.family else ()))
     answers = {}
     for number, name in enumerate(names):
         say(number / len(names), name)
-        answers[name] = answer_of(name, state, {}, say)
-    return write_bytes(path, snapshot_html(state, answers, date=date))
+        answers[name] = answer_of(name, state, {}, _silent)
+    return write_bytes(path, snapshot_html(state, answers, options))
 
 
-def snapshot_html(state: Mapping[str, Any], answers: Mapping[str, Any], *, date: str = "") -> bytes:
+def snapshot_html(
+    state: Mapping[str, Any], answers: Mapping[str, Any], options: SnapshotOptions | None = None
+) -> bytes:
     """Return a state with the answers of its panels as one HTML file."""
+    options = options or SnapshotOptions()
+    portable = _portable(state)
+    hello = {
+        "version": __version__,
+        "folder": "",
+        "state": portable,
+        "file": {"path": Path(options.file).name or portable["design"]["name"], "writable": False},
+    }
     stored = {
         "schema": SCHEMA,
-        "date": date,
-        "state": _portable(state),
+        "date": options.date,
+        "hello": hello,
         "map": _source_map(state),
         "answers": answers,
+        "reference": options.reference,
     }
-    page = (PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
-    meta = (
-        f'\n<meta charset="utf-8">\n<meta name="generator" content="{GENERATOR}">\n'
-        f'<meta name="schema" content="{SCHEMA}">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
-    )
-    page = re.sub(r"[ \t]*<meta charset[^>]*>\n?", "", page)
-    page = _HEAD.sub(lambda found: found[0] + meta, page, count=1)
-    page = _LINK.sub(_style, page)
-    content = f'<script type="application/json" id="stored">{_json(stored)}</script>'
-    page = _IMPORT_MAP.sub(lambda _: f"{content}\n{_import_map()}", page, count=1)
-    page = _ENTRY.sub(r'<script type="module">import "studio/\1";</script>', page)
-    return page.encode()
+    page = (_PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
+    page = _LINK.sub(_style, page.replace(_CHARSET, f"{_CHARSET}\n{_HEAD}", 1))
+    return page.replace(_MODULES, f"{_stored_script(stored)}{_modules()}", 1).encode()
 
 
 def stored_state(path: Path) -> dict[str, Any]:
@@ -119,7 +132,8 @@ def stored_state(path: Path) -> dict[str, Any]:
     if found is None:
         raise UnreadableFileError(path, "is no snapshot of the studio")
     stored = _document(path, found[1])
-    state = stored.get("state")
+    hello = stored.get("hello")
+    state = hello.get("state") if isinstance(hello, dict) else None
     if not isinstance(state, dict):
         raise BadInputError("state", state, "names with values", path)
     with located(path):
@@ -152,7 +166,7 @@ def _document(path: Path, text: str) -> dict[str, Any]:
     schema = stored.get("schema") if isinstance(stored, dict) else None
     if schema != SCHEMA:
         raise BadInputError("schema", schema, SCHEMA, path)
-    return stored
+    return dict(stored)
 
 
 def _extracted(path: Path, text: object) -> Path:
@@ -198,29 +212,34 @@ def _source_map(state: Mapping[str, Any]) -> str | None:
     return map_text(world_of({"source": source})) if "file" in source else None
 
 
-def _json(value: object) -> str:
-    """Return JSON that no reader of HTML or of scripts takes for anything else."""
+def _stored_script(value: object) -> str:
+    """Return JSON in a script that is none, in which no reader finds an end or a comment."""
     text = json.dumps(value, allow_nan=False, default=plain, separators=(",", ":"))
-    return text.replace("<", "\\u003c")
+    text = text.replace("<", "\\u003c")
+    return f'<script type="application/json" id="stored">{text}</script>\n'
 
 
 def _style(link: re.Match[str]) -> str:
-    """Return a linked style as it stands in its file; other links are left out."""
-    name = re.search(r'href="[^"]*?([\w-]+\.css)"', link[0])
-    if name is None:
-        return ""
-    text = (PAGE_FOLDER / name[1]).read_text(encoding="utf-8")
-    kept = text.replace("</", "<\\/")
-    return f"<style>\n{kept}</style>\n"
+    """Return a linked style as it stands in its file; an icon stays as it is."""
+    address = link[1]
+    if not address.endswith(".css"):
+        return link[0]
+    name = address.rpartition("/")[2]
+    path = _PLAN_STYLE if name == _PLAN_STYLE.name else _PAGE_FOLDER / name
+    text = path.read_text(encoding="utf-8").replace("</", "<\\/")
+    return f"<style>\n{text}</style>"
 
 
-def _import_map() -> str:
-    """Return the import map with every module of the page in it."""
+def _modules() -> str:
+    """Return the import map with every module of the page in it, and the script that begins."""
     imports = {}
-    for path in sorted(PAGE_FOLDER.glob("*.js")):
+    for path in sorted(_PAGE_FOLDER.glob("*.js")):
         encoded = base64.b64encode(path.read_bytes()).decode()
         imports[f"studio/{path.name}"] = f"data:text/javascript;base64,{encoded}"
-    return f'<script type="importmap">{json.dumps({"imports": imports})}</script>'
+    return (
+        f'<script type="importmap">{json.dumps({"imports": imports})}</script>\n'
+        '<script type="module">import "studio/app.js";</script>'
+    )
 
 
 def _silent(_share: float, _text: str) -> None:

@@ -35,6 +35,7 @@ class Workplace:
 
     def hello(self) -> dict[str, Any]:
         """Return what a tab shows first."""
+        from vinefab.maps.generators.environments import ENVIRONMENTS  # noqa: PLC0415
         from vinefab.model.files.design_toml import design_content, read_design  # noqa: PLC0415
 
         opened = self._opened
@@ -47,6 +48,7 @@ class Workplace:
         return {
             "version": __version__,
             "folder": str(opened.folder),
+            "environments": list(ENVIRONMENTS),
             "state": {
                 "design": design_content(design),
                 "map": {"source": source, "edits": []},

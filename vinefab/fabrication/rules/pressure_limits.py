@@ -210,7 +210,8 @@ class PressureGauge:
     loose: WorstBranch
     tight: WorstBranch
     source: str  # where the growth constants come from, as a phrase
-    is_measured: bool  # whether seam and growth were both measured
+    growth_measured: bool  # whether all constants of growth were
+    seam_measured: bool  # whether the seam was, to its limit
     width_mm: float  # the widest lay-flat width
     safe_kpa: float  # what that stands, with the safety factor
     growth_limit_kpa: float  # what growth may take of it, with the margin
@@ -231,7 +232,8 @@ def pressure_gauge(subject: Subject, profile: LaserProfile, limits: Limits) -> P
         loose=loose,
         tight=tight,
         source=fit.source,
-        is_measured=fit.measured and material.seam.is_measured_limit,
+        growth_measured=fit.measured,
+        seam_measured=material.seam.is_measured_limit,
         width_mm=width_mm,
         safe_kpa=safe_pressure_kpa(width_mm, material, limits),
         growth_limit_kpa=growth_limit_kpa(width_mm, material, limits),
@@ -251,8 +253,8 @@ def check_window(subject: Subject, limits: Limits) -> RuleApplied | RuleNotAppli
     gauge = pressure_gauge(subject, subject.profile, limits)
     loose, tight, top_kpa = gauge.loose, gauge.tight, gauge.safe_kpa
     takes = f"{loose.pressure_kpa:.1f} to {tight.pressure_kpa:.1f} kPa ({gauge.source})"
-    violations = []
-    if too_much := _too_much((loose, tight), gauge.growth_limit_kpa, measured=gauge.is_measured):
+    violations, measured = [], gauge.growth_measured and gauge.seam_measured
+    if too_much := _too_much((loose, tight), gauge.growth_limit_kpa, measured=measured):
         worst, broken = too_much
         message = (
             f"growth to this tip {worst.place} takes {takes}, and {gauge.width_mm:.1f} mm of "

@@ -49,6 +49,8 @@ export function mount(root, app) {
     });
     return [key, { input, label: el("label", {}, `${label} `, input, ` ${unit}`) }];
   }));
+  const place = el("select", { id: "environment" });
+  const seed = el("input", { type: "number", id: "seed", min: 0, step: 1 });
   const ghost = el("input", { type: "checkbox", id: "ghost", checked: true });
   const add = el("button", { type: "button" }, "Add an obstacle");
   const remove = el("button", { type: "button", disabled: true }, "Delete it");
@@ -58,8 +60,9 @@ export function mount(root, app) {
   const fit = el("button", { type: "button" }, "Whole map");
 
   root.append(
-    el("div", { class: "toolbar" }, bigger, smaller, fit, el("span", { class: "gap" }), add, remove, home,
-      el("label", {}, ghost, " version before")),
+    el("div", { class: "toolbar" }, el("label", {}, "Map ", place), el("label", {}, "seed ", seed),
+      el("span", { class: "gap" }), el("label", {}, ghost, " version before")),
+    el("div", { class: "toolbar" }, bigger, smaller, fit, el("span", { class: "gap" }), add, remove, home),
     svg,
     el("div", { class: "toolbar growth" }, play, el("label", { for: "front" }, "Length grown"), front, frontOut),
     el("div", { class: "toolbar pose" }, el("span", {}, "Start"), ...Object.values(pose).map((part) => part.label)),
@@ -276,6 +279,38 @@ export function mount(root, app) {
     }
   }
 
+  // ---- which map
+
+  function showSource(state) {
+    const source = state.map?.source ?? {};
+    const names = [...(app.hello.environments ?? [])];
+    const file = source.file ? source.file.split("/").at(-1) : "";
+    const edited = state.map?.edits.length ? `, ${state.map.edits.length} changes` : "";
+    const options = names.map((name) => el("option", { value: name }, name));
+    if (file || !state.map) options.unshift(el("option", { value: "" }, file || "none"));
+    const chosen = options.find((option) => option.value === (source.environment ?? ""));
+    if (chosen) chosen.append(edited);
+    place.replaceChildren(...options);
+    place.value = source.environment ?? "";
+    seed.disabled = !source.environment || !app.live;
+    place.disabled = !app.live;
+    if (document.activeElement !== seed) seed.value = source.seed ?? "";
+  }
+
+  function takeSource(source) {
+    app.store.change("map", (state) => {
+      state.map = { source, edits: [] };
+      state.pose = null; // a start belongs to the map that it was put on
+    });
+  }
+  place.addEventListener("change", () => {
+    if (place.value) takeSource({ environment: place.value, seed: Number(seed.value) || 0 });
+  });
+  seed.addEventListener("change", () => {
+    const { source } = app.store.get().map;
+    if (seed.validity.valid && seed.value !== "") takeSource({ ...source, seed: Number(seed.value) });
+  });
+
   // ---- the pointer
 
   function grabbed(event) {
@@ -383,16 +418,13 @@ export function mount(root, app) {
     }
   });
   app.store.subscribe((state, before) => {
-    const map = JSON.stringify(state.map);
-    if (map !== JSON.stringify(before.map) && !dragging) selected = selected !== null && state.map?.edits.length > before.map?.edits.length ? selected : null;
-    if (JSON.stringify(state.map?.source) !== JSON.stringify(before.map?.source) && state.pose && before.pose) {
-      // A start that was dragged belongs to the map that it was dragged on.
-      if (JSON.stringify(state.pose) === JSON.stringify(before.pose)) return app.store.change("start of the map", (next) => { next.pose = null; }, { group: "map" });
-    }
+    if (JSON.stringify(state.map) !== JSON.stringify(before.map)) showSource(state);
+    if ((state.map?.edits.length ?? 0) < (before.map?.edits.length ?? 0)) selected = null;
     if (app.live) ask();
   });
   app.on("engine", ask);
   app.on("again", ask);
   showSelected();
+  showSource(app.store.get());
   if (app.live) ask();
 }

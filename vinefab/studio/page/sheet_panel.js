@@ -6,7 +6,8 @@ import { createView } from "studio/view.js";
 const STILL_MS = 150;
 const ZOOM = 1.4;
 const STEP_PX = 40;
-const NEAR_MM = 60;
+const NEAR_MM = 60; // no less is looked at
+const FAR_MM = 220; // a finding that marks more is looked at around its place
 const RIM_MM = 15;
 const KINDS = [["branches", "branches"], ["length", "lengths"], ["angle", "angles"], ["width", "widths"]];
 const WORDS = { error: "error", warning: "warning", info: "note" };
@@ -16,6 +17,11 @@ const same = (one, two) => JSON.stringify(one) === JSON.stringify(two);
 /** What the rules depend on, of a state. */
 const concern = ({ design, map, pose, recipe, growth }) => JSON.stringify([design, map, pose, recipe, growth]);
 const measure = (value, unit, digits = 2) => `${number(value, digits)}${unit ? ` ${unit}` : ""}`;
+
+/** Return the first branches by name. */
+function who(branches) {
+  return branches.length ? ` ${branches.slice(0, 3).join(", ")}${branches.length > 3 ? ", …" : ""}` : "";
+}
 
 function percent(share) {
   return `${(100 * Math.min(1, Math.max(0, share))).toFixed(2)}%`;
@@ -39,9 +45,15 @@ function sheetView(app, onMarker) {
     return Number(svg.style.getPropertyValue("--mm-per-px")) || 1;
   }
 
+  /** Choose the finding under the pointer; of several, the one after that which is selected. */
   function choose(event) {
-    const marker = event.target.closest?.("[data-finding]");
-    if (marker && !moved) onMarker(Number(marker.dataset.finding));
+    if (moved) return;
+    const under = document.elementsFromPoint(event.clientX, event.clientY).map((node) => node.closest("[data-finding]"));
+    const markers = [...new Set(under)].filter((marker) => marker && svg.contains(marker))
+      .sort((one, two) => one.dataset.finding - two.dataset.finding);
+    if (!markers.length) return;
+    const place = markers.findIndex((marker) => marker.classList.contains("selected"));
+    onMarker(Number(markers[(place + 1) % markers.length].dataset.finding));
   }
 
   svg.addEventListener("pointerdown", (event) => {
@@ -131,8 +143,9 @@ function sheetView(app, onMarker) {
       const y0 = Math.min(...parts.map((box) => box.y));
       const x1 = Math.max(...parts.map((box) => box.x + box.width));
       const y1 = Math.max(...parts.map((box) => box.y + box.height));
-      const size = Math.max(NEAR_MM, 1.4 * (x1 - x0), 1.4 * (y1 - y0));
-      view.show([(x0 + x1 - size) / 2, (y0 + y1 - size) / 2, size, size]);
+      const size = Math.min(FAR_MM, Math.max(NEAR_MM, 1.4 * (x1 - x0), 1.4 * (y1 - y0)));
+      const [x, y] = sign && size === FAR_MM ? [sign.e, sign.f] : [(x0 + x1) / 2, (y0 + y1) / 2];
+      view.show([x - size / 2, y - size / 2, size, size]);
     },
   };
 }
@@ -156,24 +169,26 @@ export function gaugeView(gauge) {
   const row = (key, name, value, standing) => [
     el("dt", { class: key }, name), el("dd", {}, value, el("span", { class: "standing" }, standing)),
   ];
+  const [kind, words] = gaugeVerdict(gauge);
   return el("figure", { class: "pressure" },
-    el("figcaption", {}, "Pressure ", el("b", { class: gauge.is_open ? "open" : "shut" }, gaugeVerdict(gauge))),
+    el("figcaption", {}, "Pressure ", el("b", { class: kind }, words)),
     bar,
     el("dl", {},
-      ...row("needed", "needed", `${number(loose.kpa, 1)}–${number(tight.kpa, 1)} kPa`,
-        `film stored loosely to tightly, tip ${loose.branch} ${loose.place}: ${gauge.needed_standing}`),
+      ...row("needed", "needed", `${number(loose.kpa, 1)}–${number(tight.kpa, 1)} kPa`, gauge.needed_standing),
       ...row("working", "working", measure(working, "kPa", 1), gauge.working_standing),
-      ...row("allowed", "allowed", measure(allowed, "kPa", 1),
-        `${gauge.allowed_standing}; ${gauge.allowed_basis}; safety factor ${number(gauge.safety_factor)}`),
+      ...row("allowed", "allowed", measure(allowed, "kPa", 1), gauge.allowed_standing),
     ),
+    el("details", {}, el("summary", {}, "Where these come from"),
+      el("p", {}, `Needed: tip ${loose.branch} ${loose.place}; ${gauge.needed_basis}`),
+      el("p", {}, `Allowed: ${gauge.allowed_basis}`)),
   );
 }
 
 function gaugeVerdict(gauge) {
-  if (!gauge.is_open) return "✕ growth needs more than the film may take";
-  if (gauge.working_kpa > gauge.allowed_kpa) return "✕ the working pressure is more than allowed";
-  if (gauge.working_kpa < gauge.needed_loose.kpa) return "▲ the working pressure is too low to grow";
-  return gauge.is_open_tight ? "✓ enough" : "▲ enough only with loosely stored film";
+  if (!gauge.is_open) return ["bad", "✕ growth needs more than the film may take"];
+  if (gauge.working_kpa > gauge.allowed_kpa) return ["bad", "✕ the working pressure is more than allowed"];
+  if (gauge.working_kpa < gauge.needed_loose.kpa) return ["poor", "▲ the working pressure is too low to grow"];
+  return gauge.is_open_tight ? ["good", "✓ enough"] : ["poor", "▲ enough if film is stored loosely"];
 }
 
 function gaugeWords(gauge) {
@@ -331,7 +346,7 @@ export function mount(root, app) {
     const word = finding.waived ? "waived" : WORDS[finding.severity];
     const sign = svgEl("svg", { class: `mark ${finding.severity}`, viewBox: "-8 -8 16 16", width: 14, height: 14, "aria-hidden": "true" },
       svgEl("path", { class: "sign", d: answer.signs[finding.severity] }));
-    const head = button([sign, el("span", { class: "word" }, word), el("span", { class: "rule" }, finding.rule), el("span", { class: "title" }, finding.title)],
+    const head = button([sign, el("span", { class: "word" }, word), el("span", { class: "rule" }, finding.rule), el("span", { class: "title" }, finding.title, el("span", { class: "who" }, who(finding.branches)))],
       () => choose(index, true), { "aria-expanded": String(isOpen), class: "finding-head" });
     return el("li", { class: `${finding.severity}${finding.waived ? " waived" : ""}${isOpen ? " open" : ""}`, "data-key": `${index} ${finding.fingerprint}`, "data-rule": finding.rule },
       head, isOpen ? detailView(finding) : null);
@@ -429,6 +444,7 @@ export function mount(root, app) {
   app.store.subscribe(() => { follow(); });
   app.onPreview?.((design) => { fix.previewed(design); follow(); draw(); });
   for (const name of ["pointerup", "keyup", "change"]) addEventListener(name, release, true);
+  app.on?.("again", () => { asked = ""; ask(); });
   follow();
   ask();
 }

@@ -10,6 +10,7 @@ import pytest
 from vinefab.core.errors import VinefabError
 from vinefab.model.files.design_toml import design_content, read_design
 from vinefab.model.files.map_geojson import map_text
+from vinefab.studio import warming
 from vinefab.studio.panels import answer_of
 from vinefab.studio.snapshot import (
     SnapshotOptions,
@@ -21,11 +22,16 @@ from vinefab.studio.snapshot import (
 from vinefab.studio.state import StudioState, world_of
 
 CHROMIUM = Path("/usr/bin/chromium")
-FINDINGS = {"findings": [], "lines": ["</script><!-- \u2028 & \"quoted\" 'x'"]}
+HOSTILE = "</script><!-- \u2028 & \"quoted\" 'x' <script>"
 
 
 def quiet(_share, _text):
     pass
+
+
+@pytest.fixture(autouse=True)
+def other_tests_grow_as_before(monkeypatch):
+    monkeypatch.setattr("vinefab.studio.warming._ENGINES", warming._Engines())
 
 
 @pytest.fixture
@@ -45,10 +51,11 @@ def state():
 
 @pytest.fixture
 def answers(state):
-    return {"live": answer_of("live", state, {}, quiet), "rules": FINDINGS}
+    return {"live": answer_of("live", state, {}, quiet)}
 
 
 def test_the_same_state_gives_the_same_bytes_and_no_address(state, answers):
+    answers["live"]["problems"] = [HOSTILE]
     page = snapshot_html(state, answers)
     assert page == snapshot_html(json.loads(json.dumps(state)), answers)
     text = page.decode()
@@ -156,9 +163,10 @@ def browser():
         found.close()
 
 
-def test_a_snapshot_shows_the_state_from_a_file(state, answers, tmp_path, browser):
+def test_a_snapshot_shows_the_state_from_a_file(state, tmp_path, browser):
     path = tmp_path / "sent.html"
-    path.write_bytes(snapshot_html(state, answers, SnapshotOptions(date="1 May")))
+    state["design"]["build"]["widths_mm"][-1] = 2.0  # which a rule forbids
+    write_snapshot(state, path, SnapshotOptions(date="1 May"))
     page = browser.new_page(viewport={"width": 1280, "height": 800})
     troubles, asked = [], []
     page.on("pageerror", lambda error: troubles.append(str(error)))

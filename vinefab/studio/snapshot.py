@@ -9,7 +9,8 @@ import base64
 import html
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,8 +20,8 @@ from vinefab.core.atomic import write_bytes, write_text
 from vinefab.core.errors import (
     BadInputError,
     CannotWriteError,
+    UnknownNameError,
     UnreadableFileError,
-    located,
 )
 from vinefab.core.jsontext import GENERATOR, plain
 from vinefab.core.validation import check_plain
@@ -28,7 +29,8 @@ from vinefab.core.version import __version__
 from vinefab.model.files.map_geojson import map_text, read_map
 from vinefab.model.files.shipped import read_text
 from vinefab.studio.panels import Tell, answer_of
-from vinefab.studio.state import StudioState, world_of
+from vinefab.studio.state import PAGE, StudioState, world_of
+from vinefab.studio.warming import load_kernel
 
 SCHEMA = "vinefab/snapshot-1"
 MOST_BYTES = 1 << 27
@@ -84,6 +86,8 @@ def write_snapshot(
     """
     options, say = options or SnapshotOptions(), tell or _silent
     names = ("live", "rules", *(("family",) if options.family else ()))
+    say(0.0, "loading the simulator")
+    load_kernel()  # what has to wait for it on the page is in the file
     answers = {}
     for number, name in enumerate(names):
         say(number / len(names), name)
@@ -136,7 +140,7 @@ def stored_state(path: Path) -> dict[str, Any]:
     state = hello.get("state") if isinstance(hello, dict) else None
     if not isinstance(state, dict):
         raise BadInputError("state", state, "names with values", path)
-    with located(path):
+    with _found_in(path):
         check_plain(state, finite=False)
         if isinstance(state.get("family"), dict):
             state["family"].pop("files", None)
@@ -156,6 +160,15 @@ def snapshot_frame(
         f'<iframe srcdoc="{page}" width="100%" height="{height_px}" title="vinefab studio" '
         'sandbox="allow-scripts"></iframe>'
     )
+
+
+@contextmanager
+def _found_in(path: Path) -> Iterator[None]:
+    """Name the snapshot where an error would name the page."""
+    try:
+        yield
+    except (BadInputError, UnknownNameError) as error:
+        raise (error.at(path) if error.source in {None, PAGE} else error) from error
 
 
 def _document(path: Path, text: str) -> dict[str, Any]:

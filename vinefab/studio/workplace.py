@@ -73,12 +73,13 @@ class Workplace:
 
     def allowed(
         self,
-        panel: str,  # noqa: ARG002
+        panel: str,
         state: Mapping[str, Any],  # noqa: ARG002
         ask: Mapping[str, Any],
     ) -> Mapping[str, Any]:
         """Return what a panel asks if every path in it lies where the user opened files."""
-        return ask
+        # Where exports may be written is not the page's to say.
+        return {**ask, "roots": [str(self._opened.folder)]} if panel == "export" else ask
 
     def background(self, tell: TellAll, live: "ThreadLane") -> list[Coroutine[Any, Any, None]]:
         """Return what goes on beside the answers: compiling, watching files and searches."""

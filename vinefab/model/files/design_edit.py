@@ -71,10 +71,14 @@ def edited_text(text: str, design: Design, source: str | Path) -> str:
 
 def _level_orders(old: Design, new: Design) -> list[Order]:
     """Return which level continues which, the likeliest first."""
-    by_place: Order = [i if i < len(old.levels) else None for i in range(len(new.levels))]
+    by_place = _by_place(old.levels, new.levels)
     if len(old.levels) == len(new.levels):
         return [by_place]
     return [_order(old.levels, new.levels), by_place]
+
+
+def _by_place(old: Sequence[object], new: Sequence[object]) -> Order:
+    return [place if place < len(old) else None for place in range(len(new))]
 
 
 def _order(old: Sequence[object], new: Sequence[object]) -> Order:
@@ -127,11 +131,14 @@ def _edit(
     unchanged = [_level_values(level, scale) for level in old.levels]
     file.put_tables("level", unchanged, levels, order, after="trunk")
     _edit_build(file, content.get("build", {}), old.build, new.build, order)
-    waivers = [
+    given, wanted = (
         [{"fingerprint": w.fingerprint, "reason": w.reason} for w in design.waivers]
         for design in (old, new)
-    ]
-    file.put_tables("waive", *waivers, _order(old.waivers, new.waivers))
+    )
+    continued = _order(old.waivers, new.waivers)
+    if continued[:1] == [None]:  # there may be nothing that a first one could follow
+        continued = _by_place(old.waivers, new.waivers)
+    file.put_tables("waive", given, wanted, continued)
     for name, before, after in (
         ("limits", old.limits, new.limits),
         ("origin", old.origin, new.origin),
@@ -220,7 +227,10 @@ def _widths_that_follow(table: Mapping[str, Any], depth: int) -> tuple[float, ..
     """Return the widths that a file gives for a number of levels."""
     if "widths_mm" in table:
         return tuple(table["widths_mm"])
-    ratios = {"trunk_width_mm": table.get("trunk_width_mm"), "width_ratio": table.get("width_ratio")}
+    ratios = {
+        "trunk_width_mm": table.get("trunk_width_mm"),
+        "width_ratio": table.get("width_ratio"),
+    }
     return Build.standard(depth, **{k: v for k, v in ratios.items() if v is not None}).widths_mm
 
 
@@ -259,6 +269,7 @@ class _EditedFile:
     def put(self, table: Any, key: str, value: Any) -> None:  # noqa: ANN401  tomlkit's tables
         """Set a value, or remove it with None; a new one stands below the others of its table."""
         from tomlkit import item  # noqa: PLC0415  of the extra
+        from tomlkit import key as toml_key  # noqa: PLC0415  as above
 
         if value is None:
             if key in table:
@@ -266,7 +277,7 @@ class _EditedFile:
         elif key in table or not _takes_lines(table):
             table[key] = value
         else:
-            self._add(table, f"{key} = {item(value).as_string()}\n")
+            self._add(table, f"{toml_key(key).as_string()} = {item(value).as_string()}\n")
 
     def put_tables(
         self,
@@ -291,11 +302,12 @@ class _EditedFile:
         last = None if order[:1] == [None] else kept[0]
         for index, values in zip(order, new, strict=True):
             if index is None:
-                self._add(self.document[after] if last is None else last, _table_block(name, values))
+                self._add(
+                    self.document[after] if last is None else last, _table_block(name, values)
+                )
             else:
                 last = kept[index]
-        for index in sorted(set(range(len(kept))) - set(order), reverse=True):
-            del tables[index]
+        _remove_all_but(tables, order)
         if not tables:
             del self.document[name]
 
@@ -322,13 +334,12 @@ class _EditedFile:
                     self.at_end.append(block.removeprefix("\n"))
             return
         kept = [tables[index] for index in range(len(tables))]
-        for index in sorted(set(range(len(kept))) - set(order), reverse=True):
-            del tables[index]
-        for place, (index, values) in enumerate(zip(order, new, strict=True)):
-            if index is None:
+        _remove_all_but(tables, order)
+        for place, (old_place, values) in enumerate(zip(order, new, strict=True)):
+            if old_place is None:
                 tables.insert(place, _inline(values))
             else:
-                self._put_changes(kept[index], old[index], values)
+                self._put_changes(kept[old_place], old[old_place], values)
 
     def _put_changes(
         self,
@@ -416,13 +427,17 @@ def _takes_lines(table: Any) -> bool:  # noqa: ANN401  tomlkit's
 
 def _put_list(array: Any, values: Sequence[float], order: Order) -> None:  # noqa: ANN401  tomlkit's
     """Change an array of numbers; entries that stay keep their place among the comments."""
-    for index in sorted(set(range(len(array))) - set(order), reverse=True):
-        del array[index]
-    for place, (index, value) in enumerate(zip(order, values, strict=True)):
-        if index is None:
+    _remove_all_but(array, order)
+    for place, (old_place, value) in enumerate(zip(order, values, strict=True)):
+        if old_place is None:
             array.insert(place, value)
         elif array[place] != value:
             array[place] = value
+
+
+def _remove_all_but(entries: Any, order: Order) -> None:  # noqa: ANN401  tomlkit's
+    for index in sorted(set(range(len(entries))) - set(order), reverse=True):
+        del entries[index]
 
 
 def _inline(values: Mapping[str, Any]) -> Any:  # noqa: ANN401  tomlkit's
@@ -436,7 +451,7 @@ def _inline(values: Mapping[str, Any]) -> Any:  # noqa: ANN401  tomlkit's
 def _value_text(value: Any) -> str:  # noqa: ANN401  a number, a list or a table
     from tomlkit import item  # noqa: PLC0415  of the extra
 
-    return (_inline(value) if isinstance(value, dict) else item(value)).as_string()
+    return str((_inline(value) if isinstance(value, dict) else item(value)).as_string())
 
 
 def _table_block(name: str, values: Mapping[str, Any]) -> str:
@@ -455,11 +470,11 @@ _TOKENS = re.compile(
 
 
 def comments_in(text: str) -> list[tuple[int, str]]:
-    """Return the comments of a TOML text, each with the number of its line, from 0.
+    r"""Return the comments of a TOML text, each with the number of its line, from 0.
 
     Examples
     --------
-    >>> comments_in('# one\\na = "# not" # two')
+    >>> comments_in('# one\na = "# not" # two')
     [(0, '# one'), (1, '# two')]
     """
     found = [match for match in _TOKENS.finditer(text) if match["comment"]]
@@ -514,8 +529,8 @@ def _line_changes(
         (i for i in range(shorter - head) if before[-1 - i] != after[-1 - i]), shorter - head
     )
     yield "equal", 0, head, 0, head
-    middle = [lines[head : len(lines) - tail] for lines in (before, after)]
-    for kind, i1, i2, j1, j2 in SequenceMatcher(None, *middle, autojunk=False).get_opcodes():
+    old, new = (lines[head : len(lines) - tail] for lines in (before, after))
+    for kind, i1, i2, j1, j2 in SequenceMatcher(None, old, new, autojunk=False).get_opcodes():
         yield kind, head + i1, head + i2, head + j1, head + j2
     yield "equal", len(before) - tail, len(before), len(after) - tail, len(after)
 
@@ -541,5 +556,3 @@ def _is_near(read: Design, wanted: Design) -> bool:
 def _without_lengths(design: Design) -> tuple[object, ...]:
     levels = [(level.branches, level.fan_rad, level.growth) for level in design.levels]
     return (design.name, levels, design.build, design.waivers, design.origin, design.limits)
-
-

@@ -1,6 +1,7 @@
 """The examples and the library snippet of the README, run as a user would run them."""
 
 import re
+import runpy
 import subprocess
 import sys
 from dataclasses import replace
@@ -24,8 +25,43 @@ from vinefab.search.run_file import read_run
 from vinefab.search.run_pages import rebuild
 from vinefab.search.settings import PartSettings, targets_mm
 from vinefab.search.space import Space
+from vinefab.studies import cluster_scaling
 
 ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(autouse=True)
+def few_unseen_maps(monkeypatch):
+    """A run's winner is chosen and tried on few maps: seventy take longer than a run here."""
+    monkeypatch.setattr("vinefab.prediction.run_winner.UNSEEN", 3)
+    monkeypatch.setattr("vinefab.search.run.FRESH_MAPS", 2)
+
+
+@pytest.fixture
+def run_script(monkeypatch, tmp_path, capsys):
+    """Return a function that runs a script of the folder in this process and returns its words."""
+
+    def run(name, *arguments):
+        script = ROOT / "examples" / f"{name}.py"
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", [str(script), *map(str, arguments)])
+        runpy.run_path(str(script), run_name="__main__")
+        return capsys.readouterr().out
+
+    return run
+
+
+@pytest.fixture
+def small_loads(monkeypatch):
+    """The loads of the cluster's figure are measured with a tenth of their designs."""
+    whole = cluster_scaling.load_of
+
+    def of_a_tenth(name, settings):
+        population = max(10, settings.search.population // 10)
+        return whole(name, replace(settings, search=replace(settings.search, population=population)))
+
+    monkeypatch.setattr(cluster_scaling, "load_of", of_a_tenth)
+
 
 SCRIPTS = {
     "draw_cluster_scaling": (),
@@ -53,22 +89,32 @@ NEEDS = {
 """What each is given; the first is what it writes."""
 
 
+ALONE = ("add_a_rule",)
+"""Run in a process of its own, as a user does; the others here, where nothing is loaded again."""
+
+
+@pytest.mark.usefixtures("small_loads")
 @pytest.mark.parametrize(("name", "arguments"), SCRIPTS.items(), ids=SCRIPTS)
-def test_an_example_draws_its_picture(name, arguments, tmp_path):
+def test_an_example_draws_its_picture(run_script, name, arguments, tmp_path):
     picture = tmp_path / "picture.png"
-    script = ROOT / "examples" / f"{name}.py"
-    subprocess.run([sys.executable, script, *arguments, picture], check=True, cwd=tmp_path)
+    run_script(name, *arguments, picture)
     with Image.open(picture) as image:
         darkness = image.convert("L").histogram()
         # An empty page is nearly all white.
         assert sum(darkness[:250]) > 0.02 * image.width * image.height
 
 
-@pytest.mark.parametrize("name", TALKING)
-def test_an_example_does_what_it_says(name, tmp_path):
-    script, given = ROOT / "examples" / f"{name}.py", NEEDS.get(name, ())
+@pytest.mark.parametrize("name", [name for name in TALKING if name not in ALONE])
+def test_an_example_does_what_it_says(run_script, name, tmp_path):
+    given = NEEDS.get(name, ())
+    assert TALKING[name] in run_script(name, *given)
+    assert all((tmp_path / written).exists() for written in given[:1])
+
+
+@pytest.mark.parametrize("name", ALONE)
+def test_an_example_runs_as_a_program(name, tmp_path):
     ran = subprocess.run(
-        [sys.executable, script, *given],
+        [sys.executable, ROOT / "examples" / f"{name}.py"],
         check=True,
         cwd=tmp_path,
         capture_output=True,
@@ -76,7 +122,6 @@ def test_an_example_does_what_it_says(name, tmp_path):
         errors="replace",
     )
     assert TALKING[name] in ran.stdout
-    assert all((tmp_path / written).exists() for written in given[:1])
 
 
 def fronts_of_two_tasks(settings, result, folder):

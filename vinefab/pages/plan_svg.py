@@ -6,25 +6,37 @@ has the class ``plan``. Two things are the page's:
 
 - Marks and lines keep their size on screen if the page sets the CSS variable ``--mm-per-px``, the
   millimetres that a pixel shows, on the ``<svg>``: at the beginning and whenever the zoom changes.
-- A robot at front length s: every path with ``data-branch`` shows ``s - data-base`` of its length
-  (``stroke-dasharray="LENGTH 1e9"``), nothing if that is not positive, all of it from
-  ``data-grown`` on; what has ``data-front`` is seen once s has reached it.
+- A robot at front length s, without asking anybody: every path with ``data-branch`` shows ``s -
+  data-base`` of its length (``stroke-dasharray="LENGTH 1e9"``), nothing if that is not positive,
+  all of it from ``data-grown`` on; what has ``data-front`` is seen once s has reached it. Branches
+  at rest, contacts and lengths are exact. What grows on is not: a tip that slides along a wall
+  turns the stretch behind it, and dashes show that stretch where it comes to lie in the end, so
+  that the tip may be centimetres off. The exact shape is `robot_svg` of ``History.at(s)``.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from vinefab.core.validation import Floats
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.map import Map, Pose
 from vinefab.model.outline import Contour
 from vinefab.pages.colours import LEVEL_COLOURS
-from vinefab.pages.map_view import STOP_WORDS, UNSEEN, Box, longer_mm
+from vinefab.pages.map_view import (
+    STOP_WORDS,
+    UNSEEN,
+    Box,
+    bounds_in,
+    longer_mm,
+    rock_in,
+)
 from vinefab.physics.tube import inflated_diameter_mm
 
 MOST_BRANCHES = 3000
@@ -49,36 +61,43 @@ CONTACT = '<path d="M0-2.1 2.1 0 0 2.1-2.1 0Z"/>'
 """What stands where a body is wrapped around a wall, in pixels around it."""
 
 
-def ground_svg(world: Map, *, detail: bool = True) -> str:
+def ground_svg(world: Map, *, detail: bool = True, box_mm: Box | None = None) -> str:
     """Return bounds and obstacles of a map as ``<g class="ground">``.
 
-    Every obstacle is a path of its own with its index as ``data-obstacle``; without ``detail`` all
-    that is solid is one path, simplified for a small picture.
+    Every obstacle is a path of its own with its index as ``data-obstacle``, what is solid around
+    the bounds another one without. Without ``detail`` all of them are one path, simplified for a
+    small picture; with a box they are too, cut off well outside of it.
     """
-    shapes = [world.bounds, *_outside(world), *world.obstacles]
-    tolerance_mm = UNSEEN * longer_mm(world.bounds.bounds) * (1.0 if detail else _COARSE)
-    if not detail or shapely.get_num_coordinates(shapes).sum() > _MOST_CORNERS:
-        shapes = shapely.simplify(shapes, tolerance_mm).tolist()
-    bounds, first = _rings_path([shapes[0]]), len(shapes) - len(world.obstacles)
-    rock = [f'<path class="rock" d="{_rings_path([shape])}"/>' for shape in shapes[1:first]]
-    if detail:
+    if detail and box_mm is None:
+        bounds, outside, obstacles = _all_of(world)
+        rock = [f'<path class="rock" d="{path}"/>' for path in _rings_paths(outside)]
         rock += [
-            f'<path class="rock" data-obstacle="{index}" d="{_rings_path([shape])}"/>'
-            for index, shape in enumerate(shapes[first:])
+            f'<path class="rock" data-obstacle="{index}" d="{path}"/>'
+            for index, path in enumerate(_rings_paths(obstacles))
         ]
-    elif shapes[1:]:
-        rock = [f'<path class="rock merged" d="{_rings_path(shapes[1:])}"/>']
-    free, edge = f'<path class="free" d="{bounds}"/>', f'<path class="bounds" d="{bounds}"/>'
-    return f'<g class="ground">{free}{"".join(rock)}{edge}</g>'
+    else:
+        bounds, solid = _seen_of(world, box_mm, 1.0 if detail else _COARSE)
+        rock = [f'<path class="rock merged" d="{"".join(_rings_paths(solid))}"/>'] if solid else []
+    edge = "".join(_rings_paths(bounds))
+    free, line = f'<path class="free" d="{edge}"/>', f'<path class="bounds" d="{edge}"/>'
+    return f'<g class="ground">{free}{"".join(rock)}{line}</g>'
 
 
-def robot_svg(deployment: Deployment, widths_mm: tuple[float, ...], *, detail: bool = True) -> str:
+def robot_svg(
+    deployment: Deployment,
+    widths_mm: tuple[float, ...],
+    *,
+    is_growing: NDArray[np.bool_] | None = None,
+    detail: bool = True,
+) -> str:
     """Return a robot as ``<g class="robot">``: bodies and centrelines by level, the trunk on top.
 
     Parameters
     ----------
     widths_mm
         Lay-flat width of each level; where it is 0, only centrelines are drawn.
+    is_growing
+        Which branches grow on, shape (n,), in an earlier shape: their tips have no mark.
     detail
         Give every branch a path of its own that can be shortened to any front length
         (``data-branch``, ``data-base``, ``data-grown``), and mark contacts and tips. Without it
@@ -98,14 +117,16 @@ def robot_svg(deployment: Deployment, widths_mm: tuple[float, ...], *, detail: b
             course = f'<path d="{"".join(paths[branch] for branch in out)}"/>' if out else ""
         parts.append(_level(level, course, widths_mm[level - 1]))
     if detail:
-        parts += [_contacts(deployment, points), _tips(deployment, points)]
+        at_rest = deployment.deployed if is_growing is None else deployment.deployed & ~is_growing
+        parts += [_contacts(deployment, points), _tips(deployment, points, at_rest)]
     attributes = f'data-full="{_text(deployment.full_mm)}"'
     return f'<g class="robot" {attributes}>{"".join(parts)}</g>'
 
 
-def outline_svg(contour: Contour) -> str:
-    """Return a contour of lines and arcs as one exact, filled path, ``class="outline"``."""
-    return f'<path class="outline" d="{contour_path(contour)}"/>'
+def outline_svg(contour: Contour, *, filled: bool = True) -> str:
+    """Return a contour of lines and arcs as one exact path, ``class="outline"``."""
+    kind = "outline" if filled else "outline open"
+    return f'<path class="{kind}" d="{contour_path(contour)}"/>'
 
 
 def contour_path(contour: Contour) -> str:
@@ -143,31 +164,55 @@ def view_box(box_mm: Box, rim_mm: float = 0.0) -> str:
 # --- Ground ---------------------------------------------------------------------------------------
 
 
+def _all_of(world: Map) -> tuple[list[Polygon], list[Polygon], list[Polygon]]:
+    """Return bounds, what is solid around them, and obstacles; plainer where they are many."""
+    outside = _outside(world)
+    shapes = [world.bounds, *outside, *world.obstacles]
+    if shapely.get_num_coordinates(shapes).sum() > _MOST_CORNERS:
+        shapes = shapely.simplify(shapes, UNSEEN * longer_mm(world.bounds.bounds)).tolist()
+    return shapes[:1], shapes[1 : 1 + len(outside)], shapes[1 + len(outside) :]
+
+
+def _seen_of(world: Map, box_mm: Box | None, coarse: float) -> tuple[list[Polygon], list[Polygon]]:
+    """Return bounds and all that is solid, as far as it can be seen in a box or the whole map."""
+    if box_mm is None:
+        bounds, solid = [world.bounds], [*_outside(world), *world.obstacles]
+    else:
+        bounds, solid = _polygons([bounds_in(world, box_mm)]), _polygons(rock_in(world, box_mm))
+    tolerance_mm = coarse * UNSEEN * longer_mm(box_mm or world.bounds.bounds)
+    plain: list[Polygon] = shapely.simplify([*bounds, *solid], tolerance_mm).tolist()
+    return plain[: len(bounds)], plain[len(bounds) :]
+
+
 def _outside(world: Map) -> list[Polygon]:
     """Return what is solid because it lies outside of the bounds, as far as their box goes."""
-    if not world.bounds.interiors and world.bounds.equals(shapely.box(*world.bounds.bounds)):
+    whole = shapely.box(*world.bounds.bounds)
+    if not world.bounds.interiors and world.bounds.equals(whole):
         return []
-    around = shapely.difference(shapely.box(*world.bounds.bounds), world.bounds)
-    return [part for part in shapely.get_parts([around]) if isinstance(part, Polygon)]
+    return _polygons([shapely.difference(whole, world.bounds)])
 
 
-def _rings_path(polygons: Iterable[Polygon]) -> str:
-    """Return polygons as one path; outer rings run one way and holes the other."""
-    rings = [
-        np.asarray(ring.coords)
-        for polygon in shapely.orient_polygons(list(polygons))
-        for ring in (polygon.exterior, *polygon.interiors)
-    ]
-    return "".join(_ring_path(ring) for ring in rings)
+def _polygons(shapes: Iterable[BaseGeometry]) -> list[Polygon]:
+    """Return the polygons in shapes; a cut may leave lines and points beside them."""
+    parts = shapely.get_parts(list(shapes)).tolist()
+    return [part for part in parts if isinstance(part, Polygon) and not part.is_empty]
 
 
-def _ring_path(ring: Floats) -> str:
-    """Return a closed ring of points; steps from corner to corner take half the text."""
-    # Steps between rounded places add up to rounded places: no error gathers.
-    places = np.rint(ring[:-1, :2] * (100.0, -100.0))
+def _rings_paths(polygons: Sequence[Polygon]) -> list[str]:
+    """Return each polygon as the ``d`` of a path; outer rings run one way and holes the other."""
+    oriented = shapely.orient_polygons(np.array(polygons, dtype=np.object_))
+    rings, owner = shapely.get_rings(oriented, return_index=True)
+    corners_mm, ring = shapely.get_coordinates(rings, return_index=True)
+    # Steps between rounded places add up to rounded places: no error gathers, half the text.
+    places = np.rint(corners_mm * (100.0, -100.0))
     steps = (np.diff(places, axis=0) / 100.0).tolist()
-    x, y = (places[0] / 100.0 + 0.0).tolist()
-    return f"M{x:.10g} {y:.10g}l{' '.join(f'{dx:.10g} {dy:.10g}' for dx, dy in steps)}Z"
+    texts = [f"{dx:.10g} {dy:.10g}" for dx, dy in steps]
+    first = np.searchsorted(ring, np.arange(len(rings) + 1)).tolist()
+    begins = (places / 100.0 + 0.0)[first[:-1]].tolist()  # no -0
+    paths = [""] * len(polygons)
+    for index, (x, y), begin, end in zip(owner.tolist(), begins, first, first[1:], strict=False):
+        paths[index] += f"M{x:.10g} {y:.10g}l{' '.join(texts[begin : end - 2])}Z"
+    return paths
 
 
 # --- Robot ----------------------------------------------------------------------------------------
@@ -225,27 +270,26 @@ def _contacts(deployment: Deployment, points: list[str]) -> str:
     return f'<g class="contacts">{"".join(marks)}</g>'
 
 
-def _tips(deployment: Deployment, points: list[str]) -> str:
-    """Return the mark of every tip, with what became of the branch in words."""
+def _tips(deployment: Deployment, points: list[str], at_rest: NDArray[np.bool_]) -> str:
+    """Return the mark of every tip at rest, with what became of the branch in words."""
     last, stops = deployment.first_point[1:].tolist(), deployment.stop.tolist()
     fronts_mm = (deployment.base_mm + deployment.grown_mm).tolist()
     grown_mm, planned_mm = deployment.grown_mm.tolist(), deployment.tree.length_mm.tolist()
-    marks = []
-    for branch, name in enumerate(deployment.tree.ids):
-        stop = Stop(stops[branch])
-        if stop == Stop.NOT_DEPLOYED:
-            continue
+    marks, names = [], deployment.tree.ids
+    for branch in np.flatnonzero(at_rest).tolist():
+        stop, name = Stop(stops[branch]), names[branch]
         place, front = points[last[branch] - 1], _text(fronts_mm[branch])
         length = f"{grown_mm[branch]:.1f} of {planned_mm[branch]:.1f} mm (simulated)"
         marks.append(
-            f'<g class="mark {_stop_class(stop)}" data-branch="{name}" '
+            f'<g class="mark {stop_class(stop)}" data-branch="{name}" '
             f'data-front="{front}" transform="translate({place})">'
-            f"{MARKS[stop]}<title>{name}: {STOP_WORDS[stop]}, grown {length}</title></g>"
+            f"{MARKS[stop]}<title>{name}: {STOP_WORDS[stop]}, {length}</title></g>"
         )
     return f'<g class="tips">{"".join(marks)}</g>'
 
 
-def _stop_class(stop: Stop) -> str:
+def stop_class(stop: Stop) -> str:
+    """Return the class of a mark by which a style knows why the branch stopped."""
     return f"stop-{stop.label.replace('_', '-')}"
 
 

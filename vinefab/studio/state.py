@@ -28,7 +28,7 @@ PAGE = "the page"
 """What messages call the source of a value that was set on the page."""
 
 MOST_EDITS = 10_000
-MOST_FAMILY = 200
+MOST_FAMILY, MOST_POSES = 200, 5
 MOST_SEED = 2**62
 
 MapSource = Mapping[str, Any]
@@ -42,6 +42,7 @@ class Family:
     environment: str = "grid"
     count: int = 40
     seed: int = 1000  # of the first map; the others follow
+    poses: int = 1  # on each map, drawn from its starts
     files: tuple[str, ...] = ()  # in place of an environment
 
     @classmethod
@@ -50,10 +51,13 @@ class Family:
         files = content.get("files") or []
         if not isinstance(files, list) or not all(isinstance(name, str) for name in files):
             raise BadInputError("family.files", files, "paths of map files", PAGE)
+        if len(files) > MOST_FAMILY:
+            raise BadInputError("family.files", len(files), f"at most {MOST_FAMILY} files", PAGE)
         return cls(
             environment=_text("family.environment", content.get("environment", "grid")),
             count=whole("family.count", content.get("count", 40), 1, MOST_FAMILY),
             seed=whole("family.seed", content.get("seed", 1000), 0, 2**31),
+            poses=whole("family.poses", content.get("poses", 1), 1, MOST_POSES),
             files=tuple(files),
         )
 

@@ -1,18 +1,32 @@
 """What the server holds for all tabs: what the command opened, the files, the searches."""
 
+import asyncio
+import secrets
 from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.version import __version__
+from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.studio.desk import DESK, Desk
+from vinefab.studio.state import PAGE, StudioState
 
 if TYPE_CHECKING:
     from vinefab.studio.lanes import ThreadLane
+    from vinefab.studio.search_desk import SearchDesk
 
 TellAll = Callable[[Mapping[str, Any]], None]
 """Sends an event to every tab."""
+
+TIP = "tip"
+"""What a drag of a tip asks; it is answered between the answers that follow the pointer."""
+
+
+_SEARCH = "search_"
+_PAUSE_S = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,29 +40,107 @@ class Opened:
     recipe: str = ""
     folder: Path = field(default_factory=Path.cwd)  # where the command was started
 
+    @property
+    def named(self) -> tuple[Path, ...]:
+        """The files that were named, whose folders are open as well."""
+        design = Path(self.design)
+        is_path = bool(design.suffix) or design.parent != Path()
+        return (*((design,) if is_path else ()), *((self.map_file,) if self.map_file else ()))
+
 
 class Workplace:
-    """Files and searches of the folder that the command was started in."""
+    """Files and searches of the folder that the command was started in.
+
+    Raises
+    ------
+    VinefabError
+        If what the command line asks for cannot be opened.
+    """
 
     def __init__(self, opened: Opened) -> None:
         self._opened = opened
+        self._started = secrets.token_hex(8)
+        self.desk = Desk(opened.folder, opened.named)
+        self._searches: SearchDesk | None = None
+        self._lock = Lock()
+        self._first = self._read()
+        StudioState.of(self._first["state"])
 
     def hello(self) -> dict[str, Any]:
-        """Return what a tab shows first."""
-        from vinefab.model.files.design_toml import design_content, read_design  # noqa: PLC0415
+        """Return what a tab shows first: the files as they are now, or as they last could be."""
+        try:
+            self._first = self._read()
+        except VinefabError as error:
+            return {**self._first, "problem": str(error)}
+        return self._first
 
+    def answer(self, name: str, state: Mapping[str, Any], ask: Mapping[str, Any]) -> Any:  # noqa: ANN401  plain values
+        """Return what a function of the desk gives.
+
+        Raises
+        ------
+        VinefabError
+            If something on the page cannot be used.
+        """
+        if name in DESK:
+            return DESK[name](self.desk, ask)
+        if name.startswith(_SEARCH):
+            self.desk.check_paths(state)
+            return self._ask_searches(name, state, ask)
+        if name == TIP:
+            from vinefab.studio.tip_answer import tip_answer  # noqa: PLC0415  with the simulator
+
+            self.desk.check_paths(state)
+            return tip_answer(StudioState.of(state), ask)
+        raise BadInputError("desk", name, f"one of {', '.join((*DESK, TIP))}", PAGE)
+
+    def _ask_searches(self, name: str, state: Mapping[str, Any], ask: Mapping[str, Any]) -> Any:  # noqa: ANN401  as above
+        # The room of searches takes a second to load, and most pages are opened without one.
+        from vinefab.studio.search_desk import SEARCH_DESK, SearchDesk  # noqa: PLC0415
+
+        if name not in SEARCH_DESK:
+            raise BadInputError("desk", name, f"one of {', '.join(SEARCH_DESK)}", PAGE)
+        with self._lock:
+            if self._searches is None:
+                self._searches = SearchDesk(self.desk.roots, self._opened.folder)
+        return SEARCH_DESK[name](self._searches, state, ask)
+
+    def allowed(
+        self, panel: str, state: Mapping[str, Any], ask: Mapping[str, Any]
+    ) -> Mapping[str, Any]:
+        """Return what a panel asks if every path in it lies where the user opened files."""
+        self.desk.check_paths(state)
+        if panel == "export":
+            return {**ask, "roots": [str(root) for root in self.desk.roots]}
+        return ask
+
+    def background(self, tell: TellAll, live: "ThreadLane") -> list[Coroutine[Any, Any, None]]:
+        """Return what goes on beside the answers: compiling, watching files and searches."""
+        return [_compile(tell, live), self.desk.watch(tell), self._search_events(tell)]
+
+    async def _search_events(self, tell: TellAll) -> None:
+        while self._searches is None:
+            await asyncio.sleep(_PAUSE_S)
+        await self._searches.watch(tell)
+
+    def close(self) -> None:
+        """Stop the search that is running; it can be resumed."""
+        if self._searches is not None:
+            self._searches.close()
+
+    def _read(self) -> dict[str, Any]:
         opened = self._opened
-        source = (
-            {"file": str(opened.map_file)}
-            if opened.map_file
-            else {"environment": opened.environment, "seed": opened.seed}
-        )
-        design = read_design(opened.design)
+        design = self.desk.open_design({"design": opened.design})
+        source: dict[str, Any] = {"environment": opened.environment, "seed": opened.seed}
+        if opened.map_file is not None:
+            source = self.desk.open_map({"path": str(opened.map_file)})["source"]
         return {
             "version": __version__,
+            "started": self._started,
             "folder": str(opened.folder),
+            "environments": list(ENVIRONMENTS),
             "state": {
-                "design": design_content(design),
+                "design": design["design"],
                 "map": {"source": source, "edits": []},
                 "pose": None,
                 "recipe": opened.recipe or None,
@@ -57,33 +149,8 @@ class Workplace:
                 "growth": {},
                 "locks": [],
             },
-            "file": {"path": opened.design, "writable": False, "stamp": ""},
+            "file": {name: design[name] for name in ("path", "name", "writable", "stamp")},
         }
-
-    def answer(self, name: str, state: Mapping[str, Any], ask: Mapping[str, Any]) -> Any:  # noqa: ANN401
-        """Return what a function of the desk gives."""
-        from vinefab.studio.state import StudioState  # noqa: PLC0415  it loads the simulator
-        from vinefab.studio.tip_answer import tip_answer  # noqa: PLC0415  as above
-
-        if name == "tip":
-            return tip_answer(StudioState.of(state), ask)
-        raise BadInputError("desk", name, "a function of the desk", "the page")
-
-    def allowed(
-        self,
-        panel: str,  # noqa: ARG002
-        state: Mapping[str, Any],  # noqa: ARG002
-        ask: Mapping[str, Any],
-    ) -> Mapping[str, Any]:
-        """Return what a panel asks if every path in it lies where the user opened files."""
-        return ask
-
-    def background(self, tell: TellAll, live: "ThreadLane") -> list[Coroutine[Any, Any, None]]:
-        """Return what goes on beside the answers: compiling, watching files and searches."""
-        return [_compile(tell, live)]
-
-    def close(self) -> None:
-        """End what is going on."""
 
 
 async def _compile(tell: TellAll, live: "ThreadLane") -> None:

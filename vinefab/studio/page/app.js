@@ -192,9 +192,18 @@ function start(hello, link, stored) {
   mountHistory(app);
   if (app.live) mountKeeping(app);
   for (const [name, panel] of Object.entries(PANELS)) panel.mount(byId(name), app);
+  if (stored?.reference) app.setReference(stored.reference);
   document.documentElement.dataset.ready = "true";
-  say(app.live ? "Ready" : "A snapshot: nothing here is computed anew");
+  say(app.live ? "Ready" : snapshotWords(stored));
   return app;
+}
+
+/** Say of a snapshot what it is, and how to go on from it. */
+function snapshotWords({ date, hello }) {
+  const file = decodeURIComponent(location.pathname.split("/").at(-1));
+  const opens = file.endsWith(".html") ? file : "FILE.html";
+  return `A snapshot${date ? ` of ${date}` : ""} by vinefab ${hello.version}: nothing here is computed anew.`
+    + ` To go on from it: vinefab studio ${/^[\w.-]+$/.test(opens) ? opens : `'${opens}'`}`;
 }
 
 function main() {

@@ -1,77 +1,14 @@
 // The map: the robot grown on it, the start and the obstacles to be dragged, the length grown.
 
 import { el, fillSvg, number, svgEl } from "studio/dom.js";
+import { createView, ZOOM } from "studio/view.js";
 
 const STOPS = {
   full_length: ["○", "grown in full"], head_on: ["✕", "head-on"], corner: ["▲", "in a corner"],
   pressure: ["■", "out of pressure"], not_deployed: ["–", "never emerged"],
 };
-const ZOOM = 1.25;
 const PLAY_S = 4;
 const LEAST_OBSTACLE_MM = 1;
-
-/** A view of an SVG: what part of it is seen; zooms about a point, moves, and keeps marks in size. */
-export function createView(svg) {
-  let whole = [0, 0, 100, 100];
-  let seen = null;
-
-  function apply() {
-    const [x, y, width, height] = seen ?? whole;
-    svg.setAttribute("viewBox", `${x} ${y} ${width} ${height}`);
-    const box = svg.getBoundingClientRect();
-    const perPx = Math.max(width / Math.max(1, box.width), height / Math.max(1, box.height));
-    svg.style.setProperty("--mm-per-px", perPx.toFixed(5));
-  }
-
-  function place(event) {
-    const point = new DOMPoint(event.clientX, event.clientY);
-    const { x, y } = point.matrixTransform(svg.getScreenCTM().inverse());
-    return [x, y];
-  }
-
-  function zoom(factor, about) {
-    const [x, y, width, height] = seen ?? whole;
-    const [px, py] = about ?? [x + width / 2, y + height / 2];
-    const share = Math.min(whole[2] / width * 1.0, factor);
-    const next = factor < 1 ? factor : 1 / Math.max(1 / share, 1 / factor);
-    const by = factor < 1 ? next : Math.min(factor, (4 * whole[2]) / width);
-    seen = [px - (px - x) * by, py - (py - y) * by, width * by, height * by];
-    apply();
-  }
-
-  svg.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    zoom(event.deltaY < 0 ? 1 / ZOOM : ZOOM, place(event));
-  }, { passive: false });
-  new ResizeObserver(apply).observe(svg);
-
-  return {
-    place,
-    zoom,
-    fit() {
-      seen = null;
-      apply();
-    },
-    show(box) {
-      seen = box;
-      apply();
-    },
-    /** Take the box of the whole drawing, from the text of a viewBox. */
-    whole(text) {
-      const box = text.split(/[ ,]+/).map(Number);
-      if (box.some((value, index) => value !== whole[index])) {
-        whole = box;
-        seen = null;
-      }
-      apply();
-    },
-    move(dx, dy) {
-      const [x, y, width, height] = seen ?? whole;
-      seen = [x - dx, y - dy, width, height];
-      apply();
-    },
-  };
-}
 
 /** Show a robot at a front length: what lies beyond is not grown yet. */
 export function showFront(layer, front) {
@@ -112,6 +49,8 @@ export function mount(root, app) {
     });
     return [key, { input, label: el("label", {}, `${label} `, input, ` ${unit}`) }];
   }));
+  const place = el("select", { id: "environment" });
+  const seed = el("input", { type: "number", id: "seed", min: 0, step: 1 });
   const ghost = el("input", { type: "checkbox", id: "ghost", checked: true });
   const add = el("button", { type: "button" }, "Add an obstacle");
   const remove = el("button", { type: "button", disabled: true }, "Delete it");
@@ -121,8 +60,9 @@ export function mount(root, app) {
   const fit = el("button", { type: "button" }, "Whole map");
 
   root.append(
-    el("div", { class: "toolbar" }, bigger, smaller, fit, el("span", { class: "gap" }), add, remove, home,
-      el("label", {}, ghost, " version before")),
+    el("div", { class: "toolbar" }, el("label", {}, "Map ", place), el("label", {}, "seed ", seed),
+      el("span", { class: "gap" }), el("label", {}, ghost, " version before")),
+    el("div", { class: "toolbar" }, bigger, smaller, fit, el("span", { class: "gap" }), add, remove, home),
     svg,
     el("div", { class: "toolbar growth" }, play, el("label", { for: "front" }, "Length grown"), front, frontOut),
     el("div", { class: "toolbar pose" }, el("span", {}, "Start"), ...Object.values(pose).map((part) => part.label)),
@@ -339,6 +279,38 @@ export function mount(root, app) {
     }
   }
 
+  // ---- which map
+
+  function showSource(state) {
+    const source = state.map?.source ?? {};
+    const names = [...(app.hello.environments ?? [])];
+    const file = source.file ? source.file.split("/").at(-1) : "";
+    const edited = state.map?.edits.length ? `, ${state.map.edits.length} changes` : "";
+    const options = names.map((name) => el("option", { value: name }, name));
+    if (file || !state.map) options.unshift(el("option", { value: "" }, file || "none"));
+    const chosen = options.find((option) => option.value === (source.environment ?? ""));
+    if (chosen) chosen.append(edited);
+    place.replaceChildren(...options);
+    place.value = source.environment ?? "";
+    seed.disabled = !source.environment || !app.live;
+    place.disabled = !app.live;
+    if (document.activeElement !== seed) seed.value = source.seed ?? "";
+  }
+
+  function takeSource(source) {
+    app.store.change("map", (state) => {
+      state.map = { source, edits: [] };
+      state.pose = null; // a start belongs to the map that it was put on
+    });
+  }
+  place.addEventListener("change", () => {
+    if (place.value) takeSource({ environment: place.value, seed: Number(seed.value) || 0 });
+  });
+  seed.addEventListener("change", () => {
+    const { source } = app.store.get().map;
+    if (seed.validity.valid && seed.value !== "") takeSource({ ...source, seed: Number(seed.value) });
+  });
+
   // ---- the pointer
 
   function grabbed(event) {
@@ -446,16 +418,13 @@ export function mount(root, app) {
     }
   });
   app.store.subscribe((state, before) => {
-    const map = JSON.stringify(state.map);
-    if (map !== JSON.stringify(before.map) && !dragging) selected = selected !== null && state.map?.edits.length > before.map?.edits.length ? selected : null;
-    if (JSON.stringify(state.map?.source) !== JSON.stringify(before.map?.source) && state.pose && before.pose) {
-      // A start that was dragged belongs to the map that it was dragged on.
-      if (JSON.stringify(state.pose) === JSON.stringify(before.pose)) return app.store.change("start of the map", (next) => { next.pose = null; }, { group: "map" });
-    }
+    if (JSON.stringify(state.map) !== JSON.stringify(before.map)) showSource(state);
+    if ((state.map?.edits.length ?? 0) < (before.map?.edits.length ?? 0)) selected = null;
     if (app.live) ask();
   });
   app.on("engine", ask);
   app.on("again", ask);
   showSelected();
+  showSource(app.store.get());
   if (app.live) ask();
 }

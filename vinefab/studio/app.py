@@ -23,7 +23,7 @@ from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.studio.door import Door
 from vinefab.studio.gate import Gate
 from vinefab.studio.lanes import ProcessLane, Question, ThreadLane
-from vinefab.studio.workplace import Workplace
+from vinefab.studio.workplace import TIP, Workplace
 
 PAGE_FOLDER = Path(str(files("vinefab.studio"))) / "page"
 MODULES = "<!-- modules -->"
@@ -198,7 +198,9 @@ class Tab:
         workplace = self._studio.workplace
         if "desk" in reply:
             name = str(reply["desk"])
-            found = await self._studio.live.run(lambda: workplace.answer(name, state, ask))
+            # Files and runs are read beside the thread that follows the pointer.
+            run = self._studio.live.run if name == TIP else asyncio.to_thread
+            found = await run(lambda: workplace.answer(name, state, ask))
         else:
             ask = workplace.allowed(str(reply["panel"]), state, ask)
             question = Question(panel=str(reply["panel"]), state=state, ask=ask)

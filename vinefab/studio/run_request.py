@@ -120,8 +120,8 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
         "notes": list(_notes(state)),
         "tasks": list(TASKS),
         "objectives": [
-            *({"name": name, "unit": cost.unit, "kind": "cost"} for name, cost in COSTS.items()),
-            *({"name": name, "unit": "", "kind": "task"} for name in TASKS),
+            *({"name": name, "kind": "cost", "words": _cost_words(name)} for name in COSTS),
+            *({"name": name, "kind": "task", "words": f"{name} score"} for name in TASKS),
         ],
         "optimizers": list(OPTIMIZERS),
         "environments": list(ENVIRONMENTS),
@@ -142,6 +142,10 @@ def run_proposal(state: StudioState) -> dict[str, Any]:
             "start_here": True,
         },
     }
+
+
+def _cost_words(name: str) -> str:
+    return "few branches" if name == "branches" else f"little {name.replace('_', ' ')}"
 
 
 def _notes(state: StudioState) -> Sequence[str]:

@@ -442,14 +442,13 @@ class SearchDesk:
         except VinefabError as error:
             return {"line": str(error)}
         mean, count = result.score.composite["mean"], len(result.score.evaluations)
-        words = f"mean score of the winner on {count} fresh poses ({_SIMULATED})"
-        breaks = "; it breaks fabrication rules" if running.process.returncode == 1 else ""
+        breaks = running.process.returncode == 1
+        rules = "; it breaks fabrication rules or limits" if breaks else ""
         found = {
             "best": design_content(result.best),
             "best_score": mean,
-            "best_words": words,
-            "best_breaks": running.process.returncode == 1,
-            "line": f"ended: {words} {mean:.4f}{breaks}",
+            "best_words": f"mean score of the winner on {count} fresh poses ({_SIMULATED}){rules}",
+            "best_breaks": breaks,
         }
         return {**found, "front": front} if front else found
 
@@ -466,8 +465,8 @@ class SearchDesk:
 
     def _inside(self, key: str, given: object) -> Path:
         """Return a path of the page, which must lie in one of the desk's folders."""
-        if not isinstance(given, str) or not given or "\0" in given:
-            raise BadInputError(key, given, "a path", PAGE)
+        if not isinstance(given, str) or not given or not given.isprintable():
+            raise BadInputError(key, given, "a path in letters that can be shown", PAGE)
         path = (self.home / given).resolve()
         if not any(path.is_relative_to(root) for root in self.roots):
             allowed = f"a path below {' or '.join(map(str, self.roots))}"
@@ -557,6 +556,13 @@ class SearchDesk:
         }
 
 
+_WHY = {
+    "evaluations": ": as many designs as asked for",
+    "stall": ": nothing improved any more",
+    "wall_time": ": its time was over",
+}
+
+
 def _line(state: str, record: FollowedRecord, *, asked: bool = False) -> str:
     """Return how far a search is, in words."""
     if record.settings is None:
@@ -570,7 +576,7 @@ def _line(state: str, record: FollowedRecord, *, asked: bool = False) -> str:
             return f"{done}; finalists on fresh poses, prediction, page"
         return done
     if state == "ended":
-        return f"ended after {done} ({record.stopped or 'see its page'})"
+        return f"ended after {done}{_WHY.get(record.stopped, '')}"
     return f"stopped after {done}; everything is recorded, it can be resumed"
 
 

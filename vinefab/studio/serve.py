@@ -29,13 +29,14 @@ def serve(
     say
         Takes the line with the address.
     """
+    workplace = Workplace(opened)
     bound = bound_socket(port)
     door = Door(port=bound.getsockname()[1])
     # The browser starts while the rest is being loaded; the system keeps its call waiting.
     say(f"studio: {door.address}  (Ctrl-C ends it)")
     if browser:
         Thread(target=webbrowser.open, args=(door.address,), daemon=True).start()
-    asyncio.run(_until_stopped(Workplace(opened), door, bound))
+    asyncio.run(_until_stopped(workplace, door, bound))
 
 
 async def _until_stopped(workplace: Workplace, door: Door, bound: socket.socket) -> None:

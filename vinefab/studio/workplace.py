@@ -1,20 +1,32 @@
 """What the server holds for all tabs: what the command opened, the files, the searches."""
 
+import asyncio
+import secrets
 from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.version import __version__
+from vinefab.maps.generators.environments import ENVIRONMENTS
+from vinefab.studio.desk import DESK, Desk
+from vinefab.studio.state import PAGE, StudioState
 
 if TYPE_CHECKING:
-    from vinefab.studio.desk import Desk
     from vinefab.studio.lanes import ThreadLane
+    from vinefab.studio.search_desk import SearchDesk
 
 TellAll = Callable[[Mapping[str, Any]], None]
 """Sends an event to every tab."""
+
+TIP = "tip"
+"""What a drag of a tip asks; it is answered between the answers that follow the pointer."""
+
+
+_SEARCH = "search_"
+_PAUSE_S = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,70 +40,73 @@ class Opened:
     recipe: str = ""
     folder: Path = field(default_factory=Path.cwd)  # where the command was started
 
+    @property
+    def named(self) -> tuple[Path, ...]:
+        """The files that were named, whose folders are open as well."""
+        design = Path(self.design)
+        is_path = bool(design.suffix) or design.parent != Path()
+        return (*((design,) if is_path else ()), *((self.map_file,) if self.map_file else ()))
+
 
 class Workplace:
-    """Files and searches of the folder that the command was started in."""
+    """Files and searches of the folder that the command was started in.
+
+    Raises
+    ------
+    VinefabError
+        If what the command line asks for cannot be opened.
+    """
 
     def __init__(self, opened: Opened) -> None:
         self._opened = opened
-
-    @cached_property
-    def desk(self) -> "Desk":
-        """The files, looked at when first needed."""
-        from vinefab.studio.desk import Desk  # noqa: PLC0415  after the address has been printed
-
-        opened = self._opened
-        given = [opened.design, opened.map_file, opened.recipe]
-        paths = [Path(name) for name in given if name]
-        return Desk(opened.folder, [path for path in paths if path.suffix or path.parent != Path()])
+        self._started = secrets.token_hex(8)
+        self.desk = Desk(opened.folder, opened.named)
+        self._searches: SearchDesk | None = None
+        self._lock = Lock()
+        self._first = self._read()
+        StudioState.of(self._first["state"])
 
     def hello(self) -> dict[str, Any]:
-        """Return what a tab shows first."""
-        from vinefab.maps.generators.environments import ENVIRONMENTS  # noqa: PLC0415
+        """Return what a tab shows first: the files as they are now, or as they last could be."""
+        try:
+            self._first = self._read()
+        except VinefabError as error:
+            return {**self._first, "problem": str(error)}
+        return self._first
 
-        opened = self._opened
-        source = (
-            {"file": str(opened.map_file)}
-            if opened.map_file
-            else {"environment": opened.environment, "seed": opened.seed}
-        )
-        file = self.desk.open_design({"design": opened.design})
-        design = file.pop("design")
-        return {
-            "version": __version__,
-            "folder": str(opened.folder),
-            "environments": list(ENVIRONMENTS),
-            "state": {
-                "design": design,
-                "map": {"source": source, "edits": []},
-                "pose": None,
-                "recipe": opened.recipe or None,
-                "task": "coverage",
-                "family": {"environment": opened.environment, "count": 40, "seed": 1000},
-                "growth": {},
-                "locks": [],
-            },
-            "file": {name: file[name] for name in ("path", "name", "writable", "stamp")},
-        }
+    def answer(self, name: str, state: Mapping[str, Any], ask: Mapping[str, Any]) -> Any:  # noqa: ANN401  plain values
+        """Return what a function of the desk gives.
 
-    def answer(self, name: str, state: Mapping[str, Any], ask: Mapping[str, Any]) -> Any:  # noqa: ANN401
-        """Return what a function of the desk gives."""
-        from vinefab.studio.desk import DESK  # noqa: PLC0415  after the address has been printed
-        from vinefab.studio.state import StudioState  # noqa: PLC0415  it loads the simulator
-        from vinefab.studio.tip_answer import tip_answer  # noqa: PLC0415  as above
-
+        Raises
+        ------
+        VinefabError
+            If something on the page cannot be used.
+        """
         if name in DESK:
-            return DESK[name](self.desk, {"state": state, **ask})
-        self.desk.check_paths(state)
-        if name == "tip":
+            return DESK[name](self.desk, ask)
+        if name.startswith(_SEARCH):
+            self.desk.check_paths(state)
+            return self._ask_searches(name, state, ask)
+        if name == TIP:
+            from vinefab.studio.tip_answer import tip_answer  # noqa: PLC0415  with the simulator
+
+            self.desk.check_paths(state)
             return tip_answer(StudioState.of(state), ask)
-        raise BadInputError("desk", name, "a function of the desk", "the page")
+        raise BadInputError("desk", name, f"one of {', '.join((*DESK, TIP))}", PAGE)
+
+    def _ask_searches(self, name: str, state: Mapping[str, Any], ask: Mapping[str, Any]) -> Any:  # noqa: ANN401  as above
+        # The room of searches takes a second to load, and most pages are opened without one.
+        from vinefab.studio.search_desk import SEARCH_DESK, SearchDesk  # noqa: PLC0415
+
+        if name not in SEARCH_DESK:
+            raise BadInputError("desk", name, f"one of {', '.join(SEARCH_DESK)}", PAGE)
+        with self._lock:
+            if self._searches is None:
+                self._searches = SearchDesk(self.desk.roots, self._opened.folder)
+        return SEARCH_DESK[name](self._searches, state, ask)
 
     def allowed(
-        self,
-        panel: str,
-        state: Mapping[str, Any],
-        ask: Mapping[str, Any],
+        self, panel: str, state: Mapping[str, Any], ask: Mapping[str, Any]
     ) -> Mapping[str, Any]:
         """Return what a panel asks if every path in it lies where the user opened files."""
         self.desk.check_paths(state)
@@ -101,10 +116,41 @@ class Workplace:
 
     def background(self, tell: TellAll, live: "ThreadLane") -> list[Coroutine[Any, Any, None]]:
         """Return what goes on beside the answers: compiling, watching files and searches."""
-        return [_compile(tell, live), self.desk.watch(tell)]
+        return [_compile(tell, live), self.desk.watch(tell), self._search_events(tell)]
+
+    async def _search_events(self, tell: TellAll) -> None:
+        while self._searches is None:
+            await asyncio.sleep(_PAUSE_S)
+        await self._searches.watch(tell)
 
     def close(self) -> None:
-        """End what is going on."""
+        """Stop the search that is running; it can be resumed."""
+        if self._searches is not None:
+            self._searches.close()
+
+    def _read(self) -> dict[str, Any]:
+        opened = self._opened
+        design = self.desk.open_design({"design": opened.design})
+        source: dict[str, Any] = {"environment": opened.environment, "seed": opened.seed}
+        if opened.map_file is not None:
+            source = self.desk.open_map({"path": str(opened.map_file)})["source"]
+        return {
+            "version": __version__,
+            "started": self._started,
+            "folder": str(opened.folder),
+            "environments": list(ENVIRONMENTS),
+            "state": {
+                "design": design["design"],
+                "map": {"source": source, "edits": []},
+                "pose": None,
+                "recipe": opened.recipe or None,
+                "task": "coverage",
+                "family": {"environment": opened.environment, "count": 40, "seed": 1000},
+                "growth": {},
+                "locks": [],
+            },
+            "file": {name: design[name] for name in ("path", "name", "writable", "stamp")},
+        }
 
 
 async def _compile(tell: TellAll, live: "ThreadLane") -> None:

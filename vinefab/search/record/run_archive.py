@@ -457,7 +457,6 @@ class RecordTail:
     run_id: str
     generations: tuple[Generation, ...]  # those with the number asked for, or a later one
     stopped: str  # why the run stopped; empty before it has
-    has_winner: bool  # whether its finalists are recorded
 
     @classmethod
     def read(cls, path: Path, first: int = 0) -> "RecordTail | None":
@@ -478,13 +477,11 @@ class RecordTail:
             connection.execute("BEGIN")
             entries = dict(connection.execute("SELECT key, value FROM run").fetchall())
             identity = recorded_identity(entries, path)
-            finalists = connection.execute("SELECT count(*) FROM finalist").fetchone()
             return cls(
                 settings=settings_from_plain(identity.settings),
                 run_id=identity.run_id,
                 generations=tuple(read_generations(connection, first)),
                 stopped=entries.get("stopped", ""),
-                has_winner=finalists[0] > 0,
             )
 
 

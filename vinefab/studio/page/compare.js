@@ -1,1 +1,248 @@
-export function mount() {}
+// The comparison: this version beside the one before, in every number that a change is made for.
+
+import { el, number, paused } from "studio/dom.js";
+import { familyConditions, signed } from "studio/family_panel.js";
+
+const REST_MS = 500;
+const STILL_MS = 120;
+const RULES = {
+  step: ["before the last change", "The version that was open, unchanged for half a second, before the design was changed last"],
+  saved: ["as last saved or opened", "The design in the file"],
+  kept: ["kept as reference", "The version that the button keeps, until another one is kept"],
+};
+
+const same = (one, two) => JSON.stringify(one) === JSON.stringify(two);
+
+/** What the answers of a panel depend on beside the design. */
+const CONDITIONS = {
+  live: ({ map, pose, growth }) => JSON.stringify([map, pose, growth]),
+  rules: ({ map, pose, growth, recipe }) => JSON.stringify([map, pose, growth, recipe]),
+  family: familyConditions,
+};
+
+function billLine(answers, item) {
+  return answers.rules?.bill?.find((line) => line.item === item) ?? null;
+}
+
+/** What is compared: where it comes from, whether more or less of it is better, how it is written. */
+function measures(answers, task) {
+  const tasks = Object.keys(answers.live?.scores ?? {});
+  const line = (item, factor) => (found) => {
+    const { value } = billLine(found, item) ?? {};
+    return value === undefined ? null : value * factor;
+  };
+  return [
+    ...tasks.map((name) => ({
+      key: `score-${name}`, name, panel: "live", better: 1, digits: 3, unit: "", standing: "simulated",
+      title: `Score on the open map, task ${name}`, of: (found) => found.live?.scores?.[name],
+    })),
+    {
+      key: "family", name: `${task}, many maps`, panel: "family", better: 1, digits: 3, unit: "", standing: "simulated",
+      title: "Mean score over the family of maps", of: (found) => found.family?.distribution?.mean,
+    },
+    {
+      key: "grown", name: "length grown", panel: "live", better: 1, digits: 1, unit: "%", standing: "simulated",
+      title: "Grown over planned length of all branches, on the open map",
+      of: (found) => (found.live?.facts?.planned_mm ? (100 * found.live.facts.grown_mm) / found.live.facts.planned_mm : null),
+    },
+    {
+      key: "film", name: "film area", panel: "rules", better: -1, digits: 0, unit: "cm²", item: "film area, all plies",
+      title: "Film of all plies, with its rim", of: line("film area, all plies", 1),
+    },
+    {
+      key: "time", name: "cutting time", panel: "rules", better: -1, digits: 1, unit: "min", item: "machine time, total",
+      title: "Time of the machine, all passes", of: line("machine time, total", 1 / 60),
+    },
+    {
+      key: "pressure", name: "pressure needed", panel: "live", better: -1, digits: 1, unit: "kPa", standing: "simulated, constants assumed",
+      title: "Pressure that growth to every tip takes on the open map", of: (found) => found.live?.facts?.pressure_needed_kpa,
+    },
+    {
+      key: "errors", name: "errors", panel: "rules", better: -1, digits: 0, unit: "", standing: "computed",
+      title: "Findings that stand in the way of cutting", of: (found) => found.rules?.errors,
+    },
+    {
+      key: "warnings", name: "warnings", panel: "rules", better: -1, digits: 0, unit: "", standing: "computed",
+      title: "Findings to be looked at", of: (found) => found.rules?.warnings,
+    },
+  ];
+}
+
+const isKnown = (value) => value !== null && value !== undefined && Number.isFinite(value);
+
+/** Return what is shown of a measure now and before; `comparable` tells of panels. */
+export function comparedCell(measure, now, before, comparable) {
+  const [present, former] = [measure.of(now), comparable ? measure.of(before) : null];
+  const unit = measure.unit ? ` ${measure.unit}` : "";
+  const cell = { now: isKnown(present) ? `${number(present, measure.digits)}${unit}` : "–", before: "–", change: "", kind: "" };
+  if (!isKnown(former)) return cell;
+  cell.before = `${number(former, measure.digits)}${unit}`;
+  if (!isKnown(present)) return cell;
+  const gain = present - former;
+  const isSame = Math.abs(gain) < 0.5 * 10 ** -measure.digits;
+  cell.kind = isSame ? "same" : gain * measure.better > 0 ? "better" : "worse";
+  cell.change = isSame ? "= same" : `${signed(gain, measure.digits)}${unit} ${cell.kind}`;
+  return cell;
+}
+
+function version(design, state) {
+  return { design, key: JSON.stringify(design), state, answers: {}, conditions: {} };
+}
+
+export function mount(root, app) {
+  const choice = el("select", { id: "compare-with" }, Object.entries(RULES).map(([key, [text]]) => el("option", { value: key }, text)));
+  const keep = el("button", { type: "button", id: "keep-reference" }, "Keep this as reference");
+  const rule = el("span", { class: "facts rule" });
+  const list = el("ul", { class: "differences", "aria-label": "Now, before and difference" });
+  root.append(
+    el("div", { class: "toolbar" }, el("label", {}, "Compared with the version ", choice), keep, rule),
+    list,
+  );
+
+  const cells = new Map();
+  const kept = { step: null, saved: null, kept: null };
+  let now = version(app.shown().design, app.shown());
+  let changedAt = -Infinity;
+  let stash = null;
+  let keptAt = "";
+  let told = null;
+
+  // ---- versions
+
+  const current = () => kept[choice.value];
+
+  /** Take note that another design is shown; what rested before is the version before. */
+  function follow() {
+    const state = app.shown();
+    const moment = performance.now();
+    if (JSON.stringify(state.design) !== now.key) {
+      if (now.answers.live && moment - changedAt > REST_MS) kept.step = now;
+      changedAt = moment;
+      now = version(state.design, state);
+    }
+    now.state = state;
+    const saved = app.file?.saved_design;
+    const savedKey = saved ? JSON.stringify(saved) : "";
+    if (saved && kept.saved?.key !== savedKey) {
+      kept.saved = [now, kept.step, kept.kept].find((one) => one?.key === savedKey) ?? version(saved, state);
+    } else if (savedKey === now.key) kept.saved = now;
+    show();
+    compareAtRest();
+  }
+
+  function take(panel, answer, state) {
+    if (JSON.stringify(state.design) === now.key && !(panel === "family" && (answer.quick || answer.compiling))) {
+      now.answers[panel] = answer;
+      now.conditions[panel] = CONDITIONS[panel](state);
+    }
+    show();
+  }
+
+  /** Grow the version before on what is open now: another map or start makes its numbers void. */
+  const compareAtRest = paused(async () => {
+    const reference = current();
+    const state = app.shown();
+    if (!app.live || !reference || reference === now || !app.answers.live) return;
+    if (reference.conditions.live === CONDITIONS.live(state)) return;
+    try {
+      const answer = await app.ask("before", { ground: false }, { state: { ...state, design: reference.design } });
+      reference.answers = { ...reference.answers, live: answer };
+      reference.conditions.live = CONDITIONS.live(state);
+      tell(true);
+      show();
+    } catch (error) {
+      if (!error.stale && !error.stopped) app.say(`Comparison: ${error.message}`, "error");
+    }
+  }, STILL_MS);
+
+  /** Tell the other panels which version is compared with. */
+  function tell(again) {
+    const reference = current();
+    const shown = reference && reference !== now && reference.key !== now.key ? reference : null;
+    if (shown === told && !again) return;
+    told = shown;
+    app.setReference?.(shown);
+  }
+
+  // ---- showing
+
+  function makeCell(measure) {
+    const parts = Object.fromEntries(["now", "before", "change"].map((name) => [name, el("span", { class: name })]));
+    const standing = el("span", { class: "standing" });
+    const item = el("li", { "data-measure": measure.key, title: measure.title },
+      el("span", { class: "name" }, measure.name), parts.now, el("span", { class: "was" }, "before ", parts.before), parts.change, standing);
+    list.append(item);
+    return { ...parts, item, standing, name: item.firstChild };
+  }
+
+  function showCell(measure, answers, reference) {
+    if (!cells.has(measure.key)) cells.set(measure.key, makeCell(measure));
+    const cell = cells.get(measure.key);
+    const comparable = Boolean(reference) && reference.conditions[measure.panel] === CONDITIONS[measure.panel](app.shown());
+    const found = comparedCell(measure, answers, reference?.answers ?? {}, comparable);
+    cell.name.textContent = measure.name;
+    for (const part of ["now", "before", "change"]) {
+      if (cell[part].textContent !== found[part]) cell[part].textContent = found[part];
+    }
+    cell.change.setAttribute("class", `change ${found.kind}`);
+    const standing = measure.standing ?? billLine(answers, measure.item)?.standing ?? "";
+    if (cell.standing.textContent !== standing) cell.standing.textContent = standing;
+    const why = !reference || comparable ? "" : ". Not known of the version before under what is open now";
+    cell.item.title = `${measure.title}${why}`;
+    cell.item.hidden = found.now === "–" && found.before === "–";
+  }
+
+  function words(reference) {
+    const [text, meaning] = RULES[choice.value];
+    choice.title = meaning;
+    if (!reference) return choice.value === "kept" ? "none is kept yet" : "none yet: change the design";
+    if (reference.key === now.key) return "this is that version";
+    return choice.value === "kept" ? `${text} at ${keptAt}` : meaning.charAt(0).toLowerCase() + meaning.slice(1);
+  }
+
+  function show() {
+    const reference = current();
+    const compared = reference && reference.key !== now.key ? reference : null;
+    // While a design is dragged its answers are one step behind: they are shown as they come.
+    const answers = { live: app.answers.live, rules: app.answers.rules, family: app.answers.family };
+    for (const measure of measures(answers, app.shown().task ?? "coverage")) showCell(measure, answers, compared);
+    const text = words(reference);
+    if (rule.textContent !== text) rule.textContent = text;
+    tell(false);
+  }
+
+  choice.addEventListener("change", () => {
+    show();
+    compareAtRest();
+  });
+  keep.addEventListener("click", () => {
+    kept.kept = now;
+    keptAt = new Date().toTimeString().slice(0, 5);
+    choice.value = "kept";
+    show();
+    app.say(`Kept as reference: ${now.design.name} as it is now`);
+  });
+
+  // ---- what happens
+
+  app.store.subscribe(follow);
+  app.onPreview?.((design) => {
+    if (design && !stash) stash = { now, step: kept.step };
+    if (design) {
+      // What is open is what a preview is compared with.
+      follow();
+      kept.step = stash.now;
+      show();
+      return;
+    }
+    const was = stash;
+    stash = null;
+    if (was && JSON.stringify(app.store.get().design) === was.now.key) [now, kept.step] = [was.now, was.step];
+    follow();
+  });
+  for (const panel of ["live", "rules", "family"]) app.onAnswer(panel, (answer, state) => take(panel, answer, state));
+  keep.disabled = choice.disabled = !app.live;
+  // A snapshot has one version: there is nothing to compare it with.
+  root.hidden = !app.live;
+  follow();
+}

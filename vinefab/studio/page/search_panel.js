@@ -7,7 +7,7 @@ const STATES = {
   failed: ["✕", "failed"], unfinished: ["■", "not ended"], unreadable: ["✕", "unreadable"],
 };
 const WIDE = 272; // of a chart, in its own units
-const HIGH = 156;
+const HIGH = 168;
 const EDGE = { left: 42, right: 8, top: 10, bottom: 32 };
 
 /** Return round values within a range, about so many. */
@@ -107,7 +107,7 @@ function frontChart(front, place, chosen, choose) {
     const words = `${point.label}: ${valueWords(front, point)}${breaks}`;
     const shape = point.breaks
       ? svgEl("path", { class: "dot", d: `M${x - 4} ${y - 4}l8 8m0-8l-8 8` })
-      : svgEl("circle", { class: "dot", cx: x, cy: y, r: 4 });
+      : svgEl("circle", { class: "dot", cx: x, cy: y, r: 3.5 });
     return svgEl(
       "g",
       {
@@ -185,10 +185,15 @@ function settings(app) {
   levels[0].setAttribute("aria-label", "Fewest levels");
   levels[1].setAttribute("aria-label", "Most levels");
   for (const input of levels) input.addEventListener("input", () => { levels_edited = true; showRanges(); });
-  const showSeeds = () => {
-    for (const input of [count, seed]) input.disabled = !app.live || !maps.value.startsWith("environment:");
+  const chosenObjectives = () => [...objectives.querySelectorAll("input:checked")].map((one) => one.value).filter((name) => name !== task.value);
+  /** Show what the other settings leave to choose. */
+  const showChoices = () => {
+    for (const input of [count, seed]) input.disabled = !maps.value.startsWith("environment:");
+    for (const box of objectives.querySelectorAll("[data-task]")) box.hidden = box.dataset.task === task.value;
+    const usual = chosenObjectives().length || !fabricable.checked ? "" : "islands";
+    here.disabled = (optimizer.value || usual) !== "islands";
   };
-  maps.addEventListener("change", showSeeds);
+  for (const control of [maps, task, objectives, fabricable, optimizer]) control.addEventListener("change", showChoices);
 
   function rangeRow(value) {
     const words = `${value.level === 1 ? "trunk" : `level ${value.level}`} ${value.label}`;
@@ -252,11 +257,10 @@ function settings(app) {
     options(optimizer, [["", "the usual one"], ...found.optimizers.map((name) => [name, name])], begun ? optimizer.value : given.optimizer);
     if (!levels_edited) found.levels.forEach((value, place) => { levels[place].value = value; });
     const checked = new Set([...objectives.querySelectorAll("input:checked")].map((box) => box.value));
-    objectives.replaceChildren(...found.objectives.map(({ name, kind }) => {
+    objectives.replaceChildren(...found.objectives.map(({ name, kind, words }) => {
       const box = el("input", { type: "checkbox", value: name, id: `search-objective-${name}` });
       box.checked = checked.has(name);
-      const words = kind === "cost" ? `little ${name.replaceAll("_", " ")}` : `${name} score`;
-      return el("div", {}, box, el("label", { for: box.id }, words));
+      return el("div", { "data-task": kind === "task" ? name : null }, box, el("label", { for: box.id }, words));
     }));
     if (!begun) {
       count.value = given.maps.count;
@@ -270,17 +274,16 @@ function settings(app) {
     begun = true;
     notes.replaceChildren(...found.notes.map((note) => el("li", {}, note)));
     showRanges();
-    showSeeds();
+    showChoices();
   }
 
   function asked(state) {
-    const chosen = [...objectives.querySelectorAll("input:checked")].map((box) => box.value);
     const named = maps.value.startsWith("environment:") ? maps.value.slice("environment:".length) : "";
     const most = Number(levels[1].value);
     const free = proposal.values.filter((value) => !value.locked && value.level <= most);
     return {
       task: task.value,
-      objectives: chosen.filter((name) => name !== task.value),
+      objectives: chosenObjectives(),
       maps: named ? { environment: named, count: Number(count.value), seed: Number(seed.value) }
         : maps.value === "shown" ? { shown: true } : { files: state.family.files },
       levels: levels.map((input) => Number(input.value)),
@@ -290,7 +293,7 @@ function settings(app) {
       generations: Number(generations.value),
       optimizer: optimizer.value,
       seed: Number(run_seed.value),
-      start_here: here.checked,
+      start_here: here.checked && !here.disabled,
     };
   }
 
@@ -309,7 +312,7 @@ function settings(app) {
     el("fieldset", {},
       el("legend", {}, "How"),
       el("div", { class: "field" }, fabricable, el("label", { for: fabricable.id }, "only robots that can be made, with this recipe")),
-      el("div", { class: "field" }, here, el("label", { for: here.id }, "begin at the present design too")),
+      el("div", { class: "field" }, here, el("label", { for: here.id }, "begin at the present design too"), el("span", { class: "unit" }, "(islands)")),
       el("div", { class: "field pair" }, el("label", { for: population.id }, "Designs"), population, el("label", { for: generations.id }, "× generations"), generations),
       el("div", { class: "field pair" }, el("label", { for: optimizer.id }, "Optimizer"), optimizer, el("label", { for: run_seed.id }, "seed"), run_seed),
     ),
@@ -356,6 +359,7 @@ export function mount(root, app) {
   let chosen = null; // the point of it that is previewed, with its design
   let previewed = null; // the design that this panel put on the map
   let is_asking = false;
+  let asks_again = false; // the design has changed since
 
   function fail(error) {
     if (error?.stale) return;
@@ -501,15 +505,21 @@ export function mount(root, app) {
     const part = found.is_whole ? [] : [el("li", { class: "facts" }, "Not all folders were looked at: there are too many")];
     const none = found.runs.length ? [] : [el("li", { class: "facts" }, `None yet in ${found.home}`)];
     runs.replaceChildren(...found.runs.map(runItem), ...none, ...rest, ...part);
-    if (found.search && !event) showEvent(found.search);
+    if (found.search && JSON.stringify(found.search) !== JSON.stringify(event)) showEvent(found.search);
   }
 
   async function propose() {
-    if (!app.live || is_asking || root.hidden) return;
+    if (!app.live || root.hidden) return;
+    if (is_asking) {
+      asks_again = true;
+      return;
+    }
     is_asking = true;
+    asks_again = false;
     const own = folder.dataset.edited ? { folder: folder.value } : {};
     const found = await ask("search_propose", own);
     is_asking = false;
+    if (asks_again) propose();
     if (!found) return;
     form.show(found, app.store.get());
     if (!folder.dataset.edited) folder.value = found.folder;
@@ -553,10 +563,11 @@ export function mount(root, app) {
     if (found.state === "running" || found.state === was) return;
     // A search that is over leaves the map as the design is; its best is a button away.
     endPreview();
-    app.say(`Search ${STATES[found.state][1]}: ${found.line}`, found.state === "failed" ? "error" : "info");
+    app.say(`${found.folder}: ${found.line}`, found.state === "failed" ? "error" : "info");
     if (earlier.open) listRuns();
     propose();
   });
+  app.on("again", listRuns);
   addEventListener("tabshown", (shown) => { if (shown.detail === root.id) { propose(); listRuns(); } });
   const soon = paused(propose, 300);
   app.store.subscribe((state, before) => {

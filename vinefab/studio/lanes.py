@@ -146,7 +146,7 @@ class ThreadLane:
                 loop.call_soon_threadsafe(lambda: found.done() or how(value))
 
         self._pool.apply_async(
-            lambda: None if found.cancelled() else work(),
+            lambda: found.cancelled() or work(),
             callback=partial(settle, found.set_result),
             error_callback=partial(settle, found.set_exception),
         )

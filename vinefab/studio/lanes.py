@@ -143,7 +143,7 @@ class ThreadLane:
 
         def settle(how: Callable[[Any], None], value: Any) -> None:  # noqa: ANN401  as the work
             with suppress(RuntimeError):  # the server has ended meanwhile
-                loop.call_soon_threadsafe(lambda: found.done() or how(value))
+                loop.call_soon_threadsafe(lambda: None if found.done() else how(value))
 
         self._pool.apply_async(
             lambda: found.cancelled() or work(),

@@ -58,7 +58,9 @@ def small_loads(monkeypatch):
 
     def of_a_tenth(name, settings):
         population = max(10, settings.search.population // 10)
-        return whole(name, replace(settings, search=replace(settings.search, population=population)))
+        return whole(
+            name, replace(settings, search=replace(settings.search, population=population))
+        )
 
     monkeypatch.setattr(cluster_scaling, "load_of", of_a_tenth)
 

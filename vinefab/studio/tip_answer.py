@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from vinefab.core.errors import BadInputError
+from vinefab.core.errors import BadInputError, VinefabError
 from vinefab.core.units import deg
 from vinefab.core.validation import LARGEST_MM, Floats, number
 from vinefab.growth.simulator import grow
@@ -14,7 +14,7 @@ from vinefab.model.deployment import Deployment
 from vinefab.model.design import Level
 from vinefab.model.map import Map
 from vinefab.model.tree import child_lengths_mm
-from vinefab.studio.live_answer import prepared_map
+from vinefab.studio.live_answer import not_followed, prepared_map
 from vinefab.studio.state import PAGE, StudioState
 from vinefab.studio.warming import engine_now
 
@@ -59,6 +59,8 @@ def deployed_robot(state: StudioState) -> tuple[Map, Deployment]:
     """Return what is open, grown from its start on its map (simulated), and the map."""
     if state.world is None or state.start is None:
         raise BadInputError("map", None, "a map with a start", PAGE)
+    if problem := not_followed(state.design):
+        raise VinefabError(problem)
     terrain = prepared_map(state.world).terrain
     grown = grow(state.design, terrain, state.start, state.growth, engine=engine_now())
     return state.world, grown

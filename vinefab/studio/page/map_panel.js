@@ -113,7 +113,8 @@ export function mount(root, app) {
     const at = share * fullMm;
     if (share < 1 && app.live && at > 0) askFront(at);
     else if (share < 1) showFront(layers["robot-layer"], at);
-    frontOut.textContent = fullMm ? `${number(at, 0)} of ${number(fullMm, 0)} mm` : "–";
+    const cut = !app.live && share < 1 ? ", the final shape cut" : "";
+    frontOut.textContent = fullMm ? `${number(at, 0)} of ${number(fullMm, 0)} mm${cut}` : "–";
     front.setAttribute("aria-valuetext", frontOut.textContent);
   }
 

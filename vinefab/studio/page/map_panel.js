@@ -32,6 +32,7 @@ export function mount(root, app) {
   const layers = Object.fromEntries(
     ["ground-layer", "ghost-layer", "robot-layer", "edit-layer", "pose-layer"].map((name) => [name, svgEl("g", { class: name })]),
   );
+  layers["ghost-layer"].classList.add("ghost");
   const svg = svgEl("svg", {
     class: "plan", role: "application", tabindex: 0,
     "aria-label": "Map with the robot. Arrow keys move what is selected; plus and minus zoom.",

@@ -32,6 +32,15 @@ MODULES = "<!-- modules -->"
 _PATIENCE_S = 10.0
 """Time in which a socket must show its token."""
 
+_LONGEST_HELLO = 1000
+"""Characters of a message from whoever has not shown a token yet."""
+
+_MOST_ASKED = 64
+"""Questions of one tab that are being answered."""
+
+_MOST_UNREAD = 100
+"""Messages that a tab may leave unread before it is asked nothing more of."""
+
 _LANES = ("rules", "fix", "family", "export")
 
 
@@ -89,9 +98,8 @@ class Studio:
         """Serve a tab until it is closed."""
         await socket.accept()
         tab = Tab(self, socket)
-        with suppress(WebSocketDisconnect, asyncio.TimeoutError):
-            hello = await asyncio.wait_for(_received(socket), _PATIENCE_S)
-            if not self.door.opens(hello.get("token")):
+        with suppress(WebSocketDisconnect):
+            if not await self._admits(socket):
                 await socket.close(1008, "the token is missing or old")
                 return
             self._tabs.add(tab)
@@ -101,6 +109,14 @@ class Studio:
                 self._tabs.discard(tab)
                 tab.close()
 
+    async def _admits(self, socket: WebSocket) -> bool:
+        """Tell whether a socket shows the token, soon and at once."""
+        try:
+            hello = await asyncio.wait_for(_received(socket, _LONGEST_HELLO), _PATIENCE_S)
+        except TimeoutError:
+            return False
+        return self.door.opens(hello.get("token"))
+
 
 class Tab:
     """One open page: its questions, one at a time for each panel."""
@@ -109,11 +125,12 @@ class Tab:
         self._studio = studio
         self._socket = socket
         self._asked: dict[str, asyncio.Task[None]] = {}
-        self._out: asyncio.Queue[Mapping[str, Any]] = asyncio.Queue()
+        self._out: asyncio.Queue[str] = asyncio.Queue()
 
     def put(self, message: Mapping[str, Any]) -> None:
         """Send a message, after those before it."""
-        self._out.put_nowait(message)
+        # Written here, so that a value that JSON has no word for is the fault of its question.
+        self._out.put_nowait(json.dumps(message, allow_nan=False))
 
     async def serve(self) -> None:
         """Greet the page, then answer it until it is gone."""
@@ -123,6 +140,8 @@ class Tab:
             self.put({"event": "hello", **hello})
             while True:
                 self._take(await _received(self._socket))
+                while self._out.qsize() > _MOST_UNREAD and not sending.done():  # it does not read
+                    await asyncio.sleep(0.05)
         finally:
             sending.cancel()
 
@@ -134,7 +153,7 @@ class Tab:
     async def _send(self) -> None:
         with suppress(WebSocketDisconnect, RuntimeError):  # the tab was closed meanwhile
             while True:
-                await self._socket.send_text(json.dumps(await self._out.get()))
+                await self._socket.send_text(await self._out.get())
 
     def _take(self, message: Mapping[str, Any]) -> None:
         if "cancel" in message:
@@ -143,11 +162,15 @@ class Tab:
                 task.cancel()
             return
         key = "panel" if "panel" in message else "desk"
-        name, number = str(message.get(key, "")), message.get("seq", 0)
+        name, number = str(message.get(key, ""))[:100], message.get("seq")
+        number = number if isinstance(number, int) else 0
         reply = {key: name, "seq": number}
         slot = name if key == "panel" else f"{name} {number}"
         if slot in self._asked:
             self.put({**reply, "error": {"message": "one question at a time for each panel"}})
+            return
+        if len(self._asked) >= _MOST_ASKED:
+            self.put({**reply, "error": {"message": f"at most {_MOST_ASKED} questions at once"}})
             return
         task = asyncio.create_task(self._answer(message, reply))
         self._asked[slot] = task
@@ -196,10 +219,11 @@ class Tab:
         return send
 
 
-async def _received(socket: WebSocket) -> Mapping[str, Any]:
+async def _received(socket: WebSocket, longest: int | None = None) -> Mapping[str, Any]:
     """Return the next message of the page; one that is no object closes the socket."""
     try:
-        message = json.loads(await socket.receive_text())
+        text = await socket.receive_text()
+        message = json.loads(text) if longest is None or len(text) <= longest else None
     except (ValueError, RecursionError, KeyError):
         message = None
     if not isinstance(message, dict):

@@ -44,7 +44,7 @@ class Gate:
             return
         problem = self._problem(scope)
         if problem and scope["type"] == "websocket":
-            # Before it is accepted a socket is closed with 403.
+            # Before it is accepted a socket is closed with 403, which has no content to guard.
             await receive()
             await send({"type": "websocket.close", "code": 1008, "reason": problem})
             return

@@ -8,10 +8,11 @@ can be stopped by killing it.
 import asyncio
 import multiprocessing
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import Connection
+from multiprocessing.pool import ThreadPool
 from typing import Any
 
 from vinefab.core.errors import VinefabError
@@ -64,12 +65,10 @@ class ProcessLane:
     def close(self) -> None:
         """End the process, whatever it does."""
         process, self._process = self._process, None
-        pipe, self._pipe = self._pipe, None
+        self._pipe = None  # closed with its last user: a thread may still read from it
         if process is not None:
             process.kill()
             process.join()
-        if pipe is not None:
-            pipe.close()
 
     def _ready(self) -> Connection:
         if self._pipe is not None and self._process is not None and self._process.is_alive():
@@ -125,7 +124,8 @@ class ThreadLane:
     """A thread of the server, for what must follow the pointer."""
 
     def __init__(self) -> None:
-        self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="vinefab live")
+        # Its thread is a daemon: Ctrl-C waits for no answer.
+        self._pool = ThreadPool(1)
         self.answered = asyncio.Event()
         """Set once the first question has been answered: what takes long may begin."""
 
@@ -138,11 +138,23 @@ class ThreadLane:
 
     async def run(self, work: Callable[[], Any]) -> Any:  # noqa: ANN401  as the work
         """Return what some work of the server gives, after what was asked before it."""
-        return await asyncio.get_running_loop().run_in_executor(self._pool, work)
+        loop = asyncio.get_running_loop()
+        found: asyncio.Future[Any] = loop.create_future()
+
+        def settle(how: Callable[[Any], None], value: Any) -> None:  # noqa: ANN401  as the work
+            with suppress(RuntimeError):  # the server has ended meanwhile
+                loop.call_soon_threadsafe(lambda: None if found.done() else how(value))
+
+        self._pool.apply_async(
+            lambda: found.cancelled() or work(),
+            callback=partial(settle, found.set_result),
+            error_callback=partial(settle, found.set_exception),
+        )
+        return await found
 
     def close(self) -> None:
         """Take no more questions."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        self._pool.terminate()
 
 
 def _answer(question: Question, send: Send) -> Any:  # noqa: ANN401  plain values

@@ -27,6 +27,11 @@ from vinefab.tasks.task import Task, check_on_map
 MOST_FLAT = 1500
 """Outlines of more branches take longer than a pointer may wait; the rules' panel draws them."""
 
+MOST_INTERPRETED = 1500
+"""More branches than this grow once the simulator is compiled: interpreted they take a second."""
+
+MOST_FOLLOWED = 5000
+"""The exact scores of a robot with more branches take several seconds."""
 
 COMPILED_TASKS = ("anchoring",)
 """Tasks that cannot be scored before code is compiled."""
@@ -73,6 +78,8 @@ def _grown(state: StudioState, world: Map) -> dict[str, Any]:
         "pose": {"x_mm": start.x_mm, "y_mm": start.y_mm, "heading_deg": start.heading_deg},
         "pose_svg": pose_svg(start, 0.055 * max(world.size_mm)),
     }
+    if problem := not_followed(state.design):
+        return place | _not_grown(state.design, problem)
     prepared = prepared_map(world)
     try:
         deployment = grow(state.design, prepared.terrain, start, state.growth, engine=engine_now())
@@ -86,6 +93,21 @@ def _grown(state: StudioState, world: Map) -> dict[str, Any]:
         "facts": _facts(state.design, deployment),
         "problems": problems + _troubles(state, deployment),
     }
+
+
+def not_followed(design: Design) -> str:
+    """Return why a design is not grown while a pointer waits, or nothing."""
+    if design.branch_count > MOST_FOLLOWED:
+        return (
+            f"{design.branch_count} branches: the page follows designs of at most {MOST_FOLLOWED};"
+            " vinefab grow DESIGN --map MAP grows them all"
+        )
+    if design.branch_count > MOST_INTERPRETED and engine_now() != "kernel":
+        return (
+            f"{design.branch_count} branches: growth follows as soon as the simulator is compiled,"
+            " once on this computer"
+        )
+    return ""
 
 
 def _not_grown(design: Design, problem: str) -> dict[str, Any]:

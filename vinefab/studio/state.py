@@ -20,7 +20,7 @@ from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_of
 from vinefab.model.files.map_geojson import read_map
 from vinefab.model.files.profile_toml import read_profile
-from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
+from vinefab.model.files.shipped import DEFAULT_RECIPE, locate, path_given
 from vinefab.model.laser import LaserProfile
 from vinefab.model.map import Map, Pose
 
@@ -124,7 +124,7 @@ def world_of(content: Mapping[str, Any]) -> Map:
     edits = content.get("edits") or []
     if not isinstance(edits, list) or len(edits) > MOST_EDITS:
         raise BadInputError("map.edits", "edits", f"a list of at most {MOST_EDITS}", PAGE)
-    stamp = _stamp(Path(source["file"])) if isinstance(source.get("file"), str) else ""
+    stamp = _stamp(path_given("map.file", source["file"])) if "file" in source else ""
     return _edited_world(json.dumps(source, sort_keys=True), json.dumps(edits), stamp)
 
 

@@ -20,6 +20,22 @@ PLAN = PredictionPlan(poses=2, seed=3)
 
 
 @pytest.fixture(scope="session")
+def few_unseen():
+    """A number of unseen maps, and of other maps to choose on, that takes no long work."""
+    return 6
+
+
+@pytest.fixture(scope="module")
+def on_few_maps(few_unseen):
+    """The winners of runs are chosen and tried on few maps, not on seventy."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("vinefab.prediction.run_winner.UNSEEN", few_unseen)
+        patch.setattr("vinefab.search.run.FRESH_MAPS", few_unseen)
+        patch.setattr("vinefab.prediction.run_page.FRESH_MAPS", few_unseen)
+        yield
+
+
+@pytest.fixture(scope="session")
 def small_maps():
     return SMALL
 

@@ -32,6 +32,9 @@ RUN = RunSettings(
 )
 
 
+pytestmark = pytest.mark.usefixtures("on_few_maps")
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a run and its page."""
@@ -41,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_the_folder_holds_a_page_and_its_pictures(folder: Path) -> None:
+def test_the_folder_holds_a_page_and_its_pictures(folder: Path, few_unseen: int) -> None:
     page = (folder / "index.html").read_text()
     for heading in (
         "The winner on its training maps",
@@ -52,7 +55,7 @@ def test_the_folder_holds_a_page_and_its_pictures(folder: Path) -> None:
         "How it was found",
     ):
         assert f"<h2>{heading}</h2>" in page
-    assert "on 50 unseen grid maps (simulated)" in page
+    assert f"on {few_unseen} unseen grid maps (simulated)" in page
     assert 'src="http' not in page
     assert 'http-equiv="refresh"' not in page
     names = {path.name for path in (folder / "pictures").iterdir()}
@@ -100,11 +103,12 @@ def test_the_record_alone_gives_the_page_again(folder: Path, tmp_path: Path) -> 
     assert RunArchive.read(folder / RECORD_FILE).prediction == run.result.prediction
 
 
-def test_the_outcome_in_one_line(folder: Path) -> None:
+def test_the_outcome_in_one_line(folder: Path, few_unseen: int) -> None:
     run = EndedRun.read(folder)
     line = outcome_line(run, "", Path("out/index.html"))
     assert re.match(
-        r"found few: coverage \d\.\d{3} \[\d\.\d{3}, \d\.\d{3}\] on 50 unseen grid maps, "
+        r"found few: coverage \d\.\d{3} \[\d\.\d{3}, \d\.\d{3}\] "
+        rf"on {few_unseen} unseen grid maps, "
         r"\d\.\d{3} to \d\.\d{3} over contacts \(simulated\); \d+ branches on 2 levels; "
         r"manufacturable; open out/index\.html$",
         line,

@@ -14,7 +14,6 @@ from vinefab.model.files.map_geojson import map_text
 from vinefab.model.map import Pose, Start
 from vinefab.prediction.family_deployments import unseen_maps
 from vinefab.prediction.run_winner import (
-    UNSEEN,
     contact_ends,
     placed_off_range,
     predict_winner,
@@ -47,6 +46,9 @@ def predicted(settings: RunSettings) -> tuple[Search, RunResult, dict[str, Any]]
     return search, result, predict_winner(search, result)
 
 
+pytestmark = pytest.mark.usefixtures("on_few_maps")
+
+
 @pytest.fixture(scope="module")
 def run() -> tuple[Search, RunResult, dict[str, Any]]:
     """A run with its result and what is predicted of its winner."""
@@ -76,13 +78,15 @@ def test_a_run_that_names_places_is_predicted_on_its_own_maps(
 Predicted = tuple[Search, RunResult, dict[str, Any]]
 
 
-def test_the_score_on_unseen_maps_is_that_of_the_score_command(run: Predicted) -> None:
+def test_the_score_on_unseen_maps_is_that_of_the_score_command(
+    run: Predicted, few_unseen: int
+) -> None:
     _, result, found = run
-    worlds = unseen_maps("grid", UNSEEN, 0).worlds
+    worlds = unseen_maps("grid", few_unseen, 0).worlds
     plan = ScorePlan(task="coverage", poses=1, seed=0)
     score = score_design_on_task(result.best, worlds, plan, RUN.growth)
-    assert found["unseen"]["deployments"] == UNSEEN
-    assert found["unseen"]["label"] == f"{UNSEEN} unseen grid maps"
+    assert found["unseen"]["deployments"] == few_unseen
+    assert found["unseen"]["label"] == f"{few_unseen} unseen grid maps"
     assert found["unseen"]["score"]["mean"] == pytest.approx(score.composite["mean"], abs=1e-3)
     assert found["unseen"]["score"]["low"] < found["unseen"]["score"]["mean"]
     # The first half-angle of the range is the run's own.
@@ -109,7 +113,7 @@ def test_what_is_predicted_stands_in_lines_and_in_the_origin(run: Predicted) -> 
     assert "placed off by up to 10 mm or 10 deg (assumed)" in last
 
 
-def test_a_body_placed_off_is_compared_with_itself(run: Predicted) -> None:
+def test_a_body_placed_off_is_compared_with_itself(run: Predicted, few_unseen: int) -> None:
     _, _, found = run
     steps = [(row["knob"], row["step"]) for row in found["placed_off"]]
     assert len(steps) == len(set(steps)) == 12
@@ -118,19 +122,19 @@ def test_a_body_placed_off_is_compared_with_itself(run: Predicted) -> None:
     near = [row for row in found["placed_off"] if abs(row["step"]) <= 10.0]
     mean = found["unseen"]["score"]["mean"]
     assert least == min(mean, *(mean + row["change"] for row in near))
-    assert {row["deployments"] <= UNSEEN for row in found["placed_off"]} == {True}
+    assert {row["deployments"] <= few_unseen for row in found["placed_off"]} == {True}
     # Degrees of heading, not radians: a twentieth of a turn changes it less than anything does.
     changes = [abs(row["change"]) for row in found["placed_off"] if row["knob"] == "heading"]
     assert max(changes[2:4]) <= max(changes[0], changes[-1]) + 0.05
 
 
-def test_a_run_on_files_is_tried_from_other_poses_on_them(tmp_path: Path) -> None:
+def test_a_run_on_files_is_tried_from_other_poses_on_them(tmp_path: Path, few_unseen: int) -> None:
     path = tmp_path / "mine.geojson"
     path.write_text(map_text(grid_map(5)))
     settings = replace(RUN, maps=MapSettings(count=1, files=(path,)))
     search, _, found = predicted(settings)
     assert found["unseen"]["label"] == "other poses on the 1 training map"
-    assert found["unseen"]["deployments"] == UNSEEN
+    assert found["unseen"]["deployments"] == few_unseen
     final = search.evaluator.final_conditions(settings.search.seed).poses[0]
     assert len(final) == found["training"]["deployments"] == 2
     assert found["note"] == ""

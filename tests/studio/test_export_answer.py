@@ -14,6 +14,7 @@ from vinefab.model.files.design_toml import design_content, design_text, read_de
 from vinefab.model.files.map_geojson import map_text
 from vinefab.studio.export_answer import export_answer
 from vinefab.studio.state import StudioState
+from vinefab.studio.workplace import Opened, Workplace
 
 
 @pytest.fixture(autouse=True)
@@ -188,11 +189,17 @@ def test_inputs_that_somebody_changed_are_not_overwritten(here):
         export(edited(opened()), "picture", "grown.svg")
 
 
+def test_the_page_does_not_say_where_may_be_written(here):
+    asked = Workplace(Opened(folder=here)).allowed("export", {}, {"out": "p", "roots": ["/"]})
+    assert asked == {"out": "p", "roots": [str(here)]}
+
+
 def test_commands_are_told_without_writing():
     exports = {
         "package": {"out": "package", "options": {"copies": 2}},
         "picture": {"out": "../grown.svg"},
         "rig": {"out": "rig", "options": {"style": "board"}},
+        "snapshot": {"out": "my page.html"},
     }
     found = export(opened(), "command", None, exports=exports, design_file="plain_vine")
     assert everything() == {}
@@ -203,4 +210,5 @@ def test_commands_are_told_without_writing():
     )
     assert commands["package"]["inputs"] == []
     assert "a path in" in commands["picture"]["error"]
+    assert commands["snapshot"]["command"] == "vinefab studio 'my page.html'"
     assert "--style=board --out rig" in commands["rig"]["command"]

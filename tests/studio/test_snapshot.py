@@ -83,7 +83,8 @@ def test_maps_travel_and_paths_stay_at_home(state, answers, tmp_path):
     state["family"] = {"files": [str(lab)]}
     before = map_text(StudioState.of(state).world)
     path = tmp_path / "sent.html"
-    options = SnapshotOptions(file=str(tmp_path / "home" / "mine.toml"))
+    reference = {"state": json.loads(json.dumps(state)), "answers": answers}
+    options = SnapshotOptions(file=str(tmp_path / "home" / "mine.toml"), reference=reference)
     path.write_bytes(snapshot_html(state, answers, options))
     assert str(tmp_path) not in path.read_text()
     lab.unlink()

@@ -20,7 +20,7 @@ from vinefab.core.units import deg
 from vinefab.core.validation import Floats, positive, whole
 from vinefab.growth.options import GrowthChoice, GrowthOptions, growth_text
 from vinefab.growth.plan import Plan
-from vinefab.growth.simulator import grow
+from vinefab.growth.simulator import Engine, grow
 from vinefab.growth.terrain import Terrain
 from vinefab.model.deployment import Deployment, Stop
 from vinefab.model.design import Design
@@ -52,14 +52,15 @@ class History:
         """Front length at which the last branch has stopped; 0 if nothing grew."""
         return self.final.full_mm
 
-    def at(self, front_mm: float) -> DeploymentFrame:
+    def at(self, front_mm: float, *, engine: Engine = "auto") -> DeploymentFrame:
         """Return the shape at a front length; beyond the full length, the final one."""
         positive("--history", front_mm)
         if front_mm >= self.full_mm:
             still = np.zeros(len(self.final.tree), dtype=np.bool_)
             return DeploymentFrame(front_mm=self.full_mm, deployment=self.final, is_growing=still)
         plan, is_growing = self._plan_at(front_mm)
-        deployment = grow(self.design, self.terrain, self.final.pose, self.options, plan=plan)
+        pose = self.final.pose
+        deployment = grow(self.design, self.terrain, pose, self.options, engine, plan)
         return DeploymentFrame(front_mm=front_mm, deployment=deployment, is_growing=is_growing)
 
     def frames(self, fronts_mm: Sequence[float]) -> tuple[DeploymentFrame, ...]:

@@ -308,13 +308,17 @@ EXPORTS: dict[str, type[Export]] = {
 """Kinds of exports that are a command, by the name that the page asks for."""
 
 
+SNAPSHOT = "snapshot"
+"""The export that is no command: what the page shows."""
+
+
 def export_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dict[str, Any]:
     """Write what the page asks for, or say by which commands it can be written.
 
     Parameters
     ----------
     ask
-        ``what`` (a key of `EXPORTS`, ``snapshot``, or ``command``), ``out``, ``options``; the
+        ``what`` (a key of `EXPORTS`, `SNAPSHOT`, or ``command``), ``out``, ``options``; the
         files that design and map come from, ``design_file`` and ``map_file``; and from the server
         ``roots``, the folders that may be written to. For ``command``, ``exports`` has ``out`` and
         ``options`` by kind.
@@ -325,7 +329,7 @@ def export_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dic
         commands = {name: _command(state, ask, name, given[name]) for name in given}
         unverified = state.profile.recipe.status is RecipeStatus.UNVERIFIED
         return {"commands": commands, "unverified": unverified}
-    if what == "snapshot":
+    if what == SNAPSHOT:
         return _snapshot(ask, tell)
     kind = _kind(what, ask)
     source = _source(state, ask, kind, ask.get("out"))
@@ -391,6 +395,8 @@ def _command(
 ) -> dict[str, Any]:
     """Return a command line and what would be written for it first, or why there is none."""
     try:
+        if name == SNAPSHOT:
+            return {"command": _opens(_snapshot_path(ask, given)), "inputs": []}
         kind = _kind(name, _mapping(f"exports.{name}", given))
         source = _source(state, ask, kind, given.get("out"))
         command = shlex.join(["vinefab", *kind.words(source)])
@@ -516,9 +522,7 @@ def _findings(report: CheckReport) -> tuple[Mapping[str, Any], ...]:
 
 
 def _snapshot(ask: Mapping[str, Any], tell: Tell) -> dict[str, Any]:
-    path = allowed_path("out", ask.get("out"), _roots(ask))
-    if path.suffix.lower() != ".html":
-        raise BadInputError("out", str(path), "a file name ending in .html", PAGE)
+    path = _snapshot_path(ask, ask)
     given = _mapping("options", ask.get("options") or {})
     reference, file = ask.get("reference"), ask.get("design_file")
     options = SnapshotOptions(
@@ -530,8 +534,20 @@ def _snapshot(ask: Mapping[str, Any], tell: Tell) -> dict[str, Any]:
     with _foreign_files_named():
         ensure_writable(path)
         write_snapshot(_mapping("state", ask.get("state")), path, options, tell)
-    command = shlex.join(["vinefab", "studio", str(path)])
+    command = _opens(path)
     return {"command": command, "written": [str(path)], "inputs": [], "lines": [], "refused": ""}
+
+
+def _snapshot_path(ask: Mapping[str, Any], given: Mapping[str, Any]) -> Path:
+    path = allowed_path("out", given.get("out"), _roots(ask))
+    if path.suffix.lower() != ".html":
+        raise BadInputError("out", str(path), "a file name ending in .html", PAGE)
+    return path
+
+
+def _opens(path: Path) -> str:
+    """Return the command that opens a snapshot in the studio."""
+    return shlex.join(["vinefab", "studio", str(path)])
 
 
 @contextmanager

@@ -143,10 +143,10 @@ class ThreadLane:
 
         def settle(how: Callable[[Any], None], value: Any) -> None:  # noqa: ANN401  as the work
             with suppress(RuntimeError):  # the server has ended meanwhile
-                loop.call_soon_threadsafe(lambda: found.done() or how(value))
+                loop.call_soon_threadsafe(lambda: None if found.done() else how(value))
 
         self._pool.apply_async(
-            lambda: None if found.cancelled() else work(),
+            lambda: found.cancelled() or work(),
             callback=partial(settle, found.set_result),
             error_callback=partial(settle, found.set_exception),
         )

@@ -187,11 +187,12 @@ def _gauge_content(subject: Subject, profile: LaserProfile) -> dict[str, Any]:
     gauge = pressure_gauge(subject, profile, WINDOW.limits_with(changed.get(WINDOW.id, {})))
     seam = profile.material.seam
     paths = "simulated" if subject.deployments else "computed"
+    constants = "measured" if gauge.growth_measured else "assumed"
     factor = changed.get(WINDOW.id, {}).get("safety_factor", WINDOW.limits["safety_factor"])
     return {
         "needed_loose": _need_content(subject, gauge.loose),
         "needed_tight": _need_content(subject, gauge.tight),
-        "needed_standing": f"{paths}, constants {'measured' if gauge.growth_measured else 'assumed'}",
+        "needed_standing": f"{paths}, constants {constants}",
         "needed_basis": f"worst tip, film stored loosely to tightly; {gauge.source}",
         "working_kpa": subject.design.build.pressure_kpa,
         "working_standing": "set in the design",

@@ -249,6 +249,7 @@ class SearchDesk:
         self.roots = tuple(root.resolve() for root in roots) or (self.home,)
         self._running: RunningSearch | None = None
         self._told: SearchEvent | None = None
+        self._rows: dict[Path, tuple[list[tuple[int, int]], dict[str, Any]]] = {}
         self._lock = threading.RLock()
 
     def propose(self, ask: Mapping[str, Any], state: StudioState) -> dict[str, Any]:
@@ -283,9 +284,12 @@ class SearchDesk:
             self._refuse_second()
             folder = self._inside("folder", ask.get("folder"))
             tail = RecordTail.read(folder / RECORD_FILE)
-            if tail is None:
+            if tail is not None:
+                run_file, seed = self._run_file(ask, folder, tail.settings)
+            elif (folder / RUN_FILE).is_file():  # stopped before there was a record
+                run_file, seed = folder / RUN_FILE, []
+            else:
                 raise UnreadableFileError(folder, f"has no {RECORD_FILE} of a run")
-            run_file, seed = self._run_file(ask, folder, tail.settings)
             return self._begin([*self._arguments(run_file, folder), *seed, "--resume"], folder, {})
 
     def stop(self) -> dict[str, Any]:
@@ -299,9 +303,9 @@ class SearchDesk:
     def runs(self) -> dict[str, Any]:
         """Return the runs below the desk's folders, the latest first."""
         paths, is_whole = _records_below(self.roots)
-        newest = sorted(paths, key=_changed_ns, reverse=True)
+        newest = sorted(paths, key=_stamp, reverse=True)
         return {
-            "runs": [self._listed(path) for path in newest[:MOST_RUNS]],
+            "runs": [self._row(path) for path in newest[:MOST_RUNS]],
             "left_out": max(0, len(newest) - MOST_RUNS),
             "is_whole": is_whole,
             "search": self._told,
@@ -399,7 +403,7 @@ class SearchDesk:
             with suppress(OSError):
                 running.process.stdin.close()
         running.complaints.close()
-        if not running.record.path.exists():
+        if running.state() == "failed" and not running.record.path.exists():
             # Refused before it began: another try finds the folder as it was.
             _take_back(running.written)
             with suppress(OSError):
@@ -527,6 +531,16 @@ class SearchDesk:
         allowed = f"its run file: none in {self._shown(folder)} or the folder above asks for it"
         raise BadInputError("run", None, allowed, PAGE)
 
+    def _row(self, path: Path) -> dict[str, Any]:
+        """Return one run for the page's list; one that did not change is not read again."""
+        running = self._running
+        if running is not None and running.record.path == path:
+            return self._listed(path)
+        stamp = [_stamp(path.with_name(RECORD_FILE + ending)) for ending in ("", "-wal")]
+        if path not in self._rows or self._rows[path][0] != stamp:
+            self._rows[path] = stamp, self._listed(path)
+        return self._rows[path][1]
+
     def _listed(self, path: Path) -> dict[str, Any]:
         """Return one run for the page's list."""
         running = self._running
@@ -566,7 +580,7 @@ _WHY = {
 def _line(state: str, record: FollowedRecord, *, asked: bool = False) -> str:
     """Return how far a search is, in words."""
     if record.settings is None:
-        return "starting" if state == "running" else "stopped before its first generation"
+        return "starting" if state == "running" else "stopped before it began; it can be resumed"
     most = record.settings.search.generations
     done = f"generation {record.generations} of {most}"
     if state == "running":
@@ -712,11 +726,13 @@ def _folders(root: Path) -> Iterator[Path]:
         below[:] = [] if is_deepest else sorted(name for name in below if not name.startswith("."))
 
 
-def _changed_ns(path: Path) -> int:
+def _stamp(path: Path) -> tuple[int, int]:
+    """Return time and size of a file; zeros for one that is not there."""
     try:
-        return path.stat().st_mtime_ns
+        found = path.stat()
     except OSError:
-        return 0
+        return 0, 0
+    return found.st_mtime_ns, found.st_size
 
 
 def _toml_files(folder: Path, roots: tuple[Path, ...]) -> Iterator[Path]:

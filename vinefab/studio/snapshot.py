@@ -113,7 +113,7 @@ def snapshot_html(
         "hello": hello,
         "map": _source_map(state),
         "answers": answers,
-        "reference": options.reference,
+        "reference": _reference(options.reference),
     }
     page = (_PAGE_FOLDER / "index.html").read_text(encoding="utf-8")
     page = _LINK.sub(_style, page.replace(_CHARSET, f"{_CHARSET}\n{_HEAD}", 1))
@@ -217,6 +217,14 @@ def _portable(state: Mapping[str, Any]) -> dict[str, Any]:
     if given.get("recipe"):
         given["recipe"] = Path(str(given["recipe"])).name
     return given
+
+
+def _reference(given: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Return what the page compares with, without the paths in its state."""
+    if given is None:
+        return None
+    state = given.get("state")
+    return dict(given) | ({"state": _portable(state)} if isinstance(state, dict) else {})
 
 
 def _source_map(state: Mapping[str, Any]) -> str | None:

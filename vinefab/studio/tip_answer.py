@@ -12,6 +12,7 @@ from vinefab.core.validation import LARGEST_MM, Floats, number
 from vinefab.growth.simulator import grow
 from vinefab.model.deployment import Deployment
 from vinefab.model.design import Level
+from vinefab.model.map import Map
 from vinefab.model.tree import child_lengths_mm
 from vinefab.studio.live_answer import not_followed, prepared_map
 from vinefab.studio.state import PAGE, StudioState
@@ -42,7 +43,7 @@ def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     to_mm = [number("to", value, -LARGEST_MM, LARGEST_MM, "mm") for value in ask.get("to", ())]
     if len(to_mm) != 2:
         raise BadInputError("to", ask.get("to"), "a point [x, y], mm", PAGE)
-    deployment = _deployed(state)
+    _, deployment = deployed_robot(state)
     ids = deployment.tree.ids
     if ask.get("branch") not in ids:
         raise BadInputError("branch", ask.get("branch"), "the id of a branch", PAGE)
@@ -54,13 +55,15 @@ def tip_answer(state: StudioState, ask: Mapping[str, Any]) -> dict[str, Any]:
     return _values(state, deployment, branch, along_mm, turn_rad)
 
 
-def _deployed(state: StudioState) -> Deployment:
+def deployed_robot(state: StudioState) -> tuple[Map, Deployment]:
+    """Return what is open, grown from its start on its map (simulated), and the map."""
     if state.world is None or state.start is None:
         raise BadInputError("map", None, "a map with a start", PAGE)
     if problem := not_followed(state.design):
         raise VinefabError(problem)
     terrain = prepared_map(state.world).terrain
-    return grow(state.design, terrain, state.start, state.growth, engine=engine_now())
+    grown = grow(state.design, terrain, state.start, state.growth, engine=engine_now())
+    return state.world, grown
 
 
 def _heading_rad(deployment: Deployment, branch: int) -> float:

@@ -43,9 +43,9 @@ class Opened:
     @property
     def named(self) -> tuple[Path, ...]:
         """The files that were named, whose folders are open as well."""
-        design = Path(self.design)
-        is_path = bool(design.suffix) or design.parent != Path()
-        return (*((design,) if is_path else ()), *((self.map_file,) if self.map_file else ()))
+        given = (self.design, self.map_file, self.recipe)
+        paths = [Path(name) for name in given if name]
+        return tuple(path for path in paths if path.suffix or path.parent != Path())
 
 
 class Workplace:

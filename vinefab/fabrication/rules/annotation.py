@@ -7,6 +7,7 @@ text among the documentation. A design that breaks a rule must not become a file
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -100,13 +101,13 @@ class SheetPlaces:
             Indices of the branches that it may lie on, where pieces lie apart; all by default.
         """
         at = np.array([at_mm])
-        return self._placement(at[0], branches).on_sheet(at)[0]
+        return self._placement(at[0], branches).on_sheet(at).ravel()
 
     def lines(self, marker_wkt: str, branches: Sequence[int] = ()) -> list[Floats]:
         """Return the lines of a marker's geometry on the sheet, shape (k, 2) each."""
         found = []
         for line in _lines(marker_wkt):
-            for ends in zip(line[:-1], line[1:], strict=True):
+            for ends in pairwise(line):
                 found += self._segment(np.array(ends), branches)
         return found
 

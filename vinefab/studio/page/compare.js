@@ -1,6 +1,6 @@
 // The comparison: this version beside the one before, in every number that a change is made for.
 
-import { el, number, paused } from "studio/dom.js";
+import { el, paused } from "studio/dom.js";
 import { familyConditions, signed } from "studio/family_panel.js";
 
 const REST_MS = 500;
@@ -20,49 +20,51 @@ const CONDITIONS = {
   family: familyConditions,
 };
 
-function billLine(answers, item) {
-  return answers.rules?.bill?.find((line) => line.item === item) ?? null;
+const GROUPS = ["simulated", "computed"];
+
+function billValue(item, factor) {
+  return (found) => {
+    const line = found.rules?.bill?.find((one) => one.item === item);
+    return line ? line.value * factor : null;
+  };
 }
 
 /** What is compared: where it comes from, whether more or less of it is better, how it is written. */
 function measures(answers, task) {
   const tasks = Object.keys(answers.live?.scores ?? {});
-  const line = (item, factor) => (found) => {
-    const { value } = billLine(found, item) ?? {};
-    return value === undefined ? null : value * factor;
-  };
   return [
     ...tasks.map((name) => ({
-      key: `score-${name}`, name, panel: "live", better: 1, digits: 3, unit: "", standing: "simulated",
+      key: `score-${name}`, name, group: "simulated", panel: "live", better: 1, digits: 3, unit: "",
       title: `Score on the open map, task ${name}`, of: (found) => found.live?.scores?.[name],
     })),
     {
-      key: "family", name: `${task}, many maps`, panel: "family", better: 1, digits: 3, unit: "", standing: "simulated",
-      title: "Mean score over the family of maps", of: (found) => found.family?.distribution?.mean,
+      key: "family", name: `${task}, many maps`, group: "simulated", panel: "family", better: 1, digits: 3, unit: "",
+      title: `Mean score over many maps, task ${task}`, of: (found) => found.family?.distribution?.mean,
     },
     {
-      key: "grown", name: "length grown", panel: "live", better: 1, digits: 1, unit: "%", standing: "simulated",
+      key: "grown", name: "length grown", group: "simulated", panel: "live", better: 1, digits: 1, unit: "%",
       title: "Grown over planned length of all branches, on the open map",
       of: (found) => (found.live?.facts?.planned_mm ? (100 * found.live.facts.grown_mm) / found.live.facts.planned_mm : null),
     },
     {
-      key: "film", name: "film area", panel: "rules", better: -1, digits: 0, unit: "cm²", item: "film area, all plies",
-      title: "Film of all plies, with its rim", of: line("film area, all plies", 1),
+      key: "pressure", name: "pressure", group: "simulated", panel: "live", better: -1, digits: 1, unit: "kPa", note: "assumed",
+      title: "Pressure that growth to every tip takes on the open map; its constants are assumed",
+      of: (found) => found.live?.facts?.pressure_needed_kpa,
     },
     {
-      key: "time", name: "cutting time", panel: "rules", better: -1, digits: 1, unit: "min", item: "machine time, total",
-      title: "Time of the machine, all passes", of: line("machine time, total", 1 / 60),
+      key: "film", name: "film", group: "computed", panel: "rules", better: -1, digits: 0, unit: "cm²", note: "assumed",
+      title: "Area of the film of all plies; its rim is assumed", of: billValue("film area, all plies", 1),
     },
     {
-      key: "pressure", name: "pressure needed", panel: "live", better: -1, digits: 1, unit: "kPa", standing: "simulated, constants assumed",
-      title: "Pressure that growth to every tip takes on the open map", of: (found) => found.live?.facts?.pressure_needed_kpa,
+      key: "time", name: "cutting", group: "computed", panel: "rules", better: -1, digits: 1, unit: "min", note: "assumed",
+      title: "Time of the machine, all passes; its accelerations are assumed", of: billValue("machine time, total", 1 / 60),
     },
     {
-      key: "errors", name: "errors", panel: "rules", better: -1, digits: 0, unit: "", standing: "computed",
+      key: "errors", name: "errors", group: "computed", panel: "rules", better: -1, digits: 0, unit: "",
       title: "Findings that stand in the way of cutting", of: (found) => found.rules?.errors,
     },
     {
-      key: "warnings", name: "warnings", panel: "rules", better: -1, digits: 0, unit: "", standing: "computed",
+      key: "warnings", name: "warnings", group: "computed", panel: "rules", better: -1, digits: 0, unit: "",
       title: "Findings to be looked at", of: (found) => found.rules?.warnings,
     },
   ];
@@ -70,18 +72,18 @@ function measures(answers, task) {
 
 const isKnown = (value) => value !== null && value !== undefined && Number.isFinite(value);
 
-/** Return what is shown of a measure now and before; `comparable` tells of panels. */
+/** Return what is shown of a measure now and before; `comparable` tells whether before is known. */
 export function comparedCell(measure, now, before, comparable) {
   const [present, former] = [measure.of(now), comparable ? measure.of(before) : null];
-  const unit = measure.unit ? ` ${measure.unit}` : "";
-  const cell = { now: isKnown(present) ? `${number(present, measure.digits)}${unit}` : "–", before: "–", change: "", kind: "" };
+  const cell = { now: "–", before: "–", change: "", kind: "" };
+  if (isKnown(present)) cell.now = `${present.toFixed(measure.digits)}${measure.unit && ` ${measure.unit}`}`;
   if (!isKnown(former)) return cell;
-  cell.before = `${number(former, measure.digits)}${unit}`;
+  cell.before = former.toFixed(measure.digits);
   if (!isKnown(present)) return cell;
   const gain = present - former;
   const isSame = Math.abs(gain) < 0.5 * 10 ** -measure.digits;
   cell.kind = isSame ? "same" : gain * measure.better > 0 ? "better" : "worse";
-  cell.change = isSame ? "= same" : `${signed(gain, measure.digits)}${unit} ${cell.kind}`;
+  cell.change = isSame ? "=" : signed(gain, measure.digits);
   return cell;
 }
 
@@ -93,13 +95,15 @@ export function mount(root, app) {
   const choice = el("select", { id: "compare-with" }, Object.entries(RULES).map(([key, [text]]) => el("option", { value: key }, text)));
   const keep = el("button", { type: "button", id: "keep-reference" }, "Keep this as reference");
   const rule = el("span", { class: "facts rule" });
-  const list = el("ul", { class: "differences", "aria-label": "Now, before and difference" });
+  const bodies = GROUPS.map(() => el("tbody"));
+  const tables = GROUPS.map((name, index) => el("table", { class: "differences" },
+    el("thead", {}, el("tr", {}, [name, "before", "now", "difference"].map((text) => el("th", { scope: "col" }, text)))), bodies[index]));
   root.append(
-    el("div", { class: "toolbar" }, el("label", {}, "Compared with the version ", choice), keep, rule),
-    list,
+    el("div", { class: "toolbar" }, el("label", {}, "Compared with ", choice), keep, rule),
+    el("div", { class: "tables" }, tables),
   );
 
-  const cells = new Map();
+  const rows = new Map();
   const kept = { step: null, saved: null, kept: null };
   let now = version(app.shown().design, app.shown());
   let changedAt = -Infinity;
@@ -166,30 +170,29 @@ export function mount(root, app) {
 
   // ---- showing
 
-  function makeCell(measure) {
-    const parts = Object.fromEntries(["now", "before", "change"].map((name) => [name, el("span", { class: name })]));
-    const standing = el("span", { class: "standing" });
-    const item = el("li", { "data-measure": measure.key, title: measure.title },
-      el("span", { class: "name" }, measure.name), parts.now, el("span", { class: "was" }, "before ", parts.before), parts.change, standing);
-    list.append(item);
-    return { ...parts, item, standing, name: item.firstChild };
+  function makeRow(measure) {
+    const kind = el("span", { class: "for-readers" });
+    const change = el("span");
+    const [before, now] = [el("td"), el("td", { class: "now" })];
+    const heading = el("th", { scope: "row" }, measure.name, measure.note ? el("span", { class: "standing" }, measure.note) : null);
+    const row = el("tr", { "data-measure": measure.key }, heading, before, now, el("td", {}, change, kind));
+    return { row, before, now, change, kind };
   }
 
-  function showCell(measure, answers, reference) {
-    if (!cells.has(measure.key)) cells.set(measure.key, makeCell(measure));
-    const cell = cells.get(measure.key);
+  function showRow(measure, answers, reference) {
+    const key = `${measure.key} ${measure.name}`;
+    if (!rows.has(key)) rows.set(key, makeRow(measure));
+    const parts = rows.get(key);
     const comparable = Boolean(reference) && reference.conditions[measure.panel] === CONDITIONS[measure.panel](app.shown());
     const found = comparedCell(measure, answers, reference?.answers ?? {}, comparable);
-    cell.name.textContent = measure.name;
-    for (const part of ["now", "before", "change"]) {
-      if (cell[part].textContent !== found[part]) cell[part].textContent = found[part];
+    for (const part of ["before", "now", "change", "kind"]) {
+      if (parts[part].textContent !== found[part]) parts[part].textContent = found[part];
     }
-    cell.change.setAttribute("class", `change ${found.kind}`);
-    const standing = measure.standing ?? billLine(answers, measure.item)?.standing ?? "";
-    if (cell.standing.textContent !== standing) cell.standing.textContent = standing;
+    parts.change.setAttribute("class", found.kind);
     const why = !reference || comparable ? "" : ". Not known of the version before under what is open now";
-    cell.item.title = `${measure.title}${why}`;
-    cell.item.hidden = found.now === "–" && found.before === "–";
+    parts.row.title = `${measure.title}${why}`;
+    parts.row.hidden = found.now === "–" && found.before === "–";
+    return parts.row;
   }
 
   function words(reference) {
@@ -205,7 +208,11 @@ export function mount(root, app) {
     const compared = reference && reference.key !== now.key ? reference : null;
     // While a design is dragged its answers are one step behind: they are shown as they come.
     const answers = { live: app.answers.live, rules: app.answers.rules, family: app.answers.family };
-    for (const measure of measures(answers, app.shown().task ?? "coverage")) showCell(measure, answers, compared);
+    const shown = measures(answers, app.shown().task ?? "coverage").map((measure) => [measure.group, showRow(measure, answers, compared)]);
+    bodies.forEach((body, index) => {
+      const wanted = shown.filter(([name]) => name === GROUPS[index]).map(([, row]) => row);
+      if (wanted.length !== body.children.length || wanted.some((row, place) => body.children[place] !== row)) body.replaceChildren(...wanted);
+    });
     const text = words(reference);
     if (rule.textContent !== text) rule.textContent = text;
     tell(false);

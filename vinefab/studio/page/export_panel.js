@@ -42,6 +42,7 @@ const EXPORTS = [
   },
   {
     name: "snapshot", title: "Snapshot", about: "this page as one file, to be sent: it needs no server", out: "snapshot.html", place: "File",
+    note: "The command opens it again, with design, map and start.",
     options: [
       { key: "family", label: "with the many maps" },
       { key: "date", label: "with today's date" },
@@ -117,7 +118,7 @@ function entry(kind, app, write) {
       line.hidden = !told?.command;
       command.textContent = told?.command ?? "";
       note.dataset.kind = told?.error ? "error" : "info";
-      note.textContent = told?.error ?? (told?.inputs?.length ? `Written beside it first, as no file has them as they are here: ${told.inputs.join(", ")}` : "");
+      note.textContent = told?.error ?? kind.note ?? (told?.inputs?.length ? `Written beside it first, as no file has them as they are here: ${told.inputs.join(", ")}` : "");
     },
     setBusy(isBusy) {
       for (const node of box.querySelectorAll("input, select, button.primary")) node.disabled = isBusy;

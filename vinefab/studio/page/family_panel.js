@@ -6,16 +6,19 @@ const STILL_MS = 120;
 const AGAIN_MS = 1500;
 const MOST_GROUNDS = 600;
 const CHART = { height: 96, left: 10, right: 10, top: 8, base: 66 };
+/** Scores that differ by less look the same. */
+const LEAST = 5e-4;
 const SORTS = [["seed", "in order"], ["worst", "worst first"], ["best", "best first"], ["change", "most changed first"]];
 const BOUNDS = { count: [1, 200], seed: [0, 2 ** 31], poses: [1, 5] };
 
 const same = (one, two) => JSON.stringify(one) === JSON.stringify(two);
-const range = (low, high, digits = 3) => `${number(low, digits)} to ${number(high, digits)}`;
+const score = (value) => value.toFixed(3);
+const range = (low, high) => `${score(low)} to ${score(high)}`;
 
 /** Return a difference with its sign. */
 export function signed(value, digits = 3) {
-  const text = number(Math.abs(value), digits);
-  if (Number(text) === 0) return "±0";
+  const text = Math.abs(value).toFixed(digits);
+  if (Number(text) === 0) return "0";
   return `${value > 0 ? "+" : "−"}${text}`;
 }
 
@@ -213,7 +216,7 @@ export function mount(root, app) {
   const filesLine = el("div", { class: "field files", hidden: true }, el("label", { for: "family-files" }, "Map files"), files);
   const fields = [
     numberField("Maps", "count", app, "How many maps, with seeds one after the other"),
-    numberField("First seed", "seed", app, "Seed of the first map"),
+    numberField("Seed", "seed", app, "Seed of the first map; the others follow"),
     numberField("Poses", "poses", app, "Deployments on each map, from poses drawn around its start"),
   ];
   const sort = el("select", { id: "family-sort" }, SORTS.map(([value, text]) => el("option", { value }, text)));
@@ -270,6 +273,7 @@ export function mount(root, app) {
     view = name;
     for (const button of views) button.setAttribute("aria-pressed", String(button.dataset.view === name));
     grid.hidden = name !== "maps";
+    chart.toggleAttribute("hidden", name !== "maps");
     heat.box.hidden = name !== "heat";
     sort.disabled = name !== "maps";
     if (name === "heat" && answer) heat.show(answer.heat);
@@ -346,14 +350,14 @@ export function mount(root, app) {
   function makeTile(entry) {
     const parts = { ground: svgEl("g"), robot: svgEl("g") };
     const svg = svgEl("svg", { class: "plan", viewBox: entry.view_box, "aria-hidden": "true" }, parts.ground, parts.robot);
-    const score = el("span", { class: "value" });
+    const value = el("span", { class: "value" });
     const difference = el("span", { class: "difference" });
     const button = el("button", { type: "button", "data-key": entry.key, onclick: () => open(tiles.get(entry.key).entry) },
-      svg, el("span", { class: "caption" }, el("span", { class: "name" }, entry.name), score, difference));
+      svg, el("span", { class: "caption" }, el("span", { class: "name" }, entry.name), value, difference));
     const item = el("div", { role: "listitem", class: "tile", "data-key": entry.key }, button);
     svg.style.setProperty("--mm-per-px", (Number(entry.view_box.split(" ")[2]) / 120).toFixed(3));
     watcher.observe(item);
-    return { ...parts, item, button, score, difference, entry, drawn: {} };
+    return { ...parts, item, button, value, difference, entry, drawn: {} };
   }
 
   /** Draw what has changed of a map that is in view. */
@@ -371,14 +375,14 @@ export function mount(root, app) {
     const { entry } = tile;
     const old = before[entry.key];
     const gain = entry.score === null || old === undefined ? null : entry.score - old;
-    const words = gain === null ? "" : Math.abs(gain) < 5e-4 ? "=" : signed(gain);
+    const words = gain === null ? "" : Math.abs(gain) < LEAST ? "=" : signed(gain);
     const kind = words === "" || words === "=" ? "" : gain > 0 ? " better" : " worse";
-    tile.score.textContent = entry.score === null ? "…" : number(entry.score, 3);
+    tile.value.textContent = entry.score === null ? "…" : score(entry.score);
     tile.difference.textContent = words;
     tile.difference.setAttribute("class", `difference${kind}`);
     tile.item.classList.toggle("waiting", entry.score === null);
     const facts = entry.score === null ? "not evaluated yet"
-      : `score ${number(entry.score, 3)} (simulated), ${number(100 * entry.grown_share, 0)} % grown, ${entry.deployed} of ${entry.branches} branches out`;
+      : `score ${score(entry.score)} (simulated), ${number(100 * entry.grown_share, 0)} % grown, ${entry.deployed} of ${entry.branches} branches out`;
     tile.button.setAttribute("aria-label", `${entry.name}: ${facts}${gain === null ? "" : `, ${words === "=" ? "as before" : `${words} to the version before,${kind}`}`}. Open this map`);
     tile.button.title = `${entry.name}: ${facts}`;
     tile.button.disabled = !app.live;
@@ -406,10 +410,10 @@ export function mount(root, app) {
   function arrange() {
     if (!answer) return;
     const gain = (entry) => (before[entry.key] === undefined || entry.score === null ? 0 : Math.abs(entry.score - before[entry.key]));
-    const score = (entry) => entry.score ?? Infinity;
+    const known = (entry, otherwise) => entry.score ?? otherwise;
     const order = {
-      seed: () => 0, worst: (one, two) => score(one) - score(two),
-      best: (one, two) => score(two) - score(one), change: (one, two) => gain(two) - gain(one),
+      seed: () => 0, worst: (one, two) => known(one, Infinity) - known(two, Infinity),
+      best: (one, two) => known(two, -Infinity) - known(one, -Infinity), change: (one, two) => gain(two) - gain(one),
     }[sort.value];
     const wanted = [...answer.maps].sort(order).map((entry) => tiles.get(entry.key).item);
     if (wanted.some((item, index) => grid.children[index] !== item) || wanted.length !== grid.children.length) grid.replaceChildren(...wanted);
@@ -440,14 +444,14 @@ export function mount(root, app) {
     const about = answer.quick ? "≈ " : "";
     const partly = answer.evaluated < answer.maps.length ? `, the first of ${answer.maps.length}` : "";
     summary.replaceChildren(
-      el("span", { class: "name" }, `${answer.task}, mean `), el("span", { class: "value" }, `${about}${number(mean, 3)}`),
+      el("span", { class: "name" }, `${answer.task}, mean `), el("span", { class: "value" }, `${about}${score(mean)}`),
       el("span", { class: "facts" }, ` ${interval}${partly} · half of the maps ${range(quantiles[25], quantiles[75])} · ${number(100 * answer.grown_share, 0)} % grown`),
       el("span", { class: "standing" }, "simulated"),
     );
     const { difference } = answer;
     change.hidden = !difference;
     if (difference) {
-      const clear = difference.low !== null && (difference.low > 0 || difference.high < 0);
+      const clear = difference.low !== null && (difference.low > LEAST || difference.high < -LEAST);
       const kind = !clear ? "" : difference.mean > 0 ? "better" : "worse";
       const verdict = clear ? kind : "no clear difference";
       change.replaceChildren(
@@ -457,7 +461,8 @@ export function mount(root, app) {
           + ` · better on ${difference.better}, worse on ${difference.worse} of ${difference.maps} maps`),
       );
     }
-    chart.setAttribute("aria-label", `Scores of ${maps} maps: mean ${number(mean, 3)}, ${interval}, least ${number(Math.min(...Object.values(scoresOf(answer))), 3)}, greatest ${number(Math.max(...Object.values(scoresOf(answer))), 3)}`);
+    const all = Object.values(scoresOf(answer));
+    chart.setAttribute("aria-label", `Scores of ${maps} maps: mean ${score(mean)}, ${interval}, least ${score(Math.min(...all))}, greatest ${score(Math.max(...all))}`);
   }
 
   function show(found, state) {

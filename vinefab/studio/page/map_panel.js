@@ -104,14 +104,29 @@ export function mount(root, app) {
 
   function showRobot() {
     fillSvg(layers["robot-layer"], answer.robot_svg ?? "");
+    if (share < 1) showFront(layers["robot-layer"], share * fullMm);
     showGrown();
   }
 
   function showGrown() {
     const at = share * fullMm;
-    if (share < 1) showFront(layers["robot-layer"], at);
-    frontOut.textContent = fullMm ? `${number(at, 0)} of ${number(fullMm, 0)} mm` : "–";
+    if (share < 1 && app.live && at > 0) askFront(at);
+    else if (share < 1) showFront(layers["robot-layer"], at);
+    const cut = !app.live && share < 1 ? ", the final shape cut" : "";
+    frontOut.textContent = fullMm ? `${number(at, 0)} of ${number(fullMm, 0)} mm${cut}` : "–";
     front.setAttribute("aria-valuetext", frontOut.textContent);
+  }
+
+  // Dashes cut the final robot; a tip that slid along a wall lay elsewhere, which the server knows.
+  async function askFront(front_mm) {
+    const whole = answer;
+    try {
+      const found = await app.ask("front", { front_mm });
+      if (whole !== answer || share >= 1) return;
+      fillSvg(layers["robot-layer"], found.robot_svg);
+    } catch {
+      // A newer length is asked for, or the answer to the design says what is wrong.
+    }
   }
 
   function showGhost() {
@@ -175,7 +190,7 @@ export function mount(root, app) {
     const was = share;
     share = Math.min(1, Math.max(0, value));
     front.value = Math.round(1000 * share);
-    if (was < 1 && share >= 1) showFront(layers["robot-layer"], Infinity);
+    if (was < 1 && share >= 1) fillSvg(layers["robot-layer"], answer?.robot_svg ?? "");
     showGrown();
   }
   let playing = 0;

@@ -425,7 +425,7 @@ export function mount(root, app) {
     );
     const is_running = found.state === "running";
     stop.hidden = !is_running;
-    resume.hidden = !["stopped", "failed"].includes(found.state) || !found.generations;
+    resume.hidden = found.state !== "stopped" && !(found.state === "failed" && found.generations);
     start.disabled = is_running || !app.live;
     for (const button of [on_map, take]) button.disabled = !found.best || !app.live;
     for (const button of [stop, resume]) button.disabled = !app.live;

@@ -38,14 +38,14 @@ MOST_FINDINGS = 200
 
 def rules_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dict[str, Any]:  # noqa: ARG001  one form
     """Return the full check of what is open on the page, with the sheet that it is about."""
-    tell(0.1, "growing")
+    tell(0.1, "growth")
     deployed, problem = deployed_on_page(state)
-    tell(0.2, "checking")
+    tell(0.2, "rules")
     corridors = () if state.world is None else (_corridors(state.world),)
     subject, report = checked_design(
         state.design, state.profile, deployed=deployed, corridors=corridors
     )
-    tell(0.8, "drawing")
+    tell(0.8, "sheet")
     return {
         **report_content(report),
         **_sheet_content(subject, report),

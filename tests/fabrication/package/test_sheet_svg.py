@@ -55,6 +55,16 @@ def test_a_place_on_a_branch_lies_on_the_piece_that_the_branch_is_on(in_pieces):
             assert body.contains(shapely.Point(places.point(tuple(at), [branch])))
 
 
+def test_a_marked_branch_lies_on_its_piece_whatever_branches_the_finding_names(in_pieces):
+    subject, _ = in_pieces
+    places = SheetPlaces.of(subject.job, subject.layout)
+    for piece in subject.partition.pieces:
+        body = body_on_sheet(subject.job, piece.label).buffer(1.0)
+        for branch in set(piece.branches) - {piece.root}:
+            (line,) = places.lines(mark_branches(subject.layout, [branch]), [0])
+            assert body.contains(shapely.LineString(line))
+
+
 def test_a_branch_that_is_cut_is_marked_on_both_of_its_pieces(in_pieces):
     subject, _ = in_pieces
     (sleeve, *_) = subject.partition.sleeves

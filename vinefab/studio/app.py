@@ -226,6 +226,8 @@ async def _received(socket: WebSocket, longest: int | None = None) -> Mapping[st
         message = json.loads(text) if longest is None or len(text) <= longest else None
     except (ValueError, RecursionError, KeyError):
         message = None
+    except RuntimeError as error:  # sending has found out before that nobody is there
+        raise WebSocketDisconnect(1006) from error
     if not isinstance(message, dict):
         await socket.close(1003, "messages are JSON objects")
         raise WebSocketDisconnect(1003)

@@ -5,7 +5,7 @@ import signal
 import socket
 import webbrowser
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from threading import Thread
 
 from vinefab.studio.door import Door, bound_socket
@@ -32,11 +32,12 @@ def serve(
     workplace = Workplace(opened)
     bound = bound_socket(port)
     door = Door(port=bound.getsockname()[1])
-    # The browser starts while the rest is being loaded; the system keeps its call waiting.
-    say(f"studio: {door.address}  (Ctrl-C ends it)")
-    if browser:
-        Thread(target=webbrowser.open, args=(door.address,), daemon=True).start()
-    asyncio.run(_until_stopped(workplace, door, bound))
+    with suppress(KeyboardInterrupt):  # while the rest is being loaded
+        # The browser starts meanwhile; the system keeps its call waiting.
+        say(f"studio: {door.address}  (Ctrl-C ends it)")
+        if browser:
+            Thread(target=webbrowser.open, args=(door.address,), daemon=True).start()
+        asyncio.run(_until_stopped(workplace, door, bound))
 
 
 async def _until_stopped(workplace: Workplace, door: Door, bound: socket.socket) -> None:

@@ -15,6 +15,7 @@ from vinefab.core.errors import BadInputError, UnreadableFileError, VinefabError
 from vinefab.model.design import Design
 from vinefab.model.files.design_toml import design_content, design_of, design_text, read_design
 from vinefab.search.front_files import front_json, front_of
+from vinefab.search.record.run_archive import RunArchive
 from vinefab.search.run import run_search
 from vinefab.search.run_file import read_run
 from vinefab.search.settings import MapSettings, RunSettings, SearchSettings
@@ -58,6 +59,10 @@ def followed(desk, until, patience_s=90.0):
                 return events
         time.sleep(0.01)
     raise AssertionError(f"not seen: {events[-1:]}")
+
+
+def read_archive(folder):
+    return RunArchive.read(folder / "run.sqlite").result()
 
 
 def is_over(event):
@@ -143,7 +148,7 @@ def test_what_the_command_refuses_is_its_line_and_leaves_no_folder(desk, tmp_pat
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"ranges": {"trunk.length": [200, 100]}}, "in order"),
+        ({"ranges": {"trunk.length": [200, 100]}}, "^the page: space.*in order"),
         ({"ranges": {"level.9.length": [1, 2]}}, "ranges of trunk.length"),
         ({"levels": [3, 2]}, "3 to 10"),
         ({"levels": "all"}, r"\[fewest, most\]"),
@@ -212,6 +217,8 @@ def test_points_of_a_front_are_loaded_as_they_are_in_its_files(desk, front_run):
     (run,) = desk.runs()["runs"]
     front = run["front"]
     assert front["is_final"]
+    assert run["best_score"] == read_archive(folder).score.composite["mean"]
+    assert "fresh poses (simulated)" in run["best_words"]
     assert [one["name"] for one in front["objectives"]] == ["coverage score", "film length"]
     assert [point["point"] for point in front["points"]] == [m.design.name for m in members]
     assert front["points"][0]["values"] == [members[0].fitness, members[0].further[0]]

@@ -23,11 +23,18 @@ from typing import IO, Any
 import numpy as np
 
 from vinefab.core.atomic import folder_to_fill, write_text
-from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError, VinefabError
+from vinefab.core.errors import (
+    BadInputError,
+    CannotWriteError,
+    UnknownNameError,
+    UnreadableFileError,
+    VinefabError,
+)
 from vinefab.core.interruption import STOP_WITH_INPUT
 from vinefab.core.plain_text import visible
 from vinefab.core.validation import Floats
 from vinefab.model.files.design_toml import design_content, read_design
+from vinefab.model.score import Score
 from vinefab.search.costs import COSTS
 from vinefab.search.evaluator import INVALID_FITNESS
 from vinefab.search.front import minimized, non_dominated
@@ -70,6 +77,7 @@ class FollowedRecord:
     best_x: Floats = field(default_factory=lambda: np.empty(0))
     curve: list[tuple[int, float]] = field(default_factory=list)  # evaluations and best fitness
     stopped: str = ""
+    winner_score: Score | None = None  # on fresh poses, once the run has ended
     front: "LiveFront | None" = None
 
     def look(self) -> None:
@@ -80,6 +88,7 @@ class FollowedRecord:
         if self.settings is None and tail.settings.objectives:
             self.front = LiveFront(tail.settings)
         self.settings, self.stopped = tail.settings, tail.stopped
+        self.winner_score = tail.winner_score
         for generation in tail.generations:
             self._take(generation)
 
@@ -273,9 +282,9 @@ class SearchDesk:
                     for name, text in run_files(state, ask, folder).items():
                         written[write_text(folder / name, text)] = text
                     read_run(folder / RUN_FILE)
-                except VinefabError:
+                except VinefabError as error:
                     _take_back(written)
-                    raise
+                    raise _on_page(error, folder / RUN_FILE) from error
             return self._begin(self._arguments(folder / RUN_FILE, folder), folder, written)
 
     def resume(self, ask: Mapping[str, Any]) -> dict[str, Any]:
@@ -445,13 +454,12 @@ class SearchDesk:
             front = _final_front(running.folder, running.record)
         except VinefabError as error:
             return {"line": str(error)}
-        mean, count = result.score.composite["mean"], len(result.score.evaluations)
         breaks = running.process.returncode == 1
         rules = "; it breaks fabrication rules or limits" if breaks else ""
         found = {
             "best": design_content(result.best),
-            "best_score": mean,
-            "best_words": f"mean score of the winner on {count} fresh poses ({_SIMULATED}){rules}",
+            "best_score": result.score.composite["mean"],
+            "best_words": f"{_winner_words(result.score)}{rules}",
             "best_breaks": breaks,
         }
         return {**found, "front": front} if front else found
@@ -555,6 +563,7 @@ class SearchDesk:
             line = "has no generation yet"
             return {"folder": self._shown(path.parent), "state": "unfinished", "line": line}
         state = "running" if is_running else "ended" if record.stopped else "unfinished"
+        score, words = _listed_score(record)
         return {
             "folder": self._shown(path.parent),
             "state": state,
@@ -563,8 +572,8 @@ class SearchDesk:
             "objectives": list(settings.objectives),
             "generations": record.generations,
             "most_generations": settings.search.generations,
-            "best_score": record.best if record.best_at is not None else None,
-            "best_words": _best_words(record),
+            "best_score": score,
+            "best_words": words,
             "front": _shown_front(path.parent, record),
             "line": _line(state, record),
         }
@@ -602,14 +611,25 @@ def _best_words(record: FollowedRecord) -> str:
     return f"best fitness so far, of many tries: likely too good ({_SIMULATED}, {where}{breaks})"
 
 
+def _winner_words(score: Score) -> str:
+    return f"mean score of the winner on {len(score.evaluations)} fresh poses ({_SIMULATED})"
+
+
+def _listed_score(record: FollowedRecord) -> tuple[float | None, str]:
+    """Return the score of a run's winner, or the best fitness so far, and what it is."""
+    score = record.winner_score
+    if record.stopped and score is not None:
+        return score.composite["mean"], _winner_words(score)
+    return record.best if record.best_at is not None else None, _best_words(record)
+
+
 def _best_of(folder: Path) -> tuple[dict[str, Any], str]:
     """Return the winner of a run that has ended, or the best design so far."""
     record = FollowedRecord(folder / RECORD_FILE)
     record.look()
     if record.stopped:
         result = RunArchive.read(record.path).result()
-        mean, count = result.score.composite["mean"], len(result.score.evaluations)
-        words = f"mean score {mean:.4f} on {count} fresh poses ({_SIMULATED})"
+        words = f"{result.score.composite['mean']:.4f}: {_winner_words(result.score)}"
         return design_content(result.best), words
     content = record.best_content()
     if content is None:
@@ -692,6 +712,13 @@ def _final_point(entry: Mapping[str, Any], names: list[str]) -> dict[str, Any]:
         "values": [float(entry[objective]) for objective in names],
         "breaks": entry["penalty"] > 0.0,
     }
+
+
+def _on_page(error: VinefabError, run_file: Path) -> VinefabError:
+    """Return an error about a run file that is gone again as one about the page."""
+    if isinstance(error, BadInputError | UnknownNameError) and error.source == str(run_file):
+        return error.at(PAGE)
+    return error
 
 
 def _take_back(written: Mapping[Path, str]) -> None:

@@ -29,7 +29,7 @@ PAGE_FOLDER = Path(str(files("vinefab.studio"))) / "page"
 MODULES = "<!-- modules -->"
 """What in ``index.html`` is replaced by the import map, here and in snapshots."""
 
-_PATIENCE_S = 10.0
+_PATIENCE_S = 5.0
 """Time in which a socket must show its token."""
 
 _LONGEST_HELLO = 1000

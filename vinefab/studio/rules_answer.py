@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
+from vinefab.core.errors import BadInputError
 from vinefab.core.units import deg
 from vinefab.fabrication.checking import Deployed, checked_design, map_corridors, verdict
 from vinefab.fabrication.package.bom import BomLine, bill_of_materials, joint_lines
@@ -37,14 +38,14 @@ MOST_FINDINGS = 200
 
 def rules_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dict[str, Any]:  # noqa: ARG001  one form
     """Return the full check of what is open on the page, with the sheet that it is about."""
-    tell(0.1, "growing")
-    deployed = deployed_on_page(state)
-    tell(0.2, "checking")
+    tell(0.1, "growth")
+    deployed, problem = deployed_on_page(state)
+    tell(0.2, "rules")
     corridors = () if state.world is None else (_corridors(state.world),)
     subject, report = checked_design(
         state.design, state.profile, deployed=deployed, corridors=corridors
     )
-    tell(0.8, "drawing")
+    tell(0.8, "sheet")
     return {
         **report_content(report),
         **_sheet_content(subject, report),
@@ -52,18 +53,25 @@ def rules_answer(state: StudioState, ask: Mapping[str, Any], tell: Tell) -> dict
         "gauge": _gauge_content(subject, state.profile),
         "bill": _bill_content(subject, state.profile),
         "deployed": [name for name, _ in deployed],
+        "deployed_problem": problem,
     }
 
 
-def deployed_on_page(state: StudioState) -> Deployed:
-    """Return the deployment on the open map from its start; nothing without a map or a start."""
-    if state.world is None or state.start is None:
-        return ()
+def deployed_on_page(state: StudioState) -> tuple[Deployed, str]:
+    """Return the deployment on the open map from its start, or none and why there is none."""
+    if state.world is None:
+        return (), "no map is open: growth paths are checked in free space only"
+    if state.start is None:
+        return (), f"map {state.world.name} has no start: growth is checked in free space only"
     options = growth_on_maps(state.design, state.growth.content).options
-    terrain = terrain_of(state.world)
-    # One growth is done by the interpreter before the compiled kernel is even loaded.
-    grown = grow(state.design, terrain, state.start, options, engine="interpreted")
-    return ((state.world.name, grown),)
+    try:
+        # One growth is done by the interpreter before the compiled kernel is even loaded.
+        grown = grow(
+            state.design, terrain_of(state.world), state.start, options, engine="interpreted"
+        )
+    except BadInputError as error:
+        return (), f"not grown on map {state.world.name}: {error}"
+    return ((state.world.name, grown),), ""
 
 
 @lru_cache(maxsize=4)

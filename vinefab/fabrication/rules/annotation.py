@@ -71,13 +71,14 @@ class SheetPlaces:
     whole: LayoutPlacement | None  # of a robot in one piece
     uncut: Mapping[int, LayoutPlacement]  # of a robot in pieces: where each uncut branch lies
     cut: Mapping[int, _CutBranch]
+    axes: Mapping[tuple[float, ...], int]  # branches by the ends of their axes
 
     @classmethod
     def of(cls, job: Job, layout: FlatLayout) -> "SheetPlaces":
         """Return the places that a job's facts record; of several copies those of the first."""
         pieces = fact_rows(job, "pieces")
         if not job.sheets:
-            return cls(layout=layout, whole=LayoutPlacement.of(job), uncut={}, cut={})
+            return cls(layout=layout, whole=LayoutPlacement.of(job), uncut={}, cut={}, axes={})
         row = {name: number for number, name in enumerate(layout.tree.ids)}
         first = [piece for piece in pieces if piece["copy"] == 1]
         placed = {piece["label"]: _piece_placement(piece, job) for piece in first}
@@ -90,7 +91,9 @@ class SheetPlaces:
             )
             for joint in fact_rows(job, "joints")
         }
-        return cls(layout=layout, whole=None, uncut=home, cut=cut)
+        ends = np.stack([layout.start_mm, layout.end_mm], axis=1)
+        axes = {_rounded(two): number for number, two in enumerate(ends)}
+        return cls(layout=layout, whole=None, uncut=home, cut=cut, axes=axes)
 
     def point(self, at_mm: tuple[float, float], branches: Sequence[int] = ()) -> Floats:
         """Return where a place lies on the sheet, shape (2,).
@@ -114,13 +117,16 @@ class SheetPlaces:
     def _segment(self, ends_mm: Floats, branches: Sequence[int]) -> list[Floats]:
         """Return a straight line on the sheet: in two parts if it runs along a branch that is cut.
 
-        Whatever else lies on two pieces is drawn on that of its middle.
+        A line that is the axis of no branch is drawn on the piece of its middle.
         """
-        middle = ends_mm.mean(axis=0)
-        cut = None if self.whole else self.cut.get(self._branch(middle, branches))
+        if self.whole:
+            return [self.whole.on_sheet(ends_mm)]
+        row = self.axes.get(_rounded(ends_mm))
+        if row is None:
+            row = self._branch(ends_mm.mean(axis=0), branches)
+        cut = self.cut.get(row)
         if cut is None:
-            return [self._placement(middle, branches).on_sheet(ends_mm)]
-        row = self._branch(middle, branches)
+            return [self.uncut[row].on_sheet(ends_mm)]
         first, last = (self._along_mm(row, end) - cut.at_mm for end in ends_mm)
         if first * last >= 0.0:
             return [(cut.inner if first + last < 0.0 else cut.outer).on_sheet(ends_mm)]
@@ -151,6 +157,11 @@ class SheetPlaces:
         share = np.sum((at_mm - start) * run, axis=1) / np.maximum(np.sum(run**2, axis=1), 1e-12)
         near = start + np.clip(share, 0.0, 1.0)[:, None] * run
         return int(rows[np.hypot(*(near - at_mm).T).argmin()])
+
+
+def _rounded(ends_mm: Floats) -> tuple[float, ...]:
+    """Return the ends of a line as markers write them."""
+    return tuple(np.round(ends_mm, 3).ravel().tolist())
 
 
 def fact_rows(job: Job, name: str) -> list[Any]:

@@ -417,6 +417,7 @@ export function mount(root, app) {
     for (const name of shown.stale_waivers) {
       parts.push(el("p", { class: "stale-waiver" }, `Waiver ${name} names no finding. `, app.live ? button("Remove it", () => dropWaiver(name)) : null));
     }
+    if (shown.deployed_problem) parts.push(el("p", { class: "note warning" }, shown.deployed_problem));
     for (const { rule, note } of shown.notes) parts.push(el("p", { class: "note" }, `${rule}: ${note}`));
     const skipped = shown.rules_skipped;
     parts.push(el("details", {},

@@ -4,6 +4,10 @@ import time
 
 import pytest
 
+from vinefab.maps.make_map import generate
+from vinefab.model.files.map_geojson import map_text
+from vinefab.model.files.shipped import DEFAULT_RECIPE, locate
+
 MINE = """\
 # by hand
 schema = "vinefab/design-1"
@@ -20,7 +24,11 @@ length = 90.0  # BL
 def studio(tmp_path_factory, start_studio):
     folder = tmp_path_factory.mktemp("files")
     (folder / "mine.toml").write_text(MINE)
-    with start_studio(folder, "mine.toml") as running:
+    (folder / "grid.geojson").write_text(map_text(generate("grid", 3)))
+    recipe = locate("recipe", DEFAULT_RECIPE).read_text()
+    (folder / "laser.toml").write_text(recipe.replace(f'"{DEFAULT_RECIPE}"', '"laser"', 1))
+    arguments = ("mine.toml", "--map", "grid.geojson", "--recipe", "laser.toml")
+    with start_studio(folder, *arguments) as running:
         yield running
 
 
@@ -133,6 +141,32 @@ def test_both_sides_of_a_conflict_can_be_taken(mine, open_tab):
     assert (length(page), shown(page)) == (150.0, ("mine", "unsaved"))
     page.keyboard.press("Control+s")
     soon(page, ("mine", "saved"), lambda: shown(page))
+
+
+@pytest.mark.usefixtures("mine")
+def test_map_and_recipe_are_read_anew_when_they_change_on_disk(studio, open_tab):
+    page = open_tab()
+    page.evaluate(
+        """() => {
+        globalThis.answers = { live: 0, rules: 0 };
+        for (const panel of ["live", "rules"]) studio.onAnswer(panel, () => { answers[panel] += 1; });
+        studio.store.change("an edit", (state) => { state.map.edits.push(["remove", 0]); });
+    }"""
+    )
+    walls = page.locator("#map [data-obstacle]")
+    count = len(generate("grid", 3).obstacles)
+    soon(page, count - 1, walls.count)
+    other = generate("grid", 4, columns=3, rows=3)
+    (studio.folder / "grid.geojson").write_text(map_text(other))
+    soon(page, len(other.obstacles) - 1, walls.count)
+    page.click(".file-note button:text('Drop my changes')")
+    soon(page, len(other.obstacles), walls.count)
+    page.wait_for_timeout(600)
+    before = page.evaluate("answers.rules")
+    laser = studio.folder / "laser.toml"
+    laser.write_text(laser.read_text() + "# looked at\n")
+    soon(page, True, lambda: page.evaluate("answers.rules") > before)
+    assert "laser.toml changed on disk" in page.text_content("#status")
 
 
 def test_unsaved_work_outlives_its_tab_and_is_offered_once(studio, mine, open_tab):

@@ -71,6 +71,8 @@ def write_snapshot(
     path: Path,
     options: SnapshotOptions | None = None,
     tell: Tell | None = None,
+    *,
+    force: bool = False,
 ) -> Path:
     """Compute what the panels show of a state, and write it as one HTML file.
 
@@ -78,6 +80,8 @@ def write_snapshot(
     ----------
     state
         What is open, as the page sends it (`StudioState.of`).
+    force
+        Overwrite a file that vinefab did not write.
 
     Raises
     ------
@@ -92,7 +96,7 @@ def write_snapshot(
     for number, name in enumerate(names):
         say(number / len(names), name)
         answers[name] = answer_of(name, state, {}, _silent)
-    return write_bytes(path, snapshot_html(state, answers, options))
+    return write_bytes(path, snapshot_html(state, answers, options), force=force)
 
 
 def snapshot_html(

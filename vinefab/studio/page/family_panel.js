@@ -5,7 +5,9 @@ import { el, fillSvg, number, paused, svgEl } from "studio/dom.js";
 const STILL_MS = 120;
 const AGAIN_MS = 1500;
 const MOST_GROUNDS = 600;
-const CHART = { height: 96, left: 10, right: 10, top: 8, base: 66 };
+const CHART = { height: 96, left: 16, right: 16, top: 8, base: 66 };
+/** The interval of so few maps is narrower than it should be. */
+const FEW = 10;
 /** Scores that differ by less look the same. */
 const LEAST = 5e-4;
 const SORTS = [["seed", "in order"], ["worst", "worst first"], ["best", "best first"], ["change", "most changed first"]];
@@ -266,6 +268,7 @@ export function mount(root, app) {
       const { maps } = await app.desk("choices");
       listed.replaceChildren(...maps.map(({ path }) => el("option", { value: path }, path)));
       markListed();
+      if (!listed.hidden) listed.focus();
     } catch (error) {
       app.say(`Map files: ${error.message}`, "error");
     }
@@ -361,6 +364,10 @@ export function mount(root, app) {
     changed();
   });
   app.onPreview?.(changed);
+  app.on("again", () => {
+    asked = "";
+    changed();
+  });
   app.onReference?.(() => {
     if (!app.live || root.hidden || same(before, versionBefore(app.shown()))) return;
     asked = "";
@@ -476,7 +483,7 @@ export function mount(root, app) {
 
   function showSummary() {
     const { mean, low, high, maps, quantiles } = answer.distribution;
-    const interval = low === null ? "one map: no interval" : `95 % interval ${range(low, high)} over ${maps} maps`;
+    const interval = low === null ? "one map: no interval" : `95 % interval ${range(low, high)} over ${maps} maps${maps < FEW ? " (too narrow for so few)" : ""}`;
     const about = answer.quick ? "≈ " : "";
     const partly = answer.evaluated < answer.maps.length ? `, the first of ${answer.maps.length}` : "";
     summary.replaceChildren(

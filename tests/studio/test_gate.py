@@ -64,12 +64,17 @@ def tab(studio):
 def closed_with(opened, *messages):
     """Return the code with which the server closes a socket after some messages."""
     with opened as link, pytest.raises(ConnectionClosed) as closed:
-        link = link[0] if isinstance(link, tuple) else link
-        for message in messages:
-            link.send(message)
-        while True:
-            link.recv(timeout=20)
+        exchange(link, messages)
     return closed.value.rcvd.code
+
+
+def exchange(opened, messages):
+    """Send messages and read answers until the socket is closed."""
+    link = opened[0] if isinstance(opened, tuple) else opened
+    for message in messages:
+        link.send(message)
+    while True:
+        link.recv(timeout=20)
 
 
 def answer(link, state, seq=1, **parts):
@@ -332,8 +337,12 @@ def test_who_does_not_read_is_asked_nothing_more(studio):
         assert link.recv(12) == b"HTTP/1.1 101"
         link.sendall(hello)
         with pytest.raises(TimeoutError):
-            for _ in range(500):
-                link.sendall(question * 2000)
+            send_many(link, question)
+
+
+def send_many(link, frame):
+    for _ in range(500):
+        link.sendall(frame * 2000)
 
 
 def masked(content):
@@ -362,14 +371,14 @@ def test_ctrl_c_ends_everything(tmp_path, start_studio, number):
         before = time.monotonic()
         assert studio.interrupt(number) == 0
         assert time.monotonic() - before < ENDED_S
-        assert studio.family() == []
+        assert studio.left() == []
         assert "Traceback" not in studio.said()
 
 
 def test_ctrl_c_before_anybody_came(tmp_path, start_studio):
     with start_studio(tmp_path) as studio:
         assert studio.interrupt() == 0
-        assert studio.family() == []
+        assert studio.left() == []
         assert studio.said() == ""
 
 

@@ -72,6 +72,8 @@ def test_a_snapshot_gives_its_state_back(state, answers, tmp_path):
     path = tmp_path / "sent.html"
     path.write_bytes(snapshot_html(state, answers))
     assert stored_state(path) == state
+    again = snapshot_html(stored_state(path), answers, SnapshotOptions(file="sent.html"))
+    assert again == path.read_bytes()
     assert [p.name for p in tmp_path.iterdir()] == ["sent.html"]
 
 

@@ -110,11 +110,12 @@ def snapshot_html(
     """Return a state with the answers of its panels as one HTML file."""
     options = options or SnapshotOptions()
     portable = _portable(state)
+    named = "" if options.file.lower().endswith(".html") else Path(options.file).name
     hello = {
         "version": __version__,
         "folder": "",
         "state": portable,
-        "file": {"path": Path(options.file).name or portable["design"]["name"], "writable": False},
+        "file": {"path": named or portable["design"]["name"], "writable": False},
     }
     stored = {
         "schema": SCHEMA,

@@ -14,6 +14,8 @@ from vinefab.maps.generators.rubble import RubbleOptions
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 SHARE = st.floats(0.0, 1.0)
+MOST_SLABS = 300
+"""In a pile of rubble."""
 
 
 def starts(draw: Draw) -> dict[str, Any]:
@@ -109,8 +111,10 @@ def boards(draw: Draw) -> PegsOptions:
 def piles(draw: Draw) -> RubbleOptions:
     passage, low = draw(st.floats(2.0, 30.0)), draw(st.floats(10.0, 60.0))
     thin = draw(st.floats(0.05, 0.5))
+    # Thousands of the smallest slabs take half a minute, and show no more than hundreds do.
+    smallest = thin * low**2 / 500.0**2
     return RubbleOptions(
-        cover=draw(st.floats(0.0, 0.3 - 0.009 * passage)),
+        cover=draw(st.floats(0.0, min(0.3 - 0.009 * passage, MOST_SLABS * smallest))),
         slab_min_mm=low,
         slab_max_mm=low + draw(st.floats(40.0, 150.0)),
         exponent=draw(st.floats(0.0, 3.0)),

@@ -160,6 +160,18 @@ def test_a_map_of_a_thousand_walls_stays_small_and_an_endless_one_is_simplified(
     assert len(text) < 12_000
     for path, stone in zip(parsed(text)[1:-1], stones, strict=True):
         assert polygon(path.get("d")).hausdorff_distance(stone) <= 100 * UNSEEN + 0.011
+    small = parsed(ground_svg(Map(name="s", bounds=shapely.box(0, 0, 100, 100),
+                                  obstacles=stones), detail=False))[1].get("d")  # fmt: skip
+    assert len(small) < 1_500
+    shown = polygon(small)
+    assert shown.hausdorff_distance(shapely.union_all(stones)) <= 5 * 100 * UNSEEN + 0.011
+
+
+def test_a_map_of_endless_obstacles_is_one_path(monkeypatch):
+    world = frame_world()
+    monkeypatch.setattr(plan_svg, "MOST_OBSTACLES", 2)
+    kinds = [path.get("class") for path in parsed(ground_svg(world))]
+    assert kinds == ["free", "rock merged", "bounds"]
 
 
 # --- Robot

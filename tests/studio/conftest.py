@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
@@ -69,6 +70,17 @@ class RunningStudio:
                 if int(fields[3]) == self.process.pid and fields[0] != "Z":
                     found.append(int(status.parent.name))
         return [pid for pid in found if pid != self.process.pid]
+
+    def left(self, patience_s=1.0):
+        """Return the command lines of what the server has left running."""
+        until = time.monotonic() + patience_s
+        while self.family() and time.monotonic() < until:
+            time.sleep(0.05)
+        found = []
+        for pid in self.family():
+            with suppress(OSError):
+                found.append(Path(f"/proc/{pid}/cmdline").read_text())
+        return found
 
     def memory_mb(self):
         """Return the memory that the server holds, without its children."""

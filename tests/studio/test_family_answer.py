@@ -1,4 +1,5 @@
 import base64
+import math
 
 import numpy as np
 import pytest
@@ -26,6 +27,12 @@ def state_of(design="grid_explorer", trunk_scale=1.0, width_scale=1.0, **more):
     content["trunk"]["length"] *= trunk_scale
     content["build"]["widths_mm"][0] *= width_scale
     return StudioState.of({"design": content, "map": None, "family": GRID, **more})
+
+
+def heat_share(heat):
+    """The share of the maps for each cell, rows from below."""
+    share = np.frombuffer(base64.b64decode(heat["share"]), dtype=np.uint8) / 255.0
+    return share.reshape(heat["rows"], heat["columns"])
 
 
 def silent(_share, _words):
@@ -155,8 +162,7 @@ def test_heat_of_one_map_is_where_the_body_lies():
     family = {"environment": "grid", "count": 1, "seed": 1003}
     answer = answered(state_of(family=family))
     heat, (entry,) = answer["heat"], answer["maps"]
-    share = np.frombuffer(base64.b64decode(heat["share"]), dtype=np.uint8) / 255.0
-    share = share.reshape(heat["rows"], heat["columns"])
+    share = heat_share(heat)
     design, world = read_design("grid_explorer"), generate("grid", 1003)
     pose = Pose.of(tuple(entry["pose"].values()))
     deployment = grow(design, Terrain.of(world), pose)
@@ -189,9 +195,9 @@ def test_heat_turns_maps_so_that_all_starts_launch_upwards(tmp_path):
         room = Map(name=name, bounds=shapely.box(*box), starts=(Start(pose=pose),))
         files.append(str(room.write(tmp_path / f"{name}.geojson")))
     heat = answered(state_of("plain_vine", family={"files": files}))["heat"]
-    share = np.frombuffer(base64.b64decode(heat["share"]), dtype=np.uint8)
+    share = heat_share(heat)
     # Cells at the edge may be covered by one of two.
-    assert (share == 255).sum() > 0.8 * (share > 0).sum() > 0
+    assert (share == 1.0).sum() > 0.8 * (share > 0).sum() > 0
     assert heat["low_mm"] == pytest.approx([-200.0, -20.0])
     assert not heat["same_size"]
 
@@ -207,7 +213,31 @@ def test_a_changed_file_is_another_map(tmp_path):
     assert second["ground_svg"] is not None
 
 
+def test_a_file_named_twice_is_one_map_and_its_copy_another(tmp_path):
+    world = generate("pegs", 1, columns=5, rows=5)
+    paths = [str(world.write(tmp_path / f"{name}.geojson")) for name in ("room", "copy")]
+    state = state_of("plain_vine", family={"files": [*paths, paths[0]]})
+    assert len({entry["key"] for entry in answered(state)["maps"]}) == 2
+    assert [entry["source"]["file"] for entry in answered(state)["maps"]] == paths
+
+
+def test_a_task_that_gives_no_number_is_named(monkeypatch):
+    class Empty:
+        name, lowest = "empty", 0.0
+
+        def evaluate(self, _deployment, _context):
+            return math.nan, {}
+
+    monkeypatch.setattr(panel, "make_task", lambda _: Empty())
+    with pytest.raises(BadInputError, match=r"score of task empty.*a number on grid_1000"):
+        family_answer(state_of(), {}, silent)
+
+
 def test_what_cannot_be_used_is_named(tmp_path):
+    with pytest.raises(BadInputError, match="have"):
+        family_answer(state_of(), {"have": 5}, silent)
+    with pytest.raises(BadInputError, match="draw"):
+        family_answer(state_of(), {"draw": "grid"}, silent)
     with pytest.raises(BadInputError, match=r"family\.poses.*1 to 5"):
         state_of(family={**GRID, "poses": 6})
     with pytest.raises(BadInputError, match=r"family\.files.*at most 200"):

@@ -42,6 +42,9 @@ from vinefab.physics.tube import inflated_diameter_mm
 MOST_BRANCHES = 3000
 """A robot of more branches is drawn without detail: one path per level, no marks."""
 
+MOST_OBSTACLES = 10_000
+"""A map of more obstacles is drawn as one path: a page could not hold an element for each."""
+
 _MOST_CORNERS = 10_000
 """A map of more corners is drawn without those that are too fine to be seen."""
 
@@ -68,7 +71,7 @@ def ground_svg(world: Map, *, detail: bool = True, box_mm: Box | None = None) ->
     the bounds another one without. Without ``detail`` all of them are one path, simplified for a
     small picture; with a box they are too, cut off well outside of it.
     """
-    if detail and box_mm is None:
+    if detail and box_mm is None and len(world.obstacles) <= MOST_OBSTACLES:
         bounds, outside, obstacles = _all_of(world)
         rock = [f'<path class="rock" d="{path}"/>' for path in _rings_paths(outside)]
         rock += [

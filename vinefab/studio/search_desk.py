@@ -23,14 +23,22 @@ from typing import IO, Any
 import numpy as np
 
 from vinefab.core.atomic import folder_to_fill, write_text
-from vinefab.core.errors import BadInputError, CannotWriteError, UnreadableFileError, VinefabError
+from vinefab.core.errors import (
+    BadInputError,
+    CannotWriteError,
+    UnknownNameError,
+    UnreadableFileError,
+    VinefabError,
+    located,
+)
 from vinefab.core.interruption import STOP_WITH_INPUT
 from vinefab.core.plain_text import visible
-from vinefab.core.validation import Floats
+from vinefab.core.validation import Floats, check_plain
 from vinefab.model.files.design_toml import design_content, read_design
+from vinefab.model.score import Score
 from vinefab.search.costs import COSTS
 from vinefab.search.evaluator import INVALID_FITNESS
-from vinefab.search.front import minimized, non_dominated
+from vinefab.search.front import minimized, non_dominated, spread_out
 from vinefab.search.record.result import Generation, first_difference
 from vinefab.search.record.run_archive import RECORD_FILE, RecordTail, RunArchive
 from vinefab.search.run_file import read_run
@@ -46,6 +54,8 @@ PATIENCE_S = 10.0
 """How long a search may take to stop before it is killed; its record is whole then too."""
 
 MOST_CURVE_POINTS, MOST_FRONT_POINTS = 240, 120
+MOST_FRONT_KEPT = 360
+"""A front of three aims may hold most designs of a run: beyond this, some spread over it stay."""
 
 MOST_FOLDERS, DEEPEST_FOLDER, MOST_RUNS = 3000, 4, 60
 """How far earlier runs are looked for below the folders of the desk."""
@@ -61,6 +71,7 @@ class FollowedRecord:
     """A record that is read bit by bit while its run goes on."""
 
     path: Path
+    has_front: bool = True  # whether the front so far is wanted
     settings: RunSettings | None = None  # None before there is a record
     generations: int = 0  # read so far
     evaluations: int = 0
@@ -70,6 +81,7 @@ class FollowedRecord:
     best_x: Floats = field(default_factory=lambda: np.empty(0))
     curve: list[tuple[int, float]] = field(default_factory=list)  # evaluations and best fitness
     stopped: str = ""
+    winner_score: Score | None = None  # on fresh poses, once the run has ended
     front: "LiveFront | None" = None
 
     def look(self) -> None:
@@ -77,9 +89,10 @@ class FollowedRecord:
         tail = RecordTail.read(self.path, self.generations)
         if tail is None:
             return
-        if self.settings is None and tail.settings.objectives:
+        if self.settings is None and tail.settings.objectives and self.has_front:
             self.front = LiveFront(tail.settings)
         self.settings, self.stopped = tail.settings, tail.stopped
+        self.winner_score = tail.winner_score
         for generation in tail.generations:
             self._take(generation)
 
@@ -142,6 +155,8 @@ class LiveFront:
         fitness = np.concatenate([self._fitness, generation.fitness[rows]])
         costs = np.vstack([self._costs, costs[rows]])
         kept = np.flatnonzero(non_dominated(fitness, costs))
+        if len(kept) > MOST_FRONT_KEPT:
+            kept = kept[spread_out(costs[kept], MOST_FRONT_POINTS)]
         self._at = [at[place] for place in kept.tolist()]
         self._fitness, self._costs = fitness[kept], costs[kept]
 
@@ -149,10 +164,6 @@ class LiveFront:
         """Return the front for the page, its points in the order of the first further objective."""
         settings = self._settings
         signs = [1.0 if name in COSTS else -1.0 for name in settings.further_objectives]
-        order = np.argsort(self._costs[:, 0], kind="stable") if self._at else np.empty(0, dtype=int)
-        if len(order) > MOST_FRONT_POINTS:
-            chosen = np.linspace(0, len(order) - 1, MOST_FRONT_POINTS).round().astype(int)
-            order = order[chosen]
         points = [
             {
                 "point": "{}:{}".format(*self._at[place]),
@@ -163,7 +174,7 @@ class LiveFront:
                 ],
                 "breaks": False,
             }
-            for place in order.tolist()
+            for place in spread_out(self._costs, MOST_FRONT_POINTS)
         ]
         names = (settings.task.name, *settings.further_objectives)
         return {
@@ -265,6 +276,8 @@ class SearchDesk:
         """Write the run file of a search into a new folder, and begin it."""
         with self._lock:
             self._refuse_second()
+            with located(PAGE):
+                check_plain(ask)
             folder = self._new_folder(ask["folder"]) if ask.get("folder") else self._free_folder()
             ask = {**ask, **self._found_maps(ask)}
             written: dict[Path, str] = {}
@@ -273,9 +286,9 @@ class SearchDesk:
                     for name, text in run_files(state, ask, folder).items():
                         written[write_text(folder / name, text)] = text
                     read_run(folder / RUN_FILE)
-                except VinefabError:
+                except VinefabError as error:
                     _take_back(written)
-                    raise
+                    raise _on_page(error, folder / RUN_FILE) from error
             return self._begin(self._arguments(folder / RUN_FILE, folder), folder, written)
 
     def resume(self, ask: Mapping[str, Any]) -> dict[str, Any]:
@@ -331,6 +344,16 @@ class SearchDesk:
         else:
             content, words = _front_design(folder, point)
         return {"design": content, "folder": self._shown(folder), "point": point, "words": words}
+
+    def front(self, ask: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the front of a run: the one that it ended with, or the one so far."""
+        folder = self._inside("folder", ask.get("folder"))
+        record = FollowedRecord(folder / RECORD_FILE)
+        record.look()
+        if record.front is None:
+            raise BadInputError("folder", ask["folder"], "a run with several objectives", PAGE)
+        final = _final_front(folder, record)
+        return {"folder": self._shown(folder), "front": final or record.front.plain()}
 
     def news(self) -> SearchEvent | None:
         """Return what has changed since the last call; None where nothing has."""
@@ -445,13 +468,12 @@ class SearchDesk:
             front = _final_front(running.folder, running.record)
         except VinefabError as error:
             return {"line": str(error)}
-        mean, count = result.score.composite["mean"], len(result.score.evaluations)
         breaks = running.process.returncode == 1
         rules = "; it breaks fabrication rules or limits" if breaks else ""
         found = {
             "best": design_content(result.best),
-            "best_score": mean,
-            "best_words": f"mean score of the winner on {count} fresh poses ({_SIMULATED}){rules}",
+            "best_score": result.score.composite["mean"],
+            "best_words": f"{_winner_words(result.score)}{rules}",
             "best_breaks": breaks,
         }
         return {**found, "front": front} if front else found
@@ -545,7 +567,7 @@ class SearchDesk:
         """Return one run for the page's list."""
         running = self._running
         is_running = running is not None and running.record.path == path
-        record = FollowedRecord(path)
+        record = FollowedRecord(path, has_front=False)
         try:
             record.look()
         except VinefabError as error:
@@ -555,6 +577,7 @@ class SearchDesk:
             line = "has no generation yet"
             return {"folder": self._shown(path.parent), "state": "unfinished", "line": line}
         state = "running" if is_running else "ended" if record.stopped else "unfinished"
+        score, words = _listed_score(record)
         return {
             "folder": self._shown(path.parent),
             "state": state,
@@ -563,9 +586,8 @@ class SearchDesk:
             "objectives": list(settings.objectives),
             "generations": record.generations,
             "most_generations": settings.search.generations,
-            "best_score": record.best if record.best_at is not None else None,
-            "best_words": _best_words(record),
-            "front": _shown_front(path.parent, record),
+            "best_score": score,
+            "best_words": words,
             "line": _line(state, record),
         }
 
@@ -602,14 +624,25 @@ def _best_words(record: FollowedRecord) -> str:
     return f"best fitness so far, of many tries: likely too good ({_SIMULATED}, {where}{breaks})"
 
 
+def _winner_words(score: Score) -> str:
+    return f"mean score of the winner on {len(score.evaluations)} fresh poses ({_SIMULATED})"
+
+
+def _listed_score(record: FollowedRecord) -> tuple[float | None, str]:
+    """Return the score of a run's winner, or the best fitness so far, and what it is."""
+    score = record.winner_score
+    if record.stopped and score is not None:
+        return score.composite["mean"], _winner_words(score)
+    return record.best if record.best_at is not None else None, _best_words(record)
+
+
 def _best_of(folder: Path) -> tuple[dict[str, Any], str]:
     """Return the winner of a run that has ended, or the best design so far."""
-    record = FollowedRecord(folder / RECORD_FILE)
+    record = FollowedRecord(folder / RECORD_FILE, has_front=False)
     record.look()
     if record.stopped:
         result = RunArchive.read(record.path).result()
-        mean, count = result.score.composite["mean"], len(result.score.evaluations)
-        words = f"mean score {mean:.4f} on {count} fresh poses ({_SIMULATED})"
+        words = f"{result.score.composite['mean']:.4f}: {_winner_words(result.score)}"
         return design_content(result.best), words
     content = record.best_content()
     if content is None:
@@ -635,7 +668,7 @@ def _point_of(folder: Path, point: str) -> tuple[dict[str, Any], str]:
 
 def _front_design(folder: Path, name: str) -> tuple[dict[str, Any], str]:
     """Return a design of the front that a run ended with."""
-    record = FollowedRecord(folder / RECORD_FILE)
+    record = FollowedRecord(folder / RECORD_FILE, has_front=False)
     record.look()
     front = _final_front(folder, record)
     known = {} if front is None else {point["point"]: point for point in front["points"]}
@@ -644,17 +677,6 @@ def _front_design(folder: Path, name: str) -> tuple[dict[str, Any], str]:
     values = known[name]["values"]
     words = f"score {values[0]:.4f} on fresh poses ({_SIMULATED})"
     return design_content(read_design(folder / "front" / f"{name}.toml")), words
-
-
-def _shown_front(folder: Path, record: FollowedRecord) -> dict[str, Any] | None:
-    """Return the front of a run: the one that it ended with, or the one so far."""
-    if record.front is None:
-        return None
-    with suppress(VinefabError):
-        final = _final_front(folder, record)
-        if final is not None:
-            return final
-    return record.front.plain()
 
 
 _MOST_FRONT_BYTES = 1 << 24
@@ -692,6 +714,13 @@ def _final_point(entry: Mapping[str, Any], names: list[str]) -> dict[str, Any]:
         "values": [float(entry[objective]) for objective in names],
         "breaks": entry["penalty"] > 0.0,
     }
+
+
+def _on_page(error: VinefabError, run_file: Path) -> VinefabError:
+    """Return an error about a run file that is gone again as one about the page."""
+    if isinstance(error, BadInputError | UnknownNameError) and error.source == str(run_file):
+        return error.at(PAGE)
+    return error
 
 
 def _take_back(written: Mapping[Path, str]) -> None:
@@ -789,5 +818,6 @@ SEARCH_DESK: Mapping[str, DeskFunction] = {
     "search_resume": lambda desk, _state, ask: desk.resume(ask),
     "search_runs": lambda desk, _state, _ask: desk.runs(),
     "search_load": lambda desk, _state, ask: desk.load(ask),
+    "search_front": lambda desk, _state, ask: desk.front(ask),
 }
 """What the page may ask of the desk; each answers with plain values."""

@@ -32,14 +32,25 @@ def serve(
     workplace = Workplace(opened)
     bound = bound_socket(port)
     door = Door(port=bound.getsockname()[1])
+
+    def announce() -> None:
+        say(f"studio: {door.address}  (Ctrl-C ends it)")
+        if browser:
+            Thread(target=webbrowser.open, args=(door.address,), daemon=True).start()
+
+    asyncio.run(_until_stopped(workplace, door, bound, announce))
+
+
+async def _until_stopped(
+    workplace: Workplace, door: Door, bound: socket.socket, announce: Callable[[], None]
+) -> None:
+    def stop() -> None:  # called while this waits: there is a server then
+        server.should_exit = True
+
+    for name in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(name, stop)
     # The browser starts while the rest is being loaded; the system keeps its call waiting.
-    say(f"studio: {door.address}  (Ctrl-C ends it)")
-    if browser:
-        Thread(target=webbrowser.open, args=(door.address,), daemon=True).start()
-    asyncio.run(_until_stopped(workplace, door, bound))
-
-
-async def _until_stopped(workplace: Workplace, door: Door, bound: socket.socket) -> None:
+    announce()
     import uvicorn  # noqa: PLC0415  after the address has been printed
 
     from vinefab.studio.app import make_app  # noqa: PLC0415  as above
@@ -60,10 +71,4 @@ async def _until_stopped(workplace: Workplace, door: Door, bound: socket.socket)
             return nullcontext()
 
     server = Server(config)
-
-    def stop() -> None:
-        server.should_exit = True
-
-    for name in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(name, stop)
     await server.serve(sockets=[bound])

@@ -25,6 +25,18 @@ TIP = "tip"
 """What a drag of a tip asks; it is answered between the answers that follow the pointer."""
 
 
+_EMPTY: Mapping[str, Any] = {
+    "design": None,
+    "map": None,
+    "pose": None,
+    "recipe": None,
+    "task": "coverage",
+    "family": {"environment": "grid", "count": 40, "seed": 1000},
+    "growth": {},
+    "locks": [],
+}
+"""A state without anything open."""
+
 _SEARCH = "search_"
 _PAUSE_S = 0.5
 
@@ -39,6 +51,11 @@ class Opened:
     seed: int = 3
     recipe: str = ""
     folder: Path = field(default_factory=Path.cwd)  # where the command was started
+
+    @property
+    def is_snapshot(self) -> bool:
+        """Whether a snapshot is opened in place of a design."""
+        return self.design.lower().endswith(".html")
 
     @property
     def named(self) -> tuple[Path, ...]:
@@ -65,6 +82,12 @@ class Workplace:
         self._lock = Lock()
         self._first = self._read()
         StudioState.of(self._first["state"])
+
+    @property
+    def state(self) -> Mapping[str, Any]:
+        """The state of what the command line asks for."""
+        state: Mapping[str, Any] = self._first["state"]
+        return state
 
     def hello(self) -> dict[str, Any]:
         """Return what a tab shows first: the files as they are now, or as they last could be."""
@@ -111,7 +134,8 @@ class Workplace:
         """Return what a panel asks if every path in it lies where the user opened files."""
         self.desk.check_paths(state)
         if panel == "export":
-            return {**ask, "roots": [str(root) for root in self.desk.roots]}
+            # A snapshot holds the state itself, whose paths have been looked at.
+            return {**ask, "state": state, "roots": [str(root) for root in self.desk.roots]}
         return ask
 
     def background(self, tell: TellAll, live: "ThreadLane") -> list[Coroutine[Any, Any, None]]:
@@ -130,27 +154,38 @@ class Workplace:
 
     def _read(self) -> dict[str, Any]:
         opened = self._opened
-        design = self.desk.open_design({"design": opened.design})
-        source: dict[str, Any] = {"environment": opened.environment, "seed": opened.seed}
-        if opened.map_file is not None:
-            source = self.desk.open_map({"path": str(opened.map_file)})["source"]
+        state, file = self._snapshot() if opened.is_snapshot else self._files()
         return {
             "version": __version__,
             "started": self._started,
             "folder": str(opened.folder),
             "environments": list(ENVIRONMENTS),
-            "state": {
-                "design": design["design"],
-                "map": {"source": source, "edits": []},
-                "pose": None,
-                "recipe": opened.recipe or None,
-                "task": "coverage",
-                "family": {"environment": opened.environment, "count": 40, "seed": 1000},
-                "growth": {},
-                "locks": [],
-            },
-            "file": {name: design[name] for name in ("path", "name", "writable", "stamp")},
+            "state": {**_EMPTY, **state},
+            "file": file,
         }
+
+    def _files(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the state of the files that were named, and the design's file."""
+        opened = self._opened
+        file = self.desk.open_design({"design": opened.design})
+        source: dict[str, Any] = {"environment": opened.environment, "seed": opened.seed}
+        if opened.map_file is not None:
+            source = self.desk.open_map({"path": str(opened.map_file)})["source"]
+        state = {
+            "design": file.pop("design"),
+            "map": {"source": source, "edits": []},
+            "recipe": opened.recipe or None,
+            "family": {"environment": opened.environment, "count": 40, "seed": 1000},
+        }
+        return state, file
+
+    def _snapshot(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the state that a snapshot was made of; its design has no file yet."""
+        from vinefab.studio.snapshot import stored_state  # noqa: PLC0415  few open one
+
+        state = stored_state(Path(self._opened.design))
+        name = state["design"]["name"]
+        return state, {"path": name, "name": name, "writable": False, "stamp": ""}
 
 
 async def _compile(tell: TellAll, live: "ThreadLane") -> None:

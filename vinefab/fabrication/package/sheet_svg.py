@@ -132,7 +132,9 @@ def _paths(job: Job) -> Iterator[str]:
             groups.setdefault((operation, pieces.get(path.of, "")), []).append(path)
     for (operation, piece), paths in groups.items():
         drawn = "".join(contour_path(path.contour) for path in paths)
-        yield f'<path class="{operation}" data-piece="{piece}" d="{drawn}"/>'
+        # What is open encloses nothing that could be filled.
+        kind = operation if all(path.contour.closed for path in paths) else f"{operation} open"
+        yield f'<path class="{kind}" data-piece="{piece}" d="{drawn}"/>'
 
 
 def _sign(number: int, finding: Finding, placed: PlacedFinding) -> str:

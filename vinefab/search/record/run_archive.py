@@ -457,6 +457,7 @@ class RecordTail:
     run_id: str
     generations: tuple[Generation, ...]  # those with the number asked for, or a later one
     stopped: str  # why the run stopped; empty before it has
+    winner_score: Score | None  # of its winner, on fresh poses; None before it has one
 
     @classmethod
     def read(cls, path: Path, first: int = 0) -> "RecordTail | None":
@@ -477,11 +478,13 @@ class RecordTail:
             connection.execute("BEGIN")
             entries = dict(connection.execute("SELECT key, value FROM run").fetchall())
             identity = recorded_identity(entries, path)
+            winner = connection.execute("SELECT score FROM finalist WHERE place = 0").fetchone()
             return cls(
                 settings=settings_from_plain(identity.settings),
                 run_id=identity.run_id,
                 generations=tuple(read_generations(connection, first)),
                 stopped=entries.get("stopped", ""),
+                winner_score=None if winner is None else score_from_text(winner[0]),
             )
 
 

@@ -164,13 +164,15 @@ function mountHistory(app) {
 
 /** Keep the state over a reload of the tab; unsaved work outlives the tab in the recovery file. */
 function mountKeeping(app) {
-  app.store.subscribe((state) => {
+  app.remember = () => {
+    const content = { started: app.hello.started, state: app.store.get(), file: app.file };
     try {
-      sessionStorage.setItem(KEPT, JSON.stringify({ started: app.hello.started, state, file: app.file }));
+      sessionStorage.setItem(KEPT, JSON.stringify(content));
     } catch {
       // Storage is full or forbidden: a reload begins with the file.
     }
-  });
+  };
+  app.store.subscribe(app.remember);
 }
 
 function kept(hello) {
@@ -186,13 +188,13 @@ function start(hello, link, stored) {
   const before = stored ? null : kept(hello);
   const app = createApp(before ? { ...hello, state: before.state } : hello, link, stored);
   if (before) Object.assign(app.file, before.file);
+  app.restored = Boolean(before);
   globalThis.studio = app; // for the console and for tests
   mountTabs();
   mountTheme();
   mountHistory(app);
   if (app.live) mountKeeping(app);
   for (const [name, panel] of Object.entries(PANELS)) panel.mount(byId(name), app);
-  if (stored?.reference) app.setReference(stored.reference);
   document.documentElement.dataset.ready = "true";
   say(app.live ? "Ready" : snapshotWords(stored));
   return app;

@@ -38,7 +38,7 @@ function measures(answers, task) {
       title: `Score on the open map, task ${name}`, of: (found) => found.live?.scores?.[name],
     })),
     {
-      key: "family", name: `${task}, many maps`, group: "simulated", panel: "family", better: 1, digits: 3, unit: "",
+      key: "family", name: "many maps", group: "simulated", panel: "family", better: 1, digits: 3, unit: "",
       title: `Mean score over many maps, task ${task}`, of: (found) => found.family?.distribution?.mean,
     },
     {
@@ -76,7 +76,7 @@ const isKnown = (value) => value !== null && value !== undefined && Number.isFin
 export function comparedCell(measure, now, before, comparable) {
   const [present, former] = [measure.of(now), comparable ? measure.of(before) : null];
   const cell = { now: "–", before: "–", change: "", kind: "" };
-  if (isKnown(present)) cell.now = `${present.toFixed(measure.digits)}${measure.unit && ` ${measure.unit}`}`;
+  if (isKnown(present)) cell.now = present.toFixed(measure.digits);
   if (!isKnown(former)) return cell;
   cell.before = former.toFixed(measure.digits);
   if (!isKnown(present)) return cell;
@@ -97,7 +97,7 @@ export function mount(root, app) {
   const rule = el("span", { class: "facts rule" });
   const bodies = GROUPS.map(() => el("tbody"));
   const tables = GROUPS.map((name, index) => el("table", { class: "differences" },
-    el("thead", {}, el("tr", {}, [name, "before", "now", "difference"].map((text) => el("th", { scope: "col" }, text)))), bodies[index]));
+    el("thead", {}, el("tr", {}, [name, "before", "now", "change"].map((text) => el("th", { scope: "col" }, text)))), bodies[index]));
   root.append(
     el("div", { class: "toolbar" }, el("label", {}, "Compared with ", choice), keep, rule),
     el("div", { class: "tables" }, tables),
@@ -174,15 +174,14 @@ export function mount(root, app) {
     const kind = el("span", { class: "for-readers" });
     const change = el("span");
     const [before, now] = [el("td"), el("td", { class: "now" })];
-    const heading = el("th", { scope: "row" }, measure.name, measure.note ? el("span", { class: "standing" }, measure.note) : null);
+    const heading = el("th", { scope: "row" }, measure.unit ? `${measure.name}, ${measure.unit}` : measure.name, measure.note ? el("span", { class: "standing" }, measure.note) : null);
     const row = el("tr", { "data-measure": measure.key }, heading, before, now, el("td", {}, change, kind));
     return { row, before, now, change, kind };
   }
 
   function showRow(measure, answers, reference) {
-    const key = `${measure.key} ${measure.name}`;
-    if (!rows.has(key)) rows.set(key, makeRow(measure));
-    const parts = rows.get(key);
+    if (!rows.has(measure.key)) rows.set(measure.key, makeRow(measure));
+    const parts = rows.get(measure.key);
     const comparable = Boolean(reference) && reference.conditions[measure.panel] === CONDITIONS[measure.panel](app.shown());
     const found = comparedCell(measure, answers, reference?.answers ?? {}, comparable);
     for (const part of ["before", "now", "change", "kind"]) {
@@ -214,7 +213,7 @@ export function mount(root, app) {
       if (wanted.length !== body.children.length || wanted.some((row, place) => body.children[place] !== row)) body.replaceChildren(...wanted);
     });
     const text = words(reference);
-    if (rule.textContent !== text) rule.textContent = text;
+    if (rule.textContent !== text) rule.textContent = rule.title = text;
     tell(false);
   }
 
@@ -233,6 +232,11 @@ export function mount(root, app) {
   // ---- what happens
 
   app.store.subscribe(follow);
+  app.on("engine", () => {
+    // What no interpreter scores can be scored now, of the version before too.
+    for (const one of Object.values(kept)) if (one) delete one.conditions.live;
+    compareAtRest();
+  });
   app.onPreview?.((design) => {
     if (design && !stash) stash = { now, step: kept.step };
     if (design) {
@@ -248,8 +252,19 @@ export function mount(root, app) {
     follow();
   });
   for (const panel of ["live", "rules", "family"]) app.onAnswer(panel, (answer, state) => take(panel, answer, state));
-  keep.disabled = choice.disabled = !app.live;
-  // A snapshot has one version: there is nothing to compare it with.
-  root.hidden = !app.live;
+  if (!app.live) showStored();
   follow();
+
+  /** Show the version that a snapshot was compared with, if there was one. */
+  function showStored() {
+    const reference = app.answers.reference;
+    root.hidden = !reference;
+    if (!reference) return;
+    const state = app.shown();
+    kept.step = version(reference.design, state);
+    kept.step.answers = reference.answers;
+    // Its answers were computed for the snapshot, under what is open in it.
+    for (const [panel, conditionsOf] of Object.entries(CONDITIONS)) kept.step.conditions[panel] = conditionsOf(state);
+    choice.closest(".toolbar").replaceChildren("Compared with the version before");
+  }
 }

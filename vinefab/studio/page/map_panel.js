@@ -8,6 +8,9 @@ const STOPS = {
   pressure: ["■", "out of pressure"], not_deployed: ["–", "never emerged"],
 };
 const PLAY_S = 4;
+
+/** What a hand sets needs no more digits than a laser has. */
+const hundredth = (value) => Math.round(100 * value) / 100;
 const LEAST_OBSTACLE_MM = 1;
 
 /** Show a robot at a front length: what lies beyond is not grown yet. */
@@ -29,6 +32,7 @@ export function mount(root, app) {
   const layers = Object.fromEntries(
     ["ground-layer", "ghost-layer", "robot-layer", "edit-layer", "pose-layer"].map((name) => [name, svgEl("g", { class: name })]),
   );
+  layers["ghost-layer"].classList.add("ghost");
   const svg = svgEl("svg", {
     class: "plan", role: "application", tabindex: 0,
     "aria-label": "Map with the robot. Arrow keys move what is selected; plus and minus zoom.",
@@ -66,7 +70,7 @@ export function mount(root, app) {
     svg,
     el("div", { class: "toolbar growth" }, play, el("label", { for: "front" }, "Length grown"), front, frontOut),
     el("div", { class: "toolbar pose" }, el("span", {}, "Start"), ...Object.values(pose).map((part) => part.label)),
-    scores, facts, problems,
+    el("div", { class: "told" }, scores, facts, problems),
   );
 
   let answer = null;
@@ -223,7 +227,7 @@ export function mount(root, app) {
     const present = answer?.pose ?? { x_mm: 0, y_mm: 0, heading_deg: 90 };
     app.store.change("start", (state) => {
       const { x_mm, y_mm, heading_deg } = { ...present, ...state.pose, ...part };
-      state.pose = { x_mm, y_mm, heading_deg };
+      state.pose = { x_mm: hundredth(x_mm), y_mm: hundredth(y_mm), heading_deg: hundredth(heading_deg) };
     }, group ? { group } : {});
   }
 
@@ -257,14 +261,14 @@ export function mount(root, app) {
   }
 
   function moveObstacle(index, dx, dy, group) {
-    edit("obstacle moved", ["move", index, dx, dy], group);
+    edit("obstacle moved", ["move", index, hundredth(dx), hundredth(dy)], group);
   }
 
   function addObstacle() {
     const [x, y, width, height] = svg.getAttribute("viewBox").split(" ").map(Number);
     const half = Math.max(LEAST_OBSTACLE_MM, 0.03 * Math.min(width, height));
     const [mx, my] = [x + width / 2, -(y + height / 2)];
-    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => [mx + i * half, my + j * half]);
+    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => [hundredth(mx + i * half), hundredth(my + j * half)]);
     const count = layers["ground-layer"].querySelectorAll("[data-obstacle]").length;
     selected = count;
     edit("obstacle added", ["add", corners]);
@@ -287,18 +291,31 @@ export function mount(root, app) {
       if (found.level === null) return;
       app.store.change(`tip of ${branch}`, (state) => {
         const key = found.level < 0 ? state.design.trunk : state.design.level[found.level];
-        Object.assign(key, found.values);
+        for (const [name, value] of Object.entries(found.values)) key[name] = hundredth(value);
       }, { group });
     } catch (error) {
       if (error.message) app.say(error.message, "error");
     }
   }
 
+  /** Pull a tip to where the pointer is by now, one step after the other, all of them one undo. */
+  async function pullTip(held, group) {
+    if (held.busy) return;
+    held.busy = true;
+    while (held.to) {
+      const to = held.to;
+      held.to = null;
+      await moveTip(held.branch, to, group);
+    }
+    held.busy = false;
+    if (dragging !== held) app.store.endGroup();
+  }
+
   // ---- which map
 
   function showSource(state) {
     const source = state.map?.source ?? {};
-    const names = [...(app.hello.environments ?? [])];
+    const names = [...new Set([...(app.hello.environments ?? []), source.environment ?? []].flat())];
     const file = source.file ? source.file.split("/").at(-1) : "";
     const edited = state.map?.edits.length ? `, ${state.map.edits.length} changes` : "";
     const options = names.map((name) => el("option", { value: name }, name));
@@ -334,7 +351,7 @@ export function mount(root, app) {
     if (target.closest(".pose-layer .base")) return { kind: "base", at, pose: { ...answer.pose } };
     if (target.closest(".pose-layer .heading")) return { kind: "heading", at, pose: { ...answer.pose } };
     const tip = target.closest(".robot-layer .mark[data-branch]");
-    if (tip) return { kind: "tip", at, branch: tip.dataset.branch, busy: false };
+    if (tip) return { kind: "tip", at, branch: tip.dataset.branch, busy: false, to: null };
     const rock = target.closest("[data-obstacle]");
     if (rock) return { kind: "obstacle", at, index: Number(rock.dataset.obstacle) };
     return { kind: "view", at };
@@ -342,7 +359,8 @@ export function mount(root, app) {
 
   svg.addEventListener("pointerdown", (event) => {
     if (event.button !== 0 || !answer) return;
-    dragging = { ...grabbed(event), id: ++drags, moved: false };
+    // Where the drawing stood when it was grabbed: what is told below may move it.
+    dragging = { ...grabbed(event), id: ++drags, moved: false, matrix: view.matrix() };
     if (!app.live) dragging.kind = "view";
     selected = dragging.kind === "obstacle" ? dragging.index : null;
     focused = ["base", "heading"].includes(dragging.kind) ? dragging.kind : "";
@@ -354,10 +372,14 @@ export function mount(root, app) {
   svg.addEventListener("pointermove", (event) => {
     if (!dragging) return;
     dragging.moved = true;
-    const [x, y] = view.place(event);
+    const [x, y] = view.place(event, dragging.matrix);
     const [dx, dy] = [x - dragging.at[0], y - dragging.at[1]];
     const group = `${dragging.kind} ${dragging.id}`;
-    if (dragging.kind === "view") return view.move(dx, dy);
+    if (dragging.kind === "view") {
+      view.move(dx, dy);
+      dragging.matrix = view.matrix();
+      return;
+    }
     dispatchEvent(new CustomEvent("moved", { detail: event.timeStamp }));
     if (dragging.kind === "base") {
       changePose({ x_mm: dragging.pose.x_mm + dx, y_mm: dragging.pose.y_mm - dy }, group);
@@ -367,10 +389,9 @@ export function mount(root, app) {
     } else if (dragging.kind === "obstacle") {
       obstacle(dragging.index)?.setAttribute("transform", `translate(${dx} ${dy})`);
       moveObstacle(dragging.index, dx, -dy, group);
-    } else if (dragging.kind === "tip" && !dragging.busy) {
-      const held = dragging;
-      held.busy = true;
-      moveTip(held.branch, [x, -y], group).finally(() => { held.busy = false; });
+    } else if (dragging.kind === "tip") {
+      dragging.to = [x, -y];
+      pullTip(dragging, group);
     }
   });
 
@@ -378,7 +399,7 @@ export function mount(root, app) {
     if (!dragging) return;
     const was = dragging;
     dragging = null;
-    app.store.endGroup();
+    if (!was.busy) app.store.endGroup();
     if (was.kind === "obstacle" && was.moved) ask();
     dispatchEvent(new CustomEvent("released"));
   }

@@ -254,7 +254,7 @@ function settings(app) {
       ...(found.has_map ? [["shown", "the map on this page"]] : []),
       ...(files.length ? [["files", `the ${files.length} files of Many maps`]] : []),
     ], begun ? maps.value : `environment:${given.maps.environment}`);
-    options(optimizer, [["", "the usual one"], ...found.optimizers.map((name) => [name, name])], begun ? optimizer.value : given.optimizer);
+    options(optimizer, [["", "usual"], ...found.optimizers.map((name) => [name, name])], begun ? optimizer.value : given.optimizer);
     if (!levels_edited) found.levels.forEach((value, place) => { levels[place].value = value; });
     const checked = new Set([...objectives.querySelectorAll("input:checked")].map((box) => box.value));
     objectives.replaceChildren(...found.objectives.map(({ name, kind, words }) => {
@@ -305,7 +305,7 @@ function settings(app) {
       el("legend", {}, "Space"),
       el("div", { class: "range" }, el("span", { class: "name" }, "levels"), levels[0], el("span", { "aria-hidden": "true" }, "to"), levels[1]),
       ranges,
-      el("div", { class: "buttons" }, around, usual),
+      el("div", { class: "buttons wrap" }, around, usual),
       notes,
     ),
     el("details", {}, el("summary", {}, "A front: more than one aim"), el("p", { class: "facts" }, "Beside the task's score; the search then keeps every compromise."), objectives),
@@ -346,7 +346,7 @@ export function mount(root, app) {
   const folder = el("input", { type: "text", id: "search-folder", spellcheck: "false" });
   const start = el("button", { type: "button", class: "primary" }, "Start");
   const start_command = commandLine(app, "start");
-  const problem = el("p", { class: "problem", role: "alert", hidden: true });
+  const problem = el("p", { class: "problem", hidden: true });
   const fresh = el("details", { class: "new", open: true }, el("summary", {}, "A new search"), form.box, field("Folder", folder), problem, el("div", { class: "buttons" }, start), start_command.line);
 
   const runs = el("ul", { class: "runs" });
@@ -478,6 +478,17 @@ export function mount(root, app) {
     if (found) takeDesign(found.design, `best of ${name}`);
   }
 
+  async function loadFront(name) {
+    const found = await ask("search_front", { folder: name });
+    if (!found) return;
+    if (!found.front.points.length) {
+      app.say(`${name}: no design on its front yet`);
+      return;
+    }
+    showFront(found.folder, found.front);
+    front_card.scrollIntoView({ block: "nearest" });
+  }
+
   async function resumeRun(name) {
     const found = await ask("search_resume", { folder: name });
     if (found) app.say(`Going on: ${found.command}`);
@@ -489,11 +500,11 @@ export function mount(root, app) {
     const buttons = [
       run.state === "unfinished" && el("button", { type: "button", "aria-label": `Resume ${run.folder}`, disabled: event?.state === "running", onclick: () => resumeRun(run.folder) }, "Resume"),
       can_load && el("button", { type: "button", "aria-label": `Take the best of ${run.folder}`, onclick: () => loadBest(run.folder) }, "Take the best"),
-      run.front?.points.length && el("button", { type: "button", "aria-label": `Show the front of ${run.folder}`, onclick: () => { showFront(run.folder, run.front); front_card.scrollIntoView({ block: "nearest" }); } }, "Front"),
+      run.objectives?.length && el("button", { type: "button", "aria-label": `Show the front of ${run.folder}`, onclick: () => loadFront(run.folder) }, "Front"),
     ].filter(Boolean);
     return el("li", {},
       el("p", { class: "state", "data-state": run.state }, `${sign} ${word}: ${run.folder}`),
-      el("p", { class: "facts" }, [run.task, can_load ? `fitness ${number(run.best_score, 4)} (simulated)` : "", run.line].filter(Boolean).join("; ")),
+      el("p", { class: "facts" }, [run.task, can_load ? `${number(run.best_score, 4)}: ${run.best_words}` : "", run.line].filter(Boolean).join("; ")),
       el("div", { class: "buttons wrap" }, ...buttons),
     );
   }
@@ -567,8 +578,14 @@ export function mount(root, app) {
     if (earlier.open) listRuns();
     propose();
   });
-  app.on("again", listRuns);
-  addEventListener("tabshown", (shown) => { if (shown.detail === root.id) { propose(); listRuns(); } });
+  /** Ask the server what there is; a page that shows no searches does not make it load them. */
+  const refresh = () => {
+    if (root.hidden) return;
+    propose();
+    listRuns();
+  };
+  app.on("again", refresh);
+  addEventListener("tabshown", (shown) => { if (shown.detail === root.id) refresh(); });
   const soon = paused(propose, 300);
   app.store.subscribe((state, before) => {
     if (state.design !== before?.design && JSON.stringify(state.design) !== JSON.stringify(before?.design)) {
@@ -584,6 +601,5 @@ export function mount(root, app) {
     else root.append(el("p", { class: "facts" }, "No search was run when this snapshot was made."));
     return;
   }
-  propose();
-  listRuns();
+  refresh();
 }

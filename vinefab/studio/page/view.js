@@ -19,9 +19,10 @@ export function createView(svg) {
     svg.style.setProperty("--mm-per-px", perPx.toFixed(5));
   }
 
-  function place(event) {
-    const point = new DOMPoint(event.clientX, event.clientY);
-    const { x, y } = point.matrixTransform(svg.getScreenCTM().inverse());
+  const matrix = () => svg.getScreenCTM().inverse();
+
+  function place(event, from = matrix()) {
+    const { x, y } = new DOMPoint(event.clientX, event.clientY).matrixTransform(from);
     return [x, y];
   }
 
@@ -42,7 +43,9 @@ export function createView(svg) {
   new ResizeObserver(apply).observe(svg);
 
   return {
+    /** Return where on the drawing an event is, by the present matrix or an earlier one. */
     place,
+    matrix,
     zoom,
     fit() {
       seen = null;
@@ -55,10 +58,9 @@ export function createView(svg) {
     /** Take the box of the whole drawing, from the text of a viewBox. */
     whole(text) {
       const box = text.split(/[ ,]+/).map(Number);
-      if (box.some((value, index) => value !== whole[index])) {
-        whole = box;
-        seen = null;
-      }
+      if (box.every((value, index) => value === whole[index])) return;
+      whole = box;
+      seen = null;
       apply();
     },
     move(dx, dy) {

@@ -1,4 +1,4 @@
-"""Film the studio's real page: python docs/studio_film.py [docs/pictures/studio.webp]
+"""Film the studio's real page: python docs/studio_film.py [docs/pictures/studio.webp].
 
 A server is started, Chromium (Debian's, driven by Playwright) opens the page, and every frame waits
 for the answers that it shows. Nothing is staged but the pointer, which headless browsers do not

@@ -61,7 +61,7 @@ def followed(desk, until, patience_s=90.0):
             events.append(event)
             if until(event):
                 return events
-        time.sleep(0.01)
+        time.sleep(0.05)
     raise AssertionError(f"not seen: {events[-1:]}")
 
 

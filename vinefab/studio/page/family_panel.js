@@ -68,7 +68,7 @@ function drawChart(svg, answer, before) {
   svg.setAttribute("viewBox", `0 0 ${width} ${CHART.height}`);
   svg.replaceChildren(...[
     ...bins.counts.map(bar),
-    before.length ? svgEl("path", { class: "before", d: `M${x(bins.low).toFixed(1)} ${CHART.base}L${steps.join(" ")} ${x(end).toFixed(1)} ${CHART.base}` }) : null,
+    bins.before.some(Boolean) ? svgEl("path", { class: "before", d: `M${x(bins.low).toFixed(1)} ${CHART.base}L${steps.join(" ")} ${x(end).toFixed(1)} ${CHART.base}` }) : null,
     svgEl("path", { class: "axis", d: `M${CHART.left} ${CHART.base}H${width - CHART.right}` }),
     ...answer.maps.filter((entry) => entry.score !== null).map((entry) =>
       svgEl("path", { class: "one", d: `M${x(entry.score).toFixed(1)} ${CHART.base + 2}v6` })),
@@ -379,6 +379,7 @@ export function mount(root, app) {
     });
   }
   app.onReference?.(() => {
+    if (!app.live && answer) show(answer, app.store.get());
     if (!app.live || root.hidden || same(before, versionBefore(app.shown()))) return;
     asked = "";
     atRest();
